@@ -249,7 +249,7 @@ def score(
 def report(
     what: Annotated[str, typer.Argument(metavar="FILE|NUMBER", help="A recording, or an attempt that was kept.")],
     out: Annotated[Path | None, typer.Option(help="The file to write.")] = None,
-    attempt: Annotated[int, typer.Option(help="Which of the recording, from 1; -1 is the last.")] = -1,
+    attempt: Annotated[int, typer.Option(help="Which of the recording, from 1; -1 is the last; 0 each of them.")] = 0,
     scenario: Annotated[str | None, typer.Option(help="Scenario to judge by; default: the one that it names.")] = None,
     rules: Rules = "mistels",
     experts: Experts = None,

@@ -140,6 +140,7 @@ class _Running:
             score=score,
             rig=rig,
             bookmarks_s=told.bookmarks_s if told else (),
+            par=dict(scenario.par),
             not_judged=self._not_judged(),
             series=series_of(columns, TISSUES),
         )

@@ -54,6 +54,8 @@ class Assessment(msgspec.Struct, frozen=True, kw_only=True):
         Its first motion: by the wall clock, and since the first device frame of the recording.
     why_not
         Why it does not count; nothing where it does.
+    par
+        What the simulated hands reach at the scenario, by metric.
     not_judged
         What could not be told from the recording.
     """
@@ -79,6 +81,7 @@ class Assessment(msgspec.Struct, frozen=True, kw_only=True):
     score: Score | None
     rig: RigQuality
     bookmarks_s: tuple[float, ...] = ()
+    par: dict[str, float] = {}
     not_judged: tuple[str, ...] = ()
     series: Series = Series()
 

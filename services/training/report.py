@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from functools import cache
@@ -67,7 +68,7 @@ def render(
         timeline=timeline(found),
         errors=[(event, *ERRORS[event.code]) for event in found.errors],
         replay=lambda event: replay_link(found, event, page),
-        at_s=lambda event: replay_from_s(found, event),
+        command=lambda event: replay_command(found, event),
         lead=lead_s,
         forces=chart(found.series.time_s, found.series.loads_n, {"limit on the duct": found.limits["tool_duct"]}),
         tissues=[(name.replace("_", " on "), _tissue(found, name)) for name in TISSUES],
@@ -94,6 +95,11 @@ def _template() -> Template:
 def replay_link(found: Assessment, event: ErrorEvent, page: str) -> str:
     """Return the address at which the page shows the recording a little before an error."""
     return f"{page.rstrip('/')}/#replay={quote(found.source)}&at={replay_from_s(found, event):.2f}"
+
+
+def replay_command(found: Assessment, event: ErrorEvent) -> str:
+    """Return what shows the recording from there, as a shell takes it."""
+    return f"trocar replay {shlex.quote(found.source)} --pictures --from {replay_from_s(found, event):.2f}"
 
 
 def replay_from_s(found: Assessment, event: ErrorEvent) -> float:
@@ -141,7 +147,7 @@ def _depth(found: Assessment) -> Chart:
 def _metric_rows(
     found: Assessment, band: Band, rules: ScoreRules, past: Sequence[Past]
 ) -> list[tuple[str, str, str, str, list[str]]]:
-    """Return name, unit, value, expert band and the last attempts of each metric."""
+    """Return name, unit, value, expert band (par, where no expert is known) and the last attempts of each metric."""
     earlier = [metric_words(each.metrics) for each in past[-_LAST - 1 : -1]]
     rows = []
     for name, (value, unit) in metric_words(found.metrics).items():
@@ -150,6 +156,8 @@ def _metric_rows(
             factor = metric_words({name: 1.0})[name][0]
             mean, way = factor * band[name].mean, factor * rules.expert_deviations * band[name].deviation
             expert = f"{mean:.3g} ± {way:.2g}"
+        elif name in found.par:
+            expert = f"par {metric_words({name: found.par[name]})[name][0]:.3g}"
         last = [f"{each[name][0]:.3g}" if name in each else "" for each in earlier]
         rows.append((metric_label(name), unit, f"{value:.3g}", expert, last))
     return rows

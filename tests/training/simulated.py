@@ -28,9 +28,9 @@ FAST = ("gateway.state", "haptics.contacts", "physics.state")
 
 
 class SimulatedRig:
-    """Hands, haptics and physics of a scenario, tick by tick."""
+    """Hands, haptics and physics of a scenario, tick by tick; `pace` is of the hands."""
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, pace: float = 1.0) -> None:
         hub = MemoryHub()
         self._gateway = MemoryBus(hub, publishes=["gateway.state"])
         self._observer = MemoryBus(hub, reads_every=FAST)
@@ -42,7 +42,7 @@ class SimulatedRig:
         meter = LoopMeter(1000.0, physics.STAGES)
         self._clock = TickClock(meter)
         self._physics = physics.Physics(self._physics_process, meter, scenario.scene, duct)  # type: ignore[arg-type]
-        self._scenario = scenario
+        self._scenario, self._pace = scenario, pace
         self._inputs = ToolInputs()
         modes = np.asarray(duct.basis.Phi).reshape(len(duct.mesh.vertices_m), 3, -1)
         self.site: Site = site_of_duct(duct.mesh.vertices_m, duct.mesh.triangles, modes, duct.basis.content_hash)
@@ -64,7 +64,7 @@ class SimulatedRig:
 
     def _hands(self, tick: int) -> GatewayState:
         scene, inputs = self._scenario.scene, self._inputs
-        self._scenario.write_inputs(min(tick * 1e-3, self._scenario.duration_s), inputs)
+        self._scenario.write_inputs(min(tick * 1e-3 * self._pace, self._scenario.duration_s), inputs)
         return GatewayState(
             tick=tick,
             instruments=tuple(
@@ -75,7 +75,7 @@ class SimulatedRig:
                     handle_angle_rad=float(inputs.jaw_angle_rad[k]) / forceps.jaws.jaw_ratio if forceps.jaws else 0.0,
                     roll_rad=float(inputs.roll_rad[k]),
                 )
-                for k, (name, forceps) in enumerate(zip(("right", "left"), scene.forceps, strict=True))
+                for k, (name, forceps) in enumerate(zip(("right", "left"), scene.forceps, strict=False))
             ),
         )
 

@@ -84,6 +84,12 @@ def test_metrics_are_shown_with_unit_experts_and_the_last_attempts(good: Assessm
     assert f'<tr><td>right: path<td class="n">{length}<td>mm' in html
 
 
+def test_without_experts_the_simulated_hands_are_the_measure(good: Assessment) -> None:
+    html = render(msgspec.structs.replace(good, par={"time_s": 12.0, "tip.path_m": 0.031}), RULES)
+    assert '<tr><td>time<td class="n">16<td>s<td class="n">par 12<td' in html
+    assert 'mm<td class="n">par 31<td' in html
+
+
 def test_names_from_outside_are_text(good: Assessment) -> None:
     strange = msgspec.structs.replace(good.series, paths_mm={"</script><b>": [(0.0, 0.0, 0.0)]})
     named = msgspec.structs.replace(good, title="<script>alert(1)</script>", source="</script><b>.mcap", series=strange)

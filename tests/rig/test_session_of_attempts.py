@@ -1,0 +1,75 @@
+"""A session on a running rig: hands insert again and again, the recording is scored, each attempt has its report."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from protocol.bodies import Attempt
+from services.cli.app import app
+from tests import chromium
+from tests.rig.conftest import running_rig
+
+pytestmark = [pytest.mark.rig, pytest.mark.timeout(600)]
+
+LASTS_S = 300.0  # an attempt takes nine seconds
+
+
+def run(*arguments: str) -> str:
+    result = CliRunner().invoke(app, arguments, catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Attempt]]:
+    """Return a recording, and the attempts that were done in it as they were told."""
+    folder = tmp_path_factory.mktemp("session")
+    told: dict[str, Attempt] = {}
+    with running_rig(folder, "default", ["training.again_after_s=1"], topics=("training.attempt",)) as rig:
+
+        def done() -> list[Attempt]:
+            told.update((frame.body.attempt_id, frame.body) for frame in rig.observer.bus.drain("training.attempt"))
+            return [each for each in told.values() if each.state == "done"]
+
+        rig.observer.until(lambda: len(done()) >= 2, LASTS_S, "two attempts are done")
+        ended = done()
+        rig.observer.until(lambda: bool(done()) and len(told) > 2, LASTS_S, "and another has begun")
+    (path,) = (folder / "recordings").glob("*.mcap")
+    return path, ended[:2]
+
+
+def test_each_attempt_of_the_recording_is_scored_and_kept(session: tuple[Path, list[Attempt]], tmp_path: Path) -> None:
+    path, told = session
+    kept = ("--trainee", "heron-17", "--database", str(tmp_path / "a.sqlite"))
+    scored = json.loads(run("score", str(path), *kept, "--json"))["attempts"]
+    assert [each["attempt_id"] for each in scored[:2]] == [each.attempt_id for each in told]
+    for each, said in zip(scored, told, strict=False):
+        assert (each["outcome"], each["scenario"]) == ("success", "basic")
+        assert each["time_s"] == said.time_s
+        assert each["score"]["total"] == pytest.approx(300.0 - said.time_s - each["score"]["penalties_s"])
+        assert said.score >= 0.0, "the page told a score, too"
+        assert each["metrics"]["deepest_m"] >= 0.01
+    listed = json.loads(run("attempts", "list", "--database", str(tmp_path / "a.sqlite"), "--json"))["attempts"]
+    assert [each["time_s"] for each in listed[:2]] == [each.time_s for each in told]
+    assert run("score", str(path), "--json") == run("score", str(path), "--json")
+
+
+@pytest.mark.skipif(chromium.find() is None, reason="no Chromium")
+def test_each_has_a_report_that_a_browser_opens(session: tuple[Path, list[Attempt]], tmp_path: Path) -> None:
+    path, told = session
+    out = tmp_path / "report.html"
+    written = run("report", str(path), "--out", str(out)).split()
+    assert written[:2] == [str(tmp_path / f"report-{k}.html") for k in (1, 2)]
+    assert run("report", str(path), "--attempt", "2", "--out", str(out)).split() == [str(out)]
+    assert out.read_text() == Path(written[1]).read_text()
+    with chromium.Chromium(tmp_path / "profile") as browser:
+        for file, said in zip(written, told, strict=False):
+            browser.open(Path(file).as_uri())
+            browser.until(lambda: browser.evaluate("document.readyState") == "complete", 60, "the report is there")
+            assert f"{said.time_s:.1f} s" in browser.text(".tiles")
+            assert browser.evaluate("document.querySelectorAll('#timeline .phase').length") >= 3
+            assert browser.evaluate("times.length > 20 && names.length === 3")
