@@ -93,7 +93,9 @@ class Chromium:
             return bool(pages)
 
         self.until(opened, _PATIENCE_S, "the browser opened a page")
-        return self._stack.enter_context(connect(pages[0]["webSocketDebuggerUrl"], max_size=None, compression=None))
+        return self._stack.enter_context(
+            connect(pages[0]["webSocketDebuggerUrl"], max_size=None, compression=None, open_timeout=_PATIENCE_S)
+        )
 
     @staticmethod
     def until(condition: Callable[[], object], seconds: float, what: str) -> None:

@@ -297,3 +297,16 @@ def test_an_order_that_cannot_be_read_is_refused_with_a_sentence(
     assert answer.status_code == 400
     assert answer.json()["error"].startswith("the order cannot be read: ")
     assert asked.orders == []
+
+
+def test_a_recording_that_is_shown_is_moved_without_a_token_and_from_this_page_only(context: PageContext) -> None:
+    """A replay of pictures moves no arm; the link of a report carries no token."""
+    lines: list[str] = []
+    own = {"X-Trocar-Replay": "1"}
+    assert Client(build_app(context)).post("/api/replay", own, b"@3").status_code == 409
+    context.replay = lambda line, _who: lines.append(line) is None
+    client = Client(build_app(context))
+    assert client.post("/api/replay", own, b"@3").json() == {"ok": True}
+    assert client.post("/api/replay", {}, b"@4").status_code == 403
+    client.post("/api/replay", own, b"@" + b"5" * 5000)
+    assert lines == ["@3", "@" + 31 * "5"]

@@ -9,8 +9,10 @@ import msgspec
 import pytest
 
 from protocol import Frame, bodies
+from services.training.errors import ErrorEvent
 from services.training.hints import hint
 from services.training.scenario import Goal, Scenario
+from services.training.score import load_rules
 from services.training.trainer import Trainer
 from tests.protocol import samples
 
@@ -302,3 +304,41 @@ def test_a_forbidden_error_fails_the_attempt() -> None:
     rig.turn()
     rig.y_m = 0.02
     assert [rig.turn().outcome for _ in range(3)] == ["", "failure", "failure"]
+
+
+class _Judged:
+    """A judge that finds an error at the end of an attempt."""
+
+    phase = "P4"
+
+    def __init__(self) -> None:
+        self.events: list[ErrorEvent] = []
+
+    @property
+    def errors(self) -> dict[str, int]:
+        return {each.code: 1 for each in self.events}
+
+    def take(self, *_: object) -> None:
+        """See nothing wrong."""
+
+    def finish(self) -> None:
+        self.events.append(
+            ErrorEvent(code="E6", evidence="secured too deep", severity="consequential", phase="P4", begin_s=1.0,
+                       end_s=1.0, worst=0.021, limit=0.02, unit="m")
+        )  # fmt: skip
+
+
+def test_the_score_is_told_when_it_is_done_with_what_the_end_was_judged_by() -> None:
+    rules = load_rules()
+    rig = Rig(Trainer(SCENARIO, judges=lambda _: _Judged(), rules=rules))
+    rig.turn()
+    rig.y_m = 0.02
+    assert rig.turn().score == -1.0
+    rig.depth_m = 0.0105
+    while (told := rig.turn()).state == "running":
+        assert (told.score, told.errors) == (-1.0, {})
+    assert told.errors == {"E6": 1}
+    assert told.score == pytest.approx(300.0 - told.time_s - rules.penalty_s["consequential"])
+    assert rig.turn() == told, "and nothing is added"
+    assert _answer(rig, "new").ok
+    assert rig.turn().score == -1.0

@@ -1,7 +1,8 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { faceOf } from "../src/attempt/faces.js";
-import { clock, errorList, headline, holding, notCounted, paceWords } from "../src/attempt/words.js";
+import { commandFor, howToSee, momentOf } from "../src/attempt/replay.js";
+import { clock, errorList, headline, holding, notCounted, paceWords, scoreWords } from "../src/attempt/words.js";
 
 const attempt = { state: "running", outcome: "", pace: 1, reason: "", counts: true, why_not: "" };
 
@@ -38,4 +39,24 @@ test("errors are listed by number, with words and counts", () => {
   const list = errorList({ E10: 1, E2: 3, E5: 0 });
   assert.deepEqual(list.map(({ code, count }) => [code, count]), [["E2", 3], ["E10", 1]]);
   assert.deepEqual(errorList(undefined), []);
+});
+
+test("a score is told once there is one, with what was to be had", () => {
+  assert.equal(scoreWords({ score: -1, time_limit_s: 300 }), "");
+  assert.equal(scoreWords({ score: 0, time_limit_s: 300 }), "Score 0 of at most 300");
+  assert.equal(scoreWords({ time_limit_s: 300 }), "");
+});
+
+test("an address names a moment of a recording, or none", () => {
+  assert.deepEqual(momentOf("#replay=it's%20mine.mcap&at=7.50"), { file: "it's mine.mcap", at: 7.5 });
+  assert.deepEqual(momentOf("#token=x&replay=a.mcap"), { file: "a.mcap", at: 0 });
+  for (const hash of ["", "#at=3", "#replay=&at=3", "#replay=a&at=-1", "#replay=a&at=soon", "#replay=a&at=Infinity"]) {
+    assert.equal(momentOf(hash), null, hash);
+  }
+});
+
+test("a moment that is not shown here comes with the command that shows it, whatever its name", () => {
+  assert.equal(commandFor({ file: "a.mcap", at: 3.25 }), "trocar replay 'a.mcap' --pictures --from 3.25");
+  assert.equal(commandFor({ file: "it's; rm", at: 0 }), "trocar replay 'it'\\''s; rm' --pictures --from 0.00");
+  assert.ok(howToSee({ file: "a.mcap", at: 3.25 }, "b.mcap").startsWith("This page shows b.mcap."));
 });
