@@ -41,6 +41,7 @@ def portrait(path: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         directory = Path(folder)
         with running_rig(directory, "default", []), Chromium(directory / "profile", SIZE) as browser:
+            browser.command("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": "dark"}])
             browser.open(json.loads(page_file(Transport(directory=directory / "bus")).read_text())["address"])
             browser.until(lambda: inserted_mm(browser) > INSERTED_MM, _INSERTS_S, "the catheter is in the duct")
             browser.evaluate(f"(() => {{{FINEST}}})()")

@@ -69,7 +69,7 @@ new RigStream({
     document.title = rig.name ? `Trocar · ${rig.name}` : "Trocar";
     dashboard.setContracts(rig.contracts);
     faces.setHands(Boolean(rig.hands?.length));
-    instructor.setScenarios(rig.scenarios, rig.scenario);
+    instructor.setScenarios(rig.scenarios);
     if (!view?.stream) follow(rig);
   },
   onState: (state) => {

@@ -31,8 +31,12 @@ export class Instructor {
     $("instructor-said").dataset.level = ok ? "good" : "bad";
   }
 
-  setScenarios(names, scenario) {
-    const others = (names ?? []).filter((name) => name !== scenario);
+  setScenarios(names) {
+    this.scenarios = names ?? [];
+  }
+
+  showScenarios(scenario) {
+    const others = (this.scenarios ?? []).filter((name) => name !== scenario);
     text($("scenario-list"), others.length ? `Other scenarios: ${others.join(", ")}; trocar up --scenario NAME runs one.` : "");
   }
 
@@ -45,12 +49,13 @@ export class Instructor {
     text($("instructor-not"), notCounted(attempt));
     text($("instructor-scenario"), attempt.scenario ? `${attempt.scenario}: ${attempt.title}` : attempt.title);
     for (const [i, code] of Object.keys(PHASES).entries()) this.phases[i].classList.toggle("now", code === attempt.phase);
-    text($("phase-none"), attempt.phase ? "" : "Nobody judges phases in this rig.");
+    text($("phase-none"), attempt.phase || attempt.state === "armed" ? "" : "Nobody judges phases in this rig.");
     this.errors.update(errorList(attempt.errors), ({ code }) => code);
     text($("errors-none"), Object.keys(attempt.errors).length ? "" : "None so far.");
     text($("pause"), attempt.pace === 1 ? "Pause" : "Go on");
     $("step").disabled = $("step-more").disabled = !this.orders.token || attempt.pace !== 0;
     if (document.activeElement !== $("slow") && attempt.pace > 0) $("slow").value = String(nearestPace(attempt.pace));
+    this.showScenarios(attempt.scenario);
     this.remember(attempt);
   }
 

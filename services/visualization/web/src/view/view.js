@@ -23,6 +23,7 @@ export class View {
     this.onTurn = onTurn;
     this.attempt = attempt;
     this.peaks = [];
+    this.felt = []; // by the last frame: what holds where no new one came
     this.frames = 0;
     this.drawnAt = 0;
     this.changed = true;
@@ -178,13 +179,14 @@ export class View {
   takePeaks() {
     const peaks = this.peaks;
     this.peaks = [];
-    return this.stage?.layout?.tools.map(({ name }, i) => ({ name, newton: peaks[i] ?? null })) ?? [];
+    return this.stage?.layout?.tools.map(({ name }, i) => ({ name, newton: peaks[i] ?? this.felt[i] ?? null })) ?? [];
   }
 
   showForcesOf(frame) {
     const limit = this.attempt?.limit;
     this.rows?.forEach((row, i) => {
       const newton = Math.hypot(...frame.forces.subarray(3 * i, 3 * i + 3));
+      this.felt[i] = newton;
       this.peaks[i] = Math.max(this.peaks[i] ?? 0, newton);
       row.limit.hidden = !limit;
       if (limit) row.limit.style.left = `${100 * Math.min(1, Math.sqrt(limit / FORCE_FULL_N))}%`;
