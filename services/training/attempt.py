@@ -92,6 +92,8 @@ class Attempt:
         self.depth_m, self.phase, self.errors = look.depth_m, look.phase, look.errors
         if self.began_tick < 0 or len(look.hands) != len(self._first):
             self.began_tick, self._first = look.tick, look.hands
+            if look.depth_m > 0.0:  # nobody followed what was before
+                self.spoil("the catheter was in at its beginning")
         if self.state is AttemptState.ARMED:
             if any(map(_has_moved, self._first, look.hands)):
                 self.state = AttemptState.RUNNING

@@ -16,6 +16,8 @@ def hint(attempt: Attempt, sight: Sight, scenario: Scenario | None) -> str:
     if scenario is None or attempt.ended:
         return ""
     if attempt.state is AttemptState.ARMED:
+        if attempt.depth_m > 0.0:
+            return "Begin again: the catheter is in already."
         return scenario.hint or "Begin: the clock starts with your first motion."
     if sight.force_n > _NEAR * scenario.limit("tool_duct_force_n"):
         return "Less force: the wall bears no more."

@@ -38,6 +38,9 @@ _COVERED = """
     !button.contains(document.elementFromPoint(x + a * width, y + b * height)));
 }).map(({ id, textContent }) => id || textContent)
 """
+#: A recording with a long name that is shown.
+_REPLAY = """trocar.replay.update(
+  { file: '20261123-120000-default-rig.mcap', place_s: 83.2, length_s: 3600, halted: true, rate: 1, loop: true })"""
 #: What the page would ask of a rig, kept.
 _ASKED = "globalThis.asked = []; globalThis.fetch = (path, { body }) => (asked.push(body), Promise.reject());"
 _TOO_WIDE = "document.documentElement.scrollWidth - innerWidth"
@@ -76,6 +79,19 @@ def test_no_button_is_covered_and_nothing_too_wide(browser: Chromium, width: int
     assert browser.evaluate(_COVERED) == []
     assert browser.evaluate(_TOO_WIDE) <= 0
     assert browser.evaluate(_SAID)
+
+
+@pytest.mark.parametrize(("width", "height"), _SIZES)
+def test_the_controls_of_a_replay_find_their_place(browser: Chromium, width: int, height: int) -> None:
+    browser.set_size(width, height)
+    browser.evaluate(f"trocar.hands.show(false); document.getElementById('hands').hidden = true; {_REPLAY}")
+    try:
+        browser.until(lambda: browser.evaluate("innerWidth") == width, 170, "the size was taken")
+        assert browser.evaluate(_COVERED) == []
+        assert browser.evaluate(_TOO_WIDE) <= 0
+        assert browser.evaluate("document.getElementById('replay-place').getBoundingClientRect().width") >= 80
+    finally:
+        browser.evaluate("trocar.replay.update(null); document.getElementById('hands').hidden = false")
 
 
 @pytest.mark.parametrize("scheme", ["dark", "light"])

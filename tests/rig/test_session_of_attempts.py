@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import httpx
 import pytest
 from typer.testing import CliRunner
 
 from protocol.bodies import Attempt
 from services.cli.app import app
+from services.runtime.rig import Transport
+from services.supervisor.page_place import page_file
 from tests import chromium
 from tests.rig.conftest import running_rig
 
@@ -35,6 +38,12 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Attemp
             told.update((frame.body.attempt_id, frame.body) for frame in rig.observer.bus.drain("training.attempt"))
             return [each for each in told.values() if each.state == "done"]
 
+        # Scripted hands wait for nobody: on a busy machine they are in before the training process follows them.
+        rig.observer.until(lambda: bool(done() or told), LASTS_S, "somebody follows the attempt")
+        page = json.loads(page_file(Transport(directory=folder / "bus")).read_text())
+        order, token = {"what": "new"}, {"X-Trocar-Token": page["token"]}
+        httpx.post(f"{page['address']}api/attempt", json=order, headers=token, timeout=LASTS_S).raise_for_status()
+        told.clear()
         rig.observer.until(lambda: len(done()) >= 2, LASTS_S, "two attempts are done")
         ended = done()
         rig.observer.until(lambda: bool(done()) and len(told) > 2, LASTS_S, "and another has begun")
@@ -46,7 +55,9 @@ def test_each_attempt_of_the_recording_is_scored_and_kept(session: tuple[Path, l
     path, told = session
     kept = ("--trainee", "heron-17", "--database", str(tmp_path / "a.sqlite"))
     scored = json.loads(run("score", str(path), *kept, "--json"))["attempts"]
-    assert [each["attempt_id"] for each in scored[:2]] == [each.attempt_id for each in told]
+    ids = [each.attempt_id for each in told]
+    scored = [each for each in scored if each["attempt_id"] in ids]
+    assert [each["attempt_id"] for each in scored] == ids
     for each, said in zip(scored, told, strict=False):
         assert (each["outcome"], each["scenario"]) == ("success", "basic")
         assert each["time_s"] == said.time_s
@@ -54,7 +65,8 @@ def test_each_attempt_of_the_recording_is_scored_and_kept(session: tuple[Path, l
         assert said.score >= 0.0, "the page told a score, too"
         assert each["metrics"]["deepest_m"] >= 0.01
     listed = json.loads(run("attempts", "list", "--database", str(tmp_path / "a.sqlite"), "--json"))["attempts"]
-    assert [each["time_s"] for each in listed[:2]] == [each.time_s for each in told]
+    done = [each for each in listed if each["outcome"] == "success"]
+    assert [each["time_s"] for each in done[:2]] == [each.time_s for each in told]
     assert run("score", str(path), "--json") == run("score", str(path), "--json")
 
 
@@ -63,9 +75,11 @@ def test_each_has_a_report_that_a_browser_opens(session: tuple[Path, list[Attemp
     path, told = session
     out = tmp_path / "report.html"
     written = run("report", str(path), "--out", str(out)).split()
-    assert written[:2] == [str(tmp_path / f"report-{k}.html") for k in (1, 2)]
+    assert written == [str(tmp_path / f"report-{k}.html") for k in range(1, len(written) + 1)]
+    assert len(written) >= 2
     assert run("report", str(path), "--attempt", "2", "--out", str(out)).split() == [str(out)]
     assert out.read_text() == Path(written[1]).read_text()
+    written = [next(each for each in written if said.attempt_id in Path(each).read_text()) for said in told]
     with chromium.Chromium(tmp_path / "profile") as browser:
         for file, said in zip(written, told, strict=False):
             browser.open(Path(file).as_uri())

@@ -5,7 +5,9 @@ from __future__ import annotations
 import pytest
 
 from services.training.attempt import Attempt, AttemptState, Look
-from services.training.scenario import Goal
+from services.training.hints import hint
+from services.training.scenario import Goal, Scenario
+from services.training.sight import Sight
 
 STILL = ((0.0, 0.0, 0.1, 0.5), (0.1, 0.0, 0.1, 0.5))
 MOVED = ((0.0, 0.01, 0.1, 0.5), (0.1, 0.0, 0.1, 0.5))
@@ -106,3 +108,14 @@ def test_without_a_goal_it_goes_on() -> None:
     for look in (_look(0, hands=STILL), _look(1), _look(999_999, 0.05)):
         attempt.look(look)
     assert (attempt.state, attempt.outcome) == (AttemptState.RUNNING, "")
+
+
+def test_one_that_begins_with_the_catheter_in_does_not_count_and_says_what_to_do() -> None:
+    """A training process that comes late would else tell of a success after a second."""
+    attempt, clean = Attempt(GOAL), Attempt(GOAL)
+    attempt.look(_look(1000, 0.0217, hands=STILL))
+    clean.look(_look(1000, hands=STILL))
+    scenario = Scenario(name="basic", title="Slide it in", scene="default", goal=GOAL, hint="Grasp it.")
+    assert (attempt.why_not, clean.why_not) == ("the catheter was in at its beginning", "")
+    assert hint(attempt, Sight(), scenario) == "Begin again: the catheter is in already."
+    assert hint(clean, Sight(), scenario) == "Grasp it."
