@@ -132,3 +132,20 @@ def test_the_keyboard_alone_reaches_every_control_of_the_attempt(browser: Chromi
     browser.evaluate("document.activeElement.blur()")
     browser.command("Input.dispatchKeyEvent", type="keyDown", key="b", code="KeyB", windowsVirtualKeyCode=66)
     assert browser.evaluate("asked") == ['{"what":"new","value":0}']
+
+
+def test_the_plot_of_forces_makes_room_for_what_comes(browser: Chromium) -> None:
+    """First nothing but a limit, then forces far below it."""
+    browser.evaluate("location.hash = 'face=engineer'")
+    browser.until(lambda: browser.evaluate("document.body.dataset.face") == "engineer", 170, "the hash was heard")
+    show = """((t, newton) => {
+      const board = trocar.dashboard;
+      board.waits = () => false;
+      board.peaks = () => [{ name: 'left', newton }];
+      board.update({ t, state: 'running', attempt: { force_limit_n: 2.6 } });
+      board.show();
+    })"""
+    for t, newton in enumerate(("null", "null", "0.02", "0.03")):
+        browser.evaluate(f"{show}({1000 + t}, {newton})")
+    lowest = "trocar.dashboard.forces.plot.scales.y.min"
+    browser.until(lambda: 0.0 < (browser.evaluate(lowest) or 0.0) <= 0.02, 30, "it reaches down to the forces")

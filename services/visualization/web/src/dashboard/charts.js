@@ -38,7 +38,7 @@ export class TimeChart {
     this.floor = floor;
     const axis = { ...AXIS, values: (_, ticks) => ticks.map((v) => (v === null ? "" : format(v))) };
     const y = {
-      distr: 3, auto: false,
+      distr: 3,
       range: (u) => {
         const [low, high] = logRange(u.data, floor, ceiling, limit());
         return [low, Math.min(high, top)];
