@@ -37,6 +37,11 @@ def test_rules_do_as_their_tests_say() -> None:
     assert "SUCCESS" in _promtool("test", "rules", str(HERE / "rules_test.yml"))
 
 
+def test_of_each_alert_it_is_told_what_to_do() -> None:
+    told = (FOLDER.parent / "README.md").read_text()
+    assert [name for name in alerts() if name not in told] == []
+
+
 def test_of_each_alert_it_is_tested_when_it_comes_and_when_it_does_not() -> None:
     tests = yaml.safe_load((HERE / "rules_test.yml").read_text())["tests"]
     cases = [case for test in tests for case in test["alert_rule_test"]]
