@@ -29,8 +29,11 @@ WAYS = ("not followed", "followed", "scraped")
 class Counts:
     """Sums of what the rig exports, by the way in which it was looked at."""
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address: str, rig: int) -> None:
         self._address = address
+        children = Path(f"/proc/{rig}/task/{rig}/children").read_text().split()
+        names = {pid: Path(f"/proc/{pid}/cmdline").read_bytes() for pid in children}
+        self._page = next(pid for pid, name in names.items() if b"page_server" in name)
         self.seconds = dict.fromkeys(WAYS, 0.0)
         self.shares: dict[str, list[float]] = {way: [] for way in WAYS}
         self.lost = {(way, loop): 0.0 for way in WAYS for loop in LOOPS}
@@ -43,21 +46,25 @@ class Counts:
             for key, _, value in (line.rpartition(" ") for line in text.splitlines() if line[0] != "#")
         }
 
+    def page_s(self) -> float:
+        """Return the processor time of the page's process: what it has started is not asked by a class."""
+        tasks = Path(f"/proc/{self._page}/task").glob("*/schedstat")
+        return sum(int(task.read_text().split()[0]) for task in tasks) * 1e-9
+
     def turn(self, way: str, seconds: float) -> None:
         """Wait for so long and count what happened meanwhile."""
+        began, before, used_s = time.monotonic(), self.read(), self.page_s()
         if way == "scraped":
-            end_s = time.monotonic() + seconds
-            began, before = time.monotonic(), self.read()
+            end_s = began + seconds
             while time.monotonic() < end_s:
                 time.sleep(1.0)
                 self.read()
         else:
-            began, before = time.monotonic(), self.read()
             time.sleep(seconds)
+        used_s = self.page_s() - used_s
         after, took_s = self.read(), time.monotonic() - began
         self.seconds[way] += took_s
-        key = 'trocar_processor_seconds_total{service="supervisor"}'
-        self.shares[way].append((after[key] - before[key]) / took_s)
+        self.shares[way].append(used_s / took_s)
         for loop in LOOPS:
             rose = [
                 after[name] - before[name]
@@ -73,7 +80,7 @@ class Counts:
 
 def in_turns(rig: WatchedRig, turns: int, seconds: float) -> tuple[Counts, float]:
     """Look at the rig in each way, turn by turn; return the counts and what the class page took of a core."""
-    counts, class_s, followed_s = Counts(rig.address), 0.0, 0.0
+    counts, class_s, followed_s = Counts(rig.address, rig.process.pid), 0.0, 0.0
     with rigs(9) as (_, others), tempfile.TemporaryDirectory() as folder:
         roll = write_roll(Path(folder) / "class.toml", [rig.address.rstrip("/"), *others])
         for turn in range(turns):
@@ -94,7 +101,7 @@ def rows(counts: Counts, class_share: float) -> list[Row]:
     still = median(counts.shares["not followed"])
     found = []
     for way in WAYS:
-        found.append(Row(f"{way}: page and supervisor, share of a core, median", 100 * median(counts.shares[way]), "%"))
+        found.append(Row(f"{way}: the page's process, share of a core, median", 100 * median(counts.shares[way]), "%"))
         for loop in LOOPS:
             lost, due = counts.lost[way, loop], counts.due[way, loop]
             found.append(Row(f"{way}: {loop}: ticks late or lost, of {due:.0f}", lost, ""))
@@ -117,7 +124,7 @@ def main() -> None:
         counts, class_share = in_turns(rig, arguments.turns, arguments.seconds)
     notes = (
         f"The stub rig; {arguments.turns} turns of {arguments.seconds:g} s each way, on a machine that others use too. "
-        "Page and supervisor are counted together, with all that they started."
+        "A share is of processor time as the kernel counts it, so that other load does not enter but by cold caches."
     )
     write_report("classroom", "A rig that a class follows", rows(counts, class_share), notes)
 

@@ -153,7 +153,8 @@ def _loops(heard: Iterable[bodies.Health], full: bool) -> Iterator[Metric]:
             continue
         for name in _LOOP_TIMES:
             counted: bodies.Histogram = getattr(health.loop, name)
-            _add(times[name], health.process, Latencies.of(counted))
+            if full:
+                _add(times[name], health.process, Latencies.of(counted))
             longest[name].add_metric([health.process], counted.max_ns / 1e9)
         ticks.add_metric([health.process], health.loop.ticks)
         skips.add_metric([health.process], health.loop.skipped)
