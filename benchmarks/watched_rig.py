@@ -257,7 +257,7 @@ class WatchedRig:
 
     def _sample(self) -> list[dict[str, Any]]:
         """Take what the rig exports; return the events that it shows."""
-        metrics, state = self._get("metrics").text, self._get("api/state").json()
+        metrics, state = self._get("metrics?level=full").text, self._get("api/state").json()
         rows = (line.rpartition(" ") for line in metrics.splitlines() if line[:1] != "#")
         restarts = sum(process["restarts"] for process in state["processes"])
         self.history.samples.append(Sample(state["t"], {key: float(value) for key, _, value in rows}, restarts))
@@ -272,7 +272,8 @@ class WatchedRig:
 
     def _get(self, path: str) -> httpx.Response:
         answer, took_s = self._asking.submit(self._timed, f"{self.address}{path}").result()
-        self.answers_s[path] = max(took_s, self.answers_s.get(path, 0.0))
+        known = path.partition("?")[0]
+        self.answers_s[known] = max(took_s, self.answers_s.get(known, 0.0))
         return answer
 
     def _timed(self, address: str) -> tuple[httpx.Response, float]:

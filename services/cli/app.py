@@ -157,6 +157,18 @@ def safe_stop(rig: Rig = "stub", address: Address = None, token: Token = None, o
 
 
 @app.command()
+def classroom(
+    file: Annotated[Path, typer.Argument(help="TOML: `token`, and of each `[[rig]]` `name`, `address`, `trainee`.")],
+    host: Annotated[str, typer.Option(help="Address to serve at.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535)] = 8090,
+) -> None:
+    """Show many rigs on one page: state, trainee, phase, last score, late or not, a picture on demand."""
+    from services.classroom.app import serve
+
+    serve(file, host, port)
+
+
+@app.command()
 def keys(
     directory: Annotated[Path, typer.Argument(help="Made if it is not there; name it as transport.keys.")],
     json: Json = False,

@@ -35,6 +35,8 @@ _EXTRAS = {
     "mesh": ("trimesh", "meshio"),
 }
 _FREE_BYTES = 1 << 30
+#: Where it is told how to get what is missing.
+_PAGE = "docs/how-to/deployment.md#the-host"
 
 
 class Verdict(StrEnum):
@@ -94,7 +96,7 @@ def scheduling() -> Iterator[CheckResult]:
         "timer slack", Verdict.OK, f"{slack.read_text().strip() if slack.exists() else '?'} ns, the loops set 1"
     )
     awake = os.access(DMA_LATENCY, os.W_OK)
-    advice = f"write permission on {DMA_LATENCY} (docs/how-to/deployment.md), or `spare_power: true` in the rig file"
+    advice = f"write permission on {DMA_LATENCY}, or `spare_power: true` in the rig file: {_PAGE}"
     yield finding("idle cores", awake, "kept awake by the loops" if awake else "sleep, and wake late", advice)
     governor = Path("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")
     if governor.exists():
@@ -115,7 +117,7 @@ def _memlock() -> CheckResult:
     limit = lockable_bytes()
     enough = limit is None or limit >= LOCKED_BYTES
     shown = "as much as there is" if limit is None else f"{limit >> 20} MiB a process, {LOCKED_BYTES >> 20} are wanted"
-    advice = "memlock unlimited in /etc/security/limits.conf; in a container: ulimits memlock -1"
+    advice = f"memlock unlimited in /etc/security/limits.conf; in a container: ulimits memlock -1: {_PAGE}"
     return finding("memlock", enough, shown, advice)
 
 
@@ -131,7 +133,7 @@ def _ladder() -> CheckResult:
     advice = (
         f"rtprio 90 in /etc/security/limits.conf (now {allowed}) and a new login; in a container: cap_add SYS_NICE and "
         "ulimits rtprio, and on kernels with RT_GROUP_SCHED a cpu.rt_runtime_us for its cgroup; until then the loops "
-        "take the first of what is granted"
+        f"take the first of what is granted: {_PAGE}"
     )
     found = "; ".join(f"{name}: {said}" for name, said in rungs.items())
     return finding("scheduling classes", rungs["fifo"].startswith("granted"), found, advice)

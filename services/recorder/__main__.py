@@ -10,9 +10,11 @@ import platform
 import sys
 import time
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
+from shutil import disk_usage
 
 from protocol import Frame
 from protocol.topics import observed_by, read_by
@@ -118,6 +120,8 @@ class Recording:
         health.gauges["recorded_frames"] = self._writer.frames
         health.gauges["lost_frames"] = self._losses.total.total()
         health.gauges["waiting_for_disk_bytes"] = self._writer.pending_bytes
+        with suppress(OSError):
+            health.gauges["disk_free_bytes"] = disk_usage(self._writer.path.parent).free
         health.change("degraded" if lost else "running", lost)
 
     def look_at_disk(self) -> None:

@@ -1,66 +1,90 @@
-"""Prometheus metrics of the whole rig, from the counts that the processes send: no loop is ever scraped itself."""
+"""Prometheus metrics of the whole rig, from the counts that the processes send: no loop is ever scraped itself.
+
+Two levels: the summary is what alerts and dashboards need of many rigs, at most 200 series; in full, every histogram.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib import metadata
+from typing import Literal
 
 import prometheus_client
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
 
 import protocol.bodies as bodies
 from services.runtime import stage_times
+from services.runtime.rig import Contracts
+from services.supervisor import task_metrics
 from services.supervisor.figures import Latencies, Stage
 from services.supervisor.observers.observer import Row
 from services.supervisor.observers.registry import Report
 from services.supervisor.observers.thread_usage import Counts, Usage
 from services.supervisor.state_machine import RigState
 
+Level = Literal["summary", "full"]
 #: Gauges ``device_link_up.<device>`` of a process are a metric of their own.
 LINK = "device_link_up"
+#: Gauges of the recorder that are metrics of their own: what each is called, whether it counts, and what it is.
+_RECORDER = {
+    "recorded_frames": ("trocar_recorder_frames", CounterMetricFamily, "Frames in the recording"),
+    "lost_frames": ("trocar_recorder_lost_frames", CounterMetricFamily, "Frames that the recording lacks"),
+    "waiting_for_disk_bytes": ("trocar_recorder_waiting_bytes", GaugeMetricFamily, "Not yet written to the disk"),
+    "disk_free_bytes": ("trocar_recorder_disk_free_bytes", GaugeMetricFamily, "Room where recordings are kept"),
+}
 #: Buckets of stages come two to a doubling, not four.
 _EVERY = 2
+#: Edges of paths in the summary, as parts of what the path is judged against.
+_PARTS = (0.25, 0.5, 0.71, 1.0, 1.42, 2.0, 4.0)
 
 
 @dataclass(frozen=True, slots=True)
 class RigSource:
     """The rig as it is exported: as it is judged, the newest report of each process, and what was observed.
 
-    `is_judged` tells whether the supervisor itself is up.
+    `is_judged` tells whether the supervisor itself is up; `task` what was seen of attempts.
     """
 
     state: bodies.SupervisorState
     heard: Mapping[str, bodies.Health] = field(default_factory=dict)
     observed: Report = field(default_factory=Report)
     is_judged: bool = False
+    contracts: Contracts = field(default_factory=Contracts)
+    task: task_metrics.Task = field(default_factory=task_metrics.Task)
 
 
 class RigCollector:
     """Turns the newest reports into metric families at each scrape. Counts fall back to 0 when a process restarts."""
 
-    def __init__(self, source: Callable[[], RigSource]) -> None:
+    def __init__(self, source: Callable[[], RigSource], level: Level = "full") -> None:
         self._source = source
+        self._level = level
 
     def collect(self) -> Iterator[Metric]:
-        """Yield every metric family."""
-        rig = self._source()
+        """Yield every metric family of the level."""
+        rig, full = self._source(), self._level == "full"
         yield from _rig(rig.state)
         yield from _services(rig)
         heard = list(rig.heard.values())
-        yield from _loops(heard)
-        yield _paths(heard)
-        yield from _topics(heard)
-        yield from _gauges(heard)
-        yield from _stages(heard)
-        yield from _threads(rig.observed.threads)
-        yield from _floor(rig.observed.floor)
+        yield from _loops(heard, full)
+        yield from _limits(rig.contracts)
+        yield _paths(heard, full)
+        yield from _links(heard)
+        yield from _recorder(heard)
+        yield from task_metrics.families(rig.task)
+        yield from _threads(rig.observed.threads, full)
+        yield from _floor(rig.observed.floor, full)
+        if full:
+            yield from _topics(heard)
+            yield _gauges(heard)
+            yield from _stages(heard)
 
 
-def registry(source: Callable[[], RigSource]) -> prometheus_client.CollectorRegistry:
-    """Return a registry with the rig's metrics and nothing else."""
+def registry(source: Callable[[], RigSource], level: Level = "full") -> prometheus_client.CollectorRegistry:
+    """Return a registry with the rig's metrics of a level and nothing else."""
     made = prometheus_client.CollectorRegistry()
-    made.register(RigCollector(source))
+    made.register(RigCollector(source, level))
     return made
 
 
@@ -97,8 +121,9 @@ def _quality(quality: bodies.QualityReport) -> Iterator[Metric]:
 def _services(rig: RigSource) -> Iterator[Metric]:
     up = GaugeMetricFamily("trocar_service_up", "1 while a process is ready and heard", labels=["service"])
     restarts = CounterMetricFamily("trocar_service_restarts", "Restarts by the supervisor", labels=["service"])
-    text = "From the start of a process to its newest report, which every count here is of"
+    text = "From the start of a process to its newest report"
     uptime = GaugeMetricFamily("trocar_service_uptime_seconds", text, labels=["service"])
+    drops = CounterMetricFamily("trocar_service_drops", "Frames that it lost or refused", labels=["service"])
     for process in rig.state.processes:
         up.add_metric([process.name], float(process.state == "ready"))
         restarts.add_metric([process.name], process.restarts)
@@ -106,7 +131,8 @@ def _services(rig: RigSource) -> Iterator[Metric]:
     restarts.add_metric(["supervisor"], 0)
     for name, health in rig.heard.items():
         uptime.add_metric([name], health.uptime_s)
-    yield from (up, restarts, uptime)
+        drops.add_metric([name], sum(t.dropped + sum(t.refused.values()) for t in health.topics))
+    yield from (up, restarts, uptime, drops)
 
 
 _LOOP_TIMES = {
@@ -116,28 +142,44 @@ _LOOP_TIMES = {
 }
 
 
-def _loops(heard: Iterable[bodies.Health]) -> Iterator[Metric]:
+def _loops(heard: Iterable[bodies.Health], full: bool) -> Iterator[Metric]:
     times = {name: _histogram(f"trocar_loop_{name}_seconds", text, "loop") for name, text in _LOOP_TIMES.items()}
     longest = {name: _longest(f"trocar_loop_{name}", "loop") for name in _LOOP_TIMES}
     ticks = CounterMetricFamily("trocar_loop_iterations", "Ticks that ran", labels=["loop"])
+    skips = CounterMetricFamily("trocar_loop_skipped", "Ticks that never ran", labels=["loop"])
     misses = CounterMetricFamily("trocar_deadline_misses", "Ticks that finished late or never ran", labels=["loop"])
     for health in heard:
         if health.loop is None:
             continue
         for name in _LOOP_TIMES:
             counted: bodies.Histogram = getattr(health.loop, name)
-            _add(times[name], health.process, Latencies.of(counted))
+            if full:
+                _add(times[name], health.process, Latencies.of(counted))
             longest[name].add_metric([health.process], counted.max_ns / 1e9)
         ticks.add_metric([health.process], health.loop.ticks)
+        skips.add_metric([health.process], health.loop.skipped)
         misses.add_metric([health.process], health.loop.misses)
-    yield from (*times.values(), *longest.values(), ticks, misses)
+    yield from (longest["lateness"], longest["work"], ticks, skips, misses)
+    if full:
+        yield from (*times.values(), longest["period"])
 
 
-def _paths(heard: Iterable[bodies.Health]) -> Metric:
+def _limits(contracts: Contracts) -> Iterator[Metric]:
+    """Yield what the rig file asks for: alerts hold a rig to its own contracts."""
+    ratio = GaugeMetricFamily("trocar_loop_miss_ratio_limit", "Share of ticks that may be lost", labels=["loop"])
+    for name, loop in contracts.loops.items():
+        ratio.add_metric([name], loop.miss_ratio)
+    p99 = GaugeMetricFamily("trocar_path_limit_seconds", "What 99 % of a path must keep", labels=["path"])
+    for name, path in contracts.paths.items():
+        p99.add_metric([name], path.p99_us / 1e6)
+    yield from (ratio, p99)
+
+
+def _paths(heard: Iterable[bodies.Health], full: bool) -> Metric:
     family = _histogram("trocar_path_latency_seconds", "From the device sample to somewhere", "path")
     for health in heard:
         for path in health.paths:
-            _add(family, path.name, Latencies.of(path.latency))
+            _add(family, path.name, Latencies.of(path.latency), few=not full)
     return family
 
 
@@ -156,17 +198,28 @@ def _topics(heard: Iterable[bodies.Health]) -> Iterator[Metric]:
     yield from (age, sent, drops)
 
 
-def _gauges(heard: Iterable[bodies.Health]) -> Iterator[Metric]:
+def _links(heard: Iterable[bodies.Health]) -> Iterator[Metric]:
     link = GaugeMetricFamily("trocar_device_link_up", "1 while a device answers", labels=["service", "name"])
+    for health in heard:
+        for name, value in health.gauges.items():
+            if name.startswith(f"{LINK}."):
+                link.add_metric([health.process, name.partition(".")[2]], value)
+    yield link
+
+
+def _recorder(heard: Iterable[bodies.Health]) -> Iterator[Metric]:
+    said = next((health.gauges for health in heard if health.process == "recorder"), {})
+    for gauge, (name, family, text) in _RECORDER.items():
+        yield family(name, text, value=said[gauge]) if gauge in said else family(name, text, labels=())
+
+
+def _gauges(heard: Iterable[bodies.Health]) -> Metric:
     other = GaugeMetricFamily("trocar_gauge", "Anything else that a process reports", labels=["service", "name"])
     for health in heard:
         for name, value in health.gauges.items():
-            key, _, instance = name.partition(".")
-            if key == LINK:
-                link.add_metric([health.process, instance], value)
-            else:
+            if not name.startswith(f"{LINK}.") and not (health.process == "recorder" and name in _RECORDER):
                 other.add_metric([health.process, name], value)
-    yield from (link, other)
+    return other
 
 
 def _stages(heard: Iterable[bodies.Health]) -> Iterator[Metric]:
@@ -185,10 +238,10 @@ def _stages(heard: Iterable[bodies.Health]) -> Iterator[Metric]:
     yield from (family, longest)
 
 
-def _threads(threads: Mapping[str, Row[Counts, Usage | None]]) -> Iterator[Metric]:
+def _threads(threads: Mapping[str, Row[Counts, Usage | None]], full: bool) -> Iterator[Metric]:
     switches = CounterMetricFamily(
         "trocar_context_switches",
-        "By the threads that live now: a wake-up ends in one that was wanted, the rest took the processor away",
+        "Of threads that live now: a wake-up ends in one that was wanted",
         labels=["service", "kind"],
     )
     ran = CounterMetricFamily("trocar_processor_seconds", "Time on a processor", labels=["service"])
@@ -199,30 +252,35 @@ def _threads(threads: Mapping[str, Row[Counts, Usage | None]]) -> Iterator[Metri
         switches.add_metric([name, "preempted"], counts.preempted)
         ran.add_metric([name], counts.ran_ns / 1e9)
         waited.add_metric([name], counts.waited_ns / 1e9)
-    yield from (switches, ran, waited)
+    yield from (ran, waited)
+    if full:
+        yield switches
 
 
-def _floor(floor: Mapping[int, Row[Latencies, Latencies]]) -> Iterator[Metric]:
-    text = "Wake-ups after their time of a thread above all others: what the machine costs"
+def _floor(floor: Mapping[int, Row[Latencies, Latencies]], full: bool) -> Iterator[Metric]:
+    text = "Late wake-ups of a thread above all others"
     family = _histogram("trocar_machine_lateness_seconds", text, "core")
     longest = _longest("trocar_machine_lateness", "core")
     for core, row in floor.items():
         _add(family, str(core), row.since_start)
         longest.add_metric([str(core)], row.since_start.max_ns / 1e9)
-    yield from (family, longest)
+    yield longest
+    if full:
+        yield family
 
 
 def _longest(name: str, *labels: str) -> GaugeMetricFamily:
-    return GaugeMetricFamily(f"{name}_max_seconds", f"The longest of {name}_seconds since its start", labels=labels)
+    return GaugeMetricFamily(f"{name}_max_seconds", f"Longest {name}_seconds since its start", labels=labels)
 
 
 def _histogram(name: str, text: str, label: str) -> HistogramMetricFamily:
     return HistogramMetricFamily(name, text, labels=[label])
 
 
-def _add(family: HistogramMetricFamily, label: str, latencies: Latencies, *more: str) -> None:
+def _add(family: HistogramMetricFamily, label: str, latencies: Latencies, *more: str, few: bool = False) -> None:
     edges_us, counts = latencies.coarse()
     cumulative = counts.cumsum()
-    bounds = [*(f"{edge / 1e6:.9g}" for edge in edges_us), "+Inf"]
-    buckets = [(bound, int(count)) for bound, count in zip(bounds, cumulative, strict=True)]
-    family.add_metric([label, *more], buckets, latencies.sum_ns / 1e9)
+    parts = edges_us * 1e3 / max(latencies.deadline_ns, 1)
+    chosen = sorted({int(abs(parts - part).argmin()) for part in _PARTS}) if few else range(len(edges_us))
+    buckets = [(f"{edges_us[k] / 1e6:.9g}", int(cumulative[k])) for k in chosen]
+    family.add_metric([label, *more], [*buckets, ("+Inf", int(cumulative[-1]))], latencies.sum_ns / 1e9)

@@ -14,6 +14,7 @@ import sys
 import time
 from contextlib import closing
 from dataclasses import dataclass, field
+from typing import get_args
 
 import msgspec
 import uvicorn
@@ -24,10 +25,11 @@ from services.runtime.bus import Bus
 from services.runtime.process import listen_as
 from services.runtime.rig import Rig
 from services.supervisor import dashboard
-from services.supervisor.metrics import RigSource, registry
+from services.supervisor.metrics import Level, RigSource, registry
 from services.supervisor.observers.registry import Observers
 from services.supervisor.page_link import Command, Link, PageSetup, RigStatus
 from services.supervisor.state_machine import RigState
+from services.supervisor.task_metrics import Task
 from services.supervisor.web import EVENT_PERIOD_S, PageContext, build_app
 
 _HEALTHY = (RigState.READY, RigState.RUNNING, RigState.DEGRADED)
@@ -47,17 +49,17 @@ class Knowledge:
     rig: Rig
     observers: Observers
     status: RigStatus | None = None
-    attempt: bodies.Attempt | None = None
+    task: Task = field(default_factory=Task)
     heard: dict[str, dashboard.Heard] = field(default_factory=dict)
 
     def hear(self, bus: Bus) -> None:
         """Take the newest report of every process."""
         if self.status is None:
             return
-        if self.status.replay is not None:
-            self.attempt = self.status.replay.attempt
+        if self.status.replay is not None and self.status.replay.attempt is not None:
+            self.task.attempt = self.status.replay.attempt
         elif self.rig.process("training").enabled and (frame := bus.latest("training.attempt")) is not None:
-            self.attempt = frame.body
+            self.task.see(frame.body)
         for name in (*(process.name for process in self.status.state.processes), OURS):
             heard = self.heard.setdefault(name, dashboard.Heard.nothing(self.rig.supervisor.window_s))
             frame = bus.latest(f"{name}.health")
@@ -79,7 +81,8 @@ class Knowledge:
         if self.status is None:
             return RigSource(bodies.SupervisorState(state=RigState.OFF))
         is_judged = time.monotonic() - self.status.said_s < SILENT_S
-        return RigSource(self.status.state, self.reports(), self.observers.report(), is_judged)
+        contracts = self.rig.contracts
+        return RigSource(self.status.state, self.reports(), self.observers.report(), is_judged, contracts, self.task)
 
     def reports(self) -> dict[str, bodies.Health]:
         """Return the newest report of every process that was heard."""
@@ -87,7 +90,7 @@ class Knowledge:
 
     def answer(self, order_id: int) -> bodies.Answer | None:
         """Return what the training process has answered to an order, None as long as it has not."""
-        answers = self.attempt.answers if self.attempt is not None else ()
+        answers = self.task.attempt.answers if self.task.attempt is not None else ()
         return next((each for each in answers if each.order == order_id), None)
 
     def view_port(self) -> int:
@@ -118,7 +121,7 @@ def _run(knowledge: Knowledge, setup: PageSetup, link: Link, sock: socket.socket
     context = PageContext(
         rig=knowledge.rig,
         scene=setup.scene,
-        registry=registry(knowledge.source),
+        registries={level: registry(knowledge.source, level) for level in get_args(Level)},
         arm=lambda who: _ask(link, Command("arm", who)),
         safe_stop=lambda who: _ask(link, Command("safe_stop", who)),
         order=lambda order, who: _ask(link, Command("attempt", who, order, time.monotonic())),
@@ -172,7 +175,9 @@ async def _follow(context: PageContext, knowledge: Knowledge, bus: Bus, link: Li
             observers.sample(status, knowledge.reports())
             report = observers.report()
             context.latest = _encoder.encode(
-                dashboard.snapshot(status, knowledge.heard, knowledge.rig, context.scene, report, knowledge.attempt)
+                dashboard.snapshot(
+                    status, knowledge.heard, knowledge.rig, context.scene, report, knowledge.task.attempt
+                )
             )
         await asyncio.sleep(EVENT_PERIOD_S)
 

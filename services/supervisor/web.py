@@ -8,7 +8,7 @@ import json
 import secrets
 import socket
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
@@ -46,13 +46,13 @@ _NOT_BUILT = """<!doctype html><title>Trocar</title><h1>The page is not built</h
 class PageContext:
     """What the page's thread may see and ask. `latest` is replaced whole by the supervisor's loop, five times a second.
 
-    `healthy` tells whether the rig does what it is for, and in which words; `view_port` where the picture is served;
-    `replay` whether there is a recording that does what is asked of it.
+    `registries` are the metrics by level; `healthy` tells whether the rig does what it is for, and in which words;
+    `view_port` where the picture is served; `replay` whether there is a recording that does what is asked of it.
     """
 
     rig: Rig
     scene: str
-    registry: prometheus_client.CollectorRegistry
+    registries: Mapping[str, prometheus_client.CollectorRegistry]
     arm: Callable[[str], None]
     safe_stop: Callable[[str], None]
     order: Callable[[bodies.Order, str], None]
@@ -253,8 +253,12 @@ class _Endpoints:
             return JSONResponse({"error": "the header X-Trocar-Token must carry the token that the rig printed"}, 403)
         return None
 
-    async def metrics(self, _request: Request) -> Response:
-        text = prometheus_client.generate_latest(self._context.registry)
+    async def metrics(self, request: Request) -> Response:
+        registries = self._context.registries
+        chosen = registries.get(request.query_params.get("level", "summary"))
+        if chosen is None:
+            return PlainTextResponse(f"there is no such level; known: {', '.join(registries)}", 400)
+        text = prometheus_client.generate_latest(chosen)
         return Response(text, media_type=prometheus_client.CONTENT_TYPE_LATEST)
 
     async def healthz(self, _request: Request) -> Response:

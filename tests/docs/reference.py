@@ -75,25 +75,28 @@ def _options(verb: Any) -> Iterator[str]:
 def metrics() -> str:
     """Return the page of the rig's metrics."""
     source = RigSource(SupervisorState(state=RigState.RUNNING))
-    rows = [
-        f"| `{family.name}{'_total' if family.type == 'counter' else ''}` | {family.type} | {family.documentation} |"
-        for family in RigCollector(lambda: source).collect()
-    ]
+    families = {
+        level: {family.name: family for family in RigCollector(lambda: source, level).collect()}
+        for level in ("summary", "full")
+    }
+    lines = {
+        name: f"- `{name}{'_total' if family.type == 'counter' else ''}`: {family.documentation}"
+        for name, family in families["full"].items()
+    }
     return "\n".join(
         [
             "# Metrics",
             "",
             _MADE,
             "",
-            "The supervisor serves them for Prometheus at `/metrics` of its page. The loops only send counts, so a",
-            "scrape never delays one. Counts begin at 0 again when a process restarts.",
+            "At `/metrics` of the page, at most 200 series. Loops only send counts, so a scrape never delays one.",
+            "Counts begin at 0 again when a process restarts. Rules and dashboards: `deploy/monitoring`.",
             "",
-            "`loop`, `stage`, `path`, `topic`, `service` and `core` are labels. Alert rules and a Grafana dashboard",
-            "that use these names are in `deploy/`.",
+            *(line for name, line in lines.items() if name in families["summary"]),
             "",
-            "| metric | type | meaning |",
-            "|---|---|---|",
-            *rows,
+            "At `/metrics?level=full` also:",
+            "",
+            *(line for name, line in lines.items() if name not in families["summary"]),
             "",
         ]
     )

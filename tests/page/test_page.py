@@ -45,7 +45,7 @@ class Page:
 
     def metrics(self) -> dict[str, float]:
         """Return what Prometheus would get."""
-        text = httpx.get(f"{self.address}metrics", timeout=PATIENCE_S).text
+        text = httpx.get(f"{self.address}metrics?level=full", timeout=PATIENCE_S).text
         return {
             line.rpartition(" ")[0]: float(line.rpartition(" ")[2]) for line in text.splitlines() if line[:1] != "#"
         }

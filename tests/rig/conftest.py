@@ -91,7 +91,7 @@ class Rig:
     observer: Observer
 
 
-def _free_port() -> int:
+def free_port() -> int:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
@@ -116,8 +116,8 @@ def running_rig(
     overrides = [
         f"transport.directory={bus}",
         f"recorder.directory={directory / 'recordings'}",
-        f"supervisor.web.port={_free_port()}",
-        f"visualization.port={_free_port()}",
+        f"supervisor.web.port={free_port()}",
+        f"visualization.port={free_port()}",
         *(f"contracts.loops.{loop}.stop_miss_ratio=1" for loop in ("gateway", "haptics", "physics")),
         *overrides,
     ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,9 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def _services(file: str) -> dict[str, dict[str, Any]]:
+    """Return the rig's services: not what looks at it."""
     services: dict[str, dict[str, Any]] = yaml.safe_load((ROOT / file).read_text("utf-8"))["services"]
-    return services
+    return {name: each for name, each in services.items() if "monitoring" not in each.get("profiles", ())}
 
 
 def test_what_the_hand_feels_comes_before_what_else_the_host_computes() -> None:
@@ -22,6 +24,32 @@ def test_what_the_hand_feels_comes_before_what_else_the_host_computes() -> None:
     weights = {name: each.get("cpu_shares", 1024) for name, each in _services("docker-compose.yml").items()}
     loops = {weights[name] for name in ("physics", "haptics", "gateway", "gateway-hardware")}
     assert min(loops) > weights["recorder"] > weights["visualization"]
+
+
+def test_who_computes_is_not_root_and_writes_volumes_only() -> None:
+    """What begins as root lets go of it in as-trocar, and keeps the two rights that a loop needs."""
+    image = (ROOT / "deploy" / "Dockerfile").read_text("utf-8")
+    assert image.rindex("USER trocar") > image.rindex("COPY")
+    assert 'ENTRYPOINT ["as-trocar", ' in image
+    kept = re.search(r"^keep=(\S+)$", (ROOT / "deploy" / "as-trocar").read_text("utf-8"), re.MULTILINE)
+    assert kept is not None
+    assert kept[1] == "+sys_nice,+ipc_lock"
+    for name, each in _services("docker-compose.yml").items():
+        assert each["read_only"] is True, name
+        assert each["cap_drop"] == ["ALL"], name
+        assert each["security_opt"] == ["no-new-privileges:true"], name
+        assert ("user" in each) is ("SYS_NICE" in each.get("cap_add", [])), name
+
+
+def test_every_container_says_whether_it_is_well_and_has_limits_that_a_host_may_change() -> None:
+    services = yaml.safe_load((ROOT / "docker-compose.yml").read_text("utf-8"))["services"]
+    for name, each in services.items():
+        assert each["healthcheck"]["test"][0] == "CMD", name
+        assert re.fullmatch(r"\$\{\w+:-\d+[mg]\}", each["mem_limit"]), name
+        ports = each.get("ports", [])
+        assert all(re.fullmatch(r"127\.0\.0\.1:\$\{\w+:-\d+\}:\d+", port) for port in ports), name
+    for name, each in _services("docker-compose.yml").items():
+        assert re.fullmatch(r"\$\{\w+:-\d+\}", each["pids_limit"]), name
 
 
 def test_the_rig_starts_on_a_host_without_the_device() -> None:

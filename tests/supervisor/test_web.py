@@ -7,6 +7,7 @@ import json
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import get_args
 
 import httpx
 import pytest
@@ -15,7 +16,7 @@ from starlette.applications import Starlette
 from starlette.types import Message, Receive, Scope, Send
 
 import protocol.bodies as bodies
-from services.supervisor.metrics import RigSource, registry
+from services.supervisor.metrics import Level, RigSource, registry
 from services.supervisor.state_machine import RigState
 from services.supervisor.web import PageContext, build_app
 from tests.supervisor.made_up import health, histogram, loop_report, rig
@@ -66,7 +67,7 @@ def context(asked: Asked, tmp_path: Path) -> PageContext:
     return PageContext(
         rig=rig(),
         scene="default",
-        registry=registry(_source),
+        registries={level: registry(_source, level) for level in get_args(Level)},
         arm=asked.arm.append,
         safe_stop=asked.safe_stop.append,
         order=lambda order, _who: asked.orders.append(order),
@@ -229,7 +230,7 @@ def test_events_carry_the_newest_state_only(context: PageContext) -> None:
 
 
 def test_metrics_are_what_prometheus_reads(client: Client) -> None:
-    text = client.get("/metrics").text
+    text = client.get("/metrics?level=full").text
     families = {family.name: family for family in text_string_to_metric_families(text)}
     for name in (
         "trocar_loop_lateness_seconds", "trocar_loop_period_seconds", "trocar_loop_work_seconds",
@@ -259,7 +260,7 @@ def test_metrics_are_what_prometheus_reads(client: Client) -> None:
 
 
 def test_the_deadline_is_an_edge_so_miss_ratios_are_exact(client: Client) -> None:
-    text = client.get("/metrics").text
+    text = client.get("/metrics?level=full").text
     family = next(f for f in text_string_to_metric_families(text) if f.name == "trocar_path_latency_seconds")
     buckets = {s.labels["le"]: s.value for s in family.samples if s.name.endswith("_bucket")}
     assert buckets["0.001"] == 99

@@ -1,0 +1,63 @@
+"""The file of a class: where its rigs are, who sits at each, and the one token of all who may look."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, Self
+from urllib.parse import urlsplit
+
+from pydantic import AfterValidator, Field, ValidationError, model_validator
+
+from services.runtime.errors import ConfigError
+from services.runtime.rig import Settings
+
+
+def _is_page(address: str) -> str:
+    parts = urlsplit(address)
+    if parts.scheme != "http" or not parts.hostname or parts.path.strip("/") or parts.query or parts.fragment:
+        raise ValueError(f"{address!r} is no page of a rig: http://ADDRESS:PORT")
+    return address.rstrip("/")
+
+
+class Place(Settings):
+    """A rig of the class; `trainee` is the pseudonym of who sits at it."""
+
+    name: Annotated[str, Field(min_length=1, max_length=64)]
+    address: Annotated[str, AfterValidator(_is_page)]
+    trainee: Annotated[str, Field(max_length=64)] = ""
+
+
+class Roll(Settings):
+    """The whole file; `database` is where `trocar score` keeps attempts, for the last score of each trainee."""
+
+    token: Annotated[str, Field(min_length=16)]
+    database: str | None = None
+    rig: Annotated[tuple[Place, ...], Field(min_length=1, max_length=64)]
+
+    @model_validator(mode="after")
+    def _are_told_apart(self) -> Self:
+        names = [place.name for place in self.rig]
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice is not None:
+            raise ValueError(f"two rigs are called {twice!r}")
+        return self
+
+
+def load_roll(path: Path) -> Roll:
+    """Return the class that a TOML file tells of.
+
+    Raises
+    ------
+    ConfigError
+        with the place in the file, if it cannot be used.
+    """
+    try:
+        told = tomllib.loads(path.read_text(encoding="utf-8"))
+        return Roll.model_validate({**told, "rig": tuple(told.get("rig", ()))})
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, TypeError) as error:
+        raise ConfigError(f"{path}: {error}") from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"]))
+        raise ConfigError(f"{path}: {where}{': ' if where else ''}{first['msg']}") from None
