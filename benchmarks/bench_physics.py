@@ -23,7 +23,6 @@ from contact_peers import mujoco_duct
 from report import Row, Timing, measure, write_report
 
 from services.cache_directory import cache_directory
-from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.effects.base import NoSettings
 from services.mechanics.effects.friction import FrictionSettings
 from services.mechanics.effects.gravity import GravitySettings
@@ -67,8 +66,9 @@ def settle(scene: SceneModel, cache: Path) -> tuple[Simulation, ToolInputs]:
     """Press one tool on the duct from above, rest the other, and wait until all lies still."""
     simulation = Simulation(scene, build_scene_duct(scene, cache))
     tools = ToolInputs()
-    tools.position_m[:] = (30e-3, 0.0, 15e-3 + 5e-3), (90e-3, 0.0, 40e-3)
-    for _ in range(500):
+    for tick in range(500):
+        above_m = 3e-3 * max(1.0 - tick / 100.0, 0.0)
+        tools.position_m[:] = (30e-3, 0.0, 15e-3 + 5e-3 + above_m), (90e-3, 0.0, 40e-3)
         simulation.step(tools)
     return simulation, tools
 
@@ -138,16 +138,13 @@ def peer_rows() -> tuple[list[Row], str]:
 
 
 def sample_ticks(simulation: Simulation, tools: ToolInputs, samples: int) -> tuple[np.ndarray, np.ndarray]:
-    """Seconds of each tick and of its stages; tools' pairs are found before it, as haptics does."""
-    pairs = ContactPairs.allocate(simulation.scene.contact.capacity)
+    """Seconds of each tick and of its stages."""
     seconds, stages = np.zeros(samples), np.zeros((samples, len(simulation.stage_cost_ns)))
     gc.collect()
     gc.disable()
     for sample in range(samples):
-        pairs.clear()
-        simulation.search.tool_pairs(simulation.catheter, simulation.tools, pairs)
         started_ns = time.perf_counter_ns()
-        simulation.step(tools, pairs)
+        simulation.step(tools)
         seconds[sample] = 1e-9 * (time.perf_counter_ns() - started_ns)
         stages[sample] = [1e-9 * cost_ns for cost_ns in simulation.stage_cost_ns.values()]
     gc.enable()

@@ -73,8 +73,6 @@ def frames(numbers: Numbers, tick: int) -> dict[str, object]:
         "haptics.contacts": bodies.ToolContacts(
             tick=tick,
             tools=pack(a(2, TOOL_COLUMNS)),
-            pair_index=pack(np.full((PAIRS, 4), tick % 700), "<i4"),
-            pair_geometry=pack(a(PAIRS, 8)),
         ),
         "physics.state": bodies.PhysicsState(
             tick=tick,

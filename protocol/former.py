@@ -9,7 +9,15 @@ import numpy as np
 from msgspec import Meta
 
 from protocol.arrays import Array, pack, spec
-from protocol.bodies.haptics import ContactModel, GraspHold, LocalModel, ToolContacts, ToolState, tool_table
+from protocol.bodies.haptics import (
+    TOOL_COLUMNS,
+    ContactModel,
+    GraspHold,
+    LocalModel,
+    ToolContacts,
+    ToolState,
+    tool_table,
+)
 from protocol.bodies.physics import Catheter, ContactForces, Duct, PhysicsState, ToolReaction, reaction_table
 from protocol.vectors import ZERO3, ZERO9, Mat3, Vec3
 
@@ -112,15 +120,30 @@ class ToolContacts3(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     pair_geometry: Annotated[Array, spec("<f8", ("pairs", 8), "1")]
     holds: Annotated[tuple[GraspHold, ...], Meta(max_length=16)] = ()
 
-    def lift(self) -> ToolContacts:
+    def lift(self) -> ToolContacts4:
         """Return the body of version 4: its table has a row a tool."""
-        return ToolContacts(
+        return ToolContacts4(
             tick=self.tick,
             tools=tool_table(self.tools),
             pair_index=self.pair_index,
             pair_geometry=self.pair_geometry,
             holds=self.holds,
         )
+
+
+class ToolContacts4(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """Version 4 of ``haptics.contacts`` had the contact pairs of the tools, which physics finds for itself now."""
+
+    tick: Annotated[int, Meta(ge=0)]
+    tools: Annotated[Array, spec("<f8", ("tools", TOOL_COLUMNS), "1", row=ToolState)]
+    pair_index: Annotated[Array, spec("<i4", ("pairs", 4), "1")]
+    pair_geometry: Annotated[Array, spec("<f8", ("pairs", 8), "1")]
+    holds: Annotated[tuple[GraspHold, ...], Meta(max_length=16)] = ()
+    begins: Annotated[int, Meta(ge=0)] = 0
+
+    def lift(self) -> ToolContacts:
+        """Return the body of version 5, without the pairs."""
+        return ToolContacts(tick=self.tick, tools=self.tools, holds=self.holds, begins=self.begins)
 
 
 class PhysicsState1(msgspec.Struct, array_like=True, frozen=True, kw_only=True):

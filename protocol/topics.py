@@ -69,7 +69,7 @@ _OBEYING = ("physics", "gateway", "visualization", "recorder", "training")
 _ROWS = (
     _state("gateway.state", "haptics", "visualization recorder training supervisor", gateway.GatewayState, 1),
     _state("haptics.contact_model", "gateway", "recorder supervisor", haptics.ContactModel, 3),
-    _state("haptics.contacts", "physics", "recorder training", haptics.ToolContacts, 4),
+    _state("haptics.contacts", "physics", "recorder training", haptics.ToolContacts, 5),
     _state("physics.state", "haptics", "visualization recorder training supervisor", physics.PhysicsState, 2),
     Topic("visualization.hands", "visualization", ("gateway",), (), visualization.Hands, 1, 60.0, "latest", 0.25, True),
     Topic(

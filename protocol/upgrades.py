@@ -30,6 +30,7 @@ UPGRADES: dict[tuple[str, int], Upgrade] = {
     ("haptics.contacts", 1): by_name(former.ToolContacts1, former.ToolContacts2),
     ("haptics.contacts", 2): (former.ToolContacts2, former.ToolContacts2.lift),
     ("haptics.contacts", 3): (former.ToolContacts3, former.ToolContacts3.lift),
+    ("haptics.contacts", 4): (former.ToolContacts4, former.ToolContacts4.lift),
     ("physics.state", 1): (former.PhysicsState1, former.PhysicsState1.lift),
 }
 

@@ -97,7 +97,7 @@ class EnergyBook:
     def step(self, tools: ToolInputs, dt_s: float = 1e-3) -> None:
         """Take one step of the simulation and enter it."""
         self.simulation.watcher = self
-        self.simulation.step(tools, None, dt_s)
+        self.simulation.step(tools, dt_s)
         self.simulation.watcher = None
         if self.simulation.healed_states > self._healed_states:
             self._healed_states = self.simulation.healed_states

@@ -50,7 +50,7 @@ def insert(dt_s: float, cache_dir: Path, scene: SceneModel | None = None, durati
     force_n, tip_m = np.empty((count, 2, 3)), np.empty((count, 3))
     for tick in range(count * per_sample):
         scenario.write_inputs((tick + 1) * dt_s, tools)
-        simulation.step(tools, None, dt_s)
+        simulation.step(tools, dt_s)
         force_n[tick // per_sample] = simulation.tool_results.force_n
         tip_m[tick // per_sample] = simulation.catheter.state.position_m[-1]
     return Inserted(force_n, tip_m, simulation.inserted_length_m, simulation.duct.surface_m())

@@ -1,4 +1,4 @@
-"""What haptics says: a local model of force for the servo, and contact pairs for physics."""
+"""What haptics says: a local model of force for the servo, tools and grasps for physics."""
 
 from __future__ import annotations
 
@@ -92,13 +92,8 @@ class GraspHold(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     jaw_angle_rad: Annotated[float, Meta(description="opening at which the jaws met what they hold")]
 
 
-# Columns of the two tables of contact pairs, and how many there are of each.
-PAIR_TOOL, PAIR_SEGMENT, PAIR_KIND, PAIR_TARGET, PAIR_INDICES = range(5)
-PAIR_PARAMETER, PAIR_WEIGHTS, PAIR_NORMAL, PAIR_GAP, PAIR_GEOMETRY = 0, 1, 4, 7, 8
-
-
 class ToolContacts(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
-    """Tools and what they touch: a row a tool, and a row per contact pair in both other tables; all are taken whole."""
+    """Tools, a row each, and what they hold: physics finds for itself what they touch."""
 
     tick: Annotated[int, Meta(ge=0, description="tick of the device frame answered: physics' clock")]
     tools: Annotated[
@@ -109,22 +104,6 @@ class ToolContacts(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
             "3 of the HIP, which is the junction J, in m; 3 of the trocar's fixed point in m; roll of the jaws about "
             "the shaft, and the opening between them that the handle asks for, in rad",
             row=ToolState,
-        ),
-    ]
-    pair_index: Annotated[
-        Array,
-        spec(
-            "<i4",
-            ("pairs", PAIR_INDICES),
-            "tool; its segment: 0 shaft, 1 jaw A, 2 jaw B; kind of target: 0 duct triangle, 1 catheter segment; target",
-        ),
-    ]
-    pair_geometry: Annotated[
-        Array,
-        spec(
-            "<f8",
-            ("pairs", PAIR_GEOMETRY),
-            "place along the tool's segment, 0 to 1; three weights in the target; unit normal away from it; gap in m",
         ),
     ]
     holds: Annotated[tuple[GraspHold, ...], Meta(max_length=16)] = ()

@@ -1,4 +1,4 @@
-"""The haptics process: device frame in; contact model out to the servo, tools and contact pairs out to physics."""
+"""The haptics process: device frame in; contact model out to the servo, tools and grasps out to physics."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ import time
 from typing import TYPE_CHECKING
 
 from protocol import Frame
-from protocol.bodies import ContactModel, GatewayState, PhysicsState
+from protocol.bodies import ContactModel, GatewayState, PhysicsState, ToolContacts
 from services.cache_directory import cache_directory
 from services.haptics.deformed_scene import DeformedScene
 from services.haptics.instruments import InstrumentTable
+from services.haptics.jaw_touches import JawTouches
 from services.haptics.local_model import LocalModels
-from services.haptics.outputs import ContactsWriter
+from services.haptics.outputs import hold_body
 from services.haptics.reactions import Reactions
 from services.haptics.tool_tracker import ToolTracker
 from services.haptics.warm_up import warm_up
 from services.mechanics.beginning import Beginning
 from services.mechanics.bodies.forceps.grasp import Grasp
-from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.runtime.journal import JournalWriter
@@ -35,12 +35,12 @@ STAGES = ("model", "detect", "send")
 
 
 class Haptics:
-    """Collision detection and haptic rendering of one scene.
+    """Grasps and haptic rendering of one scene.
 
     Attributes
     ----------
     ticks_per_step : int
-        So many ticks physics takes as one step now: it is told of tools and contacts no more often.
+        So many ticks physics takes as one step now: it is told of tools and grasps no more often.
     """
 
     def __init__(self, process: Process, meter: LoopMeter, scene: SceneModel, duct: ReducedDuct) -> None:
@@ -52,19 +52,16 @@ class Haptics:
         tables = self._reactions.rows, self._instruments.rows
         self._models = LocalModels(scene.forceps, *tables)
         self.tools = ToolTracker(scene, *tables)
-        self._detector = self.scene.tool_detector()
-        self._pairs = ContactPairs.allocate(scene.contact.capacity)
-        self._writer = ContactsWriter(self._pairs)
+        self._touches = JawTouches(scene, duct, self.tools.radius_m)
         segment_m = scene.catheter.length_m / scene.catheter.n_segments
         jaws = [(i, each.jaws) for i, each in enumerate(scene.forceps)]
         self._grasps = [Grasp(i, each, duct.mesh, segment_m) for i, each in jaws if each is not None]
         self._ttl_s = 0.02
-        self._dropped_pairs = 0
         self._solved: PhysicsState | None = None
         self._told_tick, self.ticks_per_step = 0, 1
         self._begins: int | None = None
         self._began_tick = 0
-        self._beginning = Beginning((self.scene.remembers(), self._detector, self._pairs, self._grasps), (scene, duct))
+        self._beginning = Beginning(self._grasps, (scene, duct))
         process.health.counts = self._counts
 
     def answer(self, frame: Frame) -> None:
@@ -92,7 +89,8 @@ class Haptics:
         """Begin again where the scene does: what physics says of earlier ticks is of another scene."""
         if self._begins is not None and state.begins > self._begins:
             self._beginning.put_back()
-            self.scene.has_catheter = False
+            self.scene.forget()
+            self._touches.forget()
             self._solved = None
             self._began_tick, self._told_tick = state.tick, 0
         elif state.tick < self._began_tick:  # the gateway has started anew
@@ -100,7 +98,7 @@ class Haptics:
         self._begins = state.begins
 
     def _tell_physics(self, frame: Frame, began_ns: int) -> tuple[int, int]:
-        """Find contacts and send them to physics, as often as it takes a step; return what both took, in ns."""
+        """Find what closing jaws touch and send physics tools and grasps; return what both took, in ns."""
         state: GatewayState = frame.body
         self._told_tick = state.tick
         if self._solved is not None:
@@ -108,11 +106,12 @@ class Haptics:
             self._solved = None
         n_tools = self._instruments.count
         hands = self.tools.take_hands(n_tools)
-        self._detect()
+        grasps = [(each, self.tools.jaws(each.tool)) for each in self._grasps if each.tool < n_tools]
+        closing = [grasp.tool for grasp, jaws in grasps if grasp.may_close(jaws)]
+        self._touches.find(closing, self.tools.segments_m, self.scene)
         detected = time.monotonic_ns()
-        grasps = [each for each in self._grasps if each.tool < n_tools]
-        holds = [hold for grasp in grasps for hold in grasp.update(self._pairs, self.tools.jaws(grasp.tool))]
-        body = self._writer.body(state.tick, hands, holds, state.begins)
+        holds = [hold_body(hold) for grasp, jaws in grasps for hold in grasp.update(self._touches.pairs, jaws)]
+        body = ToolContacts(tick=state.tick, tools=hands, holds=tuple(holds), begins=state.begins)
         self._bus.publish("haptics.contacts", body, origin_ns=frame.origin_ns, valid=frame.valid)
         return detected - began_ns, time.monotonic_ns() - detected
 
@@ -141,19 +140,9 @@ class Haptics:
         self.scene.take_duct(state.duct)
         self.scene.take_catheter(state.catheter)
 
-    def _detect(self) -> None:
-        self._pairs.clear()
-        if self.scene.has_catheter:
-            tools = self.tools
-            for grasp in self._grasps:
-                if grasp.holds_catheter:
-                    self._detector.let_through(grasp.tool)
-            self._detector.detect(tools.segments_m, tools.radius_m, self.scene.particles_m, self._pairs, tools.present)
-            self._dropped_pairs += self._pairs.dropped
-
     def _counts(self) -> dict[str, float]:
         refused = {f"refused_{what}": float(n) for what, n in self.scene.refused.items()}
-        return {"dropped_pairs": float(self._dropped_pairs), **refused}
+        return {"dropped_pairs": float(self._touches.dropped), **refused}
 
 
 def prepare(process_config: ProcessConfig) -> tuple[SceneModel, ReducedDuct]:

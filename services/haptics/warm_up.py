@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from protocol.bodies.haptics import tool_table
-from services.haptics.deformed_scene import DeformedScene
+from services.haptics.deformed_scene import DeformedScene, nodes_are_there
 from services.haptics.instruments import InstrumentTable
+from services.haptics.jaw_touches import JawTouches
 from services.haptics.local_model import LocalModels
-from services.haptics.outputs import ContactsWriter
 from services.haptics.reactions import Reactions
 from services.haptics.tool_tracker import ToolTracker
 from services.kernel_progress import told
 from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.bodies.forceps.grasp import deepest_touch, touched_apart_m
-from services.mechanics.collision import CatheterContactDetector
-from services.mechanics.collision.pairs import DUCT_TRIANGLE, JAW_A, ContactPairs
+from services.mechanics.collision.pairs import DUCT_TRIANGLE, JAW_A
 from services.mechanics.effects import build_effects, by_stage
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.scene import SceneModel
@@ -27,7 +25,7 @@ from services.runtime.log import progress
 
 
 def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
-    """Deform the wall and detect contacts once, as every tick does; then compile a share for physics.
+    """Look at what jaws in the wall touch, as where they close; then compile a share for physics.
 
     That compiles the contact solve meanwhile, on the other core, and finds in the cache what was compiled here. The
     share is so large that physics ends with the gateway, which compiles after this.
@@ -40,14 +38,13 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
         tools.take_hands(N_TOOLS)
         tools.segments_m[:] = duct.mesh.vertices_m[0]
         tools.segments_m[:, :, 1] += 0.01
-        deformed.warm_up()
-        pairs, particles_m = ContactPairs.allocate(scene.contact.capacity), deformed.particles_m
-        deformed.tool_detector().detect(tools.segments_m, tools.radius_m, particles_m, pairs, tools.present)
-        ContactsWriter(pairs).body(0, tool_table(()), [])
-        deepest_touch(pairs, 0, JAW_A, DUCT_TRIANGLE)
-        touched_apart_m(pairs, duct.mesh, 0, 0)
-        diameter_m = scene.catheter.outer_diameter_m
-        CatheterContactDetector(deformed.surface, particles_m.shape[0], diameter_m, 1e-3).detect(particles_m, pairs)
+        nodes_are_there(deformed.loads[0], 0)
+        deformed.has_catheter, touches = True, JawTouches(scene, duct, tools.radius_m)
+        for _ in range(2):
+            touches.find((0,), tools.segments_m, deformed)
+            tools.segments_m[:, :, 1] += 1e-5
+        deepest_touch(touches.pairs, 0, JAW_A, DUCT_TRIANGLE)
+        touched_apart_m(touches.pairs, duct.mesh, 0, 0)
         kernels.begin("the catheter")
         _step_catheter(scene)
         if kernels.count:
@@ -71,4 +68,4 @@ def compile_for_physics(scene: SceneModel, duct: ReducedDuct) -> None:
     """Call what `services.physics.warm_up` calls last, and what it takes no steps with contacts for."""
     simulation = Simulation(scene, duct)
     simulation.catheter.predict(1e-3)
-    compile_rare_kernels(simulation, ContactPairs.allocate(scene.contact.capacity))
+    compile_rare_kernels(simulation)

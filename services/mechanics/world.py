@@ -69,6 +69,13 @@ class World:
     acceleration_m_s2: FloatArray
     effects: tuple[KeepsState, ...] = ()
 
+    def add_spheres(self, radius_m: FloatArray) -> slice:
+        """Add spheres of these radii, which touch wall and catheter; return where they are in the system's geometry."""
+        spheres = self.system.geometry.spheres
+        here = spheres.add(radius_m)
+        self.search.follow_spheres(spheres)
+        return here
+
     @property
     def slides(self) -> BoolArray:
         """(C,) whether each contact slides: in `set_friction` as in the last step, later as solved in this one."""

@@ -1,4 +1,4 @@
-"""The physics process: tools and contact pairs in, one step per tick, one frame of state out."""
+"""The physics process: tools and grasps in, one step per tick, one frame of state out."""
 
 from __future__ import annotations
 
@@ -54,9 +54,6 @@ class Physics:
 
     def _begin(self) -> None:
         self.simulation = Simulation(self._scene, self._duct)
-        # Hands go on while a process begins anew: a tool that pressed the duct is then inside one that is round again,
-        # and its jaws would close on the wall across them.
-        self.simulation.tools.were_here()
         kept = (self._scene, self.simulation.scene, self._duct, self.simulation.duct.reduced)
         self._beginning = Beginning(self.simulation, kept)
         self._told_rests = 0
@@ -109,7 +106,7 @@ class Physics:
         """Take one step over `ticks`, adding what its stages cost to `costs_ns`; False if it leads to what is not a
         number, which no kernel may ever see.
         """
-        self.simulation.step(self._reader.tools, self._reader.pairs, ticks * TICK_S)
+        self.simulation.step(self._reader.tools, ticks * TICK_S)
         costs_ns[:] = map(add, costs_ns, self.simulation.cost_ns)
         return self._guard.watch()
 
@@ -119,7 +116,6 @@ class Physics:
             "dropped_pairs": float(dropped.pairs),
             "dropped_contacts": float(dropped.rows),
             "dropped_holds": float(dropped.holds),
-            "refused_pairs": float(self._reader.refused_pairs),
             "refused_inputs": float(self.simulation.refused_inputs),
             "healed_states": float(self.simulation.healed_states),
             "rests": float(self.simulation.rests),

@@ -5,15 +5,17 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from protocol.bodies.haptics import tool_table
 from services.kernel_progress import told
-from services.mechanics.arrays import AnyArray, FloatArray, IntArray
+from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.bodies.catheter import CatheterBody
-from services.mechanics.bodies.duct import DuctBody
 from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, ContactPairs
+from services.mechanics.compiled.struct import Address
+from services.mechanics.contact.search import Moving
+from services.mechanics.contact.spheres import Spheres
+from services.mechanics.contact.state import ContactState
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.rod import RodState
 from services.mechanics.rod.implicit import ImplicitIntegrator
@@ -55,7 +57,7 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
     with told(progress) as kernels:
         kernels.begin("what haptics has not compiled")
         simulation = Simulation(scene, duct)
-        tools, pairs = _touch_everything(simulation)
+        tools = _touch_everything(simulation)
         for _ in range(_STEPS_OF_ALL):
             simulation.step(tools)
         tools.holds = [GraspHold(1, 0, DUCT_TRIANGLE, 0, np.array([0.5, 0.3, 0.2]), 1.0, 0.2)]
@@ -63,8 +65,8 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
         for level in range(len(scene.quality)):
             simulation.set_quality(level)
             simulation.step(tools)
-        simulation.solver.compile_kernels(pairs)
-        compile_rare_kernels(simulation, pairs)
+        simulation.solver.compile_kernels()
+        compile_rare_kernels(simulation)
         ContactsReader(simulation).compile_kernels()
         Outputs(simulation, "").state(0, tool_table(()))
         _ = simulation.inserted_length_m
@@ -73,25 +75,20 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
 
 def answer_contacts(scene: SceneModel, duct: ReducedDuct) -> None:
     """Touch everything in a scene with neither collision detection nor a rod that moves."""
-    still = Simulation(scene, duct, _NoSearch(duct))
+    still = Simulation(scene, duct, _MadeUpSearch())
     still.catheter.integrator = _StillRod(still.catheter.properties)
     _touch_everything(still)
     still.solver.compile_kernels()
 
 
-def _touch_everything(simulation: Simulation) -> tuple[ToolInputs, ContactPairs]:
-    """Take steps with a contact of each kind and a grasp; return the tools without it, and the pairs."""
-    tools, pairs = _tools(simulation), ContactPairs.allocate(simulation.scene.contact.capacity)
+def _touch_everything(simulation: Simulation) -> ToolInputs:
+    """Take steps with a contact of each kind and a grasp; return the tools without it."""
+    tools = _tools(simulation)
     tools.holds = [GraspHold(0, 1, CATHETER_SEGMENT, 0, np.array([0.5, 0.5, 0.0]), 1.0, 0.2)]
-    for row, kind in enumerate((DUCT_TRIANGLE, CATHETER_SEGMENT)):
-        pairs.tool[row], pairs.tool_segment[row], pairs.target_kind[row] = 0, JAW_A, kind
-        pairs.target_weights[row] = (0.5, 0.5, 0.0)
-        pairs.normal[row, 2] = 1.0
-    pairs.count = 2
     for _ in range(_STEPS):
-        simulation.step(tools, pairs)
+        simulation.step(tools)
     tools.holds = []
-    return tools, pairs
+    return tools
 
 
 def _tools(simulation: Simulation) -> ToolInputs:
@@ -103,51 +100,49 @@ def _tools(simulation: Simulation) -> ToolInputs:
     return tools
 
 
-class _NoSearch:
-    """Finds nothing, and knows the wall at rest."""
+def _write_touches(pairs: ContactPairs) -> None:
+    """Write a made-up contact of a jaw with the wall, and one with the catheter."""
+    for row, kind in enumerate((DUCT_TRIANGLE, CATHETER_SEGMENT)):
+        pairs.tool[row], pairs.tool_segment[row], pairs.target_kind[row] = 0, JAW_A, kind
+        pairs.target_weights[row] = (0.5, 0.5, 0.0)
+        pairs.normal[row, 2] = 1.0
+    pairs.count = 2
 
-    def __init__(self, duct: ReducedDuct) -> None:
-        self._rest_m = duct.mesh.vertices_m
-        self.inside = np.zeros(0, np.int8)
-        self.against_m = np.zeros((0, 2, 3))
 
-    def start(self, duct: DuctBody) -> None:
-        """The wall stays where it is."""
+class _MadeUpSearch:
+    """Finds what a jaw is made up to touch, and prices nothing."""
 
-    def node_positions(self, nodes: npt.NDArray[np.int32], out: npt.NDArray[np.float64]) -> None:
-        """Write the rest positions."""
-        out[:] = self._rest_m[nodes]
+    has_candidates, dropped = False, 0
 
-    def sphere_detector(self, radius_m: float) -> _NoDetector:
-        """Return what finds nothing."""
-        return _NoDetector()
-
-    def catheter_pairs(self, catheter: CatheterBody, pairs: ContactPairs) -> None:
-        """Append nothing."""
+    def begin(self, bodies: Moving) -> None:
+        """Nothing is anywhere."""
 
     def tool_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
+        """Write the contacts of the jaw, which are the only ones."""
+        _write_touches(pairs)
+
+    def catheter_pairs(self, pairs: ContactPairs) -> None:
         """Append nothing."""
 
-    def take_up_tools(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
-        """Append nothing."""
+    def follow_spheres(self, spheres: Spheres) -> None:
+        """They touch nothing."""
 
-    def end_pairs(self, duct: DuctBody, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
-        """Append nothing."""
+    def see_ahead(self, gap_m: float) -> None:
+        """There is nothing to be seen."""
+
+    def price(self, bodies: Moving, state: Address[ContactState], tolerance_m: float, pairs: ContactPairs) -> int:
+        """Return that nothing ends too deep."""
+        return 0
+
+    def note_pressed(self, state: Address[ContactState]) -> None:
+        """Nothing is remembered."""
+
+    def forget(self) -> None:
+        """Nothing was remembered."""
 
     def is_sound(self) -> bool:
         """Return that nobody is where he should not be."""
         return True
-
-    def state_arrays(self) -> list[AnyArray]:
-        """Return nothing."""
-        return []
-
-
-class _NoDetector:
-    """Finds nothing either."""
-
-    def detect(self, centre_m: npt.NDArray[np.float64], pairs: ContactPairs, ahead_m: npt.NDArray[np.float64]) -> None:
-        """Append nothing."""
 
 
 class _StillRod(ImplicitIntegrator):

@@ -18,7 +18,7 @@ _POSITIVE = {
     "mesh_lumen_diameter_m",
     "catheter": "n_segments length_m outer_diameter_m youngs_modulus_pa density_kg_m3 introducer_length_m",
     "contact": "tolerance_n capacity penalty_stiffness_n_m",
-    "quality": "iterations touch_every ticks_per_step cost_us",
+    "quality": "iterations ticks_per_step cost_us",
 }
 _NOT_NEGATIVE = {
     "duct": "slit_length_m slit_width_m damping_ratio",

@@ -11,8 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocol.bodies import GatewayState, PhysicsState, ToolContacts
-from protocol.bodies.haptics import PAIR_GAP, PAIR_KIND, PAIR_SEGMENT, PAIR_TOOL, TOOL_PORT
-from protocol.bodies.physics import REACTION_FORCE, REACTION_OPENING, REACTION_POSITION, REACTION_PROXY
+from protocol.bodies.haptics import TOOL_PORT
+from protocol.bodies.physics import (
+    REACTION_FORCE,
+    REACTION_GRASP_TORQUE,
+    REACTION_OPENING,
+    REACTION_POSITION,
+    REACTION_PROXY,
+)
 from services.training.site import Site
 
 Vector = NDArray[np.float64]
@@ -23,7 +29,6 @@ TICK_S = 1e-3
 EVERY_TICKS = 4
 """Of so many ticks one is judged: 250 a second, of which 10 Hz of motion are kept."""
 _DUCT, _CATHETER = 0, 1
-_TOUCH_M = 0.2e-3
 _TIP_REACH_M = 3e-3
 _RIM_REACH_M = 3e-3
 _CLIP_REACH_M = 6e-3
@@ -32,6 +37,9 @@ _FREE_M = 5e-3
 """A shorter free length of catheter does not buckle, and its arc is not told from its chord."""
 _FLUSH_BUTTON = 1 << 1
 _JAWS_M = 12e-3
+_LONGEST_JAWS_M, _JAW_M = 30e-3, 2e-3
+"""How far from a junction jaws touch, and beside their cone of a right angle."""
+_SQUEEZED_NM = 0.2e-3
 _ZERO = np.zeros(3)
 
 
@@ -39,7 +47,8 @@ _ZERO = np.zeros(3)
 class Hand:
     """One instrument: ``force_n`` (3,) acts on it; ``hold_m`` is the held point of the catheter along and beside it.
 
-    ``jaw_rad`` is the opening that the handle asks for, ``closed_rad`` the one at which the jaws met what they hold.
+    ``jaw_rad`` is the opening that the handle asks for, ``closed_rad`` the one at which the jaws met what they hold;
+    ``squeeze_nm`` is the torque by which what is between them keeps them open.
     """
 
     name: str = ""
@@ -49,6 +58,7 @@ class Hand:
     speed_m_s: float = 0.0
     force_n: Vector = field(default_factory=lambda: _ZERO)
     jaw_rad: float = 0.0
+    squeeze_nm: float = 0.0
     has_force: bool = True
     holds_catheter: bool = False
     grips_duct: bool = False
@@ -132,7 +142,7 @@ class Observer:
         entry = rod.behind_tip(inserted_m) if inserted_m > 0.0 else None
         self._take_mouth(s, state, rod, entry)
         self._take_contacts(s, state, entry)
-        self._take_holds(s, rod, entry)
+        self._take_holds(s, state, rod, entry)
         self._take_tools(s)
         return s
 
@@ -145,6 +155,7 @@ class Observer:
                 proxy_m=row[REACTION_PROXY : REACTION_PROXY + 3],
                 force_n=row[REACTION_FORCE : REACTION_FORCE + 3],
                 jaw_rad=float(row[REACTION_OPENING]),
+                squeeze_nm=float(row[REACTION_GRASP_TORQUE]),
             )
             for k, row in enumerate(table)
         ]
@@ -197,12 +208,12 @@ class Observer:
         s.rim_n = loads.net((of[0] | of[2]) & (away_m < radius_m + _RIM_REACH_M))
         s.clip_n = loads.sides(of[0] & (away_m < radius_m + _CLIP_REACH_M))[1]
 
-    def _take_holds(self, s: Situation, rod: _Rod, entry: Vector | None) -> None:
+    def _take_holds(self, s: Situation, state: PhysicsState, rod: _Rod, entry: Vector | None) -> None:
         if self._contacts is None:
             return
-        touched = self._touched_jaws()
-        for k, hand in enumerate(s.hands):
-            hand.grips_duct = {(k, 1), (k, 2)} <= touched
+        pressed_m = _pressed_duct(state)
+        for hand in s.hands:
+            hand.grips_duct = hand.squeeze_nm > _SQUEEZED_NM and _are_between_jaws(hand, pressed_m)
         for hold in self._contacts.holds:
             if hold.tool >= len(s.hands):
                 continue
@@ -211,7 +222,7 @@ class Observer:
             if hold.target_kind == _DUCT:
                 hand.grips_duct = True
             elif hold.target + 1 < len(rod.points):
-                hand.holds_catheter = True
+                hand.holds_catheter, hand.grips_duct = True, False
                 self._take_catheter_hold(s, hand, rod, float(hold.target + hold.target_weights[1]), entry)
 
     def _take_catheter_hold(self, s: Situation, hand: Hand, rod: _Rod, at: float, entry: Vector | None) -> None:
@@ -224,13 +235,6 @@ class Observer:
         chord_m = _length((s.tip_m if entry is None else entry) - point)
         if end_m - arc_m > _FREE_M and chord_m > 0.0:
             s.arc_over_chord = max(s.arc_over_chord, (end_m - arc_m) / chord_m)
-
-    def _touched_jaws(self) -> set[tuple[int, int]]:
-        """Return the pairs of tool and segment that touch the duct."""
-        assert self._contacts is not None
-        index, gap = self._contacts.pair_index.view(), self._contacts.pair_geometry.view()[:, PAIR_GAP]
-        near = index[(index[:, PAIR_KIND] == _DUCT) & (gap < _TOUCH_M)]
-        return {(int(row[PAIR_TOOL]), int(row[PAIR_SEGMENT])) for row in near}
 
     def _take_tools(self, s: Situation) -> None:
         site = self._site
@@ -327,6 +331,23 @@ def _in_tool(hand: Hand, point: Vector) -> tuple[float, float]:
     along, away = hand.position_m - hand.port_m, point - hand.proxy_m
     axial_m = float(away @ along) / max(_length(along), 1e-9)
     return axial_m, math.sqrt(max(float(away @ away) - axial_m * axial_m, 0.0))
+
+
+def _pressed_duct(state: PhysicsState) -> Vector:
+    """Return where (n, 3) tools press the duct."""
+    contacts = state.contacts
+    is_pressed = (contacts.kind.view() == _DUCT) & contacts.force_n.view().any(axis=1)
+    pressed: Vector = contacts.point_m.view()[is_pressed]
+    return pressed
+
+
+def _are_between_jaws(hand: Hand, points: Vector) -> bool:
+    """Return whether any of some points (n, 3) is where the jaws of an instrument are."""
+    along, away = hand.position_m - hand.port_m, points - hand.proxy_m
+    axial_m = away @ along / max(_length(along), 1e-9)
+    beside_m = np.sqrt(np.maximum(np.einsum("ij,ij->i", away, away) - axial_m * axial_m, 0.0))
+    is_between = (axial_m > 0.0) & (axial_m < _LONGEST_JAWS_M) & (beside_m < axial_m + _JAW_M)
+    return bool(is_between.any())
 
 
 def _length(vector: Vector) -> float:

@@ -49,7 +49,7 @@ def insertion_tick(scene: SceneModel, draw: Draw, dt_s: float = TICK_S) -> Tick:
     simulation = Simulation(scene, build_scene_duct(scene, cache_directory() / "bases"))
     for tick in range(round(draw.pick(_SHORT_S, SLIDING_S, SLIDING_S) / TICK_S)):
         hands.write_inputs((tick + 1) * TICK_S, tools)
-        simulation.step(tools, None, TICK_S)
+        simulation.step(tools, TICK_S)
     return in_steps(simulation, tools, dt_s)
 
 
@@ -59,6 +59,6 @@ def in_steps(simulation: Simulation, tools: ToolInputs, dt_s: float, times: int 
 
     def tick() -> None:
         for _ in range(per_tick):
-            simulation.step(tools, None, times * dt_s)
+            simulation.step(tools, times * dt_s)
 
     return tick

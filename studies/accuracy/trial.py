@@ -89,7 +89,7 @@ class Trial:
         for tick in range(n * per_sample):
             if (tick + 1) % per_step == 0:
                 hands.write_inputs((tick + 1) * dt_s, tools)
-                simulation.step(tools, None, per_step * dt_s)
+                simulation.step(tools, per_step * dt_s)
             at = tick // per_sample
             run.force_n[at, :, :3] = simulation.tool_results.force_n
             run.force_n[at, :, 3] = simulation.tool_results.grasp_torque_nm / jaw_m
@@ -110,7 +110,7 @@ class Trial:
         simulation, hands, tools = self._begin(scene, level)
         for tick in range(round(HELD_AT * hands.duration_s / TICK_S)):
             hands.write_inputs((tick + 1) * TICK_S, tools)
-            simulation.step(tools, None, TICK_S)
+            simulation.step(tools, TICK_S)
         return in_steps(simulation, tools, dt_s, scene.quality[level].ticks_per_step)
 
     def _begin(self, scene: SceneModel, level: int) -> tuple[Simulation, Any, ToolInputs]:

@@ -24,7 +24,6 @@ LEAST_FREED = 0.02
 """A rung of the ladder frees at least this share of a tick, and more than the noise: less is not worth a switch."""
 _FEWEST_MODES, _FEWEST_SEGMENTS, _COARSEST = 10, 25, (12, 14)
 _SWEEPS = (10, 5, 2)
-_TOUCH_EVERY = (2, 3)
 _TICKS_PER_STEP = (1, 2)
 _COARSER_IF_MORE = ("duct.mesh_edge_m",)
 
@@ -106,7 +105,7 @@ def finest(scene: SceneModel) -> SceneModel:
     elif duct.mesh_edge_m is not None:
         duct = replace(duct, mesh_edge_m=duct.mesh_edge_m / 1.4)
     duct = replace(duct, n_modes=round(1.5 * duct.n_modes))
-    quality = (replace(best, name="full", iterations=2 * best.iterations, without=(), touch_every=1, ticks_per_step=1),)
+    quality = (replace(best, name="full", iterations=2 * best.iterations, without=(), ticks_per_step=1),)
     return replace(
         scene, duct=duct, catheter=replace(catheter, n_segments=round(1.5 * catheter.n_segments)), quality=quality
     )
@@ -290,23 +289,22 @@ def _error_percent(level: QualityLevel) -> float:
 
 
 def _levels(scene: SceneModel) -> Iterator[QualityLevel]:
-    """Yield what may be tried: fewer sweeps; and effects at rest, fewer particles that touch, longer steps together."""
-    best = replace(scene.quality[0], name="full", without=(), touch_every=1, ticks_per_step=1)
+    """Yield what may be tried: fewer sweeps; and effects at rest and longer steps together."""
+    best = replace(scene.quality[0], name="full", without=(), ticks_per_step=1)
     yield best
     able = tuple(name for name in scene.effects if EFFECTS[name].kind.can_rest and name not in scene.essential)
     resting = [(), *((name,) for name in able), *([able] if len(able) > 1 else [])]
     for sweeps in [sweeps for sweeps in _SWEEPS if sweeps < best.iterations]:
         yield replace(best, name=f"{sweeps} sweeps", iterations=sweeps)
-    for ticks, touch_every, without in itertools.product(_TICKS_PER_STEP, (1, *_TOUCH_EVERY), resting):
-        if name := _name(ticks, touch_every, without):
-            yield replace(best, name=name, ticks_per_step=ticks, touch_every=touch_every, without=without)
+    for ticks, without in itertools.product(_TICKS_PER_STEP, resting):
+        if name := _name(ticks, without):
+            yield replace(best, name=name, ticks_per_step=ticks, without=without)
 
 
-def _name(ticks_per_step: int, touch_every: int, without: Sequence[str]) -> str:
+def _name(ticks_per_step: int, without: Sequence[str]) -> str:
     longer = f"steps of {ticks_per_step} ms" if ticks_per_step > 1 else ""
-    touching = f"one particle in {touch_every} touches" if touch_every > 1 else ""
     resting = f"without {' and '.join(without)}" if without else ""
-    return " ".join(filter(None, (", ".join(filter(None, (longer, touching))), resting)))
+    return " ".join(filter(None, (longer, resting)))
 
 
 def _even(value: float) -> int:

@@ -76,7 +76,7 @@ def drive(play: Play) -> Driven:
     simulation, tools = Simulation(play.scene, reduced_duct(play.scene, play.mesh)), ToolInputs()
     speed_m_s = play.hands.top_speed_m_s(play.dt_s)
     play.hands.write(0, tools)
-    simulation.step(tools, None, play.dt_s)
+    simulation.step(tools, play.dt_s)
     watch = Watch(simulation, speed_m_s)
     run = _Run(simulation, EnergyBook(simulation, watch), watch, tools, play)
     is_sound = run.through_hands() and run.until_quiet()
@@ -178,7 +178,7 @@ def _rest_shape(scene: SceneModel, dt_s: float) -> FloatArray:
         simulation, tools = Simulation(scene, reduced_duct(scene)), ToolInputs()
         tools.present[:] = False
         for _ in range(round(SETTLE_S / dt_s)):
-            simulation.step(tools, None, dt_s)
+            simulation.step(tools, dt_s)
         _shapes[key] = simulation.catheter.state.position_m.copy()
     return _shapes[key]
 

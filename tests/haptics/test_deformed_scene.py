@@ -1,4 +1,4 @@
-"""Haptics looks for contacts on the wall and the catheter that physics has just moved."""
+"""Haptics looks for touches on the wall and the catheter that physics has just moved."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ def insertion(insertion_duct):
 
 def test_catheter_is_20_mm_in_the_duct_at_the_end(insertion):
     assert insertion.simulation.inserted_length_m >= 20e-3
-    assert insertion.simulation.search.inside[-8:].all()
+    assert insertion.simulation.inside[-8:].all()
 
 
 def test_no_particle_is_ever_deeper_than_100_um_in_the_wall(insertion):

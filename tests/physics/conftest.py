@@ -44,10 +44,12 @@ class Rig:
         self.physics = Physics(self.physics_process, self.meter, scene, duct)  # type: ignore[arg-type]
         self.tick = self.begins = 0
 
-    def turn(self, *hips_m: tuple[float, float, float], handle_rad: float = 0.5) -> None:
+    def turn(self, *hips_m: tuple[float, float, float], handle_rad: float = 0.5, roll_rad: float = 0.0) -> None:
         """One millisecond: device frame, haptics, physics."""
         instruments = tuple(
-            InstrumentState(name=f"{i}", position_m=hip, port_m=PORTS[i % 2], handle_angle_rad=handle_rad)
+            InstrumentState(
+                name=f"{i}", position_m=hip, port_m=PORTS[i % 2], handle_angle_rad=handle_rad, roll_rad=roll_rad
+            )
             for i, hip in enumerate(hips_m)
         )
         state = GatewayState(tick=self.tick, instruments=instruments, begins=self.begins)

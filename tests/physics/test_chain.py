@@ -11,7 +11,7 @@ import pytest
 from protocol import Frame
 from protocol.arrays import pack
 from protocol.bodies import GatewayState, GraspHold, InstrumentState
-from services.mechanics.collision.pairs import ContactPairs
+from protocol.bodies.haptics import tool_table
 from services.mechanics.scene.tools import ToolInputs
 from services.physics.inputs import ContactsReader
 from tests.health_reports import report_of
@@ -87,7 +87,6 @@ def test_what_finds_no_room_is_told(in_memory: type[Rig]) -> None:
     assert told["haptics", 96]["dropped_pairs"] == told["physics", 96]["dropped_pairs"] == 0.0
     assert told["physics", 96]["dropped_contacts"] == told["physics", 96]["dropped_holds"] == 0.0
     assert told["physics", 96]["refused_inputs"] == 0.0
-    assert told["haptics", 1]["dropped_pairs"] > 0.0
     assert told["physics", 1]["dropped_contacts"] + told["physics", 1]["dropped_pairs"] > 0.0
 
 
@@ -122,61 +121,26 @@ def test_when_physics_falls_silent_no_force_is_known(rig: Rig, monkeypatch: pyte
     assert not answer.body.local_models()[0].in_contact
 
 
-def test_indices_that_point_nowhere_are_refused_whole(rig: Rig) -> None:
+def test_a_frame_with_a_grasp_of_what_is_not_there_is_refused_whole(rig: Rig) -> None:
     """Kernels trust indices: one that is out of range must never reach them."""
-    _press(rig, 60)
     reader = ContactsReader(rig.physics.simulation)
-    bodies = []
-    rig.turn((0.02, 0.0, 0.006), FAR)
-    sender = rig.haptics_process.bus
     spy = type(rig.gateway)(rig.hub, reads=["haptics.contacts"])
     rig.turn((0.02, 0.0, 0.006), FAR)
     frame = spy.latest("haptics.contacts")
     assert frame is not None
-    good = frame.body
-    n = len(good.pair_index.view())
-    assert n > 0
-    assert reader.take(good)
-    tool, segment, kind, target = range(4)
-    for column, value in [(target, 10**6), (target, -1), (tool, 2), (tool, -1), (segment, 3), (kind, 2), (kind, -1)]:
-        table = good.pair_index.view().copy()
-        table[-1, column] = value
-        bodies.append(msgspec.structs.replace(good, pair_index=pack(table, "<i4")))
     hold = GraspHold(
-        hold_id=1, tool=0, target_kind=1, target=20, target_weights=(1.0, 0.0, 0.0), limit_n=1.0, jaw_angle_rad=0.1
+        hold_id=1, tool=0, target_kind=1, target=19, target_weights=(1.0, 0.0, 0.0), limit_n=1.0, jaw_angle_rad=0.1
     )
-    bodies.append(msgspec.structs.replace(good, holds=(hold,)))
-    bodies.append(msgspec.structs.replace(good, holds=(msgspec.structs.replace(hold, tool=5, target=1),)))
-    for body in bodies:
-        assert not reader.take(body)
-    assert reader.refused == len(bodies)
-    assert sender is not None
-
-
-def test_a_pair_whose_numbers_are_none_of_a_contact_is_left_out(rig: Rig) -> None:
-    """The hands in the same frame are followed: it may be the only pair that detection could not give a direction."""
-    _press(rig, 60)
-    reader = ContactsReader(rig.physics.simulation)
-    spy = type(rig.gateway)(rig.hub, reads=["haptics.contacts"])
-    rig.turn((0.02, 0.0, 0.006), FAR)
-    frame = spy.latest("haptics.contacts")
-    assert frame is not None
-    index, geometry = frame.body.pair_index.view(), frame.body.pair_geometry.view()
-    n = len(index)
-    spoilt = [[(5, 0.0), (6, 0.0), (4, 0.0)], [(1, 7.0)], [(0, -3.0)], [(7, 1e9)], [(5, np.nan)]]
-    for wrong in spoilt:
-        table = np.concatenate([geometry, geometry[-1:]])
-        for column, value in wrong:
-            table[n - 1, column] = value
-        tables = {
-            "pair_index": pack(np.concatenate([index, index[-1:]]), "<i4"),
-            "pair_geometry": pack(table),
-        }
-        assert reader.take(msgspec.structs.replace(frame.body, **tables))
-        assert reader.pairs.count == n
-        np.testing.assert_array_equal(reader.pairs.normal[n - 1], geometry[-1, 4:7])
-        np.testing.assert_array_equal(reader.tools.position_m[0], frame.body.tool_states()[0].position_m)
-    assert (reader.refused, reader.refused_pairs) == (0, len(spoilt))
+    good = msgspec.structs.replace(frame.body, holds=(hold,))
+    assert reader.take(good)
+    n_triangles = len(rig.physics.simulation.duct.reduced.mesh.triangles)
+    wrong = {"target": 20}, {"tool": 5}, {"target_kind": 0, "target": n_triangles}
+    for changes in wrong:
+        holds = (msgspec.structs.replace(hold, **changes),)
+        assert not reader.take(msgspec.structs.replace(good, tools=tool_table(()), holds=holds))
+        assert reader.tools.present.tolist() == [True, True]
+        assert [each.target for each in reader.tools.holds or ()] == [19]
+    assert reader.refused == len(wrong)
 
 
 def test_the_same_frames_give_the_same_physics(rig: Rig) -> None:
@@ -248,9 +212,9 @@ def test_on_a_rung_with_long_steps_physics_answers_every_second_tick_and_loses_n
     lengths_s: list[float] = []
     step = rig.physics.simulation.step
 
-    def watched(tools: ToolInputs, pairs: ContactPairs, dt_s: float) -> None:
+    def watched(tools: ToolInputs, dt_s: float) -> None:
         lengths_s.append(dt_s)
-        step(tools, pairs, dt_s)
+        step(tools, dt_s)
 
     asked: list[int] = []
     advance = rig.physics.advance
@@ -282,9 +246,9 @@ def test_a_tick_that_is_lost_changes_no_step_s_length(in_memory: type[Rig], monk
     lengths_s: list[float] = []
     step = rig.physics.simulation.step
 
-    def watched(tools: ToolInputs, pairs: ContactPairs, dt_s: float) -> None:
+    def watched(tools: ToolInputs, dt_s: float) -> None:
         lengths_s.append(dt_s)
-        step(tools, pairs, dt_s)
+        step(tools, dt_s)
 
     monkeypatch.setattr(rig.physics.simulation, "step", watched)
     began = rig.tick

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from protocol.arrays import pack
-from protocol.bodies import ToolContacts, ToolReaction, ToolState
-from protocol.bodies.haptics import PAIR_GEOMETRY, PAIR_INDICES, TOOL_COLUMNS, tool_table
+from protocol.bodies import GraspHold, ToolContacts, ToolReaction, ToolState
+from protocol.bodies.haptics import TOOL_COLUMNS, tool_table
 from protocol.bodies.physics import reaction_table
 from services.physics.inputs import ContactsReader
 from services.physics.outputs import Outputs
@@ -21,10 +20,8 @@ TOOLS = [
 ]
 
 
-def frame(*tools: ToolState, pairs: int = 0, target: int = 0) -> ToolContacts:
-    index = np.tile([0, 1, 0, target], (pairs, 1)).reshape(pairs, PAIR_INDICES)
-    geometry = np.tile([0.5, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1e-4], (pairs, 1)).reshape(pairs, PAIR_GEOMETRY)
-    return ToolContacts(tick=0, tools=tool_table(tools), pair_index=pack(index, "<i4"), pair_geometry=pack(geometry))
+def frame(*tools: ToolState, holds: tuple[GraspHold, ...] = ()) -> ToolContacts:
+    return ToolContacts(tick=0, tools=tool_table(tools), holds=holds)
 
 
 def test_rows_are_what_their_names_say() -> None:
@@ -75,18 +72,12 @@ def test_every_number_of_a_tool_arrives_in_its_place(rig: Rig) -> None:
 
 def test_a_frame_that_is_refused_moves_no_tool(rig: Rig) -> None:
     reader = ContactsReader(rig.physics.simulation)
-    assert reader.take(frame(*TOOLS[:2], pairs=2))
-    assert not reader.take(frame(*TOOLS[1:], pairs=2, target=10**6))
+    hold = GraspHold(
+        hold_id=1, tool=0, target_kind=0, target=10**6, target_weights=(1.0, 0.0, 0.0), limit_n=1.0, jaw_angle_rad=0.1
+    )
+    assert reader.take(frame(*TOOLS[:2]))
+    assert not reader.take(frame(*TOOLS[1:], holds=(hold,)))
     assert tuple(reader.tools.position_m[0]) == TOOLS[0].position_m
-    assert reader.pairs.count == 2
-
-
-def test_more_pairs_than_there_is_room_for_are_dropped_and_none_written_beyond(rig: Rig) -> None:
-    reader = ContactsReader(rig.physics.simulation)
-    for pairs in (reader.pairs.capacity + 1, 4 * reader.pairs.capacity + 7):
-        assert reader.take(frame(*TOOLS[:2], pairs=pairs))
-        assert reader.pairs.count == reader.pairs.capacity
-        assert reader.pairs.dropped == pairs - reader.pairs.capacity
 
 
 def test_what_tools_feel_is_what_was_solved_about_the_hands_of_the_frame(rig: Rig) -> None:

@@ -54,7 +54,7 @@ def test_what_is_compiled_on_the_stand_in_is_what_the_duct_of_the_scene_asks_for
 def test_what_haptics_compiles_for_physics_is_what_physics_asks_for() -> None:
     """Else it would be compiled in vain, while the gateway waits for it."""
     shared = set(_run("share"))
-    assert len(shared) > 10
+    assert len(shared) > 5
     assert shared - set(_run("physics")) == set()
 
 
@@ -137,7 +137,7 @@ def _later() -> None:
         is_held = 200 < tick < 300
         tools.holds = [GraspHold(1, 1, DUCT_TRIANGLE, 10, np.array([0.5, 0.3, 0.2]), 1.0, 0.2)] if is_held else []
         simulation.step(tools)
-    assert simulation.solver.second_look.met
+    assert simulation.solver.pricing.new_rows
     assert plans
     compiled = sorted(_signatures() - before)
     closures = [each.py_func.__qualname__ for each in KERNELS if "<locals>" in each.py_func.__qualname__]

@@ -151,7 +151,7 @@ def mechanics_alone(rig: WholeRig) -> tuple[FloatArray, float]:
             tools.position_m[i], tools.roll_rad[i] = device.position_m, device.roll_rad
             ratio, most = forceps.jaw_ratio, forceps.jaw_max_angle_rad
             tools.jaw_angle_rad[i] = jaw_angle_from_handle(device.handle_angle_rad, ratio, most)
-        simulation.step(tools, None, 1e-3)
+        simulation.step(tools, 1e-3)
         forces[k] = simulation.tool_results.force_n
     return forces, simulation.inserted_length_m
 

@@ -44,10 +44,6 @@ def _contacts() -> bodies.ToolContacts:
     return bodies.ToolContacts(
         tick=5,
         tools=tool_table([bodies.ToolState(position_m=(0.1, 0.2, 0.3), port_m=(0.0, 0.0, 0.1), jaw_angle_rad=0.5)]),
-        pair_index=pack([[0, 1, 0, 17], [0, 2, 1, 3]], "<i4"),
-        pair_geometry=pack(
-            [[0.25, 0.2, 0.3, 0.5, 0.0, 0.0, 1.0, -1e-4], [0.5, 0.5, 0.5, 0.0, 0.0, 1.0, 0.0, 2e-4]]
-        ),
         holds=(
             bodies.GraspHold(
                 hold_id=2, tool=0, target_kind=1, target=3, target_weights=(0.5, 0.5, 0.0),

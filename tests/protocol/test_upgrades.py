@@ -52,6 +52,7 @@ OLD = [
     ("haptics.contacts", 1),
     ("haptics.contacts", 2),
     ("haptics.contacts", 3),
+    ("haptics.contacts", 4),
     ("physics.state", 1),
 ]
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from protocol import TOPICS, bodies
+from protocol import TOPICS, bodies, former
 from protocol.arrays import Array, Spec, pack
 from protocol.fields import arrays, fields
 from protocol.table import columns
@@ -36,6 +36,21 @@ def test_every_topic_comes_back(tmp_path: Path, name: str) -> None:
     assert read.frame == frame
 
 
+def test_contacts_of_version_4_are_read_without_their_pairs() -> None:
+    """So were they recorded: their tools are named rows, which the bytes of the bus are not."""
+    now = samples.frame("haptics.contacts")
+    body = former.ToolContacts4(
+        tick=now.body.tick,
+        tools=now.body.tools,
+        pair_index=pack([[0, 1, 0, 17]], "<i4"),
+        pair_geometry=pack([[0.25, 0.2, 0.3, 0.5, 0.0, 0.0, 1.0, -1e-4]]),
+        holds=now.body.holds,
+        begins=3,
+    )
+    read = to_frame(now.topic, to_protobuf(msgspec.structs.replace(now, version=4, body=body)))
+    assert read == msgspec.structs.replace(now, body=msgspec.structs.replace(now.body, begins=3))
+
+
 def test_others_read_numbers_arrays_and_named_rows_without_this_project(tmp_path: Path) -> None:
     writer = RecordingWriter(tmp_path / "a.mcap", {})
     for name in ("gateway.state", "physics.state", "haptics.contacts", "physics.health"):
@@ -50,8 +65,8 @@ def test_others_read_numbers_arrays_and_named_rows_without_this_project(tmp_path
     (named,) = by_topic["/physics/state"].tools
     assert (tuple(named.force_n), named.grasp_torque_nm) == (tool.force_n, tool.grasp_torque_nm)
     contacts = by_topic["/haptics/contacts"]
-    assert list(contacts.pair_index) == [0, 1, 0, 17, 0, 2, 1, 3]
-    np.testing.assert_allclose(contacts.pair_geometry[:8], [0.25, 0.2, 0.3, 0.5, 0.0, 0.0, 1.0, -1e-4])
+    assert [tuple(tool.port_m) for tool in contacts.tools] == [(0.0, 0.0, 0.1)]
+    assert [(hold.hold_id, list(hold.target_weights)) for hold in contacts.holds] == [(2, [0.5, 0.5, 0.0])]
     assert by_topic["/physics/health"].topics[0].refused["malformed"] == 1
 
 

@@ -153,7 +153,7 @@ def test_scenes_for_an_insertion_end_with_the_catheter_in_the_duct(name, own_cac
 
 
 def test_a_rung_of_fewer_particles_that_touch_kicks_no_hand_and_inserts_as_far(own_cache):
-    levels = QualityLevel(), QualityLevel(name="half", touch_every=2)
+    levels = QualityLevel(), QualityLevel(name="half", iterations=15)
     scene = replace(load_scene("narrow", SMALLER), quality=levels)
     duct = load_duct(scene, own_cache, lambda *_: None)
     simulation, tools, steps_n = Simulation(scene, duct), ToolInputs(), []

@@ -99,9 +99,13 @@ def _frames(tick: int, at: Mapping[str, float]) -> Iterator[tuple[str, int, msgs
     yield "haptics.contacts", time_ns, _contacts(tick, at, positions, ports, jaws)
     reactions = [
         bodies.ToolReaction(
-            force_n=tuple(force), position_m=tuple(place), proxy_position_m=tuple(place), jaw_angle_rad=jaw
+            force_n=tuple(force),
+            position_m=tuple(place),
+            proxy_position_m=tuple(place),
+            jaw_angle_rad=jaw,
+            grasp_torque_nm=torque,
         )
-        for force, place, jaw in zip(forces, positions, jaws, strict=True)
+        for force, place, jaw, torque in zip(forces, positions, jaws, (0.0, 5e-3 * (at["grip"] > 0.5)), strict=True)
     ]
     yield "physics.state", time_ns, bodies.PhysicsState(
         tick=tick,
@@ -114,7 +118,7 @@ def _frames(tick: int, at: Mapping[str, float]) -> Iterator[tuple[str, int, msgs
             position_m=pack(catheter), velocity_m_s=pack(np.zeros((N, 3))), radius_m=0.8e-3,
             inserted_length_m=0.0 if at["outside"] > 0.5 else at["inserted"],
         ),
-        contacts=_forces(at, catheter),
+        contacts=_forces(at, catheter, _between_jaws(positions[1], ports[1])),
     )  # fmt: skip
 
 
@@ -158,7 +162,6 @@ def _contacts(tick: int, at: Mapping[str, float], positions: Any, ports: Any, ja
     hold = bodies.GraspHold(
         hold_id=7, tool=0, target_kind=1, target=HELD, target_weights=(1.0, 0.0, 0.0), limit_n=2.0, jaw_angle_rad=0.2
     )
-    grip = at["grip"] > 0.5
     return bodies.ToolContacts(
         tick=tick,
         tools=tool_table(
@@ -167,19 +170,21 @@ def _contacts(tick: int, at: Mapping[str, float], positions: Any, ports: Any, ja
                 for k in range(2)
             ]
         ),
-        pair_index=pack([[1, 1, 0, 17], [1, 2, 0, 30]] if grip else np.zeros((0, 4)), "<i4"),
-        pair_geometry=pack([[0.5, 0.3, 0.3, 0.4, 0.0, 0.0, 1.0, 0.0]] * 2 if grip else np.zeros((0, 8))),
         holds=(hold,) if at["hold"] > 0.5 else (),
     )
 
 
-def _forces(at: Mapping[str, float], catheter: np.ndarray) -> bodies.ContactForces:
+def _between_jaws(position: np.ndarray, port: Any) -> np.ndarray:
+    along = position - np.array(port)
+    return np.asarray(position + 6e-3 * along / np.linalg.norm(along))
+
+
+def _forces(at: Mapping[str, float], catheter: np.ndarray, between_jaws: np.ndarray) -> bodies.ContactForces:
     """Return pairs of opposite forces for squeezes, and one force each for loads on rim, tip and wall."""
     z = np.array([0.0, 0.0, 1.0])
     rows: list[tuple[int, np.ndarray, np.ndarray]] = []
     if at["grip"] > 0.5:
-        beside = _from_mouth(-20e-3, 0.0, 0.0)
-        rows += [(0, beside, at["duct_squeeze"] * z), (0, beside, -at["duct_squeeze"] * z)]
+        rows += [(0, between_jaws, at["duct_squeeze"] * z), (0, between_jaws, -at["duct_squeeze"] * z)]
         rows += [(0, MOUTH, at["clip"] * z), (0, MOUTH, -at["clip"] * z)]
     if at["hold"] > 0.5:
         rows += [(1, catheter[HELD], at["catheter_squeeze"] * z), (1, catheter[HELD], -at["catheter_squeeze"] * z)]

@@ -120,7 +120,7 @@ def grasps(n: int) -> dict[str, Channel]:
 
 
 case("E13", "regrasps", grasps(7), grasps(6))
-by_value("E14", "counter-traction", "traction", 0.01, 1.5, duct_squeeze=[(0.0, 0.0)])
+by_value("E14", "counter-traction", "traction", 0.01, 1.5, duct_squeeze=[(0.0, 1e-6)])
 
 
 def judged(changes: dict[str, Channel], seconds: float = 16.0) -> tuple[Judge, list[ErrorEvent]]:

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from protocol import TOPICS
 from protocol.arrays import pack
-from protocol.bodies import GatewayState, GraspHold
+from protocol.bodies import GatewayState, GraspHold, PhysicsState
+from protocol.bodies.physics import REACTION_GRASP_TORQUE
 from services.training.judge import Judge
 from services.training.procedure import PHASES, Procedure
 from services.training.situation import Loads, Observer, Situation, segments_apart_m
@@ -49,6 +50,29 @@ def seen(changes: dict[str, Channel], seconds: float) -> Situation:
         last = observer.take(topic, body) or last
     assert last is not None
     return last
+
+
+@pytest.mark.parametrize(
+    ("torque_nm", "away_m", "kind", "grips"),
+    [(5e-3, 0.0, 0, True), (0.0, 0.0, 0, False), (-5e-3, 0.0, 0, False), (5e-3, 0.02, 0, False), (5e-3, 0.0, 2, False)],
+    ids=["squeezed", "touched", "pushed shut", "pressed elsewhere", "catheter at the wall"],
+)
+def test_jaws_grip_the_duct_where_it_keeps_them_open(torque_nm: float, away_m: float, kind: int, grips: bool) -> None:
+    observer, situation = Observer(None), None
+    for topic, _, body in messages(changed({"grip": [(0.0, 1.0)], "hold": [(0.0, 0.0)]}), 0.02):
+        if isinstance(body, PhysicsState):
+            table = body.tools.view().copy()
+            table[1, REACTION_GRASP_TORQUE] = torque_nm
+            contacts = msgspec.structs.replace(
+                body.contacts,
+                kind=pack([kind], "|i1"),
+                point_m=pack(body.contacts.point_m.view()[:1] + np.array([0.0, away_m, 0.0])),
+                force_n=pack([[0.0, 0.0, 1.0]]),
+            )
+            body = msgspec.structs.replace(body, tools=pack(table), contacts=contacts)
+        situation = observer.take(topic, body) or situation
+    assert situation is not None
+    assert [hand.grips_duct for hand in situation.hands] == [False, grips]
 
 
 def test_an_arc_of_a_circle_has_its_radius() -> None:

@@ -1,84 +1,153 @@
-"""The duct's mouth: its plane, and how much of the catheter is beyond it."""
+"""Which particles of the catheter are in the lumen, and how much of it is beyond the opening it came by.
+
+The lumen is what wall and caps over its openings enclose. An axis never crosses the wall, so along the catheter the
+side changes at the caps and nowhere else: it is known at the first particle, and every crossing of a cap turns it.
+"""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from services.mechanics.arrays import ByteArray, FloatArray
-from services.mechanics.bodies.catheter import CatheterBody
+from services.mechanics.arrays import ByteArray, FloatArray, IntArray
 from services.mechanics.bodies.wall_motion import wall_motion
+from services.mechanics.collision.primitives import segment_pierces
+from services.mechanics.collision.rim_caps import fill_rim
 from services.mechanics.compiled import kernel
-from services.mechanics.compiled.vectors import Vector, dot, row, subtract
+from services.mechanics.compiled.vectors import Vector, cross, dot, row, squared_distance, subtract
 from services.mechanics.reduction import ReducedDuct
+from services.mechanics.surface.mesh import boundary_loops
+
+OUTSIDE = -1.0
 
 
 class Mouth:
-    """Plane through three nodes of the free rim, a third of it apart, moving with the modes."""
+    """The caps over a duct's openings, moving with the modes, and a catheter that goes through them.
 
-    def __init__(self, duct: ReducedDuct) -> None:
-        rim = duct.mesh.vertex_sets["mouth"]
-        self._nodes = rim[[0, len(rim) // 3, 2 * len(rim) // 3]]
+    Parameters
+    ----------
+    duct : ReducedDuct
+    n_particles : int
+
+    Attributes
+    ----------
+    inside : (n_particles,) int8
+        One where a particle is in the lumen, as of the last `follow`.
+    """
+
+    def __init__(self, duct: ReducedDuct, n_particles: int) -> None:
+        mesh = duct.mesh
+        caps = [fill_rim(mesh.vertices_m, rim) for rim in boundary_loops(mesh)]
+        triangles = np.concatenate([np.zeros((0, 3), np.int32), *caps])
+        self._nodes, local = np.unique(triangles, return_inverse=True)
+        self._nodes = self._nodes.astype(np.int32)
+        self._caps = np.ascontiguousarray(local.reshape(-1, 3), np.int32)
+        self._ends = np.cumsum([len(cap) for cap in caps], dtype=np.int32)
+        self._closed, self._mesh = np.concatenate([mesh.triangles, triangles]), mesh
         self._motion = wall_motion(duct, 1)
-        self._rest_m = np.ascontiguousarray(duct.mesh.vertices_m[self._nodes])
-        self._modes = np.ascontiguousarray(duct.basis.Phi[self._nodes])
-        self._is_straight = duct.warp is None
+        self.inside = np.zeros(n_particles, np.int8)
+        self._begins_inside = False
+        self._base_m: FloatArray | None = None
+        self._corners_m = mesh.vertices_m[self._nodes]
 
-    def inserted_length_m(self, q: FloatArray, catheter: CatheterBody, inside: ByteArray) -> float:
-        """Return the rest length from where the catheter crosses the plane to its tip, if the tip is inside.
+    def follow(self, q: FloatArray, position_m: FloatArray) -> float:
+        """Find who is inside, of particles (n, 3); return where the axis last crossed a cap, in segments.
 
-        ``inside`` (n,) is one where a particle is in the lumen.
+        `OUTSIDE` where the tip is not in the lumen; 0 where all of the catheter is.
         """
-        if not inside.size:
-            return 0.0
-        segment_m, position_m = catheter.properties.segment_length_m, catheter.state.position_m
-        if self._is_straight:
-            return inserted_by_modes(self._rest_m, self._modes, q, position_m, inside, segment_m)
         self._motion.update(q)
-        return inserted_beyond(self._motion.positions(self._nodes, q), position_m, inside, segment_m)
+        corners_m = self._motion.positions(self._nodes, q)
+        self._follow_base(q, position_m[0], corners_m)
+        place: float = cross_caps(position_m, (corners_m, self._caps, self._ends), self._begins_inside, self.inside)
+        return place
+
+    def inserted_length_m(self, q: FloatArray, position_m: FloatArray, segment_m: float) -> float:
+        """Return the rest length from where the catheter last crossed a cap to its tip, 0 if that is outside."""
+        place = self.follow(q, position_m)
+        return 0.0 if place == OUTSIDE else (len(position_m) - 1 - place) * segment_m
+
+    def _follow_base(self, q: FloatArray, base_m: FloatArray, corners_m: FloatArray) -> None:
+        """Find on which side the first particle is: once by the whole wall, then by the caps that it goes through.
+
+        It goes from where it was, carried along with the caps, to where it is.
+        """
+        if self._base_m is None:
+            every = np.arange(self._mesh.n_vertices, dtype=np.int32)
+            self._begins_inside = abs(turns_round(base_m, self._closed, self._motion.positions(every, q))) > 0.5
+        else:
+            first = 0
+            for end in self._ends:
+                nodes = self._caps[first:end]
+                carried_m = self._base_m + (corners_m[nodes] - self._corners_m[nodes]).mean(axis=(0, 1))
+                way, turned = np.stack([carried_m, base_m]), np.zeros(2, np.int8)
+                cross_caps(way, (corners_m, nodes, np.array([len(nodes)], np.int32)), self._begins_inside, turned)
+                self._begins_inside = bool(turned[1])
+                first = end
+        self._base_m, self._corners_m = base_m.copy(), corners_m
 
 
 @kernel
-def inserted_by_modes(
-    rest: FloatArray, modes: FloatArray, q: FloatArray, position: FloatArray, inside: ByteArray, segment_m: float
+def cross_caps(
+    position: FloatArray, caps: tuple[FloatArray, IntArray, IntArray], begins_inside: bool, inside: ByteArray
 ) -> float:
-    """Return what `inserted_beyond` does of the plane through rest (3, 3) + modes (3, 3, r) q."""
-    return _length(
-        (_moved(rest, modes, q, 0), _moved(rest, modes, q, 1), _moved(rest, modes, q, 2)), position, inside, segment_m
-    )
+    """Write who of the particles is inside, and return where the axis was last crossed by a cap, in segments.
+
+    ``caps`` are their corners (k, 3), triangles (m, 3) and where each of them ends.
+    """
+    corners, triangles, ends = caps
+    inside[0] = 1 if begins_inside else 0
+    last = 0.0
+    for i in range(position.shape[0] - 1):
+        p, q, first, turns = row(position, i), row(position, i + 1), 0, 0
+        for cap in range(ends.shape[0]):
+            if _is_near(p, q, corners, triangles, (first, ends[cap])):
+                place = _crossing(p, q, corners, triangles, (first, ends[cap]))
+                if place >= 0.0:
+                    turns += 1
+                    last = i + place
+            first = ends[cap]
+        inside[i + 1] = inside[i] if turns % 2 == 0 else 1 - inside[i]
+    return last if inside[position.shape[0] - 1] else OUTSIDE
 
 
 @kernel
-def inserted_beyond(corners: FloatArray, position: FloatArray, inside: ByteArray, segment_m: float) -> float:
-    """Return the rest length of particles (n, 3) beyond the plane through three corners (3, 3), in m."""
-    return _length((row(corners, 0), row(corners, 1), row(corners, 2)), position, inside, segment_m)
+def _crossing(p: Vector, q: Vector, corners: FloatArray, triangles: IntArray, span: tuple[int, int]) -> float:
+    """Return where a segment crosses a cap, 0 to before 1, or -1: once, though it be by an edge of two triangles."""
+    for t in range(span[0], span[1]):
+        a, b, c = row(corners, triangles[t, 0]), row(corners, triangles[t, 1]), row(corners, triangles[t, 2])
+        meets, s, _ = segment_pierces(p, q, a, b, c)
+        if meets and s < 1.0:
+            return s
+    return -1.0
 
 
 @kernel
-def _moved(rest: FloatArray, modes: FloatArray, q: FloatArray, corner: int) -> Vector:
-    x, y, z = rest[corner, 0], rest[corner, 1], rest[corner, 2]
-    for mode in range(q.shape[0]):
-        x += modes[corner, 0, mode] * q[mode]
-        y += modes[corner, 1, mode] * q[mode]
-        z += modes[corner, 2, mode] * q[mode]
-    return (x, y, z)
+def _is_near(p: Vector, q: Vector, corners: FloatArray, triangles: IntArray, span: tuple[int, int]) -> bool:
+    """Return whether a segment may meet a cap: whether it reaches a sphere round it."""
+    middle = row(corners, triangles[span[0], 0])
+    radius_2 = 0.0
+    for t in range(span[0], span[1]):
+        for corner in range(3):
+            radius_2 = max(radius_2, squared_distance(middle, row(corners, triangles[t, corner])))
+    reach = math.sqrt(radius_2) + math.sqrt(squared_distance(p, q))
+    return bool(squared_distance(p, middle) <= reach * reach)
+
+
+def turns_round(point_m: FloatArray, triangles: IntArray, vertices_m: FloatArray) -> float:
+    """Return how often a closed surface goes round a point: 1 inside, 0 outside, with the sign of its winding."""
+    return float(_solid_angle((point_m[0], point_m[1], point_m[2]), triangles, vertices_m) / (4.0 * math.pi))
 
 
 @kernel
-def _length(corners: tuple[Vector, Vector, Vector], position: FloatArray, inside: ByteArray, segment_m: float) -> float:
-    n = inside.shape[0]
-    if not inside[n - 1]:
-        return 0.0
-    last = n - 1
-    while last >= 0 and inside[last]:
-        last -= 1
-    if last < 0:
-        return float((n - 1) * segment_m)
-    first, (x, y, z), (u, v, w) = corners[0], subtract(corners[1], corners[0]), subtract(corners[2], corners[0])
-    normal = (y * w - z * v, z * u - x * w, x * v - y * u)
-    before, after = (
-        dot(subtract(row(position, last), first), normal),
-        dot(subtract(row(position, last + 1), first), normal),
-    )
-    # Flags and plane may disagree by a particle on the plane itself.
-    s = min(max(before / (before - after), 0.0), 1.0) if before != after else 0.0
-    return float((n - 1 - last - s) * segment_m)
+def _solid_angle(p: Vector, triangles: IntArray, vertices: FloatArray) -> float:
+    """Van Oosterom and Strackee, "The solid angle of a plane triangle" (1983)."""
+    total = 0.0
+    for t in range(triangles.shape[0]):
+        a = subtract(row(vertices, triangles[t, 0]), p)
+        b = subtract(row(vertices, triangles[t, 1]), p)
+        c = subtract(row(vertices, triangles[t, 2]), p)
+        la, lb, lc = math.sqrt(dot(a, a)), math.sqrt(dot(b, b)), math.sqrt(dot(c, c))
+        beside = la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb
+        total += 2.0 * math.atan2(dot(a, cross(b, c)), beside)
+    return total

@@ -1,14 +1,6 @@
-"""Collision detection: the catheter and both forceps against the deforming duct and against each other.
+"""Collision detection: closest pairs of pieces of bodies with the deforming wall, and of capsules with each other.
 
-Broad phase: an AABB tree of the undeformed wall (`aabb_tree`), whose boxes grow by what the wall may have moved
-(`motion_bounds`, `tick`, `aabb_distance`). Narrow phase: closest points (`primitives`) on triangles whose nodes are
-placed on demand (`nodes`), and the side of the wall they are on (`sides`). `search` joins both; `probes`, `rim`,
-`inside` and `capsules` remember what they found from tick to tick; `pairs` is what comes out.
+`placed_wall` places the nodes of the wall that are asked for, `clusters` and `candidate_list` keep for each piece the
+triangles that it may touch soon, `candidates` measures those that are near, and `wall_candidates` does all of it for a
+duct. `capsules` finds segments of tools and catheter against the catheter; `pairs` is what comes out.
 """
-
-from services.mechanics.collision.catheter import CatheterContactDetector
-from services.mechanics.collision.self_contact import SelfContactDetector
-from services.mechanics.collision.surface import CollisionSurface
-from services.mechanics.collision.tools import ToolContactDetector
-
-__all__ = ["CatheterContactDetector", "CollisionSurface", "SelfContactDetector", "ToolContactDetector"]

@@ -81,15 +81,15 @@ def note_start(address: Address[CandidateList], start: tuple[FloatArray, FloatAr
 
 
 @kernel
-def want_ahead(address: Address[CandidateList], start: FloatArray, ahead: FloatArray, most_m: float) -> None:
+def want_ahead(address: Address[CandidateList], start: FloatArray, ahead: FloatArray, most: FloatArray) -> None:
     """Want candidates of pieces (p,) up to ``ahead`` (p,) and as much further as they have come since ``start``.
 
-    ``most_m`` is what that may be at most.
+    ``most`` (p,) is what that may be at most.
     """
     found = list_at(address)
     for p in range(found.count.shape[0]):
-        found.wanted[p] = ahead[p] + min(_furthest(found.ends, start, p), most_m)
-        found.reach[p] = ahead[p] + most_m
+        found.wanted[p] = ahead[p] + min(_furthest(found.ends, start, p), most[p])
+        found.reach[p] = ahead[p] + most[p]
 
 
 @kernel

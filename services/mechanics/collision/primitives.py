@@ -128,3 +128,11 @@ def closest_segment_triangle(p: Vector, q: Vector, a: Vector, b: Vector, c: Vect
     if d2 < best:
         best, best_s, best_w = d2, s, (t, 0.0, 1.0 - t)
     return (best, best_s, best_w)
+
+
+@kernel
+def place_along(point: Vector, ends: tuple[Vector, Vector]) -> float:
+    """Return where on the axis between ``ends`` is closest to a point, 0 to 1."""
+    axis = subtract(ends[1], ends[0])
+    length_2 = dot(axis, axis)
+    return clamp01(dot(subtract(point, ends[0]), axis) / length_2) if length_2 > 0.0 else 0.0

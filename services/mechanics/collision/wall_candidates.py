@@ -40,6 +40,8 @@ class WallCandidates:
     ----------
     list : CandidateList
         Whose ``ends``, ``thickness``, ``active``, ``wanted`` and ``reach`` the caller writes before `follow`.
+    is_new : bool
+        Whether all lists are made anew in the next `follow`.
     renewals, wall_renewals : int
         How often pieces, and all of them because of the wall, were listed anew.
     """
@@ -49,7 +51,7 @@ class WallCandidates:
         self._clusters = cluster_triangles(duct.mesh.vertices_m, duct.mesh.triangles)
         self.list = new_list(self._clusters, self._placement.position_m, n_pieces, SKIN_M)
         self._nodes: IntArray = np.zeros(0, np.int32)
-        self._is_new = True
+        self.is_new = True
         self.renewals = self.wall_renewals = 0
 
     @property
@@ -57,16 +59,14 @@ class WallCandidates:
         """(n, 3) where nodes of the wall are; those of listed triangles as of the last `follow` or `move`."""
         return self._placement.position_m
 
-    def add_piece(self) -> int:
-        """Make room for one more piece and return its number; all lists are made anew."""
-        n_pieces = len(self.list.count) + 1
+    def make_room(self, n_pieces: int) -> None:
+        """Make room for so many pieces; all lists are made anew."""
         self.list = new_list(self._clusters, self._placement.position_m, n_pieces, SKIN_M)
-        self._is_new = True
-        return n_pieces - 1
+        self.is_new = True
 
     def forget(self) -> None:
         """Make all lists anew in the next `follow`: bodies have been put elsewhere."""
-        self._is_new = True
+        self.is_new = True
 
     def follow(self, q: FloatArray, loads: Loads) -> bool:
         """Place the wall by coordinates q (r,) and loads, and renew the lists of what has moved too far.
@@ -74,7 +74,7 @@ class WallCandidates:
         Return whether anything is other than at the last `move`: what was measured there still holds if not.
         """
         listed = self.list
-        if self._is_new:
+        if self.is_new:
             self._renew_wall(q, loads)
             return True
         is_elsewhere = not (are_where_they_were(listed.address) and self._placement.is_placed_by(q, loads))
@@ -105,9 +105,9 @@ class WallCandidates:
         self._bounds.take(q)
         enclose_at(listed.address)
         listed.is_listed[:] = False
-        if self._is_new:
+        if self.is_new:
             listed.last_ends[:] = listed.ends
-            self._is_new = False
+            self.is_new = False
         renew_lists(listed.address, 0.0, 0.0)
         self._nodes = listed.node[: listed.n_nodes]
         self.wall_renewals += 1

@@ -6,7 +6,6 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.catheter import CatheterBody
-from services.mechanics.bodies.duct import DuctBody
 from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.collision.candidate_list import CandidateList, list_at, note_start, want_ahead
 from services.mechanics.collision.candidates import Candidates, candidates_at
@@ -17,7 +16,9 @@ from services.mechanics.collision.wall_candidates import WallCandidates
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.price import note_pressed, write_chosen, write_violations
-from services.mechanics.contact.state import ContactState
+from services.mechanics.contact.search import Moving
+from services.mechanics.contact.spheres import Spheres, no_spheres, spheres_at, take_ends, take_spheres
+from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.working_set import (
     AHEAD_M,
     MOST_AHEAD_M,
@@ -30,13 +31,11 @@ from services.mechanics.reduction import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS
 
-Bodies = tuple[DuctBody, CatheterBody, ToolBody]
 #: Room for closest pairs of a tick: a duct that two jaws have pinched shut has 600 within a millimetre.
 CAPACITY = 4096
-
-
-#: A sphere is not priced: candidates are listed as far ahead as it goes in a step at a metre and a half a second.
-SPHERE_AHEAD_M = 1.5e-3
+#: A step sees contacts of a sphere so far ahead: what a snapping catheter drives goes 1.5 m/s, and nothing splits steps
+#: for it.
+MOST_AHEAD_OF_SPHERE_M = 1.5e-3
 
 
 class CandidateSearch:
@@ -56,57 +55,52 @@ class CandidateSearch:
         self._wall = WallCandidates(duct, self._end)
         self._found, self._ended = Candidates.zeros(c=CAPACITY), Candidates.zeros(c=CAPACITY)
         self._capsules = CapsuleMemory.zeros(m=N_TOOL_PIECES, n=scene.catheter.n_segments)
-        self._spheres: list[tuple[FloatArray, float]] = []
-        self._coarseness = 1
-        self._is_unknown = True  # what can be touched where bodies are
+        self._spheres = no_spheres()
         self._make_room()
 
     def _make_room(self) -> None:
         listed, mesh = self._wall.list, self._duct.mesh
         n_pieces = len(listed.count)
-        self._working = new_working_set(mesh.vertices_m, n_pieces, len(mesh.triangles), CAPACITY)
+        sizes = n_pieces, len(mesh.triangles), CAPACITY, n_pieces - self._end
+        self._working = new_working_set(mesh.vertices_m, *sizes)
         self._start = np.zeros((n_pieces, 2, 3)), self._wall.position_m.copy()
-        self._ahead_m = np.full(n_pieces, AHEAD_M)
-        self._apart_is_old = True
+        self._ahead_m, self._most_m = np.full(n_pieces, AHEAD_M), np.full(n_pieces, MOST_AHEAD_M)
+        self._most_m[self._end :] = MOST_AHEAD_OF_SPHERE_M
+        self._is_unknown = self._apart_is_unknown = True
 
-    def add_sphere(self, centre_m: FloatArray, radius_m: float) -> int:
-        """Follow one more sphere, whose centre is read from ``centre_m`` (3,) in every step; return its number."""
-        self._wall.add_piece()
-        self._spheres.append((centre_m, radius_m))
+    def follow_spheres(self, spheres: Spheres) -> None:
+        """Find contacts of spheres with the wall too; again once there are more of them."""
+        self._spheres = spheres
+        self._wall.make_room(self._end + spheres.count)
         self._make_room()
-        self._ahead_m[self._end :] = SPHERE_AHEAD_M
-        return len(self._spheres) - 1
 
     @property
     def has_candidates(self) -> bool:
         """Whether anything is so near that it may touch within a step."""
         return bool(self._wall.list.n_nodes > 0)
 
-    def begin(self, bodies: Bodies) -> None:
+    def begin(self, bodies: Moving) -> None:
         """Place wall and pieces at the start of a step, and choose the candidates that get rows."""
         duct, catheter, tools = bodies
         listed, n = self._wall.list, duct.n_loads
         self._take_pieces(catheter.start_m, tools)
-        if self._apart_is_old:
+        take_sphere_starts(listed.address, self._spheres.address, self._end, self._half_m)
+        if self._apart_is_unknown:
             self._working.apart_m[:] = merge_distance_m(listed.thickness, 2.0 * self._half_m)
-            self._working.apart_m[N_TOOL_PIECES : self._end] *= self._coarseness
-            self._apart_is_old = False
+            self._apart_is_unknown = False
+        if self._wall.is_new:  # nobody knows how anything moves
+            note_start(listed.address, self._start)
         if self._is_unknown:
-            want_ahead(listed.address, self._start[0], self._ahead_m, MOST_AHEAD_M)
+            want_ahead(listed.address, self._start[0], self._ahead_m, self._most_m)
         if self._wall.follow(duct.q_start, (duct.load_nodes[:n], duct.load_force_n[:n])) or self._is_unknown:
-            self._wall.measure(self._found, 0, self._end)
+            self._wall.measure(self._found)
         self._is_unknown = True
         note_start(listed.address, self._start)
         choose(listed.address, self._found.address, self._working.address)
 
     def _take_pieces(self, particles_m: FloatArray, tools: ToolBody) -> None:
-        listed = self._wall.list
         poses = (tools.segments, tools.radius_m, tools.present)
-        take_pieces(listed.address, particles_m, poses, (self._radius_m, self._half_m))
-        for k, (centre_m, radius_m) in enumerate(self._spheres):
-            piece = self._end + k
-            listed.active[piece], listed.thickness[piece] = True, radius_m + self._half_m
-            listed.ends[piece] = centre_m
+        take_pieces(self._wall.list.address, particles_m, poses, (self._radius_m, self._half_m))
 
     def tool_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
         """Append the chosen candidates of the tools, and what of them touches the catheter."""
@@ -118,26 +112,18 @@ class CandidateSearch:
         capsule_pairs(self._capsules.address, poses, catheter.start_m, sizes, pairs.address)
 
     def catheter_pairs(self, pairs: ContactPairs) -> None:
-        """Append the chosen candidates of the catheter."""
-        write_chosen(self._found.address, self._working.address, (N_TOOL_PIECES, self._end), pairs.address)
+        """Append the chosen candidates of catheter and spheres."""
+        write_chosen(self._found.address, self._working.address, (N_TOOL_PIECES, len(self._ahead_m)), pairs.address)
 
-    def sphere_pairs(self, sphere: int, ahead_m: float, pairs: ContactPairs) -> None:
-        """Append what of a sphere touches the wall or may in the step; after all other pairs of the step."""
-        listed, piece = self._wall.list, self._end + sphere
-        listed.wanted[piece] = min(AHEAD_M + ahead_m, listed.reach[piece])
-        self._wall.measure(self._ended, piece, piece + 1)
-        choose(listed.address, self._ended.address, self._working.address)
-        write_chosen(self._ended.address, self._working.address, (piece, piece + 1), pairs.address)
-        pairs.particle[: pairs.count], pairs.tool_parameter[: pairs.count] = 0, 0.0
-
-    def price(self, bodies: Bodies, state: Address[ContactState], tolerance_m: float, pairs: ContactPairs) -> int:
+    def price(self, bodies: Moving, state: Address[ContactState], tolerance_m: float, pairs: ContactPairs) -> int:
         """Write pairs of what ends too deep in the solved step, where the bodies are now, and return how many."""
         duct, catheter, tools = bodies
         n = duct.n_loads
         self._take_pieces(catheter.state.position_m, tools)
+        take_sphere_ends(self._wall.list.address, state, self._end, self._half_m)
         self._wall.move(duct.state.q, (duct.load_nodes[:n], duct.load_force_n[:n]), duct.lasting_loads)
-        want_ahead(self._wall.list.address, self._start[0], self._ahead_m, MOST_AHEAD_M)
-        self._wall.measure(self._found, 0, self._end)
+        want_ahead(self._wall.list.address, self._start[0], self._ahead_m, self._most_m)
+        self._wall.measure(self._found)
         self._is_unknown = False
         pairs.clear()
         found = self._found.address, self._ended.address
@@ -151,11 +137,7 @@ class CandidateSearch:
     def see_ahead(self, gap_m: float) -> None:
         """Give the catheter rows from this gap on, which other laws than contact act across."""
         self._ahead_m[N_TOOL_PIECES : self._end] = max(gap_m, AHEAD_M)
-
-    def coarsen(self, factor: int) -> None:
-        """Merge contacts of the catheter that are so many times as far apart as usual."""
-        self._apart_is_old |= factor != self._coarseness
-        self._coarseness = factor
+        self._wall.forget()
 
     def forget(self) -> None:
         """Forget the working set: bodies have been put elsewhere."""
@@ -171,16 +153,16 @@ class CandidateSearch:
 
     def is_sound(self) -> bool:
         """Return whether the catheter's axis was clear of the wall's middle surface when the step began."""
-        return not pierces(self._found.address, self._wall.list.address)
+        return not pierces(self._found.address, self._wall.list.address, self._end)
 
 
 @kernel
-def pierces(found_address: Address[Candidates], list_address: Address[CandidateList]) -> bool:
-    """Return whether the axis of a piece of the catheter goes through a triangle."""
+def pierces(found_address: Address[Candidates], list_address: Address[CandidateList], end: int) -> bool:
+    """Return whether the axis of a piece of the catheter, before ``end``, goes through a triangle."""
     found, listed = candidates_at(found_address), list_at(list_address)
     for i in range(found.count):
         p = found.piece[i]
-        if p >= N_TOOL_PIECES and found.gap_m[i] <= -listed.thickness[p]:
+        if N_TOOL_PIECES <= p < end and found.gap_m[i] <= -listed.thickness[p]:
             return True
     return False
 
@@ -195,3 +177,20 @@ def capsule_pairs(
 ) -> None:
     """Append pairs of tool segments with catheter segments; ``sizes`` holds (catheter radius, margin)."""
     detect_capsules(capsules_at(memory), tools, particles, sizes, pairs_at(pairs))
+
+
+@kernel
+def take_sphere_starts(
+    list_address: Address[CandidateList], spheres_address: Address[Spheres], first: int, half_m: float
+) -> None:
+    """Write spheres where the step begins into a list."""
+    take_spheres(list_at(list_address), spheres_at(spheres_address), first, half_m)
+
+
+@kernel
+def take_sphere_ends(
+    list_address: Address[CandidateList], state_address: Address[ContactState], first: int, half_m: float
+) -> None:
+    """Write spheres where the solved step ends into a list."""
+    state = state_at(state_address)
+    take_ends(list_at(list_address), state.geometry.spheres, (state.rows, state.force_n), first, half_m)

@@ -1,4 +1,4 @@
-"""Tools that have come back: they touch nothing until nothing is where they are.
+"""Tools that appear: they touch nothing until nothing is where they are.
 
 A tool that appears inside something, as one does that was gone for a moment while it pressed, would be pushed out of it
 by energy that no hand has put in. So it is limp until it has been withdrawn, or what is there has gone; from then on it

@@ -11,6 +11,7 @@ from services.mechanics.bodies.duct import DuctBody
 from services.mechanics.bodies.forceps.kinematics import N_CELLS, N_COORDINATES, N_SEGMENTS
 from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.compiled.struct import Struct, reader
+from services.mechanics.contact.spheres import Spheres, no_spheres
 from services.mechanics.scene.tools import N_TOOLS
 
 
@@ -62,6 +63,7 @@ class ContactGeometry(Struct):
     tools: ToolGeometry
     rod: RodGeometry
     wall: WallGeometry
+    spheres: Spheres
 
     @classmethod
     def of(cls, bodies: Bodies) -> ContactGeometry:
@@ -85,8 +87,8 @@ class ContactGeometry(Struct):
             wall=WallGeometry(
                 vertices=mesh.vertices_m, triangles=mesh.triangles, half_thickness=bodies.half_thickness_m
             ),
+            spheres=no_spheres(),
         )
 
 
 geometry_at = reader(ContactGeometry)
-wall_at = reader(WallGeometry)

@@ -46,6 +46,8 @@ def append_pairs(pairs: ContactPairs, geometry: ContactGeometry, rows: ContactRo
         write_frame(pairs.normal[index], rows.frame[row])
         if tool != NO_TOOL:
             _tool_side(pairs, index, geometry.tools, rows, row)
+        elif pairs.particle[index] >= geometry.rod.position.shape[0] - 1:
+            _sphere_side(pairs, index, geometry, rows, row)
         else:
             _catheter_side(pairs, index, geometry.rod, rows, row)
         if kind == CATHETER_SEGMENT:
@@ -118,6 +120,18 @@ def _catheter_side(pairs: ContactPairs, index: int, rod: RodGeometry, rows: Cont
         rows.point_m[row, axis] = centre - normal * rod.radius
         rows.gap_m[row] += normal * rows.point_m[row, axis]
         rows.slip_m[row, axis] = (1.0 - s) * rod.motion[first, axis] + s * rod.motion[second, axis]
+
+
+@kernel
+def _sphere_side(pairs: ContactPairs, index: int, geometry: ContactGeometry, rows: ContactRows, row: int) -> None:
+    """Lay the first body on a sphere: they are numbered after the segments of the catheter."""
+    spheres, sphere = geometry.spheres, pairs.particle[index] - (geometry.rod.position.shape[0] - 1)
+    rows.stone[row] = sphere
+    for axis in range(3):
+        normal = pairs.normal[index, axis]
+        rows.point_m[row, axis] = spheres.start[sphere, axis] - normal * spheres.radius[sphere]
+        rows.gap_m[row] += normal * rows.point_m[row, axis]
+        rows.slip_m[row, axis] = spheres.motion[sphere, axis]
 
 
 @kernel

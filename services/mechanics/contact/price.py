@@ -21,7 +21,7 @@ from services.mechanics.compiled.vectors import Vector, dot, put_row, row, scale
 from services.mechanics.contact import laws
 from services.mechanics.contact.geometry import ToolGeometry
 from services.mechanics.contact.identity import PARTICLE, target_kind_of, target_of, tool_segment_of
-from services.mechanics.contact.rows import NO_STONE, ContactRows
+from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.working_set import (
     ONE_POINT,
@@ -163,7 +163,7 @@ def _is_beside(listed: CandidateList, found: Candidates, working: WorkingSet, i:
     near = ONE_VIOLATION * listed.thickness[p]
     for k in range(working.n_chosen):
         other = working.chosen[k]
-        is_alike = is_same_body(p, found.piece[other]) and dot(normal, row(found.normal, other)) >= SAME_NORMAL
+        is_alike = is_same_body(working, p, found.piece[other]) and dot(normal, row(found.normal, other)) >= SAME_NORMAL
         if is_alike and squared_distance(place, row(working.at_rest, other)) < near * near:
             return True
     return False
@@ -194,7 +194,7 @@ def _is_row(rows: ContactRows, p: int, t: int) -> bool:
 def is_of(rows: ContactRows, at: int, p: int, t: int) -> bool:
     """Return whether a row is a contact of this piece with this triangle."""
     identity = rows.identity[at]
-    if identity < 0 or not laws.HAS_GAP[rows.law[at]] or rows.stone[at] != NO_STONE:
+    if identity < 0 or not laws.HAS_GAP[rows.law[at]]:
         return False
     if target_kind_of(identity) != DUCT_TRIANGLE or target_of(identity) != t:
         return False
@@ -249,7 +249,7 @@ def note_pressed(state_address: Address[ContactState], set_address: Address[Work
     age(working)
     for at in range(rows.n_contacts):
         identity = rows.identity[at]
-        is_wall = identity >= 0 and laws.HAS_GAP[rows.law[at]] and rows.stone[at] == NO_STONE
+        is_wall = identity >= 0 and laws.HAS_GAP[rows.law[at]]
         if is_wall and target_kind_of(identity) == DUCT_TRIANGLE and rows.force_n[at, 0] > 0.0:
             p = piece_of(rows, at)
             if 0 <= p < working.life.shape[0]:

@@ -10,8 +10,6 @@ from services.mechanics.compiled.struct import Address
 from services.mechanics.contact import laws
 from services.mechanics.contact.free_motion import subtract_duct_motion
 from services.mechanics.contact.geometry import ContactGeometry, geometry_at
-from services.mechanics.contact.hold_arrays import HoldArrays
-from services.mechanics.contact.hold_rows import append_holds
 from services.mechanics.contact.pair_rows import append_pairs
 from services.mechanics.contact.rows import ContactRows, rows_at
 from services.mechanics.contact.state import ContactState, state_at
@@ -56,29 +54,6 @@ def subtract_motion(state_address: Address[ContactState], motion: FloatArray, fi
     for row in range(first, rows.n_contacts):
         for axis in range(3):
             rows.slip_m[row, axis] -= motion[row, axis]
-
-
-@kernel
-def collect(
-    state_address: Address[ContactState],
-    pairs_addresses: tuple[Address[ContactPairs], Address[ContactPairs]],
-    holds: tuple[Address[HoldArrays], int],
-    wall: tuple[Address[DuctLoads], Address[NodeArrays]],
-) -> tuple[int, int, int, bool]:
-    """Append the rows of tools, catheter and ``holds``, so many of them; `gather_and_complete` them, if there are any.
-
-    Return the pairs that had been dropped, the first row of a hold, how many rows holds have, and whether the rows are
-    complete.
-    """
-    state = state_at(state_address)
-    rows, dropped = state.rows, 0
-    for place in range(2):
-        pairs = pairs_at(pairs_addresses[place])
-        append_pairs(pairs, state.geometry, rows)
-        dropped += pairs.dropped
-    first_hold, n_holds = rows.n_contacts, append_holds(state_address, holds[0], holds[1])
-    is_complete = rows.n_contacts > 0 and gather_and_complete(state_address, wall[0], wall[1])
-    return dropped, first_hold, n_holds, is_complete
 
 
 @kernel

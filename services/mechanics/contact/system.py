@@ -10,17 +10,13 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.pairs import NO_TOOL, ContactPairs
-from services.mechanics.compiled.struct import Address
 from services.mechanics.contact import stages
 from services.mechanics.contact.geometry import Bodies, ContactGeometry
 from services.mechanics.contact.giving import give_forces
-from services.mechanics.contact.hold_arrays import HoldArrays
-from services.mechanics.contact.met import drop_shallow
 from services.mechanics.contact.passivity import BEGINS_S
 from services.mechanics.contact.rows import add_rod_motion
 from services.mechanics.contact.state import ContactState
 from services.mechanics.contact.strategies import STRATEGIES
-from services.mechanics.contact.strategies.strategy import AddCompliance
 from services.mechanics.contact.tool_loads import load_tools
 from services.mechanics.scene import ContactSettings
 
@@ -80,7 +76,7 @@ class ContactSystem:
         self.sweeps = 0
         self.dropped_pairs = 0
         self._first_new = 0
-        self._gave_forces = self._is_complete = self._must_displace = False
+        self._gave_forces = False
 
     @property
     def motion_m(self) -> FloatArray:
@@ -102,7 +98,6 @@ class ContactSystem:
         self.rows.put_zero("n_contacts")
         self._first_new = 0
         self._state.ledger.put_zero("solves")
-        self._is_complete = self._must_displace = False
 
     def let_go_of_tools(self) -> None:
         """Tell the duct of the last step's forces by tools that are gone."""
@@ -112,33 +107,14 @@ class ContactSystem:
             is_gone = (by != NO_TOOL) & ~self.bodies.tools.present[by]
             self.bodies.duct.end_forces(np.where(is_gone[:, None], self.force_n[:k], 0.0))
 
-    def append(self, pairs: ContactPairs, geometry: ContactGeometry | None = None) -> None:
-        """Add candidate pairs; ``geometry`` is where their bodies are, if they are not the scene's."""
-        geometry = self.geometry if geometry is None else geometry
-        self.dropped_pairs += stages.append(pairs.address, geometry.address, self.rows.address)
-
-    def collect(self, pairs: ContactPairs, more: ContactPairs, holds: tuple[Address[HoldArrays], int]) -> range | None:
-        """Append two sets of pairs and the rows of so many holds, and complete them; return the rows of the holds.
-
-        None, and nothing done, where the duct keeps no compliance.
-        """
-        duct = self.bodies.duct
-        if duct.kept_address is None:
-            return None
-        addresses, wall = (pairs.address, more.address), (duct.loads_address, duct.kept_address)
-        dropped, first, count, self._is_complete = stages.collect(self.address, addresses, holds, wall)
-        self.dropped_pairs += dropped
-        self._must_displace = not self._is_complete
-        return range(first, first + count)
+    def append(self, pairs: ContactPairs) -> None:
+        """Add candidate pairs."""
+        self.dropped_pairs += stages.append(pairs.address, self.geometry.address, self.rows.address)
 
     def complete_rows(self) -> None:
-        """Finish gaps and slips with the duct's displacement, and recall last tick's forces, if that is not done."""
-        if self._is_complete:
-            return
+        """Finish gaps and slips with the duct's displacement, and recall last tick's forces."""
         duct = self.bodies.duct
-        if self._must_displace:
-            duct.displace(*self.rows.on_duct)
-        elif duct.kept_address is None:
+        if duct.kept_address is None:
             duct.gather(*self.rows.on_duct)
         elif stages.gather_and_complete(self.address, duct.loads_address, duct.kept_address):
             return
@@ -146,25 +122,12 @@ class ContactSystem:
             duct.displace(*self.rows.on_duct)
         stages.complete_rows(self.address, duct.displacement_m, duct.motion_m)
 
-    def append_met(self, pairs: ContactPairs, tolerance_m: float) -> int:
-        """Add those of a solved step's ``pairs`` that it leads deeper than a tolerance into each other; how many.
-
-        Their ``gap_m`` says how far each comes nearer, see `met.keep_approaching`. Old rows keep forces
-        and friction.
-        """
-        rows, first = self.rows, self.rows.n_contacts
-        self._append_complete(pairs, first)
-        if drop_shallow(rows.address, pairs.address, first, tolerance_m):
-            rows.n_contacts = first
-            if pairs.count:
-                self._append_complete(pairs, first)
-        return rows.n_contacts - first
-
     def append_new(self, pairs: ContactPairs) -> None:
         """Add pairs to the rows of a step that was solved; old rows keep forces and friction."""
-        first = self.rows.n_contacts
-        self._append_complete(pairs, first)
-        self.dropped_pairs += pairs.dropped
+        duct, self._first_new = self.bodies.duct, self.rows.n_contacts
+        self.append(pairs)
+        duct.gather(*self.rows.on_duct)
+        stages.complete_new(self.address, duct.displacement_m, duct.motion_m, self._first_new)
 
     @contextmanager
     def old_friction(self) -> Iterator[None]:
@@ -174,19 +137,13 @@ class ContactSystem:
         yield
         self.rows.friction[:first] = kept
 
-    def _append_complete(self, pairs: ContactPairs, first: int) -> None:
-        duct, self._first_new = self.bodies.duct, first
-        stages.append(pairs.address, self.geometry.address, self.rows.address)
-        duct.gather(*self.rows.on_duct)
-        stages.complete_new(self.address, duct.displacement_m, duct.motion_m, first)
-
     def add_duct_motion(self, motion_m: FloatArray) -> None:
         """Let the duct's points of the rows that were completed last move by ``motion_m`` (k, 3) more over the step."""
         stages.subtract_motion(self.address, motion_m, self._first_new)
 
-    def assemble(self, add_compliance: AddCompliance | None) -> None:
-        """Gather what the solve needs, of the bodies here and, if there are others, what they add."""
-        self.strategy.assemble(add_compliance)
+    def assemble(self) -> None:
+        """Gather what the solve needs of the bodies."""
+        self.strategy.assemble()
 
     def solve(self, iterations: int, dt_s: float) -> None:
         """Find the contact forces."""

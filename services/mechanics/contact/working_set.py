@@ -30,8 +30,8 @@ ONE_POINT = 0.02
 TOUCHING_SHARE = 0.5
 #: A step sees contacts this far ahead of what moves: rows cost more than a second price.
 AHEAD_M = 0.1e-3
-#: Nothing moves further in a part of a step without being split, see `simulation.pace`; more is met by the price.
-MOST_AHEAD_M = 0.35e-3
+#: Nothing moves further in a part of a step without being split, see `simulation.pace`: half a metre a second.
+MOST_AHEAD_M = 0.5e-3
 #: So many steps a member lives on that presses no more.
 LIFE_STEPS = 20
 
@@ -49,16 +49,20 @@ class WorkingSet(Struct):
     rest: Annotated[FloatArray, "n", 3]
     n_members: int = 0
     n_chosen: int = 0
+    first_sphere: int = 0  # pieces from here on are spheres
 
 
 set_at = reader(WorkingSet)
 
 
-def new_working_set(rest_m: FloatArray, n_pieces: int, n_triangles: int, capacity: int) -> WorkingSet:
-    """Return an empty set for candidates of so many pieces with the triangles of a wall."""
+def new_working_set(
+    rest_m: FloatArray, n_pieces: int, n_triangles: int, capacity: int, n_spheres: int = 0
+) -> WorkingSet:
+    """Return an empty set for candidates of so many pieces, the last of them spheres, with the triangles of a wall."""
     life = np.zeros((n_pieces, n_triangles), np.int8)
     extents = {"p": n_pieces, "m": n_triangles, "c": capacity, "k": capacity}
-    return WorkingSet.zeros(life=life, rest=np.ascontiguousarray(rest_m), **extents)
+    rest, first_sphere = np.ascontiguousarray(rest_m), n_pieces - n_spheres
+    return WorkingSet.zeros(life=life, rest=rest, first_sphere=first_sphere, **extents)
 
 
 def merge_distance_m(thickness_m: FloatArray, wall_m: float) -> FloatArray:
@@ -113,16 +117,16 @@ def _is_known(found: Candidates, working: WorkingSet, i: int) -> bool:
         near *= TOUCHING_SHARE
     for k in range(working.n_chosen):
         other = working.chosen[k]
-        is_alike = is_same_body(p, found.piece[other]) and dot(normal, row(found.normal, other)) >= SAME_NORMAL
+        is_alike = is_same_body(working, p, found.piece[other]) and dot(normal, row(found.normal, other)) >= SAME_NORMAL
         if is_alike and squared_distance(place, row(working.at_rest, other)) < near * near:
             return True
     return False
 
 
 @kernel
-def is_same_body(p: int, other: int) -> bool:
-    """Return whether contacts of two pieces may be one: of a tool's segment, or of neighbours along the catheter."""
-    if p < N_TOOL_PIECES or other < N_TOOL_PIECES:
+def is_same_body(working: WorkingSet, p: int, other: int) -> bool:
+    """Return whether contacts of two pieces may be one: of one piece, or of neighbours along the catheter."""
+    if min(p, other) < N_TOOL_PIECES or max(p, other) >= working.first_sphere:
         return p == other
     return abs(p - other) <= 1
 

@@ -144,10 +144,6 @@ class Effect:
         """Set the contacts' coefficients of friction and the largest forces of holds."""
         raise NotImplementedError
 
-    def add_compliance(self, world: World, dt_s: float) -> None:
-        """Add the compliance of the effect's own bodies to the lower blocks of W, along world axes."""
-        raise NotImplementedError
-
     def settle(self, world: World, dt_s: float) -> None:
         """Correct the end of the step when contact forces are known, before other effects act on it."""
         raise NotImplementedError
@@ -170,7 +166,6 @@ STAGES = (
     "add_rows",
     "add_motion",
     "set_friction",
-    "add_compliance",
     "settle",
     "after_solve",
 )

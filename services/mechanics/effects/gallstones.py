@@ -9,16 +9,17 @@ from typing import Annotated
 import numpy as np
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.collision.beside import place_along
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL, ContactPairs
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL
+from services.mechanics.collision.primitives import place_along
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import Vector, along, dot, put_row, row, scaled, squared_distance, subtract
+from services.mechanics.compiled.vectors import Vector, along, dot, row, scaled, subtract
 from services.mechanics.contact.frames import write_frame
-from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, geometry_at
-from services.mechanics.contact.identity import STONE, pair_identity, with_stone
+from services.mechanics.contact.geometry import ContactGeometry, geometry_at
+from services.mechanics.contact.identity import pair_identity, with_stone
 from services.mechanics.contact.laws import number_of
-from services.mechanics.contact.rows import NO_STONE, ContactRows, rows_at
+from services.mechanics.contact.rows import ContactRows, rows_at
+from services.mechanics.contact.spheres import MOST_SPHERES, add_sphere_forces
 from services.mechanics.contact.writer import NO_ROOM, TARGET_SIDE, append_row, put_on_rod
 from services.mechanics.effects.base import Effect, require_not_negative, require_positive
 from services.mechanics.scene import SceneModel
@@ -39,8 +40,8 @@ class GallstonesSettings:
     def __post_init__(self) -> None:
         if len(self.position_m) != len(self.radius_m) or not all(r > 0.0 for r in self.radius_m):
             raise ValueError("each stone needs a position_m and a positive radius_m")
-        if len(self.radius_m) >= STONE.size:
-            raise ValueError(f"{len(self.radius_m)} stones are too many to be told apart, at most {STONE.size - 1}")
+        if len(self.radius_m) > MOST_SPHERES:
+            raise ValueError(f"{len(self.radius_m)} stones are too many to be told apart, at most {MOST_SPHERES}")
         require_positive(self, "density_kg_m3")
         require_not_negative(self, "bile_viscosity_pa_s")
 
@@ -75,7 +76,6 @@ class Gallstones(Effect):
     def __init__(self, settings: GallstonesSettings, scene: SceneModel) -> None:
         super().__init__(settings, scene)
         self.radius_m = np.array(settings.radius_m, dtype=np.float64)
-        self._ahead_m = np.zeros((1, 3))
         volume = 4.0 / 3.0 * math.pi * self.radius_m**3
         self._submerged_kg = (settings.density_kg_m3 - 1000.0) * volume
         position_m = np.array(settings.position_m, dtype=np.float64)
@@ -89,45 +89,28 @@ class Gallstones(Effect):
         self.position_m, self.velocity_m_s = stones.position, stones.velocity
 
     def prepare(self, world: World) -> None:
-        """Give every stone its own detection, for each has its radius; weigh them."""
-        self._detectors = [world.search.sphere_detector(float(r)) for r in self.radius_m]
-        self._pairs = ContactPairs.allocate(4)
-        self._geometry = [self._stone_geometry(world.system.geometry, stone) for stone in range(len(self.radius_m))]
-        self._stones.weight += self._submerged_kg[:, None] * world.acceleration_m_s2
+        """Let contacts find the stones, and weigh them."""
+        here, spheres, stones = world.add_spheres(self.radius_m), world.system.geometry.spheres, self._stones
+        self._first = here.start
+        stones.start, stones.motion = spheres.start[here], spheres.motion[here]
+        stones.compliance = spheres.compliance[here]
+        stones.start[:] = stones.position
+        stones.weight += self._submerged_kg[:, None] * world.acceleration_m_s2
 
     def add_loads(self, world: World, dt_s: float) -> None:
         """Predict the stones without contact."""
         predict_stones(self._stones.address, dt_s)
 
-    def _stone_geometry(self, scene: ContactGeometry, stone: int) -> ContactGeometry:
-        """Return the scene's geometry with a stone in the place of the catheter, a rod of one particle."""
-        here = slice(stone, stone + 1)
-        at_m, motion_m = self._stones.start[here], self._stones.motion[here]
-        rod = RodGeometry(position=at_m, motion=motion_m, radius=float(self.radius_m[stone]))
-        return ContactGeometry(tools=scene.tools, rod=rod, wall=scene.wall)
-
     def add_rows(self, world: World, dt_s: float) -> None:
-        """Append stones against wall and catheter."""
-        rows, geometry = world.system.rows, world.system.geometry
-        margin_m = world.scene.contact.margin_m
-        reach = margin_m + world.catheter.radius_m
-        for stone, detector in enumerate(self._detectors):
-            self._pairs.clear()
-            foresee_push(geometry.address, self._geometry[stone].address, margin_m, self._ahead_m)
-            detector.detect(self._stones.start[stone : stone + 1], self._pairs, self._ahead_m)
-            first = rows.n_contacts
-            world.system.append(self._pairs, self._geometry[stone])
-            mark_stone(rows.address, first, stone)
-            append_on_catheter(rows.address, geometry.address, self._geometry[stone].address, stone, reach)
-
-    def add_compliance(self, world: World, dt_s: float) -> None:
-        """Add dt^2 / m of each stone to its rows."""
-        add_stone_compliance(world.system.rows.address, self._stones.compliance, world.system.compliance_m_n)
+        """Append stones against the catheter; those against the wall are found with all others."""
+        system = world.system
+        for stone in range(self._first, self._first + len(self.radius_m)):
+            append_on_catheter(system.rows.address, system.geometry.address, stone, world.scene.contact.margin_m)
 
     def after_solve(self, world: World, dt_s: float) -> None:
         """Apply the contact forces."""
         system = world.system
-        self.dissipated_j += push_stones(self._stones.address, system.rows.address, system.force_n, dt_s)
+        self.dissipated_j += push_stones(self._stones.address, (system.rows.address, self._first), system.force_n, dt_s)
 
     def state_arrays(self) -> tuple[FloatArray, ...]:
         """Where the stones are and how fast they move."""
@@ -155,11 +138,16 @@ def predict_stones(address: Address[Stones], dt_s: float) -> None:
 
 
 @kernel
-def push_stones(address: Address[Stones], rows_address: Address[ContactRows], forces: FloatArray, dt_s: float) -> float:
-    """Move the stones by the contact forces (k, 3); return what drag and the implicit step have taken out, in J."""
+def push_stones(
+    address: Address[Stones], rows: tuple[Address[ContactRows], int], forces: FloatArray, dt_s: float
+) -> float:
+    """Move the stones by the contact forces (k, 3); return what drag and the implicit step have taken out, in J.
+
+    ``rows`` are the contacts, and the sphere that the first stone is.
+    """
     stones, lost_j = stones_at(address), 0.0
     stones.change[:] = 0.0
-    add_stone_forces(rows_address, forces, stones.change)
+    add_sphere_forces(rows[0], forces, stones.change, rows[1])
     for stone in range(stones.mass.shape[0]):
         for axis in range(3):
             change = stones.compliance[stone] * stones.change[stone, axis]
@@ -172,58 +160,26 @@ def push_stones(address: Address[Stones], rows_address: Address[ContactRows], fo
 
 
 @kernel
-def mark_stone(rows_address: Address[ContactRows], first: int, stone: int) -> None:
-    """Turn rows from ``first`` on, built with a stone in the place of a particle, into rows of that stone."""
-    rows = rows_at(rows_address)
-    for at in range(first, rows.n_contacts):
-        rows.rod_weight[at, 0] = rows.rod_weight[at, 1] = 0.0
-        rows.stone[at], rows.identity[at] = stone, with_stone(rows.identity[at], stone)
-
-
-@kernel
-def foresee_push(
-    scene_address: Address[ContactGeometry], stone_address: Address[ContactGeometry], least_m: float, ahead: FloatArray
-) -> None:
-    """Write into ``ahead`` (1, 3) how far a stone goes in the step, alone or with what of the catheter hits it.
-
-    A catheter that snaps drives a stone that lay still into a wall half a millimetre off. Less than ``least_m`` is
-    written as nothing: detection looks as far anyway.
-    """
-    rod, sphere, most = geometry_at(scene_address).rod, geometry_at(stone_address).rod, least_m
-    alone = row(sphere.motion, 0)
-    is_far = dot(alone, alone) > least_m * least_m
-    put_row(ahead, 0, alone if is_far else (0.0, 0.0, 0.0))
-    if _furthest(rod.motion, alone) < 0.5 * least_m:  # as in nearly every step
-        return
-    for segment in range(rod.position.shape[0] - 1):
-        _, away, slip, distance = _beside(rod, segment, sphere)
-        push = sphere.radius + rod.radius - distance - dot(slip, away) / distance if distance > 0.0 else 0.0
-        if push > most:
-            most = push
-            put_row(ahead, 0, along(alone, away, push / distance))
-
-
-@kernel
 def append_on_catheter(
-    rows_address: Address[ContactRows],
-    scene_address: Address[ContactGeometry],
-    stone_address: Address[ContactGeometry],
-    stone: int,
-    reach: float,
+    rows_address: Address[ContactRows], geometry_address: Address[ContactGeometry], stone: int, margin: float
 ) -> None:
-    """Append the stone against the closest point of each catheter segment within ``reach`` of its surface.
+    """Append the stone against the closest point of each catheter segment within a margin of its surface.
 
     Or as much further as both move against each other in the step: a stone that a tool lets go meets the catheter at
     more than a metre a second.
     """
-    rows, rod, sphere = rows_at(rows_address), geometry_at(scene_address).rod, geometry_at(stone_address).rod
-    centre = row(sphere.position, 0)
+    rows, geometry = rows_at(rows_address), geometry_at(geometry_address)
+    rod, spheres = geometry.rod, geometry.spheres
+    centre, radius = row(spheres.start, stone), spheres.radius[stone]
     for segment in range(rod.position.shape[0] - 1):
-        s, away, slip, distance = _beside(rod, segment, sphere)
+        s = place_along(centre, (row(rod.position, segment), row(rod.position, segment + 1)))
+        away = subtract(centre, _between(rod.position, segment, s))
+        slip = subtract(row(spheres.motion, stone), _between(rod.motion, segment, s))
+        distance = math.sqrt(dot(away, away))
         # A particle between two segments belongs to the one before it, the tip to the last.
-        if s == 0.0 and segment > 0:
+        if (s == 0.0 and segment > 0) or distance == 0.0:
             continue
-        if distance == 0.0 or distance > sphere.radius + reach + math.sqrt(dot(slip, slip)):
+        if distance > radius + rod.radius + margin + math.sqrt(dot(slip, slip)):
             continue
         at = append_row(rows, _UNILATERAL, with_stone(pair_identity(NO_TOOL, 0, -1, CATHETER_SEGMENT, segment), stone))
         if at == NO_ROOM:
@@ -233,53 +189,13 @@ def append_on_catheter(
         normal = rows.frame[at, 0]
         for axis in range(3):
             normal[axis] = away[axis] / distance
-            rows.point_m[at, axis] = centre[axis] - sphere.radius * normal[axis]
+            rows.point_m[at, axis] = centre[axis] - radius * normal[axis]
             rows.slip_m[at, axis] = slip[axis]
         write_frame(normal, rows.frame[at])
-        rows.gap_m[at] = distance - sphere.radius - rod.radius
-
-
-@kernel
-def _furthest(motion: FloatArray, alone: Vector) -> float:
-    """Return how far any of ``motion`` (n, 3) goes against what goes ``alone``."""
-    furthest = 0.0
-    for particle in range(motion.shape[0]):
-        furthest = max(furthest, squared_distance(row(motion, particle), alone))
-    return math.sqrt(furthest)
-
-
-@kernel
-def _beside(rod: RodGeometry, segment: int, sphere: RodGeometry) -> tuple[float, Vector, Vector, float]:
-    """Return where on a segment a stone is closest, the way from there to its centre, how it grows, and its length."""
-    centre = row(sphere.position, 0)
-    s = place_along(centre, (row(rod.position, segment), row(rod.position, segment + 1)))
-    away = subtract(centre, _between(rod.position, segment, s))
-    slip = subtract(row(sphere.motion, 0), _between(rod.motion, segment, s))
-    return s, away, slip, math.sqrt(dot(away, away))
+        rows.gap_m[at] = distance - radius - rod.radius
 
 
 @kernel
 def _between(points: FloatArray, segment: int, s: float) -> Vector:
     """Return what lies at ``s`` of the way from a row of points (n, 3) to the next."""
     return along(scaled(row(points, segment), 1.0 - s), row(points, segment + 1), s)
-
-
-@kernel
-def add_stone_compliance(rows_address: Address[ContactRows], compliance: FloatArray, W: FloatArray) -> None:
-    """Add the compliance of each stone between all rows it takes part in, lower blocks, world axes."""
-    rows = rows_at(rows_address)
-    for a in range(rows.n_contacts):
-        for b in range(a + 1):
-            if rows.stone[a] != NO_STONE and rows.stone[a] == rows.stone[b]:
-                for axis in range(3):
-                    W[3 * a + axis, 3 * b + axis] += compliance[rows.stone[a]]
-
-
-@kernel
-def add_stone_forces(rows_address: Address[ContactRows], forces: FloatArray, out: FloatArray) -> None:
-    """Add the contact forces on the stones to ``out`` (s, 3)."""
-    rows = rows_at(rows_address)
-    for at in range(rows.n_contacts):
-        if rows.stone[at] != NO_STONE:
-            for axis in range(3):
-                out[rows.stone[at], axis] += forces[at, axis]

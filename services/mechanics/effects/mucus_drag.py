@@ -51,7 +51,8 @@ class MucusDrag(Effect):
             )
 
     def prepare(self, world: World) -> None:
-        """Work out b."""
+        """Work out b, and let the catheter have rows where the film begins."""
+        world.search.see_ahead(self.settings.film_m)
         catheter = world.catheter
         area = catheter.properties.segment_length_m * 2.0 * catheter.radius_m
         self._b_n_s_m = self.settings.viscosity_pa_s * area / self.settings.film_m

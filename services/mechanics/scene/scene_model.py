@@ -116,15 +116,13 @@ class QualityLevel:
     """One rung of the quality ladder; rung 0 is the best, and a switch takes effect in the next tick.
 
     ``iterations`` is the most sweeps of a solve, unless more are needed to keep bodies apart; ``without`` names effects
-    that rest meanwhile, of those that can; of the catheter's particles every ``touch_every``-th, counted from the tip,
-    feels the wall, and another where it would sink in or bears more than a few times its weight. A step is at most
-    ``ticks_per_step`` milliseconds long: a caller that steps once a millisecond steps once in so many.
+    that rest meanwhile, of those that can. A step is at most ``ticks_per_step`` milliseconds long: a caller that steps
+    once a millisecond steps once in so many.
     ``cost_us`` of a tick and the errors of forces and of motion are those that `trocar tune` measured, None without it.
     """
 
     name: str = "full"
     iterations: int = 30
-    touch_every: int = 1
     ticks_per_step: int = 1
     without: tuple[str, ...] = ()
     cost_us: float | None = None

@@ -1,7 +1,7 @@
 """What a caller hands to a step is looked at before anything moves: kernels trust what they are given.
 
-Arrays of tools are looked at when they are new, as they are changed in place from tick to tick; pairs and holds in
-every call. Numbers of a tool that no hand can have are no mistake of the caller's but a device's, and are answered by
+Arrays of tools are looked at when they are new, as they are changed in place from tick to tick; holds in every
+call. Numbers of a tool that no hand can have are no mistake of the caller's but a device's, and are answered by
 `bodies.forceps.ToolBody`: the tool stays where it was.
 """
 
@@ -11,9 +11,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from services.mechanics.arrays import AnyArray, IntArray
-from services.mechanics.collision.pair_faults import FAULTS, first_fault
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, ContactPairs
+from services.mechanics.arrays import AnyArray
 from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs
 
 SHAPES: dict[str, tuple[tuple[int, ...], type[np.generic]]] = {
@@ -29,20 +27,12 @@ _PLAIN = (int,) * len(_WHOLE) + (float,) * len(_REAL)
 
 
 class CallCheck:
-    """Refuses calls of `Simulation.step` whose arguments are not what they are said to be.
+    """Refuses calls of `Simulation.step` whose arguments are not what they are said to be."""
 
-    Parameters
-    ----------
-    n_triangles, n_segments : int
-        What pairs may name.
-    """
-
-    def __init__(self, n_triangles: int, n_segments: int) -> None:
-        self._n_targets: IntArray = np.zeros(2, np.int32)
-        self._n_targets[DUCT_TRIANGLE], self._n_targets[CATHETER_SEGMENT] = n_triangles, n_segments
+    def __init__(self) -> None:
         self._seen: tuple[AnyArray | None, ...] = (None,) * len(SHAPES)
 
-    def check(self, tools: ToolInputs, pairs: ContactPairs | None) -> None:
+    def check(self, tools: ToolInputs) -> None:
         """Raise the error that says what is wrong with them.
 
         Raises
@@ -50,8 +40,7 @@ class CallCheck:
         TypeError
             Something is of another type.
         ValueError
-            An array is of another shape or dtype, or a pair names what is not there, or its numbers are none of a
-            contact's.
+            An array is of another shape or dtype.
         """
         present, position, roll, opening = self._seen
         try:
@@ -63,8 +52,6 @@ class CallCheck:
             self._look_at(tools)
         if tools.holds is not None:
             check_holds(tools.holds)
-        if pairs is not None:
-            self._look_at_pairs(pairs)
 
     def _look_at(self, tools: ToolInputs) -> None:
         for name, (shape, dtype) in SHAPES.items():
@@ -77,17 +64,6 @@ class CallCheck:
             if not array.flags.c_contiguous:
                 raise ValueError(f"tools.{name} must lie in C order without gaps")
         self._seen = tuple(getattr(tools, name) for name in SHAPES)
-
-    def _look_at_pairs(self, pairs: ContactPairs) -> None:
-        if not isinstance(pairs, ContactPairs):
-            raise TypeError(f"pairs must be ContactPairs or None, is {_kind(pairs)}")
-        index, fault = first_fault(pairs.address, self._n_targets)
-        if index < 0:
-            raise ValueError(f"pairs.count must be within 0 and {pairs.capacity}, is {pairs.count}")
-        if fault:
-            name = FAULTS[fault]
-            value = getattr(pairs, name)[index].tolist()
-            raise ValueError(f"pairs.{name}[{index}] is none of a tool's contact: {value}")
 
 
 def check_holds(holds: list[GraspHold]) -> None:

@@ -1,10 +1,9 @@
 """States that no hand can have brought about are found at the end of a step, and the last sound one is taken up again.
 
 What is sound is judged by what bodies can do at all, not by what is likely: numbers that are finite, a catheter that is
-neither torn nor shot, no particle of it beyond the middle of the wall, and none in the lumen that did not come by an
-opening. A state that is taken up again is at rest, and the hands follow anew from where the tools are: what their
-couplings held then they have lost since, and it would be theirs again for nothing. Nor may catheter and wall hold what
-they have lost: it is the newest of several copies that stores no more than was there when the bad step began.
+neither torn nor shot, and whose axis goes through the wall nowhere. A state that is taken up again is at rest, and the
+couplings restart unstretched; otherwise the restored copy would hand back energy already spent. For the same reason it
+is the newest of several copies that stores no more than was there when the bad step began.
 
 What made a state unsound may do so again at once, and for ever. So heals that follow each other go further: from the
 second on the tools touch nothing until they have been withdrawn, at the third the first state of all is taken up, if it
@@ -17,11 +16,8 @@ from typing import Annotated
 
 from services.mechanics.arrays import AnyArray, FloatArray
 from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
-from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.contact import laws
-from services.mechanics.contact.rows import NO_STONE, ContactRows, rows_at
 from services.mechanics.scene.tools import N_TOOLS
 from services.mechanics.simulation.body_energy import body_energies_j
 from services.mechanics.simulation.copies import Copies
@@ -54,7 +50,6 @@ class LiveState(Struct):
     hand: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
     longest_m: float  # segment of the catheter
     fastest_m_s: float
-    deepest_m: float  # in the wall
 
     @classmethod
     def of(cls, world: World) -> LiveState:
@@ -69,7 +64,6 @@ class LiveState(Struct):
             hand=tools.hand,
             longest_m=world.catheter.properties.segment_length_m * (1.0 + MOST_STRETCH),
             fastest_m_s=FASTEST_M_S,
-            deepest_m=0.5 * world.scene.duct.thickness_m,
         )
 
 
@@ -93,7 +87,6 @@ class Healer:
         self._steps = self._calm_steps = 0
         self._in_a_row = self._rest_left = self._rests_in_a_row = 0
         self._live = LiveState.of(world)
-        self._addresses = (world.system.rows.address, self._live.address)
         self.healed = self.rests = 0
 
     def begin(self) -> None:
@@ -112,7 +105,7 @@ class Healer:
 
         A scene that a caller has begun in a state that is not sound is left to come out of it, while its numbers are.
         """
-        is_sound = state_is_sound(*self._addresses) and self._world.search.is_sound()
+        is_sound = state_is_sound(self._live.address) and self._world.search.is_sound()
         if is_sound:
             if self._steps % APART == 0:
                 self._keep()
@@ -138,6 +131,7 @@ class Healer:
         world.system.forget()
         world.seal.forget()
         world.squeeze.forget()
+        world.search.forget()
         if self._in_a_row >= RESTING:
             self._rest_left = REST_STEPS << min(self._rests_in_a_row, 32)
             self._rests_in_a_row += 1
@@ -194,7 +188,6 @@ class Healer:
     def _arrays(self) -> list[AnyArray]:
         world = self._world
         arrays = [*world.duct.state_arrays(), *world.catheter.state_arrays(), *world.tools.state_arrays()]
-        arrays += world.search.state_arrays()
         for effect in world.effects:
             arrays += effect.state_arrays()
         return arrays
@@ -206,22 +199,9 @@ def _stored_j(world: World) -> float:
 
 
 @kernel
-def state_is_sound(rows_address: Address[ContactRows], live_address: Address[LiveState]) -> bool:
-    """Return whether the numbers are finite, and the catheter neither in the wall nor torn nor shot."""
-    live = live_at(live_address)
-    return bool(_depth_in_wall(rows_at(rows_address)) < live.deepest_m and _are_sound(live))
-
-
-@kernel
-def _depth_in_wall(rows: ContactRows) -> float:
-    """Return how deep particles of the catheter were in the wall when the step began, in m."""
-    deepest = 0.0
-    for row in range(rows.n_contacts):
-        weight = rows.duct_weight[row, 0] + rows.duct_weight[row, 1] + rows.duct_weight[row, 2]
-        is_wall = weight > 0.0 and rows.tool[row] == NO_TOOL and rows.stone[row] == NO_STONE
-        if is_wall and laws.HAS_GAP[rows.law[row]]:
-            deepest = max(deepest, -rows.gap_m[row])
-    return deepest
+def state_is_sound(live_address: Address[LiveState]) -> bool:
+    """Return whether the numbers are finite, and the catheter neither torn nor shot."""
+    return bool(_are_sound(live_at(live_address)))
 
 
 @kernel

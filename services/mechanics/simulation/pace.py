@@ -11,6 +11,7 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.sweep import FASTEST_HAND_M_S
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.contact.working_set import MOST_AHEAD_M
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.world import World
 
@@ -45,8 +46,12 @@ class Pace:
         self._world = world
         velocity, duct = world.catheter.state.velocity_m_s, world.duct
         self._moving = Moving(velocity=velocity, before=duct.q_start, after=duct.state.q)
-        self._most_m = 2.0 * world.scene.contact.margin_m
+        self._most_m = MOST_AHEAD_M
         self._modes, self._longest = sampled_modes(world.duct.reduced.basis.Phi)
+
+    def compile_kernels(self) -> None:
+        """Compile what only a wall that moves far asks for."""
+        furthest(self._modes, self._world.duct.q_start, self._world.duct.state.q)
 
     def parts(self, tools: ToolInputs, dt_s: float) -> int:
         """Return the number of parts of a step, a power of two."""
@@ -115,13 +120,3 @@ def furthest(modes: FloatArray, before: FloatArray, after: FloatArray) -> float:
             way_2 += way * way
         largest_2 = max(largest_2, way_2)
     return math.sqrt(largest_2)
-
-
-@kernel
-def furthest_at(modes: FloatArray, longest: float, before: FloatArray, after: FloatArray, least_m: float) -> float:
-    """Return what `furthest` does, or a bound of it if that is below ``least_m``; ``longest`` is of `sampled_modes`."""
-    total = 0.0
-    for mode in range(before.shape[0]):
-        total += (after[mode] - before[mode]) ** 2
-    bound = longest * math.sqrt(total)
-    return float(bound if bound < least_m else furthest(modes, before, after))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.compiled.memory import copy_arrays, copy_table
-from services.mechanics.contact.candidate_search import CandidateSearch
 from services.mechanics.world import World
 
 #: How deep a candidate without a row may end: below a twentieth of a millimetre, and of a thin wall this part.
@@ -24,8 +23,8 @@ class Pricing:
         Steps that were taken in two, because prices came to no end in one.
     """
 
-    def __init__(self, world: World, search: CandidateSearch) -> None:
-        self._world, self._search = world, search
+    def __init__(self, world: World) -> None:
+        self._world, self._search = world, world.search
         duct, catheter, tools = self._bodies = world.duct, world.catheter, world.tools
         live = [*duct.given_arrays(), *catheter.given_arrays(), *tools.given_arrays()]
         kept = [array.copy() for array in live]
@@ -39,6 +38,7 @@ class Pricing:
         self._is_off = not world.system.strategy.knows_stiffness or catheter.plain_integrator is None
         self.violations = self.new_rows = self.retreats = 0
         state = [*duct.state_arrays(), *catheter.state_arrays(), *tools.step_arrays()]
+        state += [array for effect in world.effects for array in effect.state_arrays()]
         kept_state = [array.copy() for array in state]
         self._note_state, self._put_state = copy_table(kept_state, state), copy_table(state, kept_state)
         self._kept = kept, kept_pose, kept_state

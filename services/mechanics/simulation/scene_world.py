@@ -11,10 +11,11 @@ from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.bodies.duct import DuctBody
 from services.mechanics.bodies.forceps import ToolBody
 from services.mechanics.collision.pairs import ContactPairs
+from services.mechanics.contact.candidate_search import CandidateSearch
 from services.mechanics.contact.geometry import Bodies
 from services.mechanics.contact.holds import HoldRegistry
 from services.mechanics.contact.seal import IntroducerSeal
-from services.mechanics.contact.search import ContactSearch, DuctSearch
+from services.mechanics.contact.search import ContactSearch
 from services.mechanics.contact.squeeze import JawSqueeze
 from services.mechanics.contact.strategies import STRATEGIES
 from services.mechanics.contact.system import ContactSystem
@@ -50,7 +51,7 @@ def build_world(
         holds=HoldRegistry(scene.forceps, system),
         seal=IntroducerSeal(catheter, system),
         squeeze=JawSqueeze(scene.duct, scene.forceps, system),
-        search=search or DuctSearch(scene, duct),
+        search=search or CandidateSearch(scene, duct),
         pairs=ContactPairs.allocate(capacity),
         acceleration_m_s2=_body_acceleration_m_s2(stages["body_acceleration_m_s2"]),
         effects=effects,

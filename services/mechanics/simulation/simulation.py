@@ -10,20 +10,17 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.arrays import ByteArray, FloatArray, IntArray
 from services.mechanics.bodies.forceps import Grasp, JawState
 from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
 from services.mechanics.bodies.mouth import Mouth
 from services.mechanics.collision.pairs import ContactPairs
-from services.mechanics.contact.catheter_manifold import CatheterManifold
 from services.mechanics.contact.engagement import engage_tools
 from services.mechanics.contact.local_stiffness import LocalStiffness
-from services.mechanics.contact.manifold import ContactManifold
 from services.mechanics.contact.pads import take_pads
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.search import ContactSearch
 from services.mechanics.contact.system import DroppedContacts
-from services.mechanics.contact.thinning import thin_pairs
 from services.mechanics.contact.tool_loads import ReportArrays, report
 from services.mechanics.effects import build_effects, by_stage
 from services.mechanics.reduction import ModalState, ReducedDuct
@@ -38,6 +35,8 @@ from services.mechanics.simulation.scene_world import build_world
 from services.mechanics.simulation.step_solver import StepSolver
 
 LONGEST_TICK_S = 1.0
+#: A step that ends with something too deep is taken in halves, so often: an eighth of a millisecond at least.
+MOST_HALVINGS = 3
 STAGE_NAMES = ("loads", "predict", "detect", "assemble", "solve", "correct", "report")
 
 
@@ -71,7 +70,7 @@ class Simulation:
         self.effects = build_effects(scene)
         stages = by_stage(self.effects.values())
         self.world = world = build_world(scene, duct, tuple(self.effects.values()), search)
-        self.duct, self.catheter, self.tools = world.duct, world.catheter, world.tools
+        self.duct, self.catheter, self.tools = self._moving = world.duct, world.catheter, world.tools
         self.system, self.holds, self.search = world.system, world.holds, world.search
         self.seal, self.squeeze = world.seal, world.squeeze
         segment_length_m = self.catheter.properties.segment_length_m
@@ -82,35 +81,31 @@ class Simulation:
         )
         self.tool_results = ToolResults()
         self.max_penetration_m = 0.0
-        self._mouth = Mouth(duct)
-        self._manifold = ContactManifold(self.system.geometry.wall, scene.contact.margin_m)
-        self.catheter_manifold = CatheterManifold(self.system.geometry.wall, scene.contact.margin_m)
+        self._mouth = Mouth(duct, self.catheter.properties.n_particles)
         self._tool_pairs = ContactPairs.allocate(scene.contact.capacity)
         self._tool_force = np.zeros((N_TOOLS, N_COORDINATES))
-        self.solver = StepSolver(world, self._tool_force)
         self._report_arrays = ReportArrays.of(self.tool_results, self._tool_force)
         self._stiffness = LocalStiffness(self.system.bodies, self.system.address, self.tool_results)
         self.cost_ns = [0] * len(STAGE_NAMES)
         self._marks_ns = [0] * (len(STAGE_NAMES) + 1)
-        self._pace = Pace(world)
+        self.pace = Pace(world)
         self._healer = Healer(world)
-        self._calls = CallCheck(duct.mesh.triangles.shape[0], self.catheter.properties.n_segments)
+        self._calls = CallCheck()
         self.watcher: Watcher | None = None
         for effect in stages["prepare"]:
             effect.prepare(world)
+        self.solver = StepSolver(world, self._tool_force)
         for name in scene.quality[0].without:
             self.effects[name].rest()
         self._use_rung(0)
 
-    def step(self, tools: ToolInputs, pairs: ContactPairs | None = None, dt_s: float = 1e-3) -> None:
+    def step(self, tools: ToolInputs, dt_s: float = 1e-3) -> None:
         """Advance everything by one tick.
 
         Parameters
         ----------
         tools : ToolInputs
             The hands at the end of the tick.
-        pairs : ContactPairs, optional
-            Candidate pairs of the tools, as the haptics process found them; None finds them here.
         dt_s : float
             Length of the tick, at most `LONGEST_TICK_S`. Longer than a millisecond, or than the rung in force lets a
             step be, it is taken in parts.
@@ -118,43 +113,47 @@ class Simulation:
         Raises
         ------
         TypeError, ValueError
-            ``dt_s`` is not positive and finite, or too long; an array of another shape or dtype, a pair that names what
-            is not there or whose numbers are none of a contact's (`CallCheck`). Nothing has moved.
+            ``dt_s`` is not positive and finite, or too long; an array of another shape or dtype (`CallCheck`). Nothing
+            has moved.
         """
         if not 0.0 < dt_s < math.inf:
             raise ValueError(f"dt_s must be positive and finite, is {dt_s}")
         if dt_s > LONGEST_TICK_S:
             raise ValueError(f"dt_s must be at most {LONGEST_TICK_S:g} s, is {dt_s:g}")
-        self._calls.check(tools, pairs)
+        self._calls.check(tools)
         self._healer.begin()
         self.cost_ns[:] = [0] * len(STAGE_NAMES)
         if self._healer.rest():
             return
         steps = steps_of(dt_s, self.rung.ticks_per_step * LONGEST_STEP_S)
         for _ in range(steps):
-            if not self._step_in_parts(tools, pairs, dt_s / steps):
+            if not self._step_in_parts(tools, dt_s / steps):
                 self._heal(dt_s)
                 break
-            pairs = None
         if self._fading and all(effect.rests for effect in self._fading):
             self._use_rung(self.quality_level)
 
-    def _step_in_parts(self, tools: ToolInputs, pairs: ContactPairs | None, dt_s: float) -> bool:
+    def _step_in_parts(self, tools: ToolInputs, dt_s: float) -> bool:
         """Advance by a step, or up to the first part of it that ends in a state that is not sound: then False."""
-        parts = self._pace.parts(tools, dt_s)
-        for part in range(parts):
-            self.duct.change_step(dt_s / parts)
-            if self.watcher is not None:
-                self.watcher.begin()
-            self._step(tools, pairs if part == 0 else None, dt_s / parts)
-            if self.watcher is not None:
-                self.watcher.end(dt_s / parts)
-            if not self._healer.watch():
-                return False
-        return True
+        parts = self.pace.parts(tools, dt_s)
+        return all(self._take_part(tools, dt_s / parts, MOST_HALVINGS) for _ in range(parts))
 
-    def _step(self, tools: ToolInputs, pairs: ContactPairs | None, dt_s: float) -> None:
-        """Advance everything by a step that nothing crosses unseen."""
+    def _take_part(self, tools: ToolInputs, dt_s: float, halvings: int) -> bool:
+        """Advance by a part of a step, or by its halves where it does not come to an end without overlap."""
+        self.duct.change_step(dt_s)
+        if self.watcher is not None:
+            self.watcher.begin()
+        self.solver.pricing.begin()
+        if not self._move(tools, dt_s) and halvings > 0:
+            self.solver.pricing.retreat()
+            return all(self._take_part(tools, 0.5 * dt_s, halvings - 1) for _ in range(2))
+        self._end_step(dt_s)
+        if self.watcher is not None:
+            self.watcher.end(dt_s)
+        return self._healer.watch()
+
+    def _move(self, tools: ToolInputs, dt_s: float) -> bool:
+        """Move everything by a step that nothing crosses unseen; return whether nothing ends too deep."""
         marks = self._marks_ns
         marks[0] = perf_counter_ns()
         self._add_loads(dt_s)
@@ -163,24 +162,29 @@ class Simulation:
         self.catheter.predict(dt_s)
         self._predict_tools(tools, dt_s)
         marks[2] = perf_counter_ns()
-        self._collect(tools, pairs, dt_s)
+        self._collect(tools, dt_s)
         marks[3] = perf_counter_ns()
         if self.system.rows.n_contacts > 0:
             self.solver.prepare(dt_s)
         marks[4] = perf_counter_ns()
-        self.solver.solve(dt_s, knows_tools=pairs is None)
+        is_settled = self.solver.solve(dt_s)
+        marks[5] = perf_counter_ns()
+        self.cost_ns[:5] = map(add, self.cost_ns, map(sub, marks[1:6], marks[:5]))
+        return is_settled
+
+    def _end_step(self, dt_s: float) -> None:
+        """Let effects act on the end of a step, and write what tools feel."""
+        marks = self._marks_ns
         marks[5] = perf_counter_ns()
         self._correct(dt_s)
         marks[6] = perf_counter_ns()
         self._report(dt_s)
         marks[7] = perf_counter_ns()
-        self.cost_ns[:] = map(add, self.cost_ns, map(sub, marks[1:], marks))
+        self.cost_ns[5:] = map(add, self.cost_ns[5:], map(sub, marks[6:], marks[5:7]))
 
     def _heal(self, dt_s: float) -> None:
         """Go back to the last sound state; in this tick nothing acts on a tool."""
         self._healer.heal()
-        self._manifold.forget()
-        self.catheter_manifold.forget()
         for grasp in self.grasps:
             grasp.let_go()
         self._tool_force[:] = 0.0
@@ -221,7 +225,7 @@ class Simulation:
     def dropped_contacts(self) -> DroppedContacts:
         """What found no room since the start; a scene that drops contacts needs a larger ``contact.capacity``."""
         system = self.system
-        pairs = system.dropped_pairs + self._manifold.dropped + self.catheter_manifold.dropped
+        pairs = system.dropped_pairs + self.search.dropped
         return DroppedContacts(pairs, system.rows.dropped, self.holds.dropped)
 
     @property
@@ -251,8 +255,16 @@ class Simulation:
 
     @property
     def inserted_length_m(self) -> float:
-        """Length of catheter beyond the plane of the duct's mouth, 0 while its tip is not in the lumen."""
-        return self._mouth.inserted_length_m(self.duct.state.q, self.catheter, self.search.inside)
+        """Length of catheter in the lumen, from the opening that it came by to its tip; 0 while that is outside."""
+        catheter = self.catheter
+        segment_m = catheter.properties.segment_length_m
+        return self._mouth.inserted_length_m(self.duct.state.q, catheter.state.position_m, segment_m)
+
+    @property
+    def inside(self) -> ByteArray:
+        """(n,) one where a particle of the catheter is in the lumen."""
+        self._mouth.follow(self.duct.state.q, self.catheter.state.position_m)
+        return self._mouth.inside
 
     def set_quality(self, level: int) -> None:
         """Switch to a rung of the scene's quality ladder; states stay as they are, so nothing jumps."""
@@ -282,41 +294,27 @@ class Simulation:
         self.holds.stop_jaws(self.tools)
         self.tools.predict(tools, dt_s)
 
-    def _collect(self, tools: ToolInputs, pairs: ContactPairs | None, dt_s: float) -> None:
-        """Find pairs and turn them, and the holds, into contact rows."""
-        system = self.system
+    def _collect(self, tools: ToolInputs, dt_s: float) -> None:
+        """Turn chosen candidates, and the holds, into contact rows."""
+        system, search = self.system, self.search
         system.let_go_of_tools()
         system.clear()
         self.seal.append_row()
         self.squeeze.append_rows(self.tools)
-        self.search.start(self.duct)
-        # Others look for pairs where the hand is, and may not know yet that the duct is another one.
-        if pairs is None or self.tools.is_behind or self.tools.have_come:
-            pairs = self._tool_pairs
-            pairs.clear()
-            self.search.tool_pairs(self.catheter, self.tools, pairs)
-        if self.tools.have_come:
-            engage_tools(pairs.address, system.geometry.address)
-        self._manifold.append_to(pairs, self.search, system.geometry)
-        self.holds.follow(self._grasp(tools, pairs) if tools.holds is None else tools.holds)
-        if self.holds.took_up and tools.holds is not None:
-            take_pads(pairs.address, system.geometry.address)
-        catheter_pairs = self.world.pairs
+        found, catheter_pairs = self._tool_pairs, self.world.pairs
+        found.clear()
         catheter_pairs.clear()
-        self.search.catheter_pairs(self.catheter, catheter_pairs)
-        self.catheter_manifold.append_to(catheter_pairs, self.search, system.geometry)
-        if self.rung.touch_every > 1:
-            catheter, every = self.catheter, self.rung.touch_every
-            rod = catheter.state.velocity_m_s, self.search.against_m, catheter.contact_force_n, catheter.mass_kg
-            thin_pairs(catheter_pairs.address, rod, (every, catheter.properties.n_segments), dt_s)
-        if not (self._stages["add_pairs"] or self._stages["add_rows"]):
-            rows = system.collect(pairs, catheter_pairs, self.holds.in_use)
-            if rows is not None:
-                self.holds.rows = rows
-                return
+        search.begin(self._moving)
+        search.tool_pairs(self.catheter, self.tools, found)
+        search.catheter_pairs(catheter_pairs)
+        if self.tools.have_come:
+            engage_tools(found.address, system.geometry.address)
+        self.holds.follow(self._grasp(tools, found) if tools.holds is None else tools.holds)
+        if self.holds.took_up and tools.holds is not None:
+            take_pads(found.address, system.geometry.address)
         for effect in self._stages["add_pairs"]:
             effect.add_pairs(self.world, dt_s)
-        system.append(pairs)
+        system.append(found)
         system.append(catheter_pairs)
         for effect in self._stages["add_rows"]:
             effect.add_rows(self.world, dt_s)
@@ -335,11 +333,9 @@ class Simulation:
         return held
 
     def _correct(self, dt_s: float) -> None:
-        system = self.system
         self.seal.slide()
         self.holds.slide()
-        self._manifold.keep(system.rows, system.slides)
-        self.catheter_manifold.keep(system, self.max_penetration_m)
+        self.search.note_pressed(self.system.address)
         self.squeeze.follow(self.tools, dt_s)
         for effect in self._stages["settle"]:
             effect.settle(self.world, dt_s)

@@ -63,7 +63,7 @@ def _steps_without_length() -> Driven:
         for simulation in (asked, plain):
             simulation.step(tools)
         try:
-            asked.step(tools, None, STEPS_S[step % len(STEPS_S)])
+            asked.step(tools, STEPS_S[step % len(STEPS_S)])
             wrong += 1
         except ValueError:
             pass

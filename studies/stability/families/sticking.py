@@ -67,7 +67,7 @@ def _pulled(dt_s: float, watched_s: float) -> Driven:
     tools = ToolInputs()
     hands.write(len(hands) - 1, tools)
     for _ in range(round(SETTLED_S / dt_s)):
-        simulation.step(tools, None, dt_s)
+        simulation.step(tools, dt_s)
     before_n = float(np.linalg.norm(simulation.tool_results.force_n[0]))
     moved_m = _creep(simulation, tools, dt_s, watched_s)
     after_n = float(np.linalg.norm(simulation.tool_results.force_n[0]))
@@ -81,7 +81,7 @@ def _forces(scene: SceneModel, hands: HandMotions, dt_s: float) -> tuple[Simulat
     force_n = np.zeros((len(hands), 3))
     for step in range(len(hands)):
         hands.write(step, tools)
-        simulation.step(tools, None, dt_s)
+        simulation.step(tools, dt_s)
         force_n[step] = simulation.contact_force_n[simulation.contacts.tool[: simulation.contacts.n_contacts] == 0].sum(
             axis=0
         )
@@ -91,10 +91,10 @@ def _forces(scene: SceneModel, hands: HandMotions, dt_s: float) -> tuple[Simulat
 def _creep(simulation: Simulation, tools: ToolInputs, dt_s: float, watched_s: float) -> float:
     """Motion of any particle in so long, after half a second to settle, scaled to a minute."""
     for _ in range(round(SETTLED_S / dt_s)):
-        simulation.step(tools, None, dt_s)
+        simulation.step(tools, dt_s)
     before = simulation.catheter.state.position_m.copy()
     for _ in range(round(watched_s / dt_s)):
-        simulation.step(tools, None, dt_s)
+        simulation.step(tools, dt_s)
     moved_m = float(np.linalg.norm(simulation.catheter.state.position_m - before, axis=1).max())
     return moved_m * 60.0 / watched_s
 

@@ -16,8 +16,8 @@ from studies.stability.strokes import stroking
 LADDER = (
     QualityLevel(),
     QualityLevel(name="half", iterations=15),
-    QualityLevel(name="low", iterations=3, touch_every=2),
-    QualityLevel(name="least", iterations=1, touch_every=4),
+    QualityLevel(name="low", iterations=3),
+    QualityLevel(name="least", iterations=1),
 )
 SITUATIONS = {"holding": threaded, "approaching": approaching}
 

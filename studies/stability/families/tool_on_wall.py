@@ -36,7 +36,7 @@ def _held(draw: Draw, name: str, dt_s: float, watched_s: float) -> Driven:
     simulation, tools = Simulation(scene, reduced_duct(scene)), ToolInputs()
     for step in range(len(hands)):
         hands.write(step, tools)
-        simulation.step(tools, None, dt_s)
+        simulation.step(tools, dt_s)
     _stay(simulation, tools, dt_s, SETTLED_S)
     before_m, before_n = simulation.duct.surface_m(), simulation.tool_results.force_n[1].copy()
     _stay(simulation, tools, dt_s, watched_s)
@@ -62,4 +62,4 @@ def _pressing(random: np.random.Generator) -> HandMotions:
 
 def _stay(simulation: Simulation, tools: ToolInputs, dt_s: float, time_s: float) -> None:
     for _ in range(round(time_s / dt_s)):
-        simulation.step(tools, None, dt_s)
+        simulation.step(tools, dt_s)

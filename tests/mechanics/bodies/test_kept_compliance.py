@@ -30,7 +30,8 @@ def forces_with_places(with_effects, small_duct, monkeypatch):
         tools.present[1] = False
         for tick in range(N_TICKS):
             simulation.set_quality(1 if 100 <= tick < 160 else 0)
-            tools.position_m[0] = 20.7e-3, 0.4e-3, 15e-3 + 4.2e-3 - (0.5e-3 * (1.0 - np.cos(tick / 30.0)))
+            above_m = 4e-3 * max(1.0 - tick / 80.0, 0.0)
+            tools.position_m[0] = 20.7e-3, 0.4e-3, 15e-3 + 4.2e-3 + above_m - 0.5e-3 * (1.0 - np.cos(tick / 30.0))
             simulation.step(tools, dt_s=0.5e-3 if tick >= 200 else 1e-3)
             forces.append(simulation.tool_results.force_n.copy())
         return np.array(forces), simulation

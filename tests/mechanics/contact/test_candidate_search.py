@@ -10,7 +10,7 @@ from services.mechanics.collision.pairs import DUCT_TRIANGLE, JAW_A, JAW_B, NO_T
 from services.mechanics.contact.price import room_in_jaws
 from services.mechanics.contact.working_set import AHEAD_M
 from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation.priced_simulation import PricedSimulation
+from services.mechanics.simulation import Simulation
 from studies.judge.closest import segment_triangle
 
 TOLERANCE_M, AT_M = 20e-6, 20e-3
@@ -19,7 +19,7 @@ TOLERANCE_M, AT_M = 20e-6, 20e-3
 @pytest.fixture
 def simulation(small_scene, small_duct):
     """Everything at rest, tools gone, after one step."""
-    simulation, tools = PricedSimulation(small_scene, small_duct), ToolInputs()
+    simulation, tools = Simulation(small_scene, small_duct), ToolInputs()
     tools.present[:] = False
     simulation.step(tools)
     return simulation
@@ -40,7 +40,7 @@ def price(simulation, end_m):
     """Return the pairs of a step that has led the catheter to these places (n, 3)."""
     bodies, pairs = (simulation.duct, simulation.catheter, simulation.tools), ContactPairs.allocate(64)
     simulation.catheter.state.position_m[:] = end_m
-    simulation.candidates.price(bodies, simulation.system.address, TOLERANCE_M, pairs)
+    simulation.search.price(bodies, simulation.system.address, TOLERANCE_M, pairs)
     return pairs
 
 
@@ -60,9 +60,9 @@ def test_who_goes_through_the_middle_surface_in_a_step_is_held_on_the_side_of_it
     reach_m = simulation.catheter.radius_m + 0.5 * simulation.scene.duct.thickness_m
     along = np.array([1.0, 0.0, 0.0]) - normal[0] * normal
     line = middle + (reach_m + 1e-6 * gap_um) * side + np.outer(np.arange(31) - 15.5, 0.3e-3 * along)
-    simulation.candidates.forget()
+    simulation.search.forget()
     simulation.catheter.state.position_m[:] = simulation.catheter.start_m[:] = line
-    simulation.candidates.begin((simulation.duct, simulation.catheter, simulation.tools))
+    simulation.search.begin((simulation.duct, simulation.catheter, simulation.tools))
     way_m = reach_m + 1e-6 * (gap_um + beyond_um)
     pairs = price(simulation, line - way_m * side)
     assert pairs.count > 0
@@ -76,31 +76,34 @@ def test_who_goes_through_the_middle_surface_in_a_step_is_held_on_the_side_of_it
 
 @pytest.mark.parametrize("radius_m", [0.5e-3, 1.5e-3])
 @settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(seed=st.integers(0, 2**32 - 1), ahead_um=st.sampled_from([0.0, 100.0, 300.0]))
-def test_a_sphere_touches_what_is_nearest_of_all_triangles(small_scene, small_duct, radius_m, seed, ahead_um):
-    """In the lumen, in the wall, outside and on the rim, wherever its centre is put, in the place of particle 0."""
-    search_of = PricedSimulation(small_scene, small_duct)
-    search, rng, tools = search_of.candidates, np.random.default_rng(seed), ToolInputs()
-    centre_m, pairs = np.array([AT_M, 0.0, 0.0]), ContactPairs.allocate(64)
-    number = search.add_sphere(centre_m, radius_m)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_a_sphere_touches_what_is_nearest_of_all_triangles(small_scene, small_duct, radius_m, seed):
+    """In the lumen, in the wall, outside and on the rim, wherever its centre is put."""
+    simulation = Simulation(small_scene, small_duct)
+    search, rng, tools = simulation.search, np.random.default_rng(seed), ToolInputs()
+    spheres, pairs = simulation.system.geometry.spheres, ContactPairs.allocate(256)
+    simulation.world.add_spheres(np.array([radius_m]))
     tools.present[:] = False
-    bodies = search_of.duct, search_of.catheter, search_of.tools
-    corners = search_of.duct.surface_m()[small_duct.mesh.triangles]
+    bodies = simulation.duct, simulation.catheter, simulation.tools
+    corners = simulation.duct.surface_m()[small_duct.mesh.triangles]
+    number = simulation.catheter.properties.n_segments
     for _ in range(6):
         angle, out_m = rng.uniform(0.0, 6.28), rng.uniform(0.0, 7e-3)
-        centre_m[:] = rng.uniform(2e-3, 42e-3), out_m * np.cos(angle), out_m * np.sin(angle)
+        spheres.start[0] = rng.uniform(2e-3, 42e-3), out_m * np.cos(angle), out_m * np.sin(angle)
+        search.forget()
         search.begin(bodies)
         pairs.clear()
-        search.sphere_pairs(number, 1e-6 * ahead_um, pairs)
-        p = tuple(centre_m)
+        search.catheter_pairs(pairs)
+        of_sphere = np.flatnonzero(pairs.particle[: pairs.count] == number)
+        p = tuple(spheres.start[0])
         gaps_m = np.array([np.sqrt(segment_triangle(p, p, *map(tuple, c))[0]) for c in corners])
         gaps_m -= radius_m + 0.5 * small_scene.duct.thickness_m
-        assert (pairs.count > 0) == (gaps_m.min() <= AHEAD_M + 1e-6 * ahead_um)
-        for k in range(pairs.count):
+        assert (len(of_sphere) > 0) == (gaps_m.min() <= AHEAD_M)
+        for k in of_sphere:
             assert pairs.gap_m[k] == pytest.approx(gaps_m[pairs.target[k]], abs=1e-12)
-            assert (pairs.particle[k], pairs.tool[k], pairs.tool_parameter[k]) == (0, NO_TOOL, 0.0)
-        if pairs.count:
-            assert pairs.gap_m[: pairs.count].min() == pytest.approx(gaps_m.min(), abs=1e-12)
+            assert pairs.tool[k] == NO_TOOL
+        if len(of_sphere):
+            assert pairs.gap_m[of_sphere].min() == pytest.approx(gaps_m.min(), abs=1e-12)
 
 
 def test_between_jaws_there_is_as_much_room_as_they_have_squeezed_away(simulation):
@@ -127,12 +130,12 @@ def test_between_jaws_there_is_as_much_room_as_they_have_squeezed_away(simulatio
 
 def test_a_catheter_whose_axis_pierces_the_wall_is_not_sound(simulation):
     bodies = simulation.duct, simulation.catheter, simulation.tools
-    simulation.candidates.begin(bodies)
-    assert simulation.candidates.is_sound()
+    simulation.search.begin(bodies)
+    assert simulation.search.is_sound()
     middle, normal = facet(simulation, 0.3)
     line = simulation.catheter.start_m
     for end_m, is_sound in ((0.3e-3, False), (-0.3e-3, True)):  # the tip beyond the middle surface, or short of it
         line[:] = middle + np.outer(np.linspace(-3e-3, end_m, len(line)), -normal)
-        simulation.candidates.forget()
-        simulation.candidates.begin(bodies)
-        assert simulation.candidates.is_sound() == is_sound
+        simulation.search.forget()
+        simulation.search.begin(bodies)
+        assert simulation.search.is_sound() == is_sound

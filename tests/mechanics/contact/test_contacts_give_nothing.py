@@ -13,8 +13,6 @@ from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import solve_contacts
 from services.mechanics.contact.solver_steps import SolverScratch
 from services.mechanics.contact.writer import append_row
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
 
 RECOVERY, DT_S = 0.2, 1e-3
 
@@ -115,18 +113,6 @@ def test_a_step_that_is_solved_again_is_entered_once():
         assert entered[-4:] == [entered[-4]] * 4
         assert ledger.begun_s == step * DT_S
     assert entered[-1][0] == pytest.approx((1.0 + (1.0 - DT_S / LATELY_S)) * 4 * 1000.0 * 1e-3 * 2e-3)
-
-
-def test_a_wall_that_a_scene_begins_in_pushes_the_tool_out(with_effects, small_duct):
-    """As where physics is started anew under a hand that presses and stands still: it would be limp for ever."""
-    simulation, tools = Simulation(with_effects(friction={}), small_duct), ToolInputs()
-    tools.present[1] = False
-    tools.position_m[0] = 20e-3, 0.0, 15e-3 + 4.5e-3
-    for _ in range(200):
-        simulation.step(tools)
-    contacts = simulation.contacts
-    assert contacts.gap_m[: contacts.n_contacts].min() > -20e-6
-    assert simulation.tool_results.force_n[0, 2] > 0.01
 
 
 def test_what_a_step_may_give_is_not_owed():

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.scene.tools import GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
 
@@ -39,17 +38,6 @@ def test_pairs_that_detection_has_no_room_for_are_counted(simulate):
     simulation = simulate(2)
     assert simulation.dropped_contacts.pairs > 0
     assert simulation.contacts.n_contacts == 2
-
-
-def test_rows_of_pairs_beyond_the_capacity_are_counted(small_scene, small_duct):
-    """Eight pairs come from elsewhere, as those of the haptics process do."""
-    scene = replace(small_scene, contact=replace(small_scene.contact, capacity=5))
-    simulation, tools, pairs = Simulation(scene, small_duct), ToolInputs(), ContactPairs.allocate(8)
-    pairs.count, pairs.tool[:], pairs.target_weights[:, 0], pairs.normal[:, 2] = 8, 0, 1.0, 1.0
-    tools.position_m[:] = (20e-3, 0.0, 40e-3), (60e-3, 0.0, 40e-3)
-    simulation.step(tools, pairs)
-    assert simulation.contacts.n_contacts == 5
-    assert simulation.dropped_contacts == (0, 3, 0)
 
 
 def test_a_hold_has_its_row_where_pairs_would_take_all_the_room(simulate):

@@ -70,7 +70,7 @@ def test_a_grip_breaks_away_at_twice_mu_n_at_any_step_and_speed(gripping, speed_
     for tick in range(1, round(1.5e-3 / (speed_m_s * dt_s)) + 1):
         pull(simulation, tools, at, speed_m_s * dt_s * tick)
         before_m = slips_m(simulation)
-        simulation.step(tools, None, dt_s)
+        simulation.step(tools, dt_s)
         force_n = along_n(simulation)
         assert force_n <= BOTH_N * (1.0 + 1e-9)
         if (slips_m(simulation) - before_m).max() > 0.1 * speed_m_s * dt_s:
@@ -86,14 +86,14 @@ def test_a_grip_that_bears_less_does_not_creep(gripping, dt_s):
     lever, give_m_n = give_of(simulation, at)
     for way_m in np.linspace(0.0, 0.9 * BOTH_N * give_m_n / lever, 200):
         pull(simulation, tools, at, way_m)
-        simulation.step(tools, None, dt_s)
+        simulation.step(tools, dt_s)
     for _ in range(round(0.3 / dt_s)):
-        simulation.step(tools, None, dt_s)
+        simulation.step(tools, dt_s)
     held_n, slipped_m = along_n(simulation), slips_m(simulation)
     along_m = simulation.catheter.state.position_m[:, 0].copy()
     assert held_n == pytest.approx(0.9 * BOTH_N, rel=0.01)
     for _ in range(round(1.0 / dt_s)):
-        simulation.step(tools, None, dt_s)
+        simulation.step(tools, dt_s)
     assert along_n(simulation) == pytest.approx(held_n, rel=1e-6)
     assert np.all(slips_m(simulation) == slipped_m)
     assert np.abs(simulation.catheter.state.position_m[:, 0] - along_m).max() < 1e-9

@@ -21,15 +21,15 @@ EFFECTS = {"friction": FrictionSettings(), "grasp_slip": NoSettings()}
 
 def press(simulation, tools, tick):
     """Lower the shut jaws into the wall."""
-    tools.position_m[TOOL] = 20e-3, 0.0, 8e-3 - 3e-3 * min(1.0, tick / 80)
+    tools.position_m[TOOL] = 20e-3, 0.0, 23e-3 - 6.5e-3 * min(1.0, tick / 80)
     tools.jaw_angle_rad[TOOL] = 0.1
 
 
 def pinch(simulation, tools, tick):
     """Close the jaws round the wall."""
-    tools.position_m[TOOL] = 33e-3, 0.0, 12e-3
+    tools.position_m[TOOL] = 33e-3, 0.0, 12e-3 + 6e-3 * max(1.0 - tick / 30, 0.0)
     tools.roll_rad[TOOL] = 0.5 * np.pi
-    tools.jaw_angle_rad[TOOL] = 1.0 - min(1.0, tick / 100)
+    tools.jaw_angle_rad[TOOL] = 1.2 - 1.2 * min(1.0, max(tick - 30, 0) / 80)
 
 
 def hold(simulation, tools, tick):
@@ -44,8 +44,8 @@ def hold(simulation, tools, tick):
 def lean(simulation, tools, tick):
     """Push the catheter aside with shut jaws."""
     if tick == 0:
-        lean.place = simulation.catheter.state.position_m[12] + np.array([0.0, 0.0, 9e-3])
-    tools.position_m[TOOL] = lean.place - np.array([0.0, 0.0, 3e-3 * min(1.0, tick / 80)])
+        lean.place = simulation.catheter.state.position_m[12] + np.array([0.0, 0.0, 19e-3])
+    tools.position_m[TOOL] = lean.place - np.array([0.0, 0.0, 6e-3 * min(1.0, tick / 80)])
     tools.jaw_angle_rad[TOOL] = 0.1
 
 

@@ -21,8 +21,14 @@ def state(simulation):
     return np.concatenate([simulation.duct.state.q, rod.position_m.ravel(), rod.velocity_m_s.ravel()])
 
 
-def pressing_tools(small_scene):
+PRESSED_M = (20e-3, 0.0, 15e-3 + 3.5e-3)
+
+
+def come_down(simulation, at_m=PRESSED_M, ticks=80):
+    """Let a tool come down from 4 mm above to where it presses the wall; return the tools as they are then."""
     tools = ToolInputs()
     tools.present[1] = False
-    tools.position_m[0] = 20e-3, 0.0, 15e-3 + 3.5e-3
+    for tick in range(ticks + 1):
+        tools.position_m[0] = np.add(at_m, (0.0, 0.0, 4e-3 * (1.0 - tick / ticks)))
+        simulation.step(tools)
     return tools

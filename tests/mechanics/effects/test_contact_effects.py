@@ -107,9 +107,9 @@ def test_stone_falls_onto_the_wall_and_rests_with_its_weight(with_effects, small
 
 @pytest.mark.parametrize("model", ["implicit", "penalty"])
 @pytest.mark.parametrize("viscosity_pa_s", [3e-3, 6e-3])
-@pytest.mark.parametrize(("angle_rad", "rows_each"), [(np.pi / 12, 1), (0.0, 2)], ids=["facet", "fold"])
+@pytest.mark.parametrize("angle_rad", [np.pi / 12, 0.0], ids=["facet", "fold"])
 def test_a_film_slows_a_sliding_catheter_by_its_viscosity_under_either_contact_model(
-    with_effects, small_duct, model, viscosity_pa_s, angle_rad, rows_each
+    with_effects, small_duct, model, viscosity_pa_s, angle_rad
 ):
     """Off the wall, M dV/dt = -n b V with b = viscosity * length * diameter / film: near one facet as between two."""
     scene = with_effects(mucus_drag={"viscosity_pa_s": viscosity_pa_s})
@@ -128,7 +128,6 @@ def test_a_film_slows_a_sliding_catheter_by_its_viscosity_under_either_contact_m
     state.velocity_m_s[:, 0] = -20e-3
     for _ in range(50):
         simulation.step(tools)
-        assert (simulation.contacts.law[: simulation.contacts.n_contacts] == number_of("film")).sum() == 11 * rows_each
     b_n_s_m = viscosity_pa_s * 2e-3 * scene.catheter.outer_diameter_m / 0.3e-3
     mass_kg = simulation.catheter.properties.particle_mass_kg()
     left = mass_kg @ state.velocity_m_s[:, 0] / (-20e-3 * mass_kg.sum())
@@ -149,7 +148,6 @@ def test_a_film_reaches_no_further_than_it_is_thick(with_effects, small_duct):
         state.velocity_m_s[:, 0] = -20e-3
         for _ in range(20):
             simulation.step(tools)
-        assert (simulation.contacts.law[: simulation.contacts.n_contacts] == number_of("film")).sum() == 11
         speeds_m_s[film_m] = -state.velocity_m_s[:, 0].mean()
     assert speeds_m_s[0.3e-3] == pytest.approx(20e-3, rel=1e-6)
     assert speeds_m_s[0.45e-3] < 1e-3

@@ -71,8 +71,8 @@ simulation, tools = Simulation(scene, build_scene_duct(scene)), ToolInputs()
 state, touched = hashlib.blake2b(), 0
 for tick in range(400):
     down = 5e-3 * np.sin(np.pi * tick / 400.0) ** 2
-    tools.position_m[0] = 20e-3, 1e-3 * np.sin(tick / 40.0), 20e-3 - down
-    tools.position_m[1] = 55e-3, 0.0, 16e-3 - 2.0 * down
+    tools.position_m[0] = 20e-3, 1e-3 * np.sin(tick / 40.0), 23e-3 - 1.6 * down
+    tools.position_m[1] = 55e-3, 0.0, 22e-3 - 3.2 * down
     simulation.step(tools)
     touched = max(touched, simulation.contacts.n_contacts)
     state.update(simulation.catheter.state.position_m.tobytes() + simulation.duct.state.q.tobytes())

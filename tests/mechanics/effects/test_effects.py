@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from effect_runs import pressing_tools, run, state
+from effect_runs import come_down, state
 
 from services.mechanics.effects import EFFECTS, build_effects
 from services.mechanics.effects.base import NoSettings
@@ -51,9 +51,14 @@ def test_two_effects_of_one_phenomenon_are_refused(small_scene):
     ],
 )
 def test_effect_with_nothing_to_do_is_bit_identical_to_none(with_effects, small_duct, name, settings):
-    tools = pressing_tools(None)
-    bare = state(run(with_effects(), small_duct, tools=tools))
-    idle = state(run(with_effects(**{name: settings}), small_duct, tools=tools))
+    ends = []
+    for effects in ({}, {name: settings}):
+        simulation = Simulation(with_effects(**effects), small_duct)
+        tools = come_down(simulation)
+        for _ in range(60):
+            simulation.step(tools)
+        ends.append(state(simulation))
+    bare, idle = ends
     assert np.abs(bare).max() > 0.0
     assert np.array_equal(bare, idle)
 

@@ -4,13 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from effect_runs import pressing_tools, run
+from effect_runs import PRESSED_M, come_down, run
 
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.scene_duct import build_scene_duct
 from services.mechanics.surface.mesh import vertex_areas_m2
 from studies.energy_book import EnergyBook
+
+NEAR_CLAMP_M = (7e-3, 0.0, 15e-3 + 4.4e-3)
 
 
 def test_insufflation_moves_the_wall_by_the_static_solution(with_effects, small_scene, cache_dir):
@@ -31,14 +33,14 @@ def test_insufflation_moves_the_wall_by_the_static_solution(with_effects, small_
 def test_viscoelastic_wall_relaxes_under_a_held_tool(with_effects, small_duct):
     """Pressed and held for 0.3 s, the force falls; the elastic wall's does not."""
     fall = {}
-    for effects in ({}, {"viscoelasticity": {"g": (0.4,), "tau_s": (0.05,)}}):
+    for effects in ({}, {"viscoelasticity": {"g": (0.4,), "tau_s": (0.1,)}}):
         simulation = Simulation(with_effects(**effects), small_duct)
-        tools = pressing_tools(None)
+        tools = come_down(simulation)
         forces = []
         for _ in range(400):
             simulation.step(tools)
             forces.append(simulation.tool_results.force_n[0, 2])
-        fall[len(effects)] = np.mean(forces[60:80]) / np.mean(forces[-20:])
+        fall[len(effects)] = np.mean(forces[20:40]) / np.mean(forces[-20:])
     assert fall[1] > 1.1 * fall[0]
 
 
@@ -48,9 +50,9 @@ def test_a_dent_relaxes_as_the_whole_wall_does(with_effects, cache_dir):
     for effects in ({"viscoelasticity": {"g": (0.4,), "tau_s": (0.05,)}}, {}):
         scene = with_effects(**effects)
         scene = replace(scene, duct=replace(scene.duct, n_modes=4))
-        simulation, tools = Simulation(scene, build_scene_duct(scene, cache_dir)), pressing_tools(None)
-        tools.position_m[0] += -13e-3, 0.0, 0.9e-3  # near the clamp: a small dent, with the same contacts both times
+        simulation = Simulation(scene, build_scene_duct(scene, cache_dir))
         wall = simulation.duct.surface_m()
+        tools = come_down(simulation, NEAR_CLAMP_M)  # a small dent, with the same contacts both times
         for _ in range(900):
             simulation.step(tools)
         dent_m = np.linalg.norm(simulation.duct.surface_m() - wall, axis=1)[wall[:, 0] < 12e-3].max()
@@ -63,11 +65,12 @@ def test_a_dent_is_where_the_full_model_says_while_it_relaxes(with_effects, cach
     g, tau_s = np.array([0.3, 0.2]), np.array([0.3, 1.5])
     scene = with_effects(viscoelasticity={"g": tuple(g), "tau_s": tuple(tau_s)})
     duct = build_scene_duct(replace(scene, duct=replace(scene.duct, n_modes=4)), cache_dir)
-    simulation, tools = Simulation(scene, duct), pressing_tools(None)
-    tools.position_m[0] += -13e-3, 0.0, 0.9e-3
+    simulation, tools = Simulation(scene, duct), ToolInputs()
+    tools.present[1] = False
     model, wall = duct.recipe.model(), simulation.duct.surface_m()
     lag, acting = np.zeros((2, *wall.shape)), np.zeros(wall.shape)
     for tick in range(1, 1001):
+        tools.position_m[0] = np.add(NEAR_CLAMP_M, (0.0, 0.0, 4e-3 * max(1.0 - tick / 80.0, 0.0)))
         simulation.step(tools)
         nodes, shares = simulation.contacts.on_duct
         acting[:] = np.tensordot(g, lag, 1)
@@ -82,13 +85,13 @@ def test_a_dent_is_where_the_full_model_says_while_it_relaxes(with_effects, cach
 def test_the_books_balance_over_a_poke_that_relaxes(with_effects, cache_dir):
     scene = with_effects(viscoelasticity={})
     scene = replace(scene, duct=replace(scene.duct, n_modes=12))
-    simulation, tools = Simulation(scene, build_scene_duct(scene, cache_dir)), pressing_tools(None)
-    top_m = tools.position_m[0, 2]
-    tools.position_m[0, 2] = top_m + 1e-3
+    simulation, tools = Simulation(scene, build_scene_duct(scene, cache_dir)), ToolInputs()
+    tools.present[1] = False
+    tools.position_m[0] = np.add(PRESSED_M, (0.0, 0.0, 4e-3))
     simulation.step(tools)
     book, most_j = EnergyBook(simulation), 0.0
     for tick in range(900):
-        tools.position_m[0, 2] = top_m + 1e-3 - 2e-3 * max(0.0, 1.0 - abs(tick / 400.0 - 1.0))
+        tools.position_m[0, 2] = PRESSED_M[2] + 4e-3 - 5e-3 * max(0.0, 1.0 - abs(tick / 400.0 - 1.0))
         book.step(tools)
         most_j = max(most_j, book.flow.input_j)
     effect = simulation.effects["viscoelasticity"]
@@ -158,12 +161,13 @@ def test_a_wall_that_stiffens_as_it_is_stretched_resists_more_and_its_books_bala
     """A tool bends the duct aside and lets it back; the bent duct is stretched on one side."""
     force, flows = [], []
     for effects in ({}, {"hyperelasticity": {"exponent": 200.0}}):
-        simulation, tools = Simulation(with_effects(**effects), small_duct), pressing_tools(None)
-        top_m = tools.position_m[0, 2]
+        simulation, tools = Simulation(with_effects(**effects), small_duct), ToolInputs()
+        tools.present[1] = False
+        tools.position_m[0] = np.add(PRESSED_M, (0.0, 0.0, 4e-3))
         simulation.step(tools)
         book, largest = EnergyBook(simulation), 0.0
-        for tick in range(800):
-            tools.position_m[0, 2] = top_m - 6e-3 * max(0.0, 1.0 - abs(tick / 400.0 - 1.0))
+        for tick in range(1200):
+            tools.position_m[0, 2] = PRESSED_M[2] + 4e-3 - 10e-3 * max(0.0, 1.0 - abs(tick / 600.0 - 1.0))
             book.step(tools)
             largest = max(largest, float(np.linalg.norm(simulation.tool_results.force_n[0])))
         force.append(largest)

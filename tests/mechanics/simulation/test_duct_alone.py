@@ -81,7 +81,7 @@ def test_one_tool_is_a_scene_whose_second_tool_is_absent(small_scene, small_duct
         tools.position_m[1] = 20e-3, 0.0, 2e-3
         touched = 0
         for tick in range(150):
-            tools.position_m[0] = 20e-3, 0.0, 20e-3 - 1e-4 * tick
+            tools.position_m[0] = 20e-3, 0.0, 23e-3 - 1e-4 * tick
             simulation.step(tools)
             touched = max(touched, simulation.contacts.n_contacts)
         assert touched > 0

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, ContactPairs
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE
 from services.mechanics.scene.tools import GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
 
@@ -24,7 +24,7 @@ def pressed(small_scene, small_duct):
     """Tool 0 presses the wall from above, tool 1 is away."""
     simulation, tools = Simulation(small_scene, small_duct), ToolInputs()
     for tick in range(100):
-        tools.position_m[:] = np.add(PRESSING_M, (0.0, 0.0, max(3e-3 - tick * 6e-5, 0.0))), AWAY_M
+        tools.position_m[:] = np.add(PRESSING_M, (0.0, 0.0, max(6e-3 - tick * 9e-5, 0.0))), AWAY_M
         simulation.step(tools)
     assert np.linalg.norm(simulation.tool_results.force_n[0]) > 0.05
     return simulation, tools
@@ -45,20 +45,10 @@ def test_a_tool_that_vanishes_presses_no_more_and_returns_with_its_proxy_at_the_
     assert not simulation.tool_results.force_n.any()
 
 
-def test_pairs_that_come_with_a_tool_that_is_gone_are_no_contacts(pressed, small_scene):
-    """Those of the haptics process may be a tick old."""
-    simulation, tools = pressed
-    pairs = simulation._tool_pairs
-    assert (pairs.tool[: pairs.count] == 0).any()
-    tools.present[0] = False
-    simulation.step(tools, pairs)
-    assert not (simulation.contacts.tool[: simulation.contacts.n_contacts] == 0).any()
-
-
 def hold_on(simulation, tools):
     """Put tool 1 above the catheter, and return its hold."""
-    tools.present[0] = False
-    tools.position_m[1] = simulation.catheter.state.position_m[10] + np.array([0.0, 0.0, 8e-3])
+    tools.present[0], tools.jaw_angle_rad[1], tools.roll_rad[1] = False, 0.7, 0.5 * np.pi
+    tools.position_m[1] = simulation.catheter.state.position_m[10] + np.array([0.0, 0.0, 13e-3])
     return [HOLD]
 
 
@@ -68,6 +58,8 @@ def test_a_tool_that_vanishes_lets_go_of_what_it_holds_and_does_not_hold_it_when
 ):
     simulation, tools = Simulation(small_scene, small_duct), ToolInputs()
     holds = hold_on(simulation, tools)
+    simulation.step(tools)
+    tools.jaw_angle_rad[1] = 0.0
     if asked_by_caller:
         tools.holds = holds
     else:
@@ -80,7 +72,7 @@ def test_a_tool_that_vanishes_lets_go_of_what_it_holds_and_does_not_hold_it_when
     simulation.step(tools)
     assert not simulation.holds.active
     assert not simulation.contact_force_n.any()
-    tools.present[1] = True
+    tools.present[1], tools.jaw_angle_rad[1] = True, 0.7
     simulation.step(tools)
     assert list(simulation.holds.active) == ([3] if asked_by_caller else [])
 
@@ -252,48 +244,10 @@ def test_arrays_of_another_kind_are_refused_by_name_before_anything_moves(presse
     assert simulation.refused_inputs == 0
 
 
-WRONG_PAIRS = {
-    "tool": [-1, 2],
-    "tool_segment": [-1, 3],
-    "target_kind": [-1, 2],
-    "target": [-1, 10**6],
-    "tool_parameter": [np.nan, -0.5, 1.5, np.inf],
-    "target_weights": [(np.nan, 0.0, 0.0), (2.0, -1.0, 0.0), (0.5, 0.0, 0.0), (np.inf, -np.inf, 1.0)],
-    "normal": [(0.0, 0.0, 0.0), (0.0, np.nan, 1.0), (0.0, 0.0, 1e3), (np.inf, 0.0, 0.0)],
-    "gap_m": [np.nan, np.inf, -np.inf, 1e300, 2.0],
-}
-
-
-@pytest.mark.parametrize(("name", "value"), [(name, value) for name, values in WRONG_PAIRS.items() for value in values])
-def test_a_pair_that_is_none_is_refused_by_name_and_place_before_anything_moves(pressed, name, value):
-    simulation, tools = pressed
-    before, pairs = everything(simulation), ContactPairs.allocate(8)
-    pairs.count = 3
-    for i in range(3):
-        pairs.tool[i], pairs.tool_segment[i], pairs.target[i] = 0, 1, 5 + i
-        pairs.target_weights[i], pairs.normal[i], pairs.gap_m[i] = 1.0 / 3.0, (0.0, 0.0, 1.0), 1e-4
-    getattr(pairs, name)[1] = value
-    with pytest.raises(ValueError, match=rf"^pairs\.{name}\[1\] is none of a tool's contact: "):
-        simulation.step(tools, pairs)
-    np.testing.assert_array_equal(everything(simulation), before)
-    getattr(pairs, name)[1] = getattr(pairs, name)[0]
-    simulation.step(tools, pairs)
-    assert simulation.healed_states == 0
-
-
-@pytest.mark.parametrize("count", [-1, 9])
-def test_more_pairs_than_there_is_room_for_are_refused(pressed, count):
-    simulation, tools = pressed
-    pairs = ContactPairs.allocate(8)
-    pairs.count = count
-    with pytest.raises(ValueError, match=rf"pairs.count must be within 0 and 8, is {count}"):
-        simulation.step(tools, pairs)
-
-
-@pytest.mark.parametrize(("tools", "pairs"), [(None, None), (ToolInputs(), 5), ([1], None)])
-def test_what_is_no_input_at_all_is_refused(pressed, tools, pairs):
+@pytest.mark.parametrize("tools", [None, [1]])
+def test_what_is_no_input_at_all_is_refused(pressed, tools):
     with pytest.raises(TypeError, match="must be"):
-        pressed[0].step(tools, pairs)
+        pressed[0].step(tools)
 
 
 @pytest.mark.parametrize("dt_s", [0.0, -1e-3, np.nan, np.inf])

@@ -115,7 +115,7 @@ def test_what_is_squeezed_gives_out_no_more_than_it_was_given(small_scene, small
     for tick in range(300):
         if tick % 15 == 0:
             tools.jaw_angle_rad[TOOL] = rng.uniform(0.0, 0.5)
-        simulation.step(tools, None, dt_s)
+        simulation.step(tools, dt_s)
         assert simulation.squeeze.dissipated_j >= spent_j - 1e-12
         spent_j = simulation.squeeze.dissipated_j
         stored += simulation.squeeze.stored_j > 1e-6

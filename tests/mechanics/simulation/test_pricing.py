@@ -12,7 +12,7 @@ from services.mechanics.contact.identity import target_kind_of, target_of
 from services.mechanics.contact.price import MOST_NEW_ROWS, ONE_VIOLATION, piece_of
 from services.mechanics.contact.working_set import N_TOOL_PIECES
 from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation.priced_simulation import PricedSimulation
+from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.scene_duct import build_scene_duct
 from studies.judge.closest import point_triangle, segment_triangle
 from studies.judge.overlaps import OverlapJudge
@@ -24,9 +24,9 @@ class PriceJudge:
     """Holds every price of a simulation against brute force over what is drawn where the step ends."""
 
     def __init__(self, simulation):
-        self._simulation, self._price = simulation, simulation.candidates.price
+        self._simulation, self._price = simulation, simulation.search.price
         self.found = self.prices = 0
-        simulation.candidates.price = self._look
+        simulation.search.price = self._look
 
     def _look(self, bodies, state, tolerance_m, pairs):
         found = self._price(bodies, state, tolerance_m, pairs)
@@ -99,7 +99,7 @@ def test_a_price_finds_all_that_brute_force_finds(small_scene, ducts, thickness_
     """Tools pushed about in the wall and the catheter flung against it."""
     rng, duct = np.random.default_rng(seed), ducts(thickness_m)
     scene = replace(small_scene, duct=replace(small_scene.duct, thickness_m=thickness_m))
-    simulation, tools = PricedSimulation(scene, duct), ToolInputs()
+    simulation, tools = Simulation(scene, duct), ToolInputs()
     judge, hand_m = PriceJudge(simulation), np.array([[20e-3, 0.0, 21.5e-3], [30e-3, 3e-3, 21.5e-3]])
     tools.jaw_angle_rad[:] = 0.5
     for tick in range(TICKS):
@@ -131,7 +131,7 @@ def test_what_flies_at_a_wall_that_nothing_touches_ends_no_deeper_than_the_toler
     height_m = small_scene.duct.radius_m - 0.5 * small_scene.duct.thickness_m - gap_m
     catheter = replace(small_scene.catheter, anchor="free", length_m=20e-3, n_segments=10)
     catheter = replace(catheter, tip_position_m=(10e-3, height_m - 0.5 * catheter.outer_diameter_m, 0.0))
-    simulation, tools = PricedSimulation(replace(small_scene, catheter=catheter), small_duct), ToolInputs()
+    simulation, tools = Simulation(replace(small_scene, catheter=catheter), small_duct), ToolInputs()
     tools.present[:] = False
     simulation.catheter.state.velocity_m_s[:, 1] = speed_m_s
     judge = OverlapJudge(simulation)

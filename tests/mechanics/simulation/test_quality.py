@@ -15,8 +15,8 @@ def ladder(with_effects, small_duct):
     simulation = Simulation(replace(with_effects(friction={}), quality=levels), small_duct)
     tools = ToolInputs()
     tools.present[1] = False
-    tools.position_m[0] = 20e-3, 0.0, 15e-3 + 4.5e-3
-    for _ in range(300):
+    for tick in range(300):
+        tools.position_m[0] = 20e-3, 0.0, 15e-3 + 3.5e-3 + 3e-5 * max(100 - tick, 0)
         simulation.step(tools)
     return simulation, tools
 
@@ -107,43 +107,6 @@ def test_strands_that_crossed_while_self_contact_rested_are_told_apart_anew(rest
     assert not memory.active.any()
 
 
-@pytest.fixture
-def lying(with_effects, small_duct):
-    """A piece of catheter that lies in the lumen, of which every second or third particle touches on lower rungs."""
-    scene = with_effects(gravity={}, friction={})
-    piece = replace(scene.catheter, anchor="free", length_m=30e-3, n_segments=15, tip_position_m=(5e-3, 0.0, -2.6e-3))
-    levels = tuple(QualityLevel(name=f"one in {n}", touch_every=n) for n in (1, 2, 3))
-    simulation = Simulation(replace(scene, catheter=piece, forceps=(), quality=levels), small_duct)
-    _falls(simulation, 400)
-    return simulation
-
-
-@pytest.mark.parametrize("level", [1, 2])
-def test_fewer_particles_touch_on_a_lower_rung_and_bear_the_same_weight(lying, level):
-    rows, weight_n = lying.system.rows, lying.contact_force_n.sum(axis=0)
-    all_of_them = rows.n_contacts
-    assert all_of_them >= 16
-    _falls(lying, 100, level)
-    assert rows.n_contacts == pytest.approx(all_of_them / (level + 1), abs=2)
-    assert lying.contact_force_n.sum(axis=0) == pytest.approx(weight_n, abs=0.02 * weight_n[2])
-    at, tip = rows.rod_node[: rows.n_contacts, 0], lying.catheter.properties.n_segments
-    assert ((tip - at) % (level + 1) == 0).all()
-    assert tip in at
-
-
-def test_all_of_them_that_touch_again_have_sunk_in_nowhere(lying):
-    _falls(lying, 100, 2)
-    _falls(lying, 1, 0)
-    assert lying.max_penetration_m < 0.01e-3
-
-
-@pytest.mark.parametrize("every", [1, 7])
-def test_switching_how_many_particles_touch_sets_nothing_in_motion(lying, every):
-    for tick in range(210):
-        _falls(lying, 1, (tick // every) % 3)
-        assert np.abs(lying.catheter.state.velocity_m_s).max() < 1e-3
-
-
 class Parts:
     """Counts the parts that steps are taken in."""
 
@@ -165,7 +128,7 @@ def long_steps(with_effects, small_duct):
     tools = ToolInputs()
     tools.present[1] = False
     for tick in range(400):
-        tools.position_m[0] = 20e-3, 0.0, 15e-3 + 4.5e-3 - 5e-6 * min(tick, 200)
+        tools.position_m[0] = 20e-3, 0.0, 15e-3 + 3.5e-3 + 3e-5 * max(100 - tick, 0)
         simulation.step(tools)
     simulation.watcher = Parts()
     return simulation, tools
@@ -176,7 +139,7 @@ def test_steps_are_longer_on_a_rung_that_says_so_and_only_there(long_steps):
     for level, lengths_s in ((0, [1e-3, 1e-3]), (1, [2e-3])):
         simulation.watcher.lengths_s.clear()
         simulation.set_quality(level)
-        simulation.step(tools, None, 2e-3)
+        simulation.step(tools, 2e-3)
         assert simulation.watcher.lengths_s == pytest.approx(lengths_s)
 
 
@@ -188,21 +151,23 @@ def test_switching_to_longer_steps_and_back_moves_nothing(long_steps):
     for tick in range(60):
         level = tick // 3 % 2
         simulation.set_quality(level)
-        simulation.step(tools, None, (1 + level) * 1e-3)
+        simulation.step(tools, (1 + level) * 1e-3)
         assert simulation.tool_results.force_n[0] == pytest.approx(force_n, abs=0.01 * np.linalg.norm(force_n))
     assert np.abs(simulation.duct.state.q - q).max() < 0.01 * np.abs(q).max()
 
 
-@pytest.mark.parametrize(("speed_m_s", "parts"), [(0.2, 1), (0.3, 2), (0.45, 2)])
+@pytest.mark.parametrize(("speed_m_s", "parts"), [(0.1, 1), (0.2, 2), (0.45, 4)])
 def test_a_long_step_is_taken_in_parts_where_something_is_fast(long_steps, speed_m_s, parts):
     """A step of a millisecond is not, up to half a metre a second."""
     simulation, tools = long_steps
     tools.present[:] = False
     simulation.set_quality(1)
+    for _ in range(400):  # until the wall has come back
+        simulation.step(tools)
     for dt_s, expected in ((1e-3, 1), (2e-3, parts)):
         simulation.catheter.state.velocity_m_s[:] = speed_m_s, 0.0, 0.0
         simulation.watcher.lengths_s.clear()
-        simulation.step(tools, None, dt_s)
+        simulation.step(tools, dt_s)
         assert len(simulation.watcher.lengths_s) == expected
 
 

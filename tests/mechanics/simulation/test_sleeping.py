@@ -11,7 +11,7 @@ import pytest
 from services.mechanics.bodies import catheter as catheter_body
 from services.mechanics.rod.implicit import ImplicitIntegrator
 from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation, second_look
+from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.duct_alone import DuctAlone
 from tests.instructions import instructions
 
@@ -83,16 +83,6 @@ def test_what_a_sleeping_catheter_takes_does_not_grow_with_it_and_is_a_third_of_
     assert asleep == [asleep[0]] * 3
     assert asleep[0] < 60
     assert 3 * asleep[0] < awake
-
-
-def test_what_sleeps_or_touches_nothing_is_not_copied_for_a_second_look(hanging, monkeypatch):
-    simulation, tools = hanging()
-    copied = []
-    monkeypatch.setattr(second_look, "copy_arrays", copied.append)
-    for _ in range(10):
-        simulation.step(tools)
-    assert simulation.contacts.n_contacts == 0
-    assert copied == []
 
 
 def test_a_sleeping_duct_alone_is_one_question_whatever_its_modes(small_scene, small_duct):

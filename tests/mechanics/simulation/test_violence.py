@@ -129,6 +129,5 @@ def test_a_state_that_is_not_sound_is_healed_at_once_counted_and_felt_as_nothing
     assert undisturbed.healed_states == 0
     moved_m = simulation.catheter.state.position_m - undisturbed.catheter.state.position_m
     assert np.abs(moved_m).max() < 0.05e-3
-    # Friction remembers by which way the tool came back, so it is the size of the force that is as it was. Healed or
-    # not, it swings by 2 mN from tick to tick: rounding decides which tick is like which, so means are compared.
-    np.testing.assert_allclose(*np.mean(forces_n[500:], axis=0), atol=0.1e-3)
+    # Friction remembers by which way the tool came back: what sticks rests within a few thousandths of its force.
+    np.testing.assert_allclose(*np.mean(forces_n[500:], axis=0), rtol=2e-3, atol=1e-6)

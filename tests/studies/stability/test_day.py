@@ -45,10 +45,6 @@ DAY = {
 KNOWN_FAILING: dict[str, dict[str, float]] = {
     # Both grips snap within a tick: the hands feel a ramp of 250 N/s, the contacts let go at once.
     "abuse": {"force_step": 3.12, "felt_error": 4.97},
-    # Between its particles: rows see these only.
-    "mass": {"penetration_hand": 0.118e-3},
-    # What sticks creeps where a tool presses the wall.
-    "tool_on_wall": {"creep": 0.162e-3, "relaxation": 0.0219},
     # A jaw in the catheter that it rolls over.
     "random_play": {"tool_penetration_any": 0.89},
 }

@@ -55,14 +55,14 @@ class Grasp:
             else:
                 is_wall = self.holds[0].target_kind == DUCT_TRIANGLE  # which goes on giving way
                 self._set_limit((jaws.proxy_angle_rad if is_wall else stop) - jaws.asked_angle_rad)
-        elif self._torque_nm(jaws.proxy_angle_rad - jaws.asked_angle_rad) >= self.forceps.grasp_torque_nm:
+        elif self.may_close(jaws):
             self._try_to_close(pairs, jaws)
         return self.holds
 
-    @property
-    def holds_catheter(self) -> bool:
-        """Whether the catheter is what is held."""
-        return bool(self.holds) and self.holds[0].target_kind == CATHETER_SEGMENT
+    def may_close(self, jaws: JawState) -> bool:
+        """Return whether nothing is held and the handle squeezes: only then do the contacts of a tick matter."""
+        squeeze_rad = jaws.proxy_angle_rad - jaws.asked_angle_rad
+        return not self.holds and self._torque_nm(squeeze_rad) >= self.forceps.grasp_torque_nm
 
     def let_go(self) -> None:
         """Hold nothing any more."""

@@ -36,7 +36,6 @@ class ToolArrays(Struct):
     stiffness: Annotated[FloatArray, N_TOOLS, N_COORDINATES]  # of the couplings
     damping: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
     present: Annotated[BoolArray, N_TOOLS]
-    was_here: Annotated[BoolArray, N_TOOLS]
     waiting: Annotated[BoolArray, N_TOOLS]
     unsound_s: Annotated[FloatArray, N_TOOLS]  # for how long the numbers of each tool have meant nothing
     roll: Annotated[FloatArray, N_TOOLS]
@@ -97,7 +96,7 @@ class ToolBody:
     present : (2,) bool
         Tools that are there; the others touch nothing.
     waiting : (2,) bool
-        Tools that have come back, and touch nothing until nothing is where they are; see `contact.engagement`.
+        Tools that have come, and touch nothing until nothing is where they are; see `contact.engagement`.
     """
 
     def __init__(self, forceps: tuple[ToolScene, ...]) -> None:
@@ -159,10 +158,6 @@ class ToolBody:
         present = inputs.present & self._is_named if self._missing else inputs.present
         self._flags = predict_proxies(self.address, present, position, opening, roll, dt_s)
 
-    def were_here(self) -> None:
-        """Treat tools that appear as returned: one that is inside a body has no contacts until it has left it."""
-        self._arrays.was_here[:] = True
-
     def correct(self, force: FloatArray) -> None:
         """Apply the generalised contact forces (2, 4) of the step, in N and N m."""
         correct_proxies(self.address, force)
@@ -219,8 +214,7 @@ def predict_proxies(
             for axis in range(tools.hand.shape[1]):
                 tools.stretch[tool, axis], tools.start[tool, axis] = 0.0, tools.hand[tool, axis]
                 tools.proxy[tool, axis] = tools.hand[tool, axis]
-            tools.waiting[tool] = tools.was_here[tool]
-            tools.was_here[tool] = True
+            tools.waiting[tool] = True
         if tools.present[tool] and not is_there:
             flags |= LEFT
         if is_there and tools.waiting[tool]:

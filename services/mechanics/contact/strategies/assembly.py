@@ -9,6 +9,7 @@ from services.mechanics.bodies.forceps.tool_body import ToolArrays, tools_at
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.delassus import add_rod_compliance, add_tool_compliance, rotate_to_contact_frames
+from services.mechanics.contact.spheres import add_sphere_compliance
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.reduction.node_compliance import NodeArrays, weigh_blocks
 from services.mechanics.rod.contact_response import compliance, factor_for_contacts
@@ -26,9 +27,8 @@ def assemble(
     rod_addresses: tuple[Address[CatheterTouch], Address[RodModel], Address[RodWork]],
     tools_address: Address[ToolArrays],
     step: tuple[float, bool],
-    is_all: bool,
 ) -> int:
-    """Write the compliances of all bodies into W, world axes; if that is all, W is turned into the contacts' frames.
+    """Write the compliances of all bodies into W, in the contacts' frames.
 
     ``step`` is its length and whether the catheter's matrix is factorised.
     """
@@ -44,29 +44,27 @@ def assemble(
             return NOT_DEFINITE
         band = work_at(rod_addresses[2]).band
         compliance(rod_addresses[1], band, dt_s**2, touch.columns, touch.particles[:count], between)
-    _add_body_compliances(state, (touch.slot, between), tools_at(tools_address).compliance, is_all)
+    _add_body_compliances(state, (touch.slot, between), tools_at(tools_address).compliance)
     return ASSEMBLED
 
 
 @kernel
 def add_body_compliances(
-    state_address: Address[ContactState], catheter: tuple[IntArray, FloatArray], tools: FloatArray, is_all: bool
+    state_address: Address[ContactState], catheter: tuple[IntArray, FloatArray], tools: FloatArray
 ) -> None:
-    """Add what catheter and couplings (2, 4) give way to the duct's compliance in the lower blocks of W, world axes.
+    """Add what other bodies give way to the duct's compliance, and turn W into the contacts' frames.
 
-    ``catheter`` are slots of its particles and compliance (3 p, 3 p) between them. If that is all, W is turned into the
-    contacts' frames.
+    In the lower blocks of W, world axes, the duct's is there. ``catheter`` are slots of its particles and compliance
+    (3 p, 3 p) between them, ``tools`` (2, 4) those of the couplings.
     """
-    _add_body_compliances(state_at(state_address), catheter, tools, is_all)
+    _add_body_compliances(state_at(state_address), catheter, tools)
 
 
 @kernel
-def _add_body_compliances(
-    state: ContactState, catheter: tuple[IntArray, FloatArray], tools: FloatArray, is_all: bool
-) -> None:
+def _add_body_compliances(state: ContactState, catheter: tuple[IntArray, FloatArray], tools: FloatArray) -> None:
     size = 3 * state.rows.n_contacts
     W = state.delassus[: size * size].reshape(size, size)
     add_rod_compliance(state.rows, catheter[0], catheter[1], state.rod_points, W)
     add_tool_compliance(state.rows, tools, W)
-    if is_all:
-        rotate_to_contact_frames(state.rows, W)
+    add_sphere_compliance(state.rows, state.geometry.spheres, W)
+    rotate_to_contact_frames(state.rows, W)

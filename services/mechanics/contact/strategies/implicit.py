@@ -8,15 +8,14 @@ from services.mechanics.bodies.forceps.tool_body import ToolArrays, tools_at
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.anchors import store_anchors
-from services.mechanics.contact.delassus import rotate_to_contact_frames
 from services.mechanics.contact.free_motion import free_motion
 from services.mechanics.contact.geometry import Bodies
 from services.mechanics.contact.passivity import solve_passively
 from services.mechanics.contact.stages import finish
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.strategies.assembly import ASSEMBLED, MISSING, NO_KERNEL, add_body_compliances, assemble
-from services.mechanics.contact.strategies.strategy import AddCompliance, ContactStrategy
-from services.mechanics.reduction.residual.residual_field import own_softness
+from services.mechanics.contact.strategies.strategy import ContactStrategy
+from services.mechanics.reduction.residual.blocks import own_softness
 from services.mechanics.scene import ContactSettings
 
 # A sweep that changes a force by less than moves the wall by this part of its thickness where it gives way most has
@@ -32,21 +31,17 @@ class ImplicitStrategy(ContactStrategy):
 
     def __init__(self, bodies: Bodies, settings: ContactSettings, state: ContactState) -> None:
         super().__init__(bodies, settings, state)
-        softness_m_n = float(own_softness(bodies.duct.reduced).max(initial=0.0))
+        softness_m_n = float(own_softness(bodies.duct.reduced.residual).max(initial=0.0))
         finest_m = LEAST_OF_WALL * 2.0 * bodies.half_thickness_m
         self._tolerance_n = min(settings.tolerance_n, finest_m / softness_m_n if softness_m_n > 0.0 else math.inf)
 
-    def assemble(self, add_compliance: AddCompliance | None) -> None:
-        """Gather W, along world axes first."""
-        is_all = add_compliance is None
-        outcome = self._assemble_at_once(is_all)
+    def assemble(self) -> None:
+        """Gather W."""
+        outcome = self._assemble_at_once()
         if outcome != ASSEMBLED:
-            self._assemble_by_body(is_all, anew=outcome == MISSING)
-        if add_compliance is not None:
-            add_compliance()
-            rotate(self._address)
+            self._assemble_by_body(anew=outcome == MISSING)
 
-    def _assemble_at_once(self, is_all: bool) -> int:
+    def _assemble_at_once(self) -> int:
         """Gather W in one kernel, where the bodies are such that there is one; return what it does, or `NO_KERNEL`."""
         bodies, catheter = self._bodies, self._bodies.catheter
         rod, kept_address = catheter.plain_integrator, bodies.duct.kept_address
@@ -54,34 +49,26 @@ class ImplicitStrategy(ContactStrategy):
             return NO_KERNEL
         duct, tools = (bodies.duct.loads_address, kept_address), bodies.tools.address
         step = (rod.velocity_gain_s, rod.is_factored)
-        outcome: int = assemble(self._address, duct, (catheter.touch_address, *rod.addresses), tools, step, is_all)
+        outcome: int = assemble(self._address, duct, (catheter.touch_address, *rod.addresses), tools, step)
         if outcome != MISSING:
             rod.note_factors(outcome == ASSEMBLED)
         return outcome
 
-    def _assemble_by_body(self, is_all: bool, *, anew: bool) -> None:
+    def _assemble_by_body(self, *, anew: bool) -> None:
         bodies, catheter, rows = self._bodies, self._bodies.catheter, self._state.rows
         bodies.duct.compliance(*rows.on_duct, self._state.W, anew=anew)
         between = catheter.compliance(*rows.on_rod)
-        add_body_compliances(self._address, (catheter.slot, between), bodies.tools.compliance, is_all)
+        add_body_compliances(self._address, (catheter.slot, between), bodies.tools.compliance)
 
     def compile_kernels(self) -> None:
         """Assemble the rows of the last step as while blocks of the wall are missing."""
-        self._assemble_by_body(is_all=True, anew=True)
+        self._assemble_by_body(anew=True)
 
     def solve(self, iterations: int, dt_s: float) -> int:
         """Solve the complementarity problem."""
         addresses, effort = (self._address, self._bodies.tools.address), (iterations, self._tolerance_n)
         sweeps: int = solve_implicitly(addresses, (self._settings.recovery, dt_s), effort)
         return sweeps
-
-
-@kernel
-def rotate(state_address: Address[ContactState]) -> None:
-    """Rotate W into the contacts' frames."""
-    state = state_at(state_address)
-    size = 3 * state.rows.n_contacts
-    rotate_to_contact_frames(state.rows, state.delassus[: size * size].reshape(size, size))
 
 
 @kernel

@@ -11,7 +11,7 @@ from services.mechanics.contact.laws.law import PenaltyGains
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.stages import finish
 from services.mechanics.contact.state import ContactState, state_at
-from services.mechanics.contact.strategies.strategy import AddCompliance, ContactStrategy
+from services.mechanics.contact.strategies.strategy import ContactStrategy
 from services.mechanics.scene import ContactSettings
 
 
@@ -29,7 +29,7 @@ class PenaltyStrategy(ContactStrategy):
         super().__init__(bodies, settings, state)
         self._lightest_kg = float(bodies.catheter.properties.particle_mass_kg().min())
 
-    def assemble(self, add_compliance: AddCompliance | None) -> None:
+    def assemble(self) -> None:
         """Nothing: a penalty asks no body how it gives way."""
 
     def solve(self, iterations: int, dt_s: float) -> int:

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import ClassVar
 
 from services.mechanics.contact.geometry import Bodies
 from services.mechanics.contact.state import ContactState
 from services.mechanics.scene import ContactSettings
-
-AddCompliance = Callable[[], None]
-"""Adds what other bodies give way to the lower blocks of W, along world axes."""
 
 
 class ContactStrategy:
@@ -34,8 +30,8 @@ class ContactStrategy:
         self._state = state
         self._address = state.address
 
-    def assemble(self, add_compliance: AddCompliance | None) -> None:
-        """Gather what the solve needs of the bodies at the contacts' points; None if no other body gives way."""
+    def assemble(self) -> None:
+        """Gather what the solve needs of the bodies at the contacts' points."""
         raise NotImplementedError
 
     def compile_kernels(self) -> None:

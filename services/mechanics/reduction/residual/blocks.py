@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.arrays import Float32Array, FloatArray, IntArray
+from services.mechanics.arrays import Float32Array, FloatArray, IntArray, LongArray
 from services.mechanics.compiled import kernel
 from services.mechanics.reduction.coincident_points import is_copied
 from services.mechanics.surface.cyclic_symmetry import CyclicSymmetry
@@ -226,3 +226,19 @@ def apply(store: BlockStore, load_nodes: IntArray, load_forces: FloatArray, node
         out[a, 0] += x
         out[a, 1] += y
         out[a, 2] += z
+
+
+def own_softness(residual: Residual) -> FloatArray:
+    """Return how far a load moves its own node beyond the modes at most (n,), in m/N; 0 where nothing is kept."""
+    place = np.zeros(residual.n_nodes, np.int64)
+    _find_own_blocks(residual.store, place)
+    softness, known = np.zeros(residual.n_nodes), place >= 0
+    softness[known] = np.linalg.norm(residual.blocks[place[known]], axis=(1, 2))
+    return softness
+
+
+@kernel
+def _find_own_blocks(store: BlockStore, out: LongArray) -> None:
+    """Write where each node's block with itself lies, -1 where there is none."""
+    for node in range(out.shape[0]):
+        out[node] = block_index(store, node, node)

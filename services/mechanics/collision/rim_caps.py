@@ -1,4 +1,4 @@
-"""What collision detection reads off a mesh once: neighbours, rings of triangles, caps over the open rims."""
+"""Caps over the open rims of a surface: triangles that close it."""
 
 from __future__ import annotations
 
@@ -6,38 +6,6 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import building_kernel
-
-NO_NEIGHBOUR = -1
-
-
-def triangle_neighbours(triangles: IntArray) -> IntArray:
-    """Return (m, 3) the triangle across edge k -> k + 1 of each triangle, `NO_NEIGHBOUR` at a rim."""
-    directed = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    _, edge = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True)
-    edge = edge.ravel()
-    order = np.argsort(edge, kind="stable")
-    paired = np.flatnonzero(edge[order[1:]] == edge[order[:-1]])
-    neighbour = np.full(len(directed), NO_NEIGHBOUR, np.int32)
-    first, second = order[paired], order[paired + 1]
-    neighbour[first], neighbour[second] = second // 3, first // 3
-    return np.ascontiguousarray(neighbour.reshape(-1, 3))
-
-
-def triangles_round_vertices(triangles: IntArray, n_vertices: int) -> tuple[IntArray, IntArray]:
-    """Return (n + 1,) starts and (3 m,) triangles: those round vertex i are ``ring[start[i]:start[i + 1]]``."""
-    corners = triangles.ravel()
-    ring = (np.argsort(corners, kind="stable") // 3).astype(np.int32)
-    start = np.concatenate([[0], np.cumsum(np.bincount(corners, minlength=n_vertices))])
-    return start.astype(np.int32), ring
-
-
-def rim_vertices(triangles: IntArray, neighbour: IntArray, n_vertices: int) -> np.ndarray:
-    """Return (n,) int8, one where a vertex lies on an open rim."""
-    on_rim = np.zeros(n_vertices, np.int8)
-    triangle, edge = np.nonzero(neighbour == NO_NEIGHBOUR)
-    on_rim[triangles[triangle, edge]] = 1
-    on_rim[triangles[triangle, (edge + 1) % 3]] = 1
-    return on_rim
 
 
 def fill_rim(vertices_m: FloatArray, rim: IntArray) -> IntArray:

@@ -1,0 +1,114 @@
+"""What the jaws of closing tools touch: all that a grasp needs to know of contact. Physics finds contacts itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from services.haptics.deformed_scene import DeformedScene
+from services.mechanics.arrays import FloatArray
+from services.mechanics.bodies.forceps.grasp import GRASP_GAP_M
+from services.mechanics.collision.candidate_list import MOST_ENTRIES
+from services.mechanics.collision.candidates import Candidates, candidates_at
+from services.mechanics.collision.capsules import STRETCHES, CapsuleMemory, Tools, capsules_at, detect_capsules
+from services.mechanics.collision.pairs import SHAFT, ContactPairs, pairs_at
+from services.mechanics.collision.pieces import N_TOOL_PIECES, take_pieces, write_piece_pair
+from services.mechanics.collision.wall_candidates import WallCandidates
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address
+from services.mechanics.compiled.vectors import row
+from services.mechanics.reduction.reduced_duct import ReducedDuct
+from services.mechanics.scene import SceneModel
+from services.mechanics.scene.tools import N_TOOLS
+
+#: Beyond a grasp's gap, so that no rounding of a bound hides a touch at just that gap.
+_LOOK_M = 1.1 * GRASP_GAP_M
+_NO_PARTICLES = np.zeros((0, 3))
+
+
+class JawTouches:
+    """Looks where the jaws of some tools touch wall and catheter.
+
+    Parameters
+    ----------
+    scene : SceneModel
+    duct : ReducedDuct
+    radius_m : (2, 3)
+        Of the tools' segments, zero where there is none.
+
+    Attributes
+    ----------
+    pairs : ContactPairs
+        Of each jaw the closest touch of the wall, and of each stretch of it the closest of the catheter.
+    """
+
+    def __init__(self, scene: SceneModel, duct: ReducedDuct, radius_m: FloatArray) -> None:
+        n_segments = scene.catheter.n_segments
+        self._sizes_m = 0.5 * scene.catheter.outer_diameter_m, 0.5 * scene.duct.thickness_m
+        self._jaw_radius_m = radius_m.copy()
+        self._jaw_radius_m[:, SHAFT] = 0.0
+        self._looks = np.zeros(N_TOOLS, np.bool_)
+        self._wall = WallCandidates(duct, N_TOOL_PIECES)
+        self._wall.list.wanted[:] = self._wall.list.reach[:] = _LOOK_M
+        self._found = Candidates.zeros(c=2 * N_TOOLS * MOST_ENTRIES)
+        self._capsules = CapsuleMemory.zeros(m=N_TOOL_PIECES, n=n_segments)
+        self.pairs = ContactPairs.allocate(2 * N_TOOLS * (1 + STRETCHES))
+
+    def find(self, tools: Sequence[int], segments_m: FloatArray, scene: DeformedScene) -> None:
+        """Write the touches of the jaws of ``tools``, whose segments (2, 3, 2, 3) are here, into `pairs`."""
+        self.pairs.clear()
+        if not (tools and scene.has_catheter):
+            return
+        self._looks[:] = False
+        self._looks[list(tools)] = True
+        jaws = segments_m, self._jaw_radius_m, self._looks
+        take_pieces(self._wall.list.address, _NO_PARTICLES, jaws, self._sizes_m)
+        self._wall.follow(scene.q, scene.loads)
+        self._wall.measure(self._found)
+        addresses = self._found.address, self._capsules.address
+        write_touches(addresses, jaws, scene.particles_m, self._sizes_m[0], self.pairs.address)
+
+    def forget(self) -> None:
+        """Forget where everything was: the scene begins again."""
+        self.pairs.clear()
+        self._wall.forget()
+
+    @property
+    def dropped(self) -> int:
+        """Triangles near a jaw that found no room since the start."""
+        return int(self._wall.list.dropped)
+
+
+@kernel
+def write_touches(
+    addresses: tuple[Address[Candidates], Address[CapsuleMemory]],
+    jaws: Tools,
+    particles: FloatArray,
+    radius_m: float,
+    pairs_address: Address[ContactPairs],
+) -> None:
+    """Write the closest pair of each jaw with the wall, and those with a catheter of this radius.
+
+    Distances from the catheter are unsigned: what was on which side of the jaws is forgotten.
+    """
+    found, memory, pairs = candidates_at(addresses[0]), capsules_at(addresses[1]), pairs_at(pairs_address)
+    for piece in range(N_TOOL_PIECES):
+        i = _closest(found, piece)
+        if i >= 0 and found.gap_m[i] < GRASP_GAP_M:
+            place = piece, found.triangle[i]
+            write_piece_pair(pairs, place, found.s[i], row(found.weight, i), found.gap_m[i], row(found.normal, i))
+    for first in range(memory.active.shape[0]):
+        for second in range(memory.active.shape[1]):
+            memory.active[first, second] = 0
+    detect_capsules(memory, jaws, particles, (radius_m, GRASP_GAP_M), pairs)
+
+
+@kernel
+def _closest(found: Candidates, piece: int) -> int:
+    """Return the closest candidate of a piece, -1 where there is none."""
+    best = -1
+    for i in range(found.count):
+        if found.piece[i] == piece and (best < 0 or found.gap_m[i] < found.gap_m[best]):
+            best = i
+    return best

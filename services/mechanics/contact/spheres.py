@@ -1,0 +1,97 @@
+"""Spheres that touch wall and catheter: where they are, how they move, and what a force moves them by.
+
+Their owner, an effect, writes the arrays before contacts are found, and reads the forces of their rows afterwards.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.collision.candidate_list import CandidateList
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.compiled.vectors import Vector, along, put_row_of, row
+from services.mechanics.contact.identity import STONE
+from services.mechanics.contact.rows import NO_STONE, ContactRows, rows_at
+
+#: As many as the identity of a contact can name.
+MOST_SPHERES = STONE.size - 1
+
+
+class Spheres(Struct):
+    """Room for s spheres, of which the first ``count`` are there; in m and m/N, along world axes."""
+
+    start: Annotated[FloatArray, "s", 3]  # of the step
+    motion: Annotated[FloatArray, "s", 3]  # over it, without contact forces
+    compliance: Annotated[FloatArray, "s"]  # motion over the step per force
+    radius: Annotated[FloatArray, "s"]
+    count: int = 0
+
+    def add(self, radius_m: FloatArray) -> slice:
+        """Make room for spheres of these radii and return where they are."""
+        first, end = self.count, self.count + len(radius_m)
+        if end > MOST_SPHERES:
+            raise ValueError(f"{end} spheres are too many to be told apart, at most {MOST_SPHERES}")
+        self.radius[first:end] = radius_m
+        self.count = end
+        return slice(first, end)
+
+
+spheres_at = reader(Spheres)
+
+
+def no_spheres() -> Spheres:
+    """Return room for as many spheres as contacts can name."""
+    return Spheres.zeros(s=MOST_SPHERES)
+
+
+@kernel
+def take_spheres(listed: CandidateList, spheres: Spheres, first: int, half_m: float) -> None:
+    """Write spheres where the step begins into a list, as pieces from ``first`` on."""
+    for k in range(spheres.count):
+        _put_piece(listed, first + k, row(spheres.start, k), spheres.radius[k] + half_m)
+
+
+@kernel
+def take_ends(
+    listed: CandidateList, spheres: Spheres, solved: tuple[ContactRows, FloatArray], first: int, half_m: float
+) -> None:
+    """Write spheres where the step ends, with the ``solved`` rows' forces (k, 3) along world axes."""
+    rows, force = solved
+    for k in range(spheres.count):
+        end = along(row(spheres.start, k), row(spheres.motion, k), 1.0)
+        for at in range(rows.n_contacts):
+            if rows.stone[at] == k:
+                end = along(end, row(force, at), spheres.compliance[k])
+        _put_piece(listed, first + k, end, spheres.radius[k] + half_m)
+
+
+@kernel
+def _put_piece(listed: CandidateList, piece: int, centre: Vector, thickness: float) -> None:
+    listed.active[piece], listed.thickness[piece] = True, thickness
+    for end in range(2):
+        put_row_of(listed.ends, piece, end, centre)
+
+
+@kernel
+def add_sphere_compliance(rows: ContactRows, spheres: Spheres, W: FloatArray) -> None:
+    """Add the compliance of each sphere between all rows it takes part in, lower blocks, world axes."""
+    for a in range(rows.n_contacts):
+        if rows.stone[a] == NO_STONE:
+            continue
+        for b in range(a + 1):
+            if rows.stone[a] == rows.stone[b]:
+                for axis in range(3):
+                    W[3 * a + axis, 3 * b + axis] += spheres.compliance[rows.stone[a]]
+
+
+@kernel
+def add_sphere_forces(rows_address: Address[ContactRows], forces: FloatArray, out: FloatArray, first: int) -> None:
+    """Add the contact forces (k, 3) on spheres from ``first`` on to ``out`` (s, 3)."""
+    rows = rows_at(rows_address)
+    for at in range(rows.n_contacts):
+        sphere = rows.stone[at] - first
+        if rows.stone[at] != NO_STONE and 0 <= sphere < out.shape[0]:
+            for axis in range(3):
+                out[sphere, axis] += forces[at, axis]

@@ -1,0 +1,46 @@
+"""The catheter on itself."""
+
+import numpy as np
+import pytest
+
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, ContactPairs
+from services.mechanics.collision.self_contact import SelfContactDetector
+
+RADIUS_M, MARGIN_M = 0.8e-3, 0.5e-3
+
+
+def detect(detector, positions):
+    pairs = ContactPairs.allocate(64)
+    detector.detect(positions, pairs)
+    return pairs
+
+
+def loop_of(n=60, radius_m=12e-3, rise_m=4e-3):
+    turn = np.linspace(0.0, 2.4 * np.pi, n)
+    return np.stack([radius_m * np.cos(turn), radius_m * np.sin(turn), rise_m * turn / (2.0 * np.pi)], axis=1)
+
+
+def test_a_loop_meets_itself_and_is_not_drawn_through():
+    detector = SelfContactDetector(60, RADIUS_M, MARGIN_M)
+    seen = 0
+    for rise in np.arange(4e-3, -1e-3, -0.05e-3):
+        found = detect(detector, loop_of(rise_m=rise))
+        n = found.count
+        if rise > 2.0 * RADIUS_M + MARGIN_M + 0.1e-3:
+            assert n == 0
+        if rise > 2.0 * RADIUS_M + MARGIN_M - 0.1e-3:
+            continue
+        seen += 1
+        assert (found.target_kind[:n] == CATHETER_SEGMENT).all()
+        deepest = int(np.argmin(found.gap_m[:n]))
+        assert found.gap_m[deepest] == pytest.approx(rise - 2.0 * RADIUS_M, abs=0.1e-3)
+        assert found.particle[deepest] < found.target[deepest]
+        assert found.normal[deepest, 2] < -0.9, "the first turn lies below the second and stays there"
+    assert seen > 40
+
+
+def test_neighbours_do_not_meet():
+    straight = np.stack([np.linspace(0.0, 0.1, 51), np.zeros(51), np.zeros(51)], axis=1)
+    assert detect(SelfContactDetector(51, RADIUS_M, 0.1e-3), straight).count == 0
+    with pytest.raises(ValueError, match="n_apart"):
+        SelfContactDetector(51, RADIUS_M, MARGIN_M, n_apart=1)
