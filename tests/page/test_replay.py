@@ -20,7 +20,7 @@ from services.runtime.rig import Transport
 from services.supervisor.page_place import page_file
 from tests import chromium
 from tests.chromium import Chromium
-from tests.rig.conftest import _free_port
+from tests.rig.conftest import free_port
 from tests.with_us import with_us
 
 pytestmark = [
@@ -62,8 +62,8 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shown]:
     file = folder / "it's mine.mcap"
     shutil.copy(SAMPLE, file)
     settings = (
-        f"transport.directory={folder / 'bus'}", f"supervisor.web.port={_free_port()}",
-        f"visualization.port={_free_port()}",
+        f"transport.directory={folder / 'bus'}", f"supervisor.web.port={free_port()}",
+        f"visualization.port={free_port()}",
     )  # fmt: skip
     options = [word for each in settings for word in ("--set", each)]
     command = [sys.executable, "-m", "services.cli.app", "replay", str(file), "--pictures", *options]

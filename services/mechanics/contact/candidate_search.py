@@ -55,7 +55,7 @@ class CandidateSearch:
         self._wall = WallCandidates(duct, self._end)
         self._found, self._ended = Candidates.zeros(c=CAPACITY), Candidates.zeros(c=CAPACITY)
         self._capsules = CapsuleMemory.zeros(m=N_TOOL_PIECES, n=scene.catheter.n_segments)
-        self._spheres = no_spheres()
+        self._spheres, self._catheter_ahead_m = no_spheres(), AHEAD_M
         self._make_room()
 
     def _make_room(self) -> None:
@@ -66,6 +66,7 @@ class CandidateSearch:
         self._start = np.zeros((n_pieces, 2, 3)), self._wall.position_m.copy()
         self._ahead_m, self._most_m = np.full(n_pieces, AHEAD_M), np.full(n_pieces, MOST_AHEAD_M)
         self._most_m[self._end :] = MOST_AHEAD_OF_SPHERE_M
+        self._ahead_m[N_TOOL_PIECES : self._end] = self._catheter_ahead_m
         self._is_unknown = self._apart_is_unknown = True
 
     def follow_spheres(self, spheres: Spheres) -> None:
@@ -136,8 +137,9 @@ class CandidateSearch:
 
     def see_ahead(self, gap_m: float) -> None:
         """Give the catheter rows from this gap on, which other laws than contact act across."""
-        self._ahead_m[N_TOOL_PIECES : self._end] = max(gap_m, AHEAD_M)
+        self._catheter_ahead_m = max(gap_m, AHEAD_M)
         self._wall.forget()
+        self._make_room()
 
     def forget(self) -> None:
         """Forget the working set: bodies have been put elsewhere."""

@@ -1,5 +1,7 @@
 """What the search of a scene hands over: spheres, sides that are kept within a step, and the room in jaws."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -139,3 +141,20 @@ def test_a_catheter_whose_axis_pierces_the_wall_is_not_sound(simulation):
         simulation.search.forget()
         simulation.search.begin(bodies)
         assert simulation.search.is_sound() == is_sound
+
+
+@pytest.mark.parametrize("film_first", [True, False])
+def test_rows_of_a_film_are_seen_whoever_is_prepared_first(small_scene, small_duct, film_first):
+    """A catheter a quarter of a millimetre from the wall, and a sphere that is followed too."""
+    off_m = small_scene.duct.radius_m - 0.5 * small_scene.duct.thickness_m - 0.25e-3
+    catheter = replace(small_scene.catheter, anchor="free", length_m=20e-3, n_segments=10)
+    height_m = off_m - 0.5 * catheter.outer_diameter_m
+    catheter = replace(catheter, tip_position_m=(10e-3, -height_m * np.sin(np.pi / 12), -height_m * np.cos(np.pi / 12)))
+    simulation = Simulation(replace(small_scene, catheter=catheter), small_duct)
+    steps = [lambda: simulation.search.see_ahead(0.4e-3), lambda: simulation.world.add_spheres(np.array([1e-3]))]
+    for step in steps if film_first else reversed(steps):
+        step()
+    pairs = ContactPairs.allocate(256)
+    simulation.search.begin((simulation.duct, simulation.catheter, simulation.tools))
+    simulation.search.catheter_pairs(pairs)
+    assert (pairs.particle[: pairs.count] < 10).any()
