@@ -66,6 +66,7 @@ class JawTouches:
         take_pieces(self._wall.list.address, _NO_PARTICLES, jaws, self._sizes_m)
         self._wall.follow(scene.q, scene.loads)
         self._wall.measure(self._found)
+        self._capsules.reset()
         addresses = self._found.address, self._capsules.address
         write_touches(addresses, jaws, scene.particles_m, self._sizes_m[0], self.pairs.address)
 
@@ -90,7 +91,7 @@ def write_touches(
 ) -> None:
     """Write the closest pair of each jaw with the wall, and those with a catheter of this radius.
 
-    Distances from the catheter are unsigned: what was on which side of the jaws is forgotten.
+    Distances from the catheter are unsigned where the memory has been reset.
     """
     found, memory, pairs = candidates_at(addresses[0]), capsules_at(addresses[1]), pairs_at(pairs_address)
     for piece in range(N_TOOL_PIECES):
@@ -98,9 +99,6 @@ def write_touches(
         if i >= 0 and found.gap_m[i] < GRASP_GAP_M:
             place = piece, found.triangle[i]
             write_piece_pair(pairs, place, found.s[i], row(found.weight, i), found.gap_m[i], row(found.normal, i))
-    for first in range(memory.active.shape[0]):
-        for second in range(memory.active.shape[1]):
-            memory.active[first, second] = 0
     detect_capsules(memory, jaws, particles, (radius_m, GRASP_GAP_M), pairs)
 
 

@@ -252,21 +252,6 @@ def is_placed_by(address: Address[PlacedWall], q: FloatArray, load_nodes: IntArr
     return True
 
 
-@kernel
-def _displace_all(wall: PlacedWall, nodes: IntArray, source: int, force: FloatArray) -> None:
-    x, y, z, first = force[0], force[1], force[2], source * wall.rest.shape[0]
-    if x == 0.0 and y == 0.0 and z == 0.0:
-        return
-    blocks, extra = wall.blocks, wall.extra
-    for k in range(nodes.shape[0]):
-        node = nodes[k]
-        # R is symmetric: the row of the load holds the transposed block.
-        b = first + node
-        extra[node, 0] += blocks[b, 0, 0] * x + blocks[b, 1, 0] * y + blocks[b, 2, 0] * z
-        extra[node, 1] += blocks[b, 0, 1] * x + blocks[b, 1, 1] * y + blocks[b, 2, 1] * z
-        extra[node, 2] += blocks[b, 0, 2] * x + blocks[b, 1, 2] * y + blocks[b, 2, 2] * z
-
-
 @summing_kernel
 def place_nodes(address: Address[PlacedWall], nodes: IntArray, q: FloatArray) -> float:
     """Place ``nodes`` at rest + Phi q + what loads do beyond it; return in m how far one of them has come."""

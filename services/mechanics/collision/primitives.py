@@ -7,21 +7,8 @@ or a corner: the feature can be read off them.
 
 from __future__ import annotations
 
-import numpy as np
-
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import Vector, along, combine, cross, dot, squared_distance, subtract
-
-
-@kernel
-def index(i: int) -> int:
-    """Return i as numba's usual integer.
-
-    A kernel is compiled once for each type that it is called with, and a constant, an item of an int32 array and a sum
-    have three types. What is large, and is called from many places, is handed its indices through this.
-    """
-    wide: int = np.int64(i)  # type: ignore[assignment]
-    return wide
 
 
 @kernel

@@ -4,18 +4,12 @@ from __future__ import annotations
 
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.compiled import kernel
-from services.mechanics.compiled.vectors import Vector, dot, put_row
+from services.mechanics.compiled.vectors import Vector, put_row
 
 FULL = -1
 
 Pair = tuple[int, int, int, int, int, float, Vector]
 """(tool, tool segment, particle, kind of target, target, place on the first body, weights in the target)."""
-
-
-@kernel
-def is_due(gap_m: float, normal: Vector, motion: Vector, margin_m: float) -> bool:
-    """Return whether a gap is within the margin, or will be in a tick if the motion of the last one goes on."""
-    return gap_m + min(dot(normal, motion), 0.0) < margin_m
 
 
 @kernel
@@ -34,18 +28,6 @@ def write_pair(pairs: ContactPairs, pair: Pair, gap_m: float, normal: Vector) ->
     put_row(pairs.normal, place, normal)
     pairs.gap_m[place] = gap_m
     return place
-
-
-@kernel
-def copy_pair(pairs: ContactPairs, source: int, to: int) -> None:
-    """Write the pair at ``source`` over the one at ``to``."""
-    pairs.tool[to], pairs.tool_segment[to] = pairs.tool[source], pairs.tool_segment[source]
-    pairs.particle[to], pairs.tool_parameter[to] = pairs.particle[source], pairs.tool_parameter[source]
-    pairs.target_kind[to], pairs.target[to] = pairs.target_kind[source], pairs.target[source]
-    pairs.gap_m[to] = pairs.gap_m[source]
-    for axis in range(3):
-        pairs.target_weights[to, axis] = pairs.target_weights[source, axis]
-        pairs.normal[to, axis] = pairs.normal[source, axis]
 
 
 @kernel

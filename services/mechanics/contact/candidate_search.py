@@ -17,7 +17,7 @@ from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.price import note_pressed, write_chosen, write_violations
 from services.mechanics.contact.search import Moving
-from services.mechanics.contact.spheres import Spheres, no_spheres, spheres_at, take_ends, take_spheres
+from services.mechanics.contact.spheres import Spheres, no_spheres, take_ends, take_spheres
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.working_set import (
     AHEAD_M,
@@ -85,7 +85,7 @@ class CandidateSearch:
         duct, catheter, tools = bodies
         listed, n = self._wall.list, duct.n_loads
         self._take_pieces(catheter.start_m, tools)
-        take_sphere_starts(listed.address, self._spheres.address, self._end, self._half_m)
+        take_spheres(listed.address, self._spheres.address, self._end, self._half_m)
         if self._apart_is_unknown:
             self._working.apart_m[:] = merge_distance_m(listed.thickness, 2.0 * self._half_m)
             self._apart_is_unknown = False
@@ -179,14 +179,6 @@ def capsule_pairs(
 ) -> None:
     """Append pairs of tool segments with catheter segments; ``sizes`` holds (catheter radius, margin)."""
     detect_capsules(capsules_at(memory), tools, particles, sizes, pairs_at(pairs))
-
-
-@kernel
-def take_sphere_starts(
-    list_address: Address[CandidateList], spheres_address: Address[Spheres], first: int, half_m: float
-) -> None:
-    """Write spheres where the step begins into a list."""
-    take_spheres(list_at(list_address), spheres_at(spheres_address), first, half_m)
 
 
 @kernel

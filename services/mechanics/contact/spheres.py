@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Annotated
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.collision.candidate_list import CandidateList
+from services.mechanics.collision.candidate_list import CandidateList, list_at
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import Vector, along, put_row_of, row
@@ -47,8 +47,11 @@ def no_spheres() -> Spheres:
 
 
 @kernel
-def take_spheres(listed: CandidateList, spheres: Spheres, first: int, half_m: float) -> None:
+def take_spheres(
+    list_address: Address[CandidateList], spheres_address: Address[Spheres], first: int, half_m: float
+) -> None:
     """Write spheres where the step begins into a list, as pieces from ``first`` on."""
+    listed, spheres = list_at(list_address), spheres_at(spheres_address)
     for k in range(spheres.count):
         _put_piece(listed, first + k, row(spheres.start, k), spheres.radius[k] + half_m)
 

@@ -175,7 +175,6 @@ class Simulation:
     def _end_step(self, dt_s: float) -> None:
         """Let effects act on the end of a step, and write what tools feel."""
         marks = self._marks_ns
-        marks[5] = perf_counter_ns()
         self._correct(dt_s)
         marks[6] = perf_counter_ns()
         self._report(dt_s)
