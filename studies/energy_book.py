@@ -11,7 +11,6 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from services.mechanics.arrays import BoolArray, FloatArray
-from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.contact.laws import ELASTIC_AXES
 from services.mechanics.reduction import ModalState
 from services.mechanics.rod import ImplicitIntegrator, RodState
@@ -153,7 +152,7 @@ class EnergyBook:
         self.flow.input_j -= float(np.sum(force * hand_motion))
         # Roll turns jaws from e1 to e2 of `tool_frame`, whose cross product is -d.
         about_shaft_nm = np.einsum("ta,ta->t", self.simulation.tool_results.port_moment_nm, tools.frame[:, 2])
-        self.flow.input_j += float(about_shaft_nm @ _rolled_rad(self.simulation, before))
+        self.flow.input_j += float(about_shaft_nm @ tools.rolled_rad)
         self.flow.released_j += 0.5 * float(np.sum(tools.stiffness * np.where(came, before.stretch, 0.0) ** 2))
         self.flow.coupling_j += float(np.sum(tools.damping * change**2)) / dt_s
         self.flow.numerical_j += 0.5 * float(np.sum(tools.stiffness * change**2))
@@ -211,25 +210,11 @@ class EnergyBook:
             {*self.simulation.holds.rows, *self.simulation.seal.rows, *self.simulation.squeeze.rows},
         )
         self.flow.friction_j -= _anchor_energy_j(self.simulation) - before.anchors_j
-        rolled_rad = _rolled_rad(self.simulation, before)
-        for row in range(rows.n_contacts):
-            force = rows.force_n[row]
-            rolled = rows.frame[row] @ self._rolled_m(row, rolled_rad)
+        for row in set(range(rows.n_contacts)) - own:
+            force, elastic = rows.force_n[row], rows.frame[row] @ rows.elastic_m[row]
             end = system.motion_m[3 * row : 3 * row + 3] - rows.softness_m_n[row] * force
-            if row in own:
-                self.flow.numerical_j -= float(force @ rolled)
-                continue
-            elastic = rows.frame[row] @ rows.elastic_m[row]
-            self.flow.friction_j -= float(force[1:] @ (end + rolled - elastic)[1:])
-            self.flow.impact_j -= float(force[0] * (end[0] + rolled[0] - rows.taken_m[row]))
-
-    def _rolled_m(self, row: int, rolled_rad: FloatArray) -> FloatArray:
-        """Return how far (3,) the roll of its tool has moved a contact's point; it comes before a step's motions."""
-        rows, tools, tool = self.simulation.system.rows, self.simulation.tools, self.simulation.system.rows.tool[row]
-        if tool == NO_TOOL:
-            return np.zeros(3)
-        moved: FloatArray = np.cross(rows.point_m[row] - tools.port_m[tool], tools.frame[tool, 2]) * rolled_rad[tool]
-        return moved
+            self.flow.friction_j -= float(force[1:] @ (end - elastic)[1:])
+            self.flow.impact_j -= float(force[0] * (end[0] - rows.taken_m[row]))
 
 
 @dataclass(slots=True)
@@ -237,7 +222,6 @@ class _Snapshot:
     """What the books need of the state before a step."""
 
     present: BoolArray
-    roll: FloatArray
     hand: FloatArray
     stretch: FloatArray
     rod: RodState
@@ -254,7 +238,6 @@ class _Snapshot:
         rod, tools = simulation.catheter.state, simulation.tools
         return cls(
             tools.present.copy(),
-            tools.roll_rad.copy(),
             tools.hand.copy(),
             tools.stretch.copy(),
             rod.copy(),
@@ -283,12 +266,6 @@ def stored_energies_j(simulation: Simulation, rod: RodEnergy | None = None) -> d
     }
     stored |= {name: effect.potential_energy_j(simulation.world) for name, effect in simulation.effects.items()}
     return stored
-
-
-def _rolled_rad(simulation: Simulation, before: _Snapshot) -> FloatArray:
-    """Return by how much (2,) each tool has rolled in a step through which it was there."""
-    tools = simulation.tools
-    return np.where(before.present & tools.present, tools.roll_rad - before.roll, 0.0)
 
 
 def _dissipated_by_effects_j(simulation: Simulation) -> float:

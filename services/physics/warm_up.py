@@ -114,6 +114,9 @@ class _MadeUpSearch:
 
     has_candidates, dropped = False, 0
 
+    def expect(self, moved_m: float) -> None:
+        """Nothing: pairs are made up."""
+
     def begin(self, bodies: Moving) -> None:
         """Nothing is anywhere."""
 

@@ -73,14 +73,14 @@ class WallCandidates:
 
         Return whether anything is other than at the last `move`: what was measured there still holds if not.
         """
-        listed = self.list
-        if self.is_new:
+        listed, modes_moved_m = self.list, self._bounds.moved_m(q)
+        if self.is_new or modes_moved_m > WALL_SHARE * SKIN_M:
             self._renew_wall(q, loads)
             return True
         is_elsewhere = not (are_where_they_were(listed.address) and self._placement.is_placed_by(q, loads))
         if is_elsewhere:
             self.move(q, loads)
-        outcome = renew_lists(listed.address, self._bounds.moved_m(q), WALL_SHARE * SKIN_M)
+        outcome = renew_lists(listed.address, modes_moved_m, WALL_SHARE * SKIN_M)
         if outcome == WALL_IS_DUE:
             self._renew_wall(q, loads)
         elif outcome == RENEWED:
@@ -105,9 +105,8 @@ class WallCandidates:
         self._bounds.take(q)
         enclose_at(listed.address)
         listed.is_listed[:] = False
-        if self.is_new:
-            listed.last_ends[:] = listed.ends
-            self.is_new = False
+        listed.last_ends[:] = listed.ends
+        self.is_new = False
         renew_lists(listed.address, 0.0, 0.0)
         self._nodes = listed.node[: listed.n_nodes]
         self.wall_renewals += 1

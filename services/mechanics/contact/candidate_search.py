@@ -20,8 +20,9 @@ from services.mechanics.contact.search import Moving
 from services.mechanics.contact.spheres import Spheres, no_spheres, take_ends, take_spheres
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.working_set import (
-    AHEAD_M,
+    FASTEST_AHEAD_M,
     MOST_AHEAD_M,
+    TOUCHING_M,
     choose,
     forget,
     merge_distance_m,
@@ -55,7 +56,7 @@ class CandidateSearch:
         self._wall = WallCandidates(duct, self._end)
         self._found, self._ended = Candidates.zeros(c=CAPACITY), Candidates.zeros(c=CAPACITY)
         self._capsules = CapsuleMemory.zeros(m=N_TOOL_PIECES, n=scene.catheter.n_segments)
-        self._spheres, self._catheter_ahead_m = no_spheres(), AHEAD_M
+        self._spheres, self._catheter_ahead_m = no_spheres(), TOUCHING_M
         self._make_room()
 
     def _make_room(self) -> None:
@@ -64,7 +65,7 @@ class CandidateSearch:
         sizes = n_pieces, len(mesh.triangles), CAPACITY, n_pieces - self._end
         self._working = new_working_set(mesh.vertices_m, *sizes)
         self._start = np.zeros((n_pieces, 2, 3)), self._wall.position_m.copy()
-        self._ahead_m, self._most_m = np.full(n_pieces, AHEAD_M), np.full(n_pieces, MOST_AHEAD_M)
+        self._ahead_m, self._most_m = np.full(n_pieces, TOUCHING_M), np.full(n_pieces, MOST_AHEAD_M)
         self._most_m[self._end :] = MOST_AHEAD_OF_SPHERE_M
         self._ahead_m[N_TOOL_PIECES : self._end] = self._catheter_ahead_m
         self._is_unknown = self._apart_is_unknown = True
@@ -96,8 +97,9 @@ class CandidateSearch:
         if self._wall.follow(duct.q_start, (duct.load_nodes[:n], duct.load_force_n[:n])) or self._is_unknown:
             self._wall.measure(self._found)
         self._is_unknown = True
+        addresses = listed.address, self._found.address, self._working.address
+        choose(addresses, self._start, self._ahead_m)
         note_start(listed.address, self._start)
-        choose(listed.address, self._found.address, self._working.address)
 
     def _take_pieces(self, particles_m: FloatArray, tools: ToolBody) -> None:
         poses = (tools.segments, tools.radius_m, tools.present)
@@ -135,9 +137,17 @@ class CandidateSearch:
         """Renew the life of what pressed in the step that was solved."""
         note_pressed(state, self._working.address)
 
+    def expect(self, moved_m: float) -> None:
+        """Let lists reach as far as something may move in the next step, in one of two lengths."""
+        most_m = MOST_AHEAD_M if moved_m <= MOST_AHEAD_M else FASTEST_AHEAD_M
+        if most_m > self._most_m[0]:
+            self._wall.list.is_listed[: self._end] = False
+            self._is_unknown = True
+        self._most_m[: self._end] = most_m
+
     def see_ahead(self, gap_m: float) -> None:
         """Give the catheter rows from this gap on, which other laws than contact act across."""
-        self._catheter_ahead_m = max(gap_m, AHEAD_M)
+        self._catheter_ahead_m = max(gap_m, TOUCHING_M)
         self._wall.forget()
         self._make_room()
 

@@ -33,6 +33,7 @@ class ToolGeometry(Struct):
     frame: Annotated[FloatArray, N_TOOLS, 3, 3]
     length: Annotated[FloatArray, N_TOOLS]
     motion: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
+    rolled: Annotated[FloatArray, N_TOOLS]
     present: Annotated[BoolArray, N_TOOLS]
     waiting: Annotated[BoolArray, N_TOOLS]  # whether they touch nothing yet
     held: Annotated[BoolArray, N_TOOLS, 2]  # whether the jaws hold something of each target kind
@@ -76,6 +77,7 @@ class ContactGeometry(Struct):
                 frame=tools.frame,
                 length=tools.length_m,
                 motion=tools.motion,
+                rolled=tools.rolled_rad,
                 present=tools.present,
                 waiting=tools.waiting,
                 held=tools.held,

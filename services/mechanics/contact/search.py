@@ -26,6 +26,9 @@ class ContactSearch(Protocol):
     def dropped(self) -> int:
         """Candidates that found no room since the start."""
 
+    def expect(self, moved_m: float) -> None:
+        """Look as far as something may move in the next step."""
+
     def begin(self, bodies: Moving) -> None:
         """Place wall and pieces at the start of a step, and choose the candidates that get rows."""
 

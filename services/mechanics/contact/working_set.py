@@ -14,26 +14,25 @@ import numpy as np
 
 from services.mechanics.arrays import ByteArray, FloatArray, IntArray, LongArray
 from services.mechanics.collision.candidate_list import CandidateList, list_at
-from services.mechanics.collision.candidates import Candidates, candidates_at
+from services.mechanics.collision.candidates import Candidates, Where, candidates_at, offset
 from services.mechanics.collision.pieces import N_TOOL_PIECES
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import Vector, combine, dot, put_row, row, squared_distance
+from services.mechanics.compiled.vectors import Vector, combine, dot, put_row, row, squared_distance, subtract
 
 #: Two contacts of a body with normals further apart than 26 degrees hold different things.
 SAME_NORMAL = 0.9
-#: A gap below this touches for the merge rule: surfaces at rest overlap or part by less.
+#: A gap below this touches: surfaces at rest overlap or part by less. A step begins with rows for what touches, or
+#: will; and what has none may end no deeper, see `simulation.pricing`.
 TOUCHING_M = 30e-6
 #: Nearer than this part of the distance between axis and middle surface, two points are one, whatever they do.
 ONE_POINT = 0.02
 #: What touches is merged within this part of the distance within which others are.
 TOUCHING_SHARE = 0.5
-#: A step sees contacts this far ahead of what moves: rows cost more than a second price.
-AHEAD_M = 0.1e-3
-#: Nothing moves further in a part of a step without being split, see `simulation.pace`: half a metre a second.
-MOST_AHEAD_M = 0.5e-3
+#: Lists are made for what moves so far in a step, half a metre a second; for what is faster they reach further.
+MOST_AHEAD_M, FASTEST_AHEAD_M = 0.5e-3, 2e-3
 #: So many steps a member lives on that presses no more.
-LIFE_STEPS = 20
+LIFE_STEPS = 3
 
 
 class WorkingSet(Struct):
@@ -77,19 +76,39 @@ def merge_distance_m(thickness_m: FloatArray, wall_m: float) -> FloatArray:
 
 @kernel
 def choose(
-    list_address: Address[CandidateList], found_address: Address[Candidates], set_address: Address[WorkingSet]
+    addresses: tuple[Address[CandidateList], Address[Candidates], Address[WorkingSet]], before: Where, ahead: FloatArray
 ) -> None:
-    """Choose candidates for rows; ``chosen`` names them, nearest first."""
-    listed, found, working = list_at(list_address), candidates_at(found_address), set_at(set_address)
+    """Choose candidates for rows; ``chosen`` names them, nearest first.
+
+    Those of a piece are chosen whose gap is at most ``ahead`` (p,), or will be if everything goes on as since
+    ``before``, when the last step began.
+    """
+    listed, found, working = list_at(addresses[0]), candidates_at(addresses[1]), set_at(addresses[2])
     for i in range(found.count):
         _note_candidate(found, working, listed, i)
     sort_by_key(working, found.count)
     working.n_chosen = 0
-    for place in range(found.count):
-        i = working.order[place]
-        if not _is_known(found, working, i):
+    for k in range(found.count):
+        i = working.order[k]
+        ahead_m = ahead[found.piece[i]]
+        is_near = found.gap_m[i] <= ahead_m or _expected_m(listed, found, before, i) <= ahead_m
+        if is_near and not _is_known(found, working, i):
             working.chosen[working.n_chosen] = i
             working.n_chosen += 1
+
+
+@kernel
+def _expected_m(listed: CandidateList, found: Candidates, before: Where, i: int) -> float:
+    """Return the gap of a candidate at the end of a step in which its points move as since ``before``."""
+    place, s, w, corner = (
+        (found.piece[i], found.triangle[i]),
+        found.s[i],
+        row(found.weight, i),
+        listed.clusters.triangles,
+    )
+    now = offset((listed.ends, listed.position), corner, place, s, w)
+    gap: float = found.gap_m[i] + dot(row(found.normal, i), subtract(now, offset(before, corner, place, s, w)))
+    return gap
 
 
 @kernel

@@ -8,7 +8,9 @@ from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.bodies.forceps.kinematics import contact_lever
 from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.vectors import Vector
+from services.mechanics.compiled.vectors import Vector, cross, subtract
+from services.mechanics.compiled.vectors import row as vector
+from services.mechanics.compiled.vectors import row_of as vector_of
 from services.mechanics.contact import laws
 from services.mechanics.contact.geometry import ToolGeometry
 from services.mechanics.contact.identity import with_law
@@ -84,9 +86,12 @@ def put_on_tool(rows: ContactRows, row: int, tools: ToolGeometry, tool: int, seg
 
 @kernel
 def add_tool_motion(rows: ContactRows, row: int, tools: ToolGeometry) -> None:
-    """Add the motion of the tool's point over the step to the slip."""
+    """Add the motion of the tool's point over the step to the slip; roll turns it against the shaft's direction."""
     lever, tool = rows.lever[row], rows.tool[row]
+    arm = subtract(vector(rows.point_m, row), vector_of(tools.segments[tool], 1, 0))
+    turn = cross(arm, vector_of(tools.frame, tool, 2))
     for axis in range(3):
+        rows.slip_m[row, axis] += tools.rolled[tool] * turn[axis]
         for coordinate in range(lever.shape[1]):
             rows.slip_m[row, axis] += lever[axis, coordinate] * tools.motion[tool, coordinate]
 

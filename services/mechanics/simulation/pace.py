@@ -1,4 +1,4 @@
-"""In how many parts a step is taken: so many that nothing moves past what it has not met yet."""
+"""How far anything moves in a step, and in how many parts it is taken for nothing to move past what it has not met."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.sweep import FASTEST_HAND_M_S
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.contact.working_set import MOST_AHEAD_M
+from services.mechanics.contact.working_set import FASTEST_AHEAD_M, MOST_AHEAD_M
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.world import World
 
@@ -38,39 +38,39 @@ moving_at = reader(Moving)
 class Pace:
     """Splits ticks that are long, and steps in which something moves further than contacts are seen ahead.
 
-    What moves at hand speeds is no reason to: at a step of 1 ms it begins at half a metre a second or more. Longer
-    steps are split by as much sooner: within them things reach other speeds than they had when they were looked at.
+    At a step of 1 ms that begins at two metres a second: catheters that snap are that fast. Longer steps are split by
+    as much sooner: within them things reach other speeds than they had when they were looked at.
     """
 
     def __init__(self, world: World) -> None:
         self._world = world
         velocity, duct = world.catheter.state.velocity_m_s, world.duct
         self._moving = Moving(velocity=velocity, before=duct.q_start, after=duct.state.q)
-        self._most_m = MOST_AHEAD_M
         self._modes, self._longest = sampled_modes(world.duct.reduced.basis.Phi)
 
     def compile_kernels(self) -> None:
         """Compile what only a wall that moves far asks for."""
         furthest(self._modes, self._world.duct.q_start, self._world.duct.state.q)
 
-    def parts(self, tools: ToolInputs, dt_s: float) -> int:
-        """Return the number of parts of a step, a power of two."""
+    def parts(self, tools: ToolInputs, dt_s: float) -> tuple[int, float]:
+        """Return the number of parts of a step, a power of two, and how far anything moves in one, in m."""
         world = self._world
         duct, body = world.duct, world.tools
         speed_m_s, way = speed_and_way(self._moving.address)
         moved_m, last_s = speed_m_s * dt_s, duct.dt_s
-        most_m = self._most_m * min(LONGEST_STEP_S / dt_s, 1.0)
+        share = min(LONGEST_STEP_S / dt_s, 1.0)
+        most_m, seen_m = share * FASTEST_AHEAD_M, share * MOST_AHEAD_M
         if last_s > 0.0:
             scale = dt_s / last_s
-            if self._longest * way * scale > most_m:
+            if self._longest * way * scale > seen_m:
                 moved_m = max(moved_m, furthest(self._modes, duct.q_start, duct.state.q) * scale)
-        if dt_s * FASTEST_HAND_M_S > most_m:
+        if dt_s * FASTEST_HAND_M_S > seen_m:
             away_m = np.linalg.norm(tools.position_m - body.hand[:, :3], axis=1)[tools.present & body.present]
             moved_m = max(moved_m, min(float(away_m.max(initial=0.0)), dt_s * FASTEST_HAND_M_S))
         parts = 1
         while parts < MOST_PARTS and moved_m > parts * most_m:
             parts *= 2
-        return parts
+        return parts, moved_m / parts
 
 
 def sampled_modes(Phi: FloatArray) -> tuple[FloatArray, float]:

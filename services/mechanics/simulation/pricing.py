@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.compiled.memory import copy_arrays, copy_table
+from services.mechanics.contact.working_set import TOUCHING_M
 from services.mechanics.world import World
 
-#: How deep a candidate without a row may end: below a twentieth of a millimetre, and of a thin wall this part.
-TOLERANCE_M, TOLERANCE_OF_WALL = 30e-6, 0.125
+#: A candidate without a row may end as deep as what touches, and in a thin wall by this part of it.
+TOLERANCE_OF_WALL = 0.125
 
 
 class Pricing:
@@ -34,7 +35,7 @@ class Pricing:
         kept_pose = [array.copy() for array in pose]
         self._note_pose, self._put_pose = copy_table(kept_pose, pose), copy_table(pose, kept_pose)
         self._pairs = ContactPairs.allocate(world.scene.contact.capacity)
-        self._tolerance_m = min(TOLERANCE_M, TOLERANCE_OF_WALL * world.scene.duct.thickness_m)
+        self._tolerance_m = min(TOUCHING_M, TOLERANCE_OF_WALL * world.scene.duct.thickness_m)
         self._is_off = not world.system.strategy.knows_stiffness or catheter.plain_integrator is None
         self.violations = self.new_rows = self.retreats = 0
         state = [*duct.state_arrays(), *catheter.state_arrays(), *tools.step_arrays()]

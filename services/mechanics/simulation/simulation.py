@@ -135,7 +135,8 @@ class Simulation:
 
     def _step_in_parts(self, tools: ToolInputs, dt_s: float) -> bool:
         """Advance by a step, or up to the first part of it that ends in a state that is not sound: then False."""
-        parts = self.pace.parts(tools, dt_s)
+        parts, moved_m = self.pace.parts(tools, dt_s)
+        self.search.expect(moved_m)
         return all(self._take_part(tools, dt_s / parts, MOST_HALVINGS) for _ in range(parts))
 
     def _take_part(self, tools: ToolInputs, dt_s: float, halvings: int) -> bool:

@@ -36,6 +36,7 @@ class Chooser:
         clusters = cluster_triangles(MESH.vertices_m, MESH.triangles)
         self.list = new_list(clusters, MESH.vertices_m.copy(), N_PIECES, 1e-3)
         self.found = Candidates.zeros(c=512)
+        self.before, self.ahead_m = (self.list.ends.copy(), MESH.vertices_m.copy()), np.full(N_PIECES, np.inf)
         self.set = new_working_set(MESH.vertices_m, N_PIECES, len(MESH.triangles), 512)
         self.set.apart_m[:] = merge_distance_m(THICKNESS_M, WALL_M)
 
@@ -46,7 +47,8 @@ class Chooser:
         for k, (piece, triangle, weight, normal, gap_m) in enumerate(candidates):
             found.piece[k], found.triangle[k], found.gap_m[k] = piece, triangle, gap_m
             found.weight[k], found.normal[k] = weight, normal
-        choose(self.list.address, found.address, self.set.address)
+        addresses = self.list.address, found.address, self.set.address
+        choose(addresses, self.before, self.ahead_m)
         return self.set.chosen[: self.set.n_chosen].tolist()
 
 
@@ -114,6 +116,18 @@ def test_the_order_in_which_candidates_come_changes_nothing(seed, n):
 
 def one(piece=7, triangle=3, gap_m=0.0, weight=(1.0, 0.0, 0.0)):
     return piece, triangle, np.array(weight), np.array([0.0, 0.0, 1.0]), gap_m
+
+
+@pytest.mark.parametrize(("closing_m", "is_chosen"), [(0.0, False), (0.9e-3, False), (1.1e-3, True), (-2e-3, False)])
+@pytest.mark.parametrize("mover", ["piece", "wall"])
+def test_what_is_further_gets_a_row_where_the_last_motion_would_bring_it_near(mover, closing_m, is_chosen):
+    chooser = Chooser()
+    chooser.ahead_m[:] = 0.5e-3
+    if mover == "piece":
+        chooser.before[0][:, :, 2] += closing_m
+    else:
+        chooser.before[1][:, 2] -= closing_m
+    assert chooser.choose([one(gap_m=1.5e-3), one(piece=2, gap_m=0.4e-3)]) == ([1, 0] if is_chosen else [1])
 
 
 def test_a_member_outlives_its_pressing_and_comes_first():

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from services.cache_directory import cache_directory
-from services.cli.app import app
+from services.cli.app import add_installed_verbs, app
 from services.mechanics.effects.mucus_drag import MucusDragSettings
 from services.mechanics.effects.self_contact import SelfContactSettings
 from services.mechanics.scenarios import insertion_scene
@@ -272,6 +272,7 @@ def test_the_command_prints_what_was_given_up_and_writes_the_scene(tmp_path, mon
     made_up.take_part = lambda *_: None
     monkeypatch.setattr("studies.commands.tune.CountedTrial", lambda tell, n_runs: made_up)
     out = tmp_path / "tuned.yaml"
+    add_installed_verbs()
     result = CliRunner().invoke(app, ["tune", "--scene", "pinch", "--budget-us", "1", "--out", str(out)])
     assert result.exit_code == 0, result.output
     assert "Nothing that may be given up brings a tick to 1 us." in result.output

@@ -45,8 +45,6 @@ DAY = {
 KNOWN_FAILING: dict[str, dict[str, float]] = {
     # Both grips snap within a tick: the hands feel a ramp of 250 N/s, the contacts let go at once.
     "abuse": {"force_step": 3.12, "felt_error": 4.97},
-    # A jaw in the catheter that it rolls over.
-    "random_play": {"tool_penetration_any": 0.89},
 }
 
 

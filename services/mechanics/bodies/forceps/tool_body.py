@@ -38,7 +38,8 @@ class ToolArrays(Struct):
     present: Annotated[BoolArray, N_TOOLS]
     waiting: Annotated[BoolArray, N_TOOLS]
     unsound_s: Annotated[FloatArray, N_TOOLS]  # for how long the numbers of each tool have meant nothing
-    roll: Annotated[FloatArray, N_TOOLS]
+    roll: Annotated[FloatArray, N_TOOLS]  # at the end of the step
+    rolled: Annotated[FloatArray, N_TOOLS]  # over the step
     start: Annotated[FloatArray, N_TOOLS, N_COORDINATES]  # the hand at the start of the step
     hand: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
     stretch: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
@@ -73,6 +74,8 @@ class ToolBody:
         Where the proxies would be at the end of this step without contact forces.
     motion : (2, 4) float64
         From the start of the step to ``free``.
+    rolled_rad : (2,) float64
+        Roll over the step: a hand's, which nothing resists.
     held : (2, 2) bool
         Whether the jaws of each tool hold wall (`DUCT_TRIANGLE`) or catheter (`CATHETER_SEGMENT`).
     pad_m : (2,) float64
@@ -121,7 +124,8 @@ class ToolBody:
         a.damping[:, :3] = [[f.coupling_damping_n_s_m] for f in forceps]
         a.stiffness[:, 3] = [j.jaw_stiffness_nm_rad if j else NO_JAWS_NM_RAD for j in jaws]
         a.damping[:, 3] = [j.jaw_damping_nm_s_rad if j else 0.0 for j in jaws]
-        self.port_m, self.present, self.waiting, self.roll_rad = a.port, a.present, a.waiting, a.roll
+        self.port_m, self.present, self.waiting = a.port, a.present, a.waiting
+        self.roll_rad, self.rolled_rad = a.roll, a.rolled
         self.stiffness, self.damping, self.compliance = a.stiffness, a.damping, a.compliance
         self.hand, self.stretch, self.proxy, self.free, self.motion = a.hand, a.stretch, a.proxy, a.free, a.motion
         self.jaw_stop_rad, self.stop_arm_m = a.jaw_stop, a.stop_arm
@@ -201,7 +205,7 @@ def predict_proxies(
     tools = tools_at(address)
     flags = 0
     for tool in range(present.shape[0]):
-        is_there = present[tool]
+        is_there, roll_before = present[tool], tools.roll[tool]
         if _is_sound(position[tool], tools.port[tool], opening[tool], roll[tool]):
             if _move_hand(tools, tool, (position[tool], opening[tool], roll[tool]), is_there, dt_s):
                 flags |= BEHIND
@@ -215,6 +219,7 @@ def predict_proxies(
                 tools.stretch[tool, axis], tools.start[tool, axis] = 0.0, tools.hand[tool, axis]
                 tools.proxy[tool, axis] = tools.hand[tool, axis]
             tools.waiting[tool] = True
+        tools.rolled[tool] = tools.roll[tool] - roll_before if is_there and tools.present[tool] else 0.0
         if tools.present[tool] and not is_there:
             flags |= LEFT
         if is_there and tools.waiting[tool]:
@@ -227,7 +232,7 @@ def predict_proxies(
             tools.free[tool, axis] = tools.hand[tool, axis] + spring_back
         for axis in range(tools.hand.shape[1]):
             tools.motion[tool, axis] = tools.free[tool, axis] - tools.proxy[tool, axis]
-    _update_poses(tools)
+    _update_poses(tools, True)
     return flags
 
 
@@ -276,13 +281,14 @@ def correct_proxies(address: Address[ToolArrays], force: FloatArray) -> None:
 @kernel
 def update_poses(address: Address[ToolArrays]) -> None:
     """Write frames (2, 3, 3), shaft lengths (2,) and segments (2, 3, 2, 3) of both tools."""
-    _update_poses(tools_at(address))
+    _update_poses(tools_at(address), False)
 
 
 @kernel
-def _update_poses(tools: ToolArrays) -> None:
+def _update_poses(tools: ToolArrays, is_start: bool) -> None:
     for tool in range(tools.proxy.shape[0]):
         junction, port, frame = tools.proxy[tool, :3], tools.port[tool], tools.frame[tool]
-        tools.length[tool] = tool_frame(junction, port, tools.roll[tool], frame)
+        roll = tools.roll[tool] - (tools.rolled[tool] if is_start else 0.0)
+        tools.length[tool] = tool_frame(junction, port, roll, frame)
         start = junction if tools.is_sphere[tool] else port
         tool_segments(junction, start, frame, tools.proxy[tool, 3], tools.jaw_length[tool], tools.segments[tool])
