@@ -42,8 +42,8 @@ def run_check(path: Path, as_json: bool) -> None:
         if found.first_difference:
             print(f"the first difference: {found.first_difference}")
             print(f"at the end the catheter is {1e6 * found.apart_m:.3g} um from where it was")
-        if inputs.guessed:
-            print(f"the hands of its first {inputs.guessed} ticks are missing, and moved: states may differ by that")
+            if inputs.guessed:
+                print(f"the hands of its first {inputs.guessed} ticks are missing, and moved: it may come of that")
         if inputs.machine_differs or found.has_other_modes:
             print("it was recorded on another kind of machine or with other libraries: the last bits may differ")
     if found.first_difference or not found.compared:
