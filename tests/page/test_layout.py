@@ -148,6 +148,20 @@ def test_the_keyboard_alone_reaches_every_control_of_the_attempt(browser: Chromi
     assert browser.evaluate("asked") == ['{"what":"new","value":0}']
 
 
+def test_the_instructors_button_says_whether_the_picture_is_mirrored(browser: Chromium) -> None:
+    browser.evaluate("location.hash = 'token=t&face=instructor'")
+    browser.until(lambda: browser.evaluate("document.body.dataset.face") == "instructor", 170, "the hash was heard")
+    seen = []
+    for _ in range(2):
+        browser.evaluate("document.getElementById('instructor-mirror').click()")
+        both = (
+            browser.evaluate(f"document.getElementById('{name}').ariaPressed")
+            for name in ("mirror", "instructor-mirror")
+        )
+        seen.append(tuple(both))
+    assert seen == [("true", "true"), ("false", "false")]
+
+
 def test_the_sound_comes_on_demand_and_follows_the_force(browser: Chromium) -> None:
     browser.set_size(1280, 800)
     browser.evaluate("location.hash = 'face=trainee'; document.getElementById('hands').hidden = false")
