@@ -83,7 +83,7 @@ class WholeRig:
         self.now_ns = 10**12
         in_time_of(monkeypatch, lambda: self.now_ns, self._sleep_until)
         hub = MemoryHub()
-        rig = config.load_rig(_rig_file(folder, scene, arms))
+        rig = config.load_rig(rig_file(folder, scene, arms))
         self.scene = scene
         self.duct: ReducedDuct = build_scene_duct(scene, cache_directory() / "bases")
         gateway, haptics, physics = (MemoryProcess(name, hub, rig) for name in ("gateway", "haptics", "physics"))
@@ -136,7 +136,8 @@ class WholeRig:
         return np.array([[tool.applied_force_n for tool in moment.devices.instruments] for moment in self.moments])
 
 
-def _rig_file(folder: Path, scene: SceneModel, arms: tuple[dict[str, Any], ...]) -> Path:
+def rig_file(folder: Path, scene: SceneModel, arms: tuple[dict[str, Any], ...], **gateway: Any) -> Path:
+    """Write a rig file of two simulated arms with these settings of their drivers; `gateway` changes what it says."""
     mounts = (
         {"centre_m": [0.065, -0.005, 0.020], "yaw_rad": 1.5708},
         {"centre_m": [0.028, 0.010, 0.025], "yaw_rad": -1.5708},
@@ -150,7 +151,7 @@ def _rig_file(folder: Path, scene: SceneModel, arms: tuple[dict[str, Any], ...])
     ]  # fmt: skip
     settings = {
         "instruments": rows, "engage_ramp_s": 0.1, "supervisor_timeout_s": None, "force_limit_n": LIMIT_N,
-        "force_rate_limit_n_s": RATE_N_S, "grasp_torque_limit_nm": 0.3,
+        "force_rate_limit_n_s": RATE_N_S, "grasp_torque_limit_nm": 0.3, **gateway,
     }  # fmt: skip
     file = folder / "rig.yaml"
     file.write_text(yaml.safe_dump({"name": "whole", "gateway": settings}))

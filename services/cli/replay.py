@@ -35,13 +35,15 @@ def run_check(path: Path, as_json: bool) -> None:
     inputs.check_mechanics()
     found = compare(inputs)
     if as_json:
-        print(json.dumps({"file": str(path), **asdict(found), "ended": inputs.ended}))
+        print(json.dumps({"file": str(path), **asdict(found), "ended": inputs.ended, "guessed": inputs.guessed}))
     else:
         until = f", up to where {inputs.ended}" if inputs.ended else ""
         print(f"{path}: {found.ticks} ticks run again{until}; {found.alike} of {found.compared} kept states are alike")
         if found.first_difference:
             print(f"the first difference: {found.first_difference}")
             print(f"at the end the catheter is {1e6 * found.apart_m:.3g} um from where it was")
+            if inputs.guessed:
+                print(f"the hands of its first {inputs.guessed} ticks are missing, and moved: it may come of that")
         if inputs.machine_differs or found.has_other_modes:
             print("it was recorded on another kind of machine or with other libraries: the last bits may differ")
     if found.first_difference or not found.compared:

@@ -19,6 +19,8 @@ _DEVICES = "gateway.state"
 _JOURNALS = ("haptics.journal", "physics.journal")
 #: A journal is sent every 128 ticks.
 _LONGEST_RUN = 1 << 12
+#: Of an instrument: what physics is told.
+_TOLD = ("position_m", "orientation_wxyz", "roll_rad", "handle_angle_rad")
 _SOLVED = ("physics.state", "haptics.contacts")
 
 
@@ -58,6 +60,8 @@ class RecordedInputs:
         By tick: what was kept of what physics and haptics said.
     ended
         Why they end before the file does, empty where they do not.
+    guessed
+        Ticks at the beginning whose device frames are missing, with hands that move: taken where they were seen first.
     """
 
     path: Path
@@ -67,6 +71,7 @@ class RecordedInputs:
     states: dict[int, PhysicsState] = field(default_factory=dict)
     contacts: dict[int, ToolContacts] = field(default_factory=dict)
     ended: str = ""
+    guessed: int = 0
 
     @property
     def machine_differs(self) -> bool:
@@ -156,7 +161,8 @@ def _intakes(
     first, last = min(devices), min(max(devices), max(physics), max(haptics))
     for tick in sorted(each for each in haptics if each <= last):
         frame = devices.get(tick)
-        if frame is None and tick < first:  # the recorder was a moment late: hands rest when a rig begins
+        if frame is None and tick < first:
+            inputs.guessed += not _rests(devices, first)
             body = msgspec.structs.replace(devices[first].body, tick=tick)
             frame = msgspec.structs.replace(devices[first], body=body)
         if frame is None:
@@ -165,3 +171,12 @@ def _intakes(
         age, is_fresh, _ = haptics[tick]
         ticks, level, _ = physics.get(tick, (0, 0, 0))
         yield Intake(tick, frame, tick - age if age >= 0 else -1, bool(is_fresh), ticks, level)
+
+
+def _rests(devices: dict[int, Frame], first: int) -> bool:
+    """Return whether the hands are where they were a frame before: so they were when the rig began."""
+    later = devices.get(first + 1)
+    if later is None:
+        return False
+    pairs = zip(devices[first].body.instruments, later.body.instruments, strict=True)
+    return all(getattr(a, name) == getattr(b, name) for a, b in pairs for name in _TOLD)

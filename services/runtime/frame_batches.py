@@ -3,7 +3,8 @@
 A process that acts on a topic reads it from the topic's socket, and each such reader costs the publisher some
 microseconds a frame. An observer that wants every frame but waits for none (a recorder, `trocar sniff`) subscribes
 here: a frame is then one entry in a list, and at most `SENDS_PER_S` times a second the list is sent as one message,
-between two ticks. Without a subscriber nothing is kept and nothing is sent.
+between two ticks. Without a subscriber nothing is sent, and nothing but the first frames is kept: who has subscribed
+is known at the first look only, and a recording without its first frames cannot be run again.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from protocol import Topic, topic
 SENDS_PER_S = 60
 #: Frames kept for the next batch, whatever a publisher does; readers count those beyond as lost.
 _LONGEST = 1000
+#: Frames that wait for the first reader: its socket asks for a publisher that was not there every 50 ms.
+_FIRST = 64
 _GAP_NS = 1_000_000_000 // SENDS_PER_S
 #: A publisher that does not say when it has time sends a batch that is so late with the next frame.
 _LATE_NS = 2 * _GAP_NS
@@ -85,17 +88,21 @@ class BatchSender:
         self._socket = socket
         self._frames: list[bytes] = []
         self._due_ns = 0
+        self._first_left = _FIRST
         self.readers = 0
 
     def look(self) -> None:
         """Find out who has come and gone; with the last reader goes what was kept."""
         self.readers = count_readers(self._socket, self.readers)
-        if not self.readers:
+        if not (self.readers or self._first_left):
             self._frames.clear()
 
     def add(self, data: bytes, now_ns: int) -> None:
         """Keep a frame for the next batch; send it only where nobody has for long."""
-        if not self.readers:
+        if self._first_left:
+            self._first_left -= 1
+        elif not self.readers:
+            self._frames.clear()
             return
         if len(self._frames) < _LONGEST:
             self._frames.append(data)
@@ -103,13 +110,13 @@ class BatchSender:
 
     def send_if_due(self, now_ns: int) -> None:
         """Send what is kept if the last batch is long enough ago: for moments in which nobody waits."""
-        if self._frames and now_ns >= self._due_ns:
+        if self._frames and self.readers and now_ns >= self._due_ns:
             self._due_ns = now_ns + _GAP_NS
             self._send()
 
     def close(self) -> None:
         """Send what is kept and close the socket: how a force went to zero is in the last frames."""
-        if self._frames:
+        if self._frames and self.readers:
             self._send()
         self._socket.close(linger=_LINGER_MS)
 

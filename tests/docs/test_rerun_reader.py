@@ -1,13 +1,13 @@
 """The reader for Rerun in docs/examples: what it would log of a sample recording moves, and its blueprint is whole.
 
-Rerun takes 800 MB and is not installed for tests: a stand-in writes down what it is told. Where it is, it is tried too.
+Rerun is large and not installed for tests: a stand-in writes down what it is told. In `.ci/run` it is itself tried too.
 """
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -15,9 +15,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
+ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "docs" / "examples"
 READER, BLUEPRINT = EXAMPLES / "rerun_scene.py", EXAMPLES / "rerun-blueprint.rbl"
 SAMPLE = EXAMPLES / "recordings" / "insertion-success.mcap"
+#: The Python that has Rerun, where one has.
+VIEWERS = Path(os.environ.get("TROCAR_VIEWERS") or ROOT / "build" / "viewers" / "bin" / "python")
 _STANDIN = """
 import atexit, json, sys
 import numpy as np
@@ -37,9 +40,14 @@ def LineStrips3D(strips, colors, radii):
 """
 
 
-def run(tmp_path: Path, out: str) -> Path:
+with_rerun = pytest.mark.skipif(
+    not VIEWERS.exists(), reason="no Rerun: requirements-viewers.lock is to be installed in build/viewers"
+)
+
+
+def run(tmp_path: Path, out: str, python: str = sys.executable) -> Path:
     environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
-    command = [sys.executable, str(READER), str(SAMPLE), str(tmp_path / out)]
+    command = [python, str(READER), str(SAMPLE), str(tmp_path / out)]
     subprocess.run(command, check=True, env=environment, timeout=500, cwd=tmp_path)
     return tmp_path / out
 
@@ -69,7 +77,31 @@ def test_the_blueprint_is_whole() -> None:
     assert (data[:4], b"RRF2FOOT" in data[-16:]) == (b"RRF2", True)
 
 
-@pytest.mark.skipif(importlib.util.find_spec("rerun") is None, reason="rerun-sdk is not installed (800 MB)")
-def test_rerun_itself_takes_it(tmp_path: Path) -> None:
-    files = [str(run(tmp_path, "scene.rrd")), str(BLUEPRINT)]
-    subprocess.run([sys.executable, "-m", "rerun", "rrd", "verify", *files], check=True, timeout=500)
+@with_rerun
+def test_rerun_itself_takes_what_the_reader_draws(tmp_path: Path) -> None:
+    scene = run(tmp_path, "scene.rrd", str(VIEWERS))
+    rerun("rrd", "verify", str(scene), str(BLUEPRINT))
+    told = rerun("rrd", "print", str(scene))
+    for place in ("/scene/duct/0", "/scene/catheter/0", "/depth_mm", "/force_n/1"):
+        assert place in told
+
+
+@with_rerun
+@pytest.mark.parametrize("name", ["insertion-success", "insertion-miss"])
+def test_rerun_itself_finds_recordings_sound_and_decodes_their_scene(tmp_path: Path, name: str) -> None:
+    """By the schemas in the file, without a reader of ours."""
+    file, out = SAMPLE.with_stem(name), tmp_path / "decoded.rrd"
+    rows = re.findall(r"^(\S+) .* (/\S+) ", rerun("mcap", "check", str(file)), re.MULTILINE)
+    assert {topic for _, topic in rows} >= {"/scene", "/tf", "/log", "/physics/state", "/gateway/state"}
+    assert {status for status, _ in rows} == {"ok"}
+    rerun("mcap", "convert", str(file), "-o", str(out))
+    told = rerun("rrd", "print", str(out))
+    for topic, parts in (("/scene", "foxglove.SceneUpdate:message"), ("/tf", "Transform3D"), ("/log", "TextLog")):
+        rows = re.findall(rf"with (\d+) rows .* - {topic} - data columns: \[{parts}", told)
+        assert sum(map(int, rows)) > 5, topic
+
+
+def rerun(*arguments: str) -> str:
+    """Return what Rerun's command says."""
+    command = [str(VIEWERS), "-m", "rerun", *arguments]
+    return subprocess.run(command, check=True, timeout=500, capture_output=True, text=True).stdout

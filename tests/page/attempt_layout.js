@@ -1,17 +1,24 @@
 // For test_layout.py: an attempt as a rig would tell of one, and what a person would see of it.
 
 globalThis.layout = {
-  tell() {
+  tell(state = "running") {
     document.getElementById("tools").innerHTML = ["left", "right"].map((side) => `<li data-side="${side}"><span>${side}</span>
       <b><i></i><u style="left: 90%"></u></b><output>123 mN</output><small>jaws 20°</small><em>holding the catheter</em></li>`).join("");
     const attempt = {
-      attempt_id: "a", state: "running", outcome: "", reason: "", pace: 1, title: "Slide the catheter into the duct", scenario: "basic",
+      attempt_id: "a", state, outcome: state === "done" ? "success" : "", score: state === "done" ? 413 : -1, reason: "", pace: 1, title: "Slide the catheter into the duct", scenario: "basic",
       time_s: 83.2, time_limit_s: 300, depth_m: 0.0071, goal_depth_m: 0.01, depth_max_m: 0.02, force_limit_n: 2.6,
       errors: { E3: 2, E10: 1 }, counts: false, why_not: "the rig was late", held: ["catheter", ""], phase: "P4", bookmarks_s: [],
       hint: "Lead the tip of the catheter into the mouth of the duct.",
     };
     trocar.attempt.update(attempt);
     trocar.instructor.update(attempt);
+  },
+
+  // In how many lines the words of an element are.
+  lines(id) {
+    const range = document.createRange();
+    range.selectNodeContents(document.getElementById(id));
+    return new Set([...range.getClientRects()].map((box) => Math.round(box.top))).size;
   },
 
   // How many boxes of words lie over others.

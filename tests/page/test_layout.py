@@ -116,6 +116,20 @@ def test_trainee_and_instructor_find_everything_at_its_place(
     assert min(ratio.values()) >= 4.5, ratio
 
 
+@pytest.mark.parametrize(("width", "height"), _SIZES)
+def test_the_clock_and_the_score_are_not_broken_into_lines(browser: Chromium, width: int, height: int) -> None:
+    browser.set_size(width, height)
+    browser.evaluate("location.hash = 'face=trainee'; layout.tell('done')")
+    try:
+        browser.until(lambda: browser.evaluate("innerWidth") == width, 170, "the size was taken")
+        browser.until(lambda: browser.evaluate("document.body.dataset.face") == "trainee", 170, "the hash was heard")
+        for name in ("attempt-clock", "attempt-limit", "attempt-score"):
+            assert browser.evaluate(f"document.getElementById('{name}').innerText"), name
+            assert browser.evaluate(f"layout.lines('{name}')") == 1, name
+    finally:
+        browser.evaluate("layout.tell()")
+
+
 def test_the_keyboard_alone_reaches_every_control_of_the_attempt(browser: Chromium) -> None:
     browser.set_size(1280, 800)
     browser.evaluate("location.hash = 'token=t&face=instructor'; document.activeElement?.blur()")
@@ -132,6 +146,43 @@ def test_the_keyboard_alone_reaches_every_control_of_the_attempt(browser: Chromi
     browser.evaluate("document.activeElement.blur()")
     browser.command("Input.dispatchKeyEvent", type="keyDown", key="b", code="KeyB", windowsVirtualKeyCode=66)
     assert browser.evaluate("asked") == ['{"what":"new","value":0}']
+
+
+def test_the_instructors_button_says_whether_the_picture_is_mirrored(browser: Chromium) -> None:
+    browser.evaluate("location.hash = 'token=t&face=instructor'")
+    browser.until(lambda: browser.evaluate("document.body.dataset.face") == "instructor", 170, "the hash was heard")
+    seen = []
+    for _ in range(2):
+        browser.evaluate("document.getElementById('instructor-mirror').click()")
+        both = (
+            browser.evaluate(f"document.getElementById('{name}').ariaPressed")
+            for name in ("mirror", "instructor-mirror")
+        )
+        seen.append(tuple(both))
+    assert seen == [("true", "true"), ("false", "false")]
+
+
+def test_the_sound_comes_on_demand_and_follows_the_force(browser: Chromium) -> None:
+    browser.set_size(1280, 800)
+    browser.evaluate("location.hash = 'face=trainee'; document.getElementById('hands').hidden = false")
+    browser.evaluate("trocar.hands.show(true)")
+    assert browser.evaluate("trocar.hands.tone.context === undefined"), "silent until somebody asks"
+    _click(browser, "hand-tone")
+    browser.evaluate("trocar.hands.tone.sound(1.0)")
+    assert browser.evaluate("document.getElementById('hand-tone').ariaPressed") == "true"
+    gain, hertz = "trocar.hands.tone.gain.gain.value", "trocar.hands.tone.voice.frequency.value"
+    browser.until(lambda: browser.evaluate(gain) > 0.03 and browser.evaluate(hertz) > 400, 60, "it sounds")
+    _click(browser, "hand-tone")
+    browser.until(lambda: browser.evaluate(gain) < 1e-3, 60, "it is silent again")
+    browser.evaluate("trocar.hands.show(false)")
+
+
+def _click(browser: Chromium, name: str) -> None:
+    """Press a button with the mouse: a browser makes no sound where nobody has."""
+    box = browser.evaluate(f"document.getElementById('{name}').getBoundingClientRect().toJSON()")
+    at = {"x": box["x"] + 0.5 * box["width"], "y": box["y"] + 0.5 * box["height"], "button": "left", "clickCount": 1}
+    for kind in ("mousePressed", "mouseReleased"):
+        browser.command("Input.dispatchMouseEvent", type=kind, **at)
 
 
 def test_the_plot_of_forces_makes_room_for_what_comes(browser: Chromium) -> None:

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec import structs
 from typer.testing import CliRunner
 
+from protocol import Frame
 from services.cli.app import app
 from services.cli.rerun import compare
 from services.recordings import inputs as recorded_inputs
 from services.recordings.errors import RecordingError
 from services.recordings.inputs import read_inputs
+from services.recordings.reader import RecordedFrame
 from tests.recorder.conftest import TICKS
 from tests.recorder.recorded_rig import changed
 
@@ -39,6 +43,37 @@ def test_a_hand_that_was_elsewhere_by_a_nanometre_is_seen_and_told_where(recorde
     assert found.alike < found.compared
     tick = int(found.first_difference.removeprefix("tick ").partition(":")[0])
     assert tick >= inputs.intakes[at].tick
+
+
+@pytest.mark.parametrize("moved", [True, False])
+def test_hands_that_moved_before_they_were_recorded_are_told(
+    recorded: Path, monkeypatch: pytest.MonkeyPatch, moved: bool
+) -> None:
+    read, lost = recorded_inputs.read_frames, 5
+
+    def without_the_first(path: Path, topics: tuple[str, ...]) -> Iterator[RecordedFrame]:
+        for each in read(path, topics):
+            if each.frame.topic != "gateway.state" or each.frame.body.tick > lost:
+                yield replace(each, frame=each.frame if moved else _at_rest(each.frame))
+
+    monkeypatch.setattr(recorded_inputs, "read_frames", without_the_first)
+    inputs = read_inputs(recorded)
+    early = [each for each in inputs.intakes if each.tick <= lost]
+    assert early
+    assert inputs.guessed == (len(early) if moved else 0)
+    lost = 60  # by then a table of contacts was kept
+    result = CliRunner().invoke(app, ["replay", str(recorded), "--check"])
+    assert "the first difference: tick " in result.output
+    assert ("ticks are missing, and moved: it may come of that" in result.output) == moved
+
+
+def _at_rest(frame: Frame) -> Frame:
+    """Return a device frame without tools, which therefore do not move; others as they are."""
+    return (
+        structs.replace(frame, body=structs.replace(frame.body, instruments=()))
+        if frame.topic == "gateway.state"
+        else frame
+    )
 
 
 def test_the_command_says_so(recorded: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -68,6 +68,23 @@ def test_while_nobody_listens_nothing_is_kept_and_the_socket_is_not_touched(said
     assert (socket.touched, sender._frames) == (0, [])
 
 
+@pytest.mark.parametrize("after", [16, 48])
+def test_who_came_before_the_first_look_gets_the_first_frames(after: int) -> None:
+    """A recording without them cannot be run again: a tick was lost, and hands had moved by then."""
+    sender, socket = made()
+    frames = [b"%d" % tick for tick in range(after + 20)]
+    for tick, frame in enumerate(frames):
+        if tick == after:
+            assert socket.sent == []
+            socket.said.append(COME)
+            sender.look()
+        sender.add(frame, tick * MS)
+        sender.send_if_due(tick * MS + MS // 2)
+    sent = [frame for parts in socket.sent for frame in parts]
+    assert sent == frames[: len(sent)]
+    assert len(sent) > after
+
+
 @pytest.mark.parametrize("pauses", [True, False])
 @pytest.mark.parametrize("n_readers", [1, 4])
 def test_every_frame_goes_in_sixty_sends_a_second_to_however_many(n_readers: int, pauses: bool) -> None:

@@ -16,6 +16,7 @@ test("a face is the address's, else the one chosen last, else the trainee's wher
 test("every state of an attempt has words, and a mark that needs no colour", () => {
   const of = (more) => headline({ ...attempt, ...more });
   assert.equal(of({ state: "armed" }).words, "Begin when you like");
+  assert.equal(of({ state: "armed", counts: false }).words, "Not ready");
   assert.equal(of({}).words, "Under way");
   assert.equal(of({ pace: 0.25 }).words, "Under way at 1/4 of the clock");
   assert.equal(of({ pace: 0 }).words, "Paused");

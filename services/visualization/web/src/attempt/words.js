@@ -18,11 +18,12 @@ export function clock(seconds) {
 export const mm = (metres) => `${(1000 * metres).toFixed(1)} mm`;
 
 // What a trainee reads of the state: a word, and a mark that needs no colour.
-export function headline({ state, outcome, pace, reason }) {
+export function headline({ state, outcome, pace, reason, counts }) {
   if (outcome === "success") return { mark: "✓", words: "Well done", more: reason, kind: "success" };
   if (outcome === "failure") return { mark: "✗", words: "Not yet", more: reason, kind: "failure" };
   if (pace === 0) return { mark: "❚❚", words: "Paused", more: "", kind: "paused" };
   const slow = pace < 1 ? ` at ${paceWords(pace)} of the clock` : "";
+  if (state === "armed" && !counts) return { mark: "○", words: "Not ready", more: "", kind: "armed" }; // the hint says what to do
   if (state === "armed") return { mark: "○", words: `Begin when you like${slow}`, more: "", kind: "armed" };
   return { mark: "●", words: `Under way${slow}`, more: "", kind: "running" };
 }

@@ -89,6 +89,7 @@ export class View {
     }
     this.setMirrored = toggle($("mirror"), (on) => {
       $("view").classList.toggle("mirrored", on);
+      $("instructor-mirror").setAttribute("aria-pressed", on);
       this.stage.mirrored = on;
       this.ask();
     });
@@ -170,7 +171,8 @@ export class View {
       const { x, y } = this.stage.pixelOf(jawsAt([...frame.poses.subarray(7 * i, 7 * i + 3)], port, 0.65 * jawLength));
       const at = (x - box.left) / box.width, high = (y - box.top) / box.height;
       tag.hidden = !(at > 0 && at < 1 && high > 0 && high < 1);
-      tag.style.transform = `translate(${(x - box.left).toFixed(0)}px, ${(y - box.top).toFixed(0)}px)`;
+      const beside = Math.max(0, Math.min(x - box.left, box.width - tag.offsetWidth - tag.offsetLeft)); // whole, at the picture's edge
+      tag.style.transform = `translate(${beside.toFixed(0)}px, ${(y - box.top).toFixed(0)}px)`;
       if (Math.abs(at - 0.5) > 0.04 || !row.dataset.side) row.dataset.side = at < 0.5 ? "left" : "right";
     });
   }

@@ -1,0 +1,81 @@
+"""Recordings as devices through the real processes, beside a load on the other core: the same states, to the bit."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from protocol.bodies import PhysicsState
+from services.recordings.inputs import RecordedInputs, read_inputs
+from services.recordings.provenance import machine, mechanics_digest
+from services.runtime.rig import Transport
+from services.runtime.zmq_bus import ZmqBus
+from tests.recorder.conftest import recorded
+from tests.rig.conftest import free_port
+from tests.with_us import with_us
+
+__all__ = ["recorded"]
+pytestmark = [pytest.mark.rig, pytest.mark.timeout(1800)]
+
+SAMPLES = Path(__file__).parents[2] / "docs" / "examples" / "recordings"
+UNTIL_S = 2.5
+BUSY = "import os; os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})\nwhile True: pass"
+
+
+@pytest.fixture(autouse=True)
+def load() -> Iterator[None]:
+    with subprocess.Popen(with_us([sys.executable, "-c", BUSY])) as busy:
+        yield
+        busy.kill()
+
+
+@pytest.mark.parametrize("run", [1, 2, 3])
+def test_a_sample_ends_as_it_was_recorded(tmp_path: Path, run: int) -> None:
+    inputs = read_inputs(SAMPLES / "insertion-success.mcap")
+    if inputs.metadata["mechanics"] != mechanics_digest() or inputs.metadata["machine"] != machine():
+        pytest.skip("other mechanics or another kind of machine made it: `python -m benchmarks.make_samples`")
+    assert_same(inputs, replayed(inputs, tmp_path))
+
+
+def test_a_rig_that_lost_ticks_ends_as_it_was_recorded(recorded: Path, tmp_path: Path) -> None:
+    inputs = read_inputs(recorded)
+    assert any(intake.ticks > 1 for intake in inputs.intakes)
+    assert_same(inputs, replayed(inputs, tmp_path))
+
+
+def replayed(inputs: RecordedInputs, folder: Path) -> dict[int, PhysicsState]:
+    """Return by tick what physics said while `trocar replay` ran, until that ended by itself."""
+    transport = Transport(directory=folder / "bus")
+    settings = (
+        f"transport.directory={transport.directory}", "processes.recorder.enabled=false",
+        f"supervisor.web.port={free_port()}",
+    )  # fmt: skip
+    asked = ["--until", str(UNTIL_S), "--viewer", "none", *(word for each in settings for word in ("--set", each))]
+    command = [sys.executable, "-m", "services.cli.app", "replay", str(inputs.path), *asked]
+    said: dict[int, PhysicsState] = {}
+    with (folder / "log").open("wb") as log, closing(ZmqBus(transport, reads_every=["physics.state"])) as bus:
+        process = subprocess.Popen(with_us(command), stdout=log, stderr=subprocess.STDOUT)
+        try:
+            while process.poll() is None:
+                said.update((frame.body.tick, frame.body) for frame in bus.drain("physics.state"))
+                bus.wait("physics.state", time.monotonic_ns() + 20_000_000)
+        finally:
+            process.terminate()
+            process.wait(60)
+    assert process.returncode == 0, (folder / "log").read_text()[-3000:]
+    return said
+
+
+def assert_same(inputs: RecordedInputs, said: dict[int, PhysicsState]) -> None:
+    """Fail unless all states that were kept were said again, to the bit, and the last of them was reached."""
+    last = min(inputs.intakes[0].tick + round(1e3 * UNTIL_S), inputs.intakes[-1].tick)
+    kept = {tick: state for tick, state in inputs.states.items() if tick < last}
+    assert len(kept) > 10
+    assert said.keys() >= kept.keys()
+    assert [tick for tick, state in kept.items() if said[tick] != state] == []
