@@ -57,7 +57,7 @@ class Hosts:
             self._stack.callback(subprocess.run, ["ip", "netns", "delete", name], check=False)
         command = with_us(["chrt", "--fifo", "50", str(road), *self._names])
         self._road = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1)
-        self._stack.callback(self._road.wait, 10)
+        self._stack.enter_context(self._road)
         self._stack.callback(self._road.kill)
         assert self._road.stdout is not None
         assert self._road.stdout.readline() == "open\n"
