@@ -93,14 +93,21 @@ def felt(bench: str, road: tuple[float, float, float], seen: dict[str, object], 
     ages = [next(row.age for row in health["haptics"].topics if row.topic == "physics.state" and row.age)
             for health in (before, after)]  # fmt: skip
     counts = ages[1].counts.view() - ages[0].counts.view()
-    shown = Counter(re.sub(r"\d+(\.\d+)?", "#", state.reason) or state.state for state in seen["states"])
+    shown = Counter(_in_short(state.reason) or state.state for state in seen["states"])
+    said = ["gateway: no force"] if "no force" in after["gateway"].detail else []
     return Felt(
         bench, road, (float(np.median(error_mn)), float(error_mn.max())), 100.0 * float(limp.mean()),
         max(force_rates_n_s(samples)), 100.0 * (gauges[1] - gauges[0]) / max(1, asked[1] - asked[0]),
         tuple(1e-6 * quantile_ns(counts, ages[1].deadline_ns, q) for q in (0.5, 0.99)),
         1e3 * after["haptics"].gauges.get("clock_off_s.physics", 0.0),
-        "; ".join(text for text, _ in shown.most_common(2)),
+        "; ".join([*said, *(text for text, _ in shown.most_common(1))]),
     )  # fmt: skip
+
+
+def _in_short(reason: str) -> str:
+    """Return who does what, without figures."""
+    words = re.sub(r"\b[\d.]+ (?:% of the |times )?", "", reason.partition(",")[0])
+    return re.sub(r"(?: us)? (?:over|in|for) .*", "", words).strip()
 
 
 def measure(run: tuple[str, tuple[float, float, float]], presses: int) -> list[Felt]:
