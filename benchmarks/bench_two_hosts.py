@@ -134,11 +134,11 @@ def page(rows: list[Felt]) -> str:
     lines = [
         "# Two hosts", "",
         f"Written by `python -m benchmarks.bench_two_hosts`, {run['date']}, commit {run['commit']}; "
-        f"{run['cores']} cores of {run['cpu']}, load {run['load']}.", "",
-        "The bench has gateway and haptics, or physics too. Road: delay one way + jitter, packets lost. Error: against "
-        "the undelayed press (of 110 mN), median and largest. Limp: share of the press without force. Step: "
-        f"largest change of force, limit {limit:.0f} N/s. Refused: models. Age: of physics at haptics, median and p99, "
-        "and how far its clock may be off.", "",
+        f"{run['cores']} cores of {run['cpu']}, load {run['load']}; network and time namespaces, TCP over packets that "
+        "come late or not.", "",
+        "Bench: what is there beside the gateway. Road: delay one way + jitter, packets lost. Error: against the "
+        f"undelayed press of 110 mN, median/largest. Limp: of the press. Step: limit {limit:.0f} N/s. Refused: models. "
+        "Age: of physics at haptics, median/p99. Clock: uncertainty.", "",
         "|bench|road|error mN|limp|step N/s|refused|age ms|clock ms|shown most|",
         "|---|---|---|---|---|---|---|---|---|",
     ]  # fmt: skip

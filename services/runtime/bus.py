@@ -64,10 +64,7 @@ class Bus(Protocol):
         """Sleep until `topic` may have a frame (True) or the monotonic clock reaches `until_ns` (False)."""
 
     def is_fresh(self, *topics: str) -> bool:
-        """Return whether the last frame of each topic is younger than its ``stale_after_s`` and was sent as valid.
-
-        One of another host counts as old as it may be: the uncertainty of its clock is added.
-        """
+        """Return whether the last frame of each topic was valid and is for certain younger than ``stale_after_s``."""
 
     def is_near(self, topic: str) -> bool:
         """Return whether `topic` is published by the clock of this host."""
@@ -117,19 +114,13 @@ class Outbox:
 class Inbox:
     """Checks the frames of one read topic: who sent them, in which order, how old, and whether they may be used.
 
-    With the `clock` of another host, frames are returned in this host's time.
+    With a `clock`, of another host, frames are returned in this host's time.
     """
 
-    def __init__(
-        self,
-        row: Topic,
-        *,
-        every: bool = False,
-        on_flood: Callable[[], None] = lambda: None,
-        clock: ClockOffset | None = None,
-    ) -> None:
+    clock: ClockOffset | None = None
+
+    def __init__(self, row: Topic, *, every: bool = False, on_flood: Callable[[], None] = lambda: None) -> None:
         self.row = row
-        self.clock = clock
         self.beyond_rate = 0  # frames of a publisher that floods
         self._on_flood = on_flood
         self._excess = 0.0

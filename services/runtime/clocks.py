@@ -1,10 +1,8 @@
 """Clocks of other hosts: what theirs is ahead of ours, by round trips, between two bounds that hold it for certain.
 
-A monotonic clock begins with its host's boot, so those of two hosts are never compared. Each process of a rig on
-several hosts asks the publishers that it hears, ten times a second, for their time. The answer was made after the
-question left and before it arrived: these are the bounds, whichever way took how long, and a slow network widens them.
-The best of all trips holds, widened by what clocks may drift since. Who shares a host's clock says so: nothing is to be
-estimated then.
+A monotonic clock begins with its host's boot: those of two are never compared. Each process asks the publishers that it
+hears from other hosts for their time. The answer was made after the question left and before it came: these are the
+bounds, whichever way took how long. The best trip holds, widened by what clocks drift since.
 """
 
 from __future__ import annotations
@@ -29,16 +27,11 @@ DRIFT = 1e-3
 _ASK_EVERY_NS = 100_000_000
 _ANSWER = struct.Struct("<qq16s")  # asked_ns as it came, told_ns, whose clock
 _ANSWERS = 16
-
-
-def _whose() -> bytes:
-    """Return what tells the clock of this process from all others: the host's boot, and the time namespace."""
-    space = Path("/proc/self/ns/time")
-    name = Path("/proc/sys/kernel/random/boot_id").read_text() + (os.readlink(space) if space.exists() else "")
-    return hashlib.blake2b(name.encode(), digest_size=16).digest()
-
-
-_OURS = _whose()
+#: What tells the clock of this process from all others: the host's boot, and the time namespace.
+_OURS = hashlib.blake2b(Path("/proc/sys/kernel/random/boot_id").read_bytes(), digest_size=16)
+with suppress(FileNotFoundError):
+    _OURS.update(os.readlink("/proc/self/ns/time").encode())
+_WHOSE = _OURS.digest()
 
 
 class ClockOffset:
@@ -50,7 +43,7 @@ class ClockOffset:
 
     def take(self, asked_ns: int, told_ns: int, heard_ns: int) -> None:
         """Take an answer: they had `told_ns` between our `asked_ns` and `heard_ns`."""
-        low_ns, high_ns = told_ns - heard_ns, told_ns - asked_ns
+        low_ns, high_ns = told_ns - heard_ns, told_ns - asked_ns + round(DRIFT * (heard_ns - asked_ns))
         if self.known:
             drift_ns = round(DRIFT * (heard_ns - self._at_ns))
             best = max(low_ns, self._low_ns - drift_ns), min(high_ns, self._high_ns + drift_ns)
@@ -58,9 +51,17 @@ class ClockOffset:
                 low_ns, high_ns = best
         self._low_ns, self._high_ns, self._at_ns, self.known = low_ns, high_ns, heard_ns, True
 
+    def hear(self, answer: bytes, heard_ns: int) -> None:
+        """Take an answer as it came; what is none is nothing."""
+        if len(answer) == _ANSWER.size:
+            asked_ns, told_ns, whose = _ANSWER.unpack(answer)
+            self.ours = whose == _WHOSE
+            if 0 < asked_ns <= heard_ns:
+                self.take(asked_ns, told_ns, heard_ns)
+
     def here_ns(self, there_ns: int) -> int:
         """Return what our clock has when theirs has `there_ns`, in the middle of what may be; never less than 1."""
-        return max(1, there_ns - (self._low_ns + self._high_ns) // 2)
+        return there_ns if self.ours else max(1, there_ns - (self._low_ns + self._high_ns) // 2)
 
     def uncertainty_ns(self, now_ns: int) -> int:
         """Return how far `here_ns` may be off."""
@@ -68,15 +69,7 @@ class ClockOffset:
 
 
 class Clocks:
-    """The clocks of the publishers that a process hears from other hosts, and answers to who asks for its own.
-
-    Parameters
-    ----------
-    process
-        That answers; empty for one that only listens.
-    publishers
-        That are heard; of those on this host the clock is ours.
-    """
+    """The clocks of `publishers` on other hosts, and answers to who asks for that of `process`, if it has a name."""
 
     def __init__(
         self,
@@ -108,14 +101,13 @@ class Clocks:
 
     def turn(self) -> None:
         """Answer who asks, ask, and take answers. Never blocks."""
-        if self._answering is not None:
-            self._answer(self._answering)
+        self._answer()
         now_ns = time.monotonic_ns()
         asks = now_ns >= self._due_ns
         for name, socket in self._asking.items():
             offset = self.offsets[name]
             if is_readable(socket):
-                self._take(socket.recv(), offset)
+                offset.hear(socket.recv(), time.monotonic_ns())
             if asks and not offset.ours:
                 with suppress(zmq.Again):
                     socket.send(time.monotonic_ns().to_bytes(8, "little"), zmq.NOBLOCK)
@@ -129,27 +121,14 @@ class Clocks:
         ahead = {f"clock_ahead_s.{name}": 1e-9 * (now_ns - offset.here_ns(now_ns)) for name, offset in known.items()}
         return ahead | {f"clock_off_s.{name}": 1e-9 * each.uncertainty_ns(now_ns) for name, each in known.items()}
 
-    @staticmethod
-    def _answer(socket: zmq.Socket[bytes]) -> None:
+    def _answer(self) -> None:
         for _ in range(_ANSWERS):
-            if not is_readable(socket):
+            if self._answering is None or not is_readable(self._answering):
                 return
-            who, *asked = socket.recv_multipart()
-            if len(asked) == 1 and len(asked[0]) == 8:
+            who, *asked = self._answering.recv_multipart()
+            if list(map(len, asked)) == [8]:
                 told = time.monotonic_ns().to_bytes(8, "little")
-                socket.send_multipart([who, asked[0] + told + _OURS], zmq.NOBLOCK)
-
-    @staticmethod
-    def _take(answer: bytes, offset: ClockOffset) -> None:
-        heard_ns = time.monotonic_ns()
-        if len(answer) != _ANSWER.size:
-            return
-        asked_ns, told_ns, whose = _ANSWER.unpack(answer)
-        if whose == _OURS:
-            offset.ours = True
-            asked_ns = heard_ns = told_ns
-        if 0 < asked_ns <= heard_ns:
-            offset.take(asked_ns, told_ns, heard_ns)
+                self._answering.send_multipart([who, asked[0] + told + _WHOSE], zmq.NOBLOCK)
 
 
 def _socket(context: zmq.Context[zmq.Socket[bytes]], kind: int) -> zmq.Socket[bytes]:

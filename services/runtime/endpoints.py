@@ -58,13 +58,7 @@ def endpoint(transport: Transport, topic: str, host: str | None = None) -> str:
 
 
 def ipc_path(transport: Transport, topic: str) -> str:
-    """Return the path of the socket of `topic` on this host.
-
-    Raises
-    ------
-    BusError
-        if it would be longer than the system allows.
-    """
+    """Return the path of the socket of `topic` on this host, or raise as `endpoint` does."""
     return _ipc_path(run_directory(transport), topic)
 
 

@@ -134,7 +134,8 @@ class ZmqBus:
         socket.sndhwm = most
         if self._keys:
             self._keys.guard_publisher(socket)
-            self._watch(socket)
+        if self._authenticator:
+            self._authenticator.watch(socket)
         try:
             socket.bind(where)
         except zmq.ZMQError as error:
@@ -155,7 +156,8 @@ class ZmqBus:
         self, transport: Transport, name: str, *, every: bool = False, samples: bool = False
     ) -> zmq.Socket[bytes]:
         row = topic(name)
-        box = bus.Inbox(row, every=every, on_flood=self._flooded, clock=self._clocks.offsets.get(row.publisher))
+        box = bus.Inbox(row, every=every, on_flood=self._flooded)
+        box.clock = self._clocks.offsets.get(row.publisher)
         socket = self._context.socket(zmq.SUB)
         if box.every:
             socket.rcvhwm = _HIGH_WATER_MARK if batch_endpoint(name) == name else round(bus.BACKLOG_S * SENDS_PER_S)
@@ -166,16 +168,13 @@ class ZmqBus:
             socket.reconnect_ivl_max = _RECONNECT_MAX_MS
         if self._keys:
             self._keys.guard_reader(socket)
-            self._watch(socket)
+        if self._authenticator:
+            self._authenticator.watch(socket)
         socket.connect(endpoints.endpoint(transport, batch_endpoint(name) if every else name))
         self._receivers[name] = socket
         self._descriptors[name] = int(socket.getsockopt(zmq.FD))
         self._in[name] = box
         return socket
-
-    def _watch(self, socket: zmq.Socket[bytes]) -> None:
-        if self._authenticator:
-            self._authenticator.watch(socket)
 
     def publish(
         self, name: str, body: msgspec.Struct, *, origin_ns: int = 0, valid: bool = True, at_once: bool = False
