@@ -61,7 +61,7 @@ class _WithRig(http.server.SimpleHTTPRequestHandler):
         self._rig = rig
         super().__init__(*arguments, **options)  # type: ignore[arg-type]
 
-    def do_GET(self) -> None:  # noqa: N802
+    def do_GET(self) -> None:
         if self.path != "/":
             super().do_GET()
             return

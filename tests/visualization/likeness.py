@@ -1,4 +1,4 @@
-"""How like two pictures are to an eye: structural similarity (Wang et al., IEEE Trans. Image Processing 13(4), 2004)."""
+"""How like two pictures are to an eye: structural similarity (Wang et al., IEEE Trans. Image Proc. 13(4), 2004)."""
 
 from __future__ import annotations
 

@@ -4,7 +4,7 @@
 import * as THREE from "three";
 
 export const REACH = 40; // beyond the tip: what is further away is not aimed at
-const SIDES = 28, TOUCHES = 0.4;
+const SIDES = 28, TOUCHES = 0.4, LIFT = 0.12;
 
 // Distance along `direction` (unit) from `origin` to a triangle, from either side; Infinity for none (Moeller and Trumbore 1997).
 export function distanceTo(points, a, b, c, origin, direction) {
@@ -86,9 +86,7 @@ function unit(v) {
 }
 
 export class MeetingRing {
-  constructor(layout, shape) {
-    this.triangles = layout.triangles;
-    this.lift = 0.5 * layout.thickness + 0.15;
+  constructor(shape) {
     this.tip = shape.jawLength || 0;
     this.radius = shape.jawRadius || 1;
     const geometry = new THREE.BufferGeometry(), index = [];
@@ -98,20 +96,21 @@ export class MeetingRing {
     }
     geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(6 * SIDES), 3).setUsage(THREE.DynamicDrawUsage));
     geometry.setIndex(index);
-    this.material = new THREE.MeshBasicMaterial({ transparent: true, side: THREE.DoubleSide, depthWrite: false, fog: false });
+    this.material = new THREE.MeshBasicMaterial({ transparent: true, side: THREE.DoubleSide, depthWrite: false, fog: false, polygonOffset: true, polygonOffsetFactor: -4, polygonOffsetUnits: -8 });
     this.object = new THREE.Mesh(geometry, this.material);
     this.object.frustumCulled = this.object.visible = false;
   }
 
-  update(points, pose) {
-    const met = meeting(points, this.triangles, pose, this.tip);
+  // `wall`: as it is drawn; its triangles are of the outer side.
+  update({ positions: points, fine: triangles }, pose) {
+    const met = meeting(points, triangles, pose, this.tip);
     this.object.visible = met !== null;
     if (!met) return;
-    const gap = Math.max(0, met.gap - this.lift), nearness = 1 - gap / REACH, inner = 0.9 * this.radius + 0.11 * gap;
+    const gap = Math.max(0, met.gap), nearness = 1 - gap / REACH, inner = 0.9 * this.radius + 0.11 * gap;
     const { position } = this.object.geometry.attributes;
-    laidOn(points, this.triangles, met, [inner, inner + 0.35 + 0.02 * gap], this.lift, position.array);
+    laidOn(points, triangles, met, [inner, inner + 0.45 + 0.02 * gap], LIFT, position.array);
     position.needsUpdate = true;
     this.material.color.set(gap < TOUCHES ? "#ffd479" : "#b8fff0");
-    this.material.opacity = 0.2 + 0.7 * nearness * nearness;
+    this.material.opacity = 0.35 + 0.6 * nearness * nearness;
   }
 }

@@ -103,7 +103,7 @@ export class Stage {
     this.catheter = layout.particles > 1 ? new Catheter(layout, this.look) : null;
     this.tools = layout.tools.map((shape) => new Tool(shape, this.look));
     this.arrows = layout.tools.map(() => new ForceArrow());
-    this.rings = layout.tools.map((shape) => new MeetingRing(layout, shape));
+    this.rings = layout.tools.map((shape) => new MeetingRing(shape));
     this.duct.showStrain(this.showsStrain);
     this.bodies.add(backdrop(layout, bounds, this.look), this.duct.object);
     if (this.catheter) this.bodies.add(this.catheter.object);
@@ -181,7 +181,7 @@ export class Stage {
       tool.update(pose, frame.jaws[i]);
       this.arrows[i].update(pose, force, colourOfForce(Math.hypot(...force)));
       this.arrows[i].object.visible &&= this.showForces;
-      if (this.showRings) this.rings[i].update(frame.points, pose);
+      if (this.showRings) this.rings[i].update(this.duct.wall, pose);
       else this.rings[i].object.visible = false;
     });
   }

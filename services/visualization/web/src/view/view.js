@@ -250,10 +250,9 @@ export class View {
 
   takeStep(at = this.governor.at) {
     this.governor.at = at;
-    this.stage.setStep(this.governor.step);
     this.stream.want(this.governor.step.hz);
     this.showStep();
-    this.ask();
+    this.askAgain(() => this.stage.setStep(this.governor.step)); // bodies made anew are where they begin
   }
 
   beginAnew() {
