@@ -35,8 +35,7 @@ ATTEMPT = "training.attempt"
 RATE_HZ = 1000.0
 STAGES = ("take", "servo", "send")
 _LOOK_ROUND_EVERY = 50
-#: So many looks in a row, two seconds, that found nearly all models invalid are told of.
-_INVALID_LOOKS = 40
+_INVALID_LOOKS = 40  # in a row, two seconds, that found most models invalid are told of
 #: A piece of a report is made this long before the handles are served, and mostly takes less: a whole one, 300 to
 #: 420 us with cold caches, ran into the next tick ten times a second.
 _REPORT_NS = 150_000

@@ -27,6 +27,7 @@ FLOOD_BURST = 100.0
 FLOOD_FRAMES = 50.0
 #: Of a reader of every frame of a fast topic, which is held up and catches up: so many seconds of them.
 BACKLOG_S = 30.0
+FAR_NS = 1_000_000  # half of a round trip, from which on a topic that is sampled is read all the time
 #: Frames taken by one `drain`: what is beyond waits for the next, so that a loop's time stays bounded.
 DRAIN_LIMIT = 256
 
@@ -112,12 +113,9 @@ class Outbox:
 
 
 class Inbox:
-    """Checks the frames of one read topic: who sent them, in which order, how old, and whether they may be used.
+    """Checks the frames of one read topic: who sent them, in which order, how old, and whether they may be used."""
 
-    With a `clock`, of another host, frames are returned in this host's time.
-    """
-
-    clock: ClockOffset | None = None
+    clock: ClockOffset | None = None  # of another host: frames are returned in this host's time
 
     def __init__(self, row: Topic, *, every: bool = False, on_flood: Callable[[], None] = lambda: None) -> None:
         self.row = row
@@ -168,6 +166,12 @@ class Inbox:
     def is_near(self) -> bool:
         """Whether its publisher has the clock of this host."""
         return self.clock is None or self.clock.ours
+
+    @property
+    def is_far(self) -> bool:
+        """Whether its publisher's host is, or may be, so far away that a question and its answer take milliseconds."""
+        clock = self.clock
+        return clock is not None and not (clock.known and clock.uncertainty_ns(time.monotonic_ns()) < FAR_NS)
 
     def _here(self, frame: Frame, now_ns: int) -> Frame:
         """Return a frame of another host in our time: as if sent now, for no sample, while its clock is not known."""

@@ -111,8 +111,7 @@ class Clocks:
             if asks and not offset.ours:
                 with suppress(zmq.Again):
                     socket.send(time.monotonic_ns().to_bytes(8, "little"), zmq.NOBLOCK)
-        if asks:
-            self._due_ns = now_ns + _ASK_EVERY_NS
+        self._due_ns = now_ns + _ASK_EVERY_NS if asks else self._due_ns
 
     def gauges(self) -> dict[str, float]:
         """Return by how much each clock is ahead, and by how much that may be off, in s: of those that are known."""

@@ -23,8 +23,7 @@ _ZAP = "inproc://zeromq.zap.01"
 _DOMAIN = b"trocar"
 #: Requests answered at one look: whoever knocks in a storm waits for the next.
 _ANSWERS = 16
-#: Between two looks, ten times a second.
-_BREACHES_KEPT = 100_000
+_BREACHES_KEPT = 100_000  # between two looks, ten times a second
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +60,10 @@ class ZapAuthenticator:
     def watch(self, socket: zmq.Socket[bytes]) -> None:
         """From before `socket` binds or connects, count what breaks off: strangers' keys, bytes repeated or changed."""
         where = f"inproc://watched-{len(self._watched)}"
-        socket.monitor(where, zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL)
+        gone = (
+            zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL if socket.type == zmq.XPUB else 0
+        )  # who has no keys may see that first
+        socket.monitor(where, zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL | gone)
         watched = self._context.socket(zmq.PAIR)
         watched.rcvhwm = _BREACHES_KEPT  # libzmq waits where there is no room
         watched.connect(where)

@@ -11,7 +11,6 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from protocol.topics import TOPICS, observed_by, read_by
 from services.nearest_word import did_you_mean
 
-#: Addresses of this very host.
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
@@ -86,9 +85,8 @@ class Transport(Settings):
 
     def shares_host(self, one: str, other: str) -> bool:
         """Return whether two processes reach each other without tcp; one without a name is anywhere."""
-        if self.kind == "ipc":
-            return True
-        return bool(one) and self.address(one) == self.address(other) not in LOOPBACK
+        near = bool(one) and self.address(one) == self.address(other) not in LOOPBACK
+        return near or self.kind == "ipc"
 
 
 PATH_OWNERS = {

@@ -9,6 +9,7 @@ from __future__ import annotations
 import select
 import time
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
@@ -259,12 +260,9 @@ class ZmqBus:
                 self._forget(self._receivers[name])
                 self._receivers[name].setsockopt(zmq.SUBSCRIBE, b"")
         for name in names:
-            stands = name in self._standing
-            if (frame := self.latest(name)) is None and self.wait(name, until_ns):
-                frame, stands = self.latest(name), False
-            if frame is not None:
+            if frame := self.latest(name) or (self.latest(name) if self.wait(name, until_ns) else None):
                 frames[name] = frame
-            if stands or (frame is None and not self.is_near(name)):
+            if self._in[name].is_far:
                 self._standing.add(name)
             else:
                 self._receivers[name].setsockopt(zmq.UNSUBSCRIBE, b"")
@@ -274,11 +272,9 @@ class ZmqBus:
     @staticmethod
     def _forget(socket: zmq.Socket[bytes]) -> None:
         """Throw away what still came after the last sample: it is old by now."""
-        while True:
-            try:
+        with suppress(zmq.Again):
+            while True:
                 socket.recv(zmq.NOBLOCK)
-            except zmq.Again:
-                return
 
     def wait(self, name: str, until_ns: int) -> bool:
         """Sleep until `name` may have a frame or the clock reaches `until_ns`: finer than zmq_poll's milliseconds."""

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import errno
-import socket
 import stat
-import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -24,6 +22,7 @@ from services.runtime.health import HealthReporter
 from services.runtime.rig import Transport
 from services.runtime.zmq_bus import ZmqBus
 from tests.health_reports import report_of
+from tests.runtime.between import Between
 
 STATE = "gateway.state"
 PORT = 27_000  # below those that the system gives to whoever asks for any
@@ -181,7 +180,7 @@ def test_who_publishes_without_the_secret_is_not_heard(stack: ExitStack, rig_key
 def test_bytes_that_are_repeated_on_the_way_are_refused_and_counted(stack: ExitStack, rig_keys: Path) -> None:
     """Of a frame sent twice by whoever sits between, the second is none; the reader connects anew and goes on."""
     sender = _bus(stack, rig_keys, publishes=[STATE])
-    between = _Between(int(endpoint(Transport(kind="tcp", base_port=PORT), STATE).rpartition(":")[2]))
+    between = Between(int(endpoint(Transport(kind="tcp", base_port=PORT), STATE).rpartition(":")[2]))
     stack.callback(between.close)
     reader = ZmqBus(Transport(kind="tcp", base_port=PORT + between.shift, keys=rig_keys), reads=[STATE])
     stack.callback(reader.close)
@@ -191,40 +190,6 @@ def test_bytes_that_are_repeated_on_the_way_are_refused_and_counted(stack: ExitS
     _until(lambda: _refused(reader) > 0, sender)
     between.repeats = False
     assert _hears(sender, reader, PATIENCE_S)
-
-
-class _Between:
-    """Passes on what comes for a port, from a `shift` higher; what is published twice, while it `repeats`."""
-
-    shift = 500
-
-    def __init__(self, port: int) -> None:
-        self.repeats = False
-        self._listener = socket.create_server(("127.0.0.1", port + self.shift))
-        self._port = port
-        self._open = [self._listener]
-        threading.Thread(target=self._accept, daemon=True).start()
-
-    def _accept(self) -> None:
-        with suppress(OSError):
-            while True:
-                reader = self._listener.accept()[0]
-                sender = socket.create_connection(("127.0.0.1", self._port))
-                self._open += [reader, sender]
-                for source, sink, back in ((reader, sender, False), (sender, reader, True)):
-                    threading.Thread(target=self._pass, args=(source, sink, back), daemon=True).start()
-
-    def _pass(self, source: socket.socket, sink: socket.socket, back: bool) -> None:
-        with suppress(OSError):
-            while data := source.recv(1 << 16):
-                sink.sendall(data * (2 if back and self.repeats else 1))
-        for each in (source, sink):
-            with suppress(OSError):
-                each.shutdown(socket.SHUT_RDWR)
-
-    def close(self) -> None:
-        for each in self._open:
-            each.close()
 
 
 def _refused(bus: ZmqBus) -> float:
