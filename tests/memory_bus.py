@@ -37,7 +37,6 @@ class MemoryBus:
         reads_every: Iterable[str] = (),
         samples: Iterable[str] = (),
     ) -> None:
-        self.refused_readers = 0
         self._hub = hub
         incarnation = bus.new_incarnation()
         self._out = {name: bus.Outbox(topic(name), incarnation) for name in publishes}
@@ -92,6 +91,14 @@ class MemoryBus:
         """Return whether the last frame of every topic may still be acted on."""
         now = time.monotonic_ns()
         return all(self._in[name].is_fresh(now) for name in names)
+
+    def is_near(self, name: str) -> bool:
+        """Return True: nobody is on another host."""
+        return True
+
+    def gauges(self) -> dict[str, float]:
+        """Return nothing: there are neither keys nor other hosts."""
+        return {}
 
     def has_reader(self, name: str) -> bool:
         """Return whether a bus of the hub reads `name`."""

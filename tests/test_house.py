@@ -6,8 +6,8 @@ import pytest
 
 from benchmarks.house import House, count, table
 
-#: What a rig runs, with attempts, replay, score, metrics of the task and the classroom.
-MOST_LINES = 62_500
+#: What a rig runs, with attempts, replay, score, metrics of the task, the classroom and clocks of several hosts.
+MOST_LINES = 62_622
 MOST_WORDS = 45_000
 
 

@@ -35,6 +35,7 @@ ATTEMPT = "training.attempt"
 RATE_HZ = 1000.0
 STAGES = ("take", "servo", "send")
 _LOOK_ROUND_EVERY = 50
+_INVALID_LOOKS = 40  # in a row, two seconds, that found most models invalid are told of
 #: A piece of a report is made this long before the handles are served, and mostly takes less: a whole one, 300 to
 #: 420 us with cold caches, ran into the next tick ten times a second.
 _REPORT_NS = 150_000
@@ -167,6 +168,8 @@ class Gateway:
             gauges.update(each.links())
         gauges.update({f"models_{reason}": float(count) for reason, count in self._answers.refused.items()})
         silent = ["the supervisor is silent: every hand is let go"] if self._orders.unsupervised else []
+        if self._answers.invalid_looks() >= _INVALID_LOOKS:
+            silent.append("no force: what haptics hears of physics is too old, or nothing")
         faults = "; ".join(silent + [f"{each.name}: {each.fault}" for each in self.instruments if each.fault])
         self._health.change("degraded" if faults else "running", faults)
 

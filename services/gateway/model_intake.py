@@ -49,6 +49,15 @@ class ModelIntake:
         self._last_asked = -1
         self._timed = -1
         self._unapplied_ns = 0
+        self._accepted = self._invalid_looks = 0
+        self._seen = (0, 0)
+
+    def invalid_looks(self) -> int:
+        """Look; return how many looks in a row found that most models since the one before were invalid."""
+        (invalid, accepted), self._seen = self._seen, (self.refused["invalid"], self._accepted)
+        mostly = self._seen[0] - invalid > self._seen[1] - accepted
+        self._invalid_looks = self._invalid_looks + 1 if mostly else 0
+        return self._invalid_looks
 
     def ask(self, index: int, sampled_ns: int, *, timed: bool) -> None:
         """Remember that the device sample of tick `index` was published, and whether its answer will be waited for."""
@@ -81,6 +90,7 @@ class ModelIntake:
         elif not self._take(body.models.data):
             self.refused["numbers"] += 1
         else:
+            self._accepted += 1
             sampled_ns = self._sampled_ns[slot]
             if body.tick > self._newest_answered:
                 self._newest_answered = body.tick

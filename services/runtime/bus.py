@@ -15,6 +15,7 @@ import protocol
 import protocol.bodies as bodies
 from protocol import Frame, FrameError, Reason, Topic
 from services.runtime import frame_batches
+from services.runtime.clocks import ClockOffset
 from services.runtime.histogram import LatencyHistogram
 
 #: A reader accepts up to this many times the topic's rate; what comes faster is refused undecoded.
@@ -26,6 +27,7 @@ FLOOD_BURST = 100.0
 FLOOD_FRAMES = 50.0
 #: Of a reader of every frame of a fast topic, which is held up and catches up: so many seconds of them.
 BACKLOG_S = 30.0
+FAR_NS = 1_000_000  # half of a round trip, from which on a topic that is sampled is read all the time
 #: Frames taken by one `drain`: what is beyond waits for the next, so that a loop's time stays bounded.
 DRAIN_LIMIT = 256
 
@@ -63,14 +65,16 @@ class Bus(Protocol):
         """Sleep until `topic` may have a frame (True) or the monotonic clock reaches `until_ns` (False)."""
 
     def is_fresh(self, *topics: str) -> bool:
-        """Return whether the last frame of each topic is younger than its ``stale_after_s`` and was sent as valid."""
+        """Return whether the last frame of each topic was valid and is for certain younger than ``stale_after_s``."""
+
+    def is_near(self, topic: str) -> bool:
+        """Return whether `topic` is published by the clock of this host."""
 
     def has_reader(self, topic: str) -> bool:
         """Return whether a reader of `topic`, which this process publishes, has subscribed."""
 
-    @property
-    def refused_readers(self) -> int:
-        """How many have knocked without the rig's keys."""
+    def gauges(self) -> dict[str, float]:
+        """Return who was refused for want of the rig's keys, and what is known of other hosts' clocks."""
 
     def reports(self) -> tuple[bodies.TopicReport, ...]:
         """Return the counts of every topic of this process."""
@@ -111,6 +115,8 @@ class Outbox:
 class Inbox:
     """Checks the frames of one read topic: who sent them, in which order, how old, and whether they may be used."""
 
+    clock: ClockOffset | None = None  # of another host: frames are returned in this host's time
+
     def __init__(self, row: Topic, *, every: bool = False, on_flood: Callable[[], None] = lambda: None) -> None:
         self.row = row
         self.beyond_rate = 0  # frames of a publisher that floods
@@ -142,7 +148,7 @@ class Inbox:
         frame = self._decoded(data)
         if frame is not None:
             self._count(frame, 1, now)
-        return frame
+        return frame if frame is None or self.is_near else self._here(frame, now)
 
     def accept_all(self, batch: Sequence[bytes]) -> list[Frame]:
         """Return the frames of `batch` that may be used; of the others the reasons are counted."""
@@ -154,7 +160,33 @@ class Inbox:
         frames = [frame for data in batch[:within] if (frame := self._decoded(data)) is not None]
         if frames:
             self._count(frames[-1], len(frames), now)
-        return frames
+        return frames if self.is_near else [self._here(frame, now) for frame in frames]
+
+    @property
+    def is_near(self) -> bool:
+        """Whether its publisher has the clock of this host."""
+        return self.clock is None or self.clock.ours
+
+    @property
+    def is_far(self) -> bool:
+        """Whether its publisher's host is, or may be, so far away that a question and its answer take milliseconds."""
+        clock = self.clock
+        return clock is not None and not (clock.known and clock.uncertainty_ns(time.monotonic_ns()) < FAR_NS)
+
+    def _here(self, frame: Frame, now_ns: int) -> Frame:
+        """Return a frame of another host in our time: as if sent now, for no sample, while its clock is not known."""
+        clock = self.clock
+        if clock is None or not clock.known:
+            return msgspec.structs.replace(frame, sent_ns=now_ns, origin_ns=0)
+        origin_ns = clock.here_ns(frame.origin_ns) if frame.origin_ns else 0
+        return msgspec.structs.replace(frame, sent_ns=min(now_ns, clock.here_ns(frame.sent_ns)), origin_ns=origin_ns)
+
+    def _age_ns(self, frame: Frame, now_ns: int) -> tuple[int, int] | None:
+        """Return the age of a frame as it came and by how much it may be off, None if its host's clock is not known."""
+        clock = self.clock
+        if clock is None or clock.ours:
+            return now_ns - frame.sent_ns, 0
+        return (now_ns - clock.here_ns(frame.sent_ns), clock.uncertainty_ns(now_ns)) if clock.known else None
 
     def _decoded(self, data: bytes) -> Frame | None:
         """Return the frame in `data`, from now on the last, if it may be used, else None with the reason counted."""
@@ -170,15 +202,18 @@ class Inbox:
     def _count(self, last: Frame, n: int, now: int) -> None:
         """Count `n` frames of which `last` is the last; after refused ones see whether their publisher floods."""
         self.received += n
-        self.age.record(now - last.sent_ns)
+        age = self._age_ns(last, now)
+        if age is not None:
+            self.age.record(age[0])
         if self._is_refusing:
             self._is_refusing = False
             self._look_for_flood(last)
 
     def is_fresh(self, now_ns: int) -> bool:
-        """Return whether the last frame may still be acted on."""
+        """Return whether the last frame may still be acted on; one from the future is of a clock that nobody knows."""
         last = self.last
-        return last is not None and last.valid and now_ns - last.sent_ns <= self.row.stale_after_s * 1e9
+        age = None if last is None or not last.valid else self._age_ns(last, now_ns)
+        return age is not None and 0 <= age[0] + age[1] <= self.row.stale_after_s * 1e9
 
     def report(self) -> bodies.TopicReport:
         """Return the counts as they travel."""

@@ -53,8 +53,13 @@ def endpoint(transport: Transport, topic: str, host: str | None = None) -> str:
     if transport.kind == "tcp":
         port = transport.base_port + zlib.crc32(topic.encode()) % _PORTS
         publisher = topic.split(".")[0]
-        return f"tcp://{host or transport.hosts.get(publisher, transport.host)}:{port}"
-    return f"ipc://{_ipc_path(run_directory(transport), topic)}"
+        return f"tcp://{host or transport.address(publisher)}:{port}"
+    return f"ipc://{ipc_path(transport, topic)}"
+
+
+def ipc_path(transport: Transport, topic: str) -> str:
+    """Return the path of the socket of `topic` on this host, or raise as `endpoint` does."""
+    return _ipc_path(run_directory(transport), topic)
 
 
 def check(transport: Transport) -> None:

@@ -144,7 +144,7 @@ class HealthReporter:
             gauges={
                 **self.gauges,
                 **counts,
-                "refused_readers": float(self._bus.refused_readers),
+                **self._bus.gauges(),
                 **{f"{FLOOD}{topic}": float(frames) for topic, frames in self._bus.floods().items()},
             },
         )

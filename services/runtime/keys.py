@@ -8,6 +8,7 @@ a 1 kHz loop has none to spare, so the bus answers when it sends.
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,6 +23,7 @@ _ZAP = "inproc://zeromq.zap.01"
 _DOMAIN = b"trocar"
 #: Requests answered at one look: whoever knocks in a storm waits for the next.
 _ANSWERS = 16
+_BREACHES_KEPT = 100_000  # between two looks, ten times a second
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +53,29 @@ class ZapAuthenticator:
         self._public = z85.decode(keys.public)
         self._socket = context.socket(zmq.ROUTER)
         self._socket.bind(_ZAP)
-        self.refused = 0
+        self._context = context
+        self._watched: list[zmq.Socket[bytes]] = []
+        self._breaches = self.refused = 0
+
+    def watch(self, socket: zmq.Socket[bytes]) -> None:
+        """From before `socket` binds or connects, count what breaks off: strangers' keys, bytes repeated or changed."""
+        where = f"inproc://watched-{len(self._watched)}"
+        gone = (
+            zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL if socket.type == zmq.XPUB else 0
+        )  # who has no keys may see that first
+        socket.monitor(where, zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL | gone)
+        watched = self._context.socket(zmq.PAIR)
+        watched.rcvhwm = _BREACHES_KEPT  # libzmq waits where there is no room
+        watched.connect(where)
+        self._watched.append(watched)
+
+    def breaches(self) -> int:
+        """Return how many of these there were."""
+        for watched in self._watched:
+            with suppress(zmq.Again):
+                while watched.recv_multipart(zmq.NOBLOCK):
+                    self._breaches += 1
+        return self._breaches
 
     def answer(self) -> None:
         """Answer who has knocked. Never blocks."""

@@ -237,9 +237,10 @@ def follow(
     After each, when the tick is done and counted, the bus sends what nobody waits for, and `slack` is called, for what
     is no tick's work either: reports.
 
-    The tick is due when its frame was sent and must be done one period later. Frames that come faster than the rate
-    (a publisher that floods) are answered at no more than three times the rate, and a loop whose ticks take longer than
-    their period rests between them (`DutyCycleLimiter`): the rest of the core stays free.
+    The tick is due when its frame was sent, one of another host's when it is taken, and must be done one period later.
+    Frames that come faster than the rate (a publisher that floods) are answered at no more than three times the rate,
+    and a loop whose ticks take longer than their period rests between them (`DutyCycleLimiter`): the rest of the core
+    stays free.
     """
     apart_ns = -(-meter.period_ns // 3)  # no more than readers of what it says accept: it does not flood them in turn
     last_ns = 0
@@ -258,7 +259,7 @@ def follow(
             yield None
             continue
         last_ns = time.monotonic_ns()
-        meter.start(frame.sent_ns, last_ns)
+        meter.start(frame.sent_ns if bus.is_near(topic) else last_ns, last_ns)
         yield frame
         ended_ns = time.monotonic_ns()
         meter.finish(ended_ns)

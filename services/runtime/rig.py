@@ -11,7 +11,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from protocol.topics import TOPICS, observed_by, read_by
 from services.nearest_word import did_you_mean
 
-_LOOPBACK = ("127.0.0.1", "localhost", "::1")
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
 class Settings(BaseModel):
@@ -69,7 +69,7 @@ class Transport(Settings):
 
     @model_validator(mode="after")
     def _protected_beyond_loopback(self) -> Self:
-        beyond = [h for h in (self.host, self.bind_host, *self.hosts.values()) if h not in _LOOPBACK]
+        beyond = [h for h in (self.host, self.bind_host, *self.hosts.values()) if h not in LOOPBACK]
         if self.kind == "tcp" and beyond and self.keys is None and not self.insecure:
             raise ValueError(
                 f"tcp to {beyond[0]} leaves this host unprotected: name the directory of `trocar keys` as `keys`, "
@@ -78,6 +78,15 @@ class Transport(Settings):
         if self.kind == "ipc" and self.keys is not None:
             raise ValueError("keys protect tcp; the sockets of ipc belong to this user alone")
         return self
+
+    def address(self, process: str) -> str:
+        """Return where a process is reached over tcp."""
+        return self.hosts.get(process, self.host)
+
+    def shares_host(self, one: str, other: str) -> bool:
+        """Return whether two processes reach each other without tcp; one without a name is anywhere."""
+        near = bool(one) and self.address(one) == self.address(other) not in LOOPBACK
+        return near or self.kind == "ipc"
 
 
 PATH_OWNERS = {

@@ -1,6 +1,7 @@
 """The bus over ZeroMQ: no broker, one PUB socket per topic and one for batches of a fast one, single-part frames.
 
 On one host the loops send and receive the fast topics themselves (`services.runtime.direct`); all else goes by libzmq.
+Of a rig on several hosts, processes that the rig file names at one address are on one, and share its run directory.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import select
 import time
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
@@ -15,8 +17,9 @@ import msgspec
 import zmq
 
 import protocol.bodies as bodies
-from protocol import Frame, Reason, Topic, topic
+from protocol import Frame, Reason, topic
 from services.runtime import bus, endpoints, keys
+from services.runtime.clocks import Clocks
 from services.runtime.direct import DirectReader, DirectSender
 from services.runtime.errors import BusError
 from services.runtime.frame_batches import (
@@ -84,6 +87,7 @@ class ZmqBus:
         self._receivers: dict[str, zmq.Socket[bytes]] = {}
         self._descriptors: dict[str, int] = {}
         self._subscribed: dict[str, int] = {}
+        self._standing: set[str] = set()  # of topics to be sampled
         self._batches: dict[str, BatchSender] = {}
         self._out: dict[str, bus.Outbox] = {}
         self._in: dict[str, bus.Inbox] = {}
@@ -91,7 +95,11 @@ class ZmqBus:
         incarnation = bus.new_incarnation()
         self._keys = keys.load(transport.keys) if transport.keys else None
         self._authenticator = keys.ZapAuthenticator(self._context, self._keys) if self._keys else None
+        publishes, reads, reads_every, samples = map(tuple, (publishes, reads, reads_every, samples))
+        heard = {topic(name).publisher for name in (*reads, *reads_every, *samples)}
+        self._name = topic(publishes[0]).publisher if publishes else ""
         try:
+            self._clocks = Clocks(self._context, transport, self._keys, self._name, heard)
             for name in publishes:
                 self._bind(transport, name, incarnation)
             for name in reads:
@@ -106,11 +114,12 @@ class ZmqBus:
 
     def _bind(self, transport: Transport, name: str, incarnation: int) -> None:
         row = topic(name)
-        if transport.kind == "ipc":
+        near = [each for each in row.readers if transport.shares_host(self._name, each)]
+        if transport.kind == "ipc" or near:
             self._locks.append(endpoints.claim(transport, name))
-        if _is_direct(transport, row):
-            self._direct_senders[name] = _direct_sender(transport, name)
-        else:
+            if has_batches(row):
+                self._direct_senders[name] = _direct_sender(transport, name)
+        if transport.kind == "tcp" or not has_batches(row):
             self._senders[name] = self._bound(transport, name, name, _HIGH_WATER_MARK)
             self._subscribed[name] = 0
         self._out[name] = bus.Outbox(row, incarnation)
@@ -126,18 +135,20 @@ class ZmqBus:
         socket.sndhwm = most
         if self._keys:
             self._keys.guard_publisher(socket)
+        if self._authenticator:
+            self._authenticator.watch(socket)
         try:
             socket.bind(where)
         except zmq.ZMQError as error:
             raise BusError(f"topic {name}: cannot bind {where}: {error.strerror}") from None
         if transport.kind == "ipc":
-            self._paths.append(Path(_path(transport, endpoint_name)))
+            self._paths.append(Path(endpoints.ipc_path(transport, endpoint_name)))
         return socket
 
     def _read_newest(self, transport: Transport, name: str) -> None:
         row = topic(name)
-        if _is_direct(transport, row):
-            self._direct_readers[name] = DirectReader(_path(transport, name))
+        if has_batches(row) and transport.shares_host(self._name, row.publisher):
+            self._direct_readers[name] = DirectReader(endpoints.ipc_path(transport, name))
             self._in[name] = bus.Inbox(row, on_flood=self._flooded)
         else:
             self._connect(transport, name).setsockopt(zmq.SUBSCRIBE, b"")
@@ -145,7 +156,9 @@ class ZmqBus:
     def _connect(
         self, transport: Transport, name: str, *, every: bool = False, samples: bool = False
     ) -> zmq.Socket[bytes]:
-        box = bus.Inbox(topic(name), every=every, on_flood=self._flooded)
+        row = topic(name)
+        box = bus.Inbox(row, every=every, on_flood=self._flooded)
+        box.clock = self._clocks.offsets.get(row.publisher)
         socket = self._context.socket(zmq.SUB)
         if box.every:
             socket.rcvhwm = _HIGH_WATER_MARK if batch_endpoint(name) == name else round(bus.BACKLOG_S * SENDS_PER_S)
@@ -156,6 +169,8 @@ class ZmqBus:
             socket.reconnect_ivl_max = _RECONNECT_MAX_MS
         if self._keys:
             self._keys.guard_reader(socket)
+        if self._authenticator:
+            self._authenticator.watch(socket)
         socket.connect(endpoints.endpoint(transport, batch_endpoint(name) if every else name))
         self._receivers[name] = socket
         self._descriptors[name] = int(socket.getsockopt(zmq.FD))
@@ -172,12 +187,12 @@ class ZmqBus:
         """
         box, batches = self._out[name], self._batches.get(name)
         data = box.seal(body, origin_ns, valid)
-        direct = self._direct_senders.get(name)
+        direct, sender = self._direct_senders.get(name), self._senders.get(name)
         if direct is not None:
             direct.send(data)
-        else:
-            self._senders[name].send(data, zmq.NOBLOCK)
-            if at_once:
+        if sender is not None:
+            sender.send(data, zmq.NOBLOCK)
+            if at_once and direct is None:
                 step_aside()
         if batches is not None:
             batches.add(data, time.monotonic_ns())
@@ -185,10 +200,13 @@ class ZmqBus:
             self.has_reader(name)
         if self._authenticator:
             self._authenticator.answer()
+        if batches is None:  # whoever sends nothing fast does not flush
+            self._clocks.turn()
         return box.sent - 1
 
     def flush(self) -> None:
-        """Send the batches that are due, for those who only look on."""
+        """Send the batches that are due, for those who only look on; look after the clocks of other hosts."""
+        self._clocks.turn()
         if self._batches:
             now_ns = time.monotonic_ns()
             for batches in self._batches.values():
@@ -200,6 +218,8 @@ class ZmqBus:
         if direct is not None:
             data = direct.newest()
             return None if data is None else box.accept(data)
+        if not box.is_near:
+            self._clocks.turn()
         socket = self._receivers[name]
         if not is_readable(socket):
             return None
@@ -219,33 +239,42 @@ class ZmqBus:
 
     def batch(self, name: str) -> bus.Batch | None:
         """Return the next unread message of `name`, whose frames nobody has looked at; a frame alone is one of one."""
-        socket = self._receivers[name]
+        socket, box = self._receivers[name], self._in[name]
+        if not box.is_near:
+            self._clocks.turn()
         if not is_readable(socket):  # nearly always, and asking costs a third of an exception
             return None
         try:
-            return bus.Batch(*lengths_and_frames(socket.recv_multipart(zmq.NOBLOCK)), self._in[name])
+            return bus.Batch(*lengths_and_frames(socket.recv_multipart(zmq.NOBLOCK)), box)
         except zmq.Again:
             return None
 
     def sample(self, names: Iterable[str], until_ns: int) -> dict[str, Frame]:
-        """Subscribe, take the next frame of each of `names`, unsubscribe; what has not come in time is left out."""
-        names = tuple(names)
+        """Subscribe, take the next frame of each of `names`, unsubscribe; what has not come in time is left out.
+
+        Of a host that is too far away for that, the subscription stands: the newest frame is taken, whenever it came.
+        """
+        names, frames = tuple(names), dict[str, Frame]()
         for name in names:
-            self._forget(self._receivers[name])
-            self._receivers[name].setsockopt(zmq.SUBSCRIBE, b"")
-        frames = {name: self.latest(name) for name in names if self.wait(name, until_ns)}
+            if name not in self._standing:
+                self._forget(self._receivers[name])
+                self._receivers[name].setsockopt(zmq.SUBSCRIBE, b"")
         for name in names:
-            self._receivers[name].setsockopt(zmq.UNSUBSCRIBE, b"")
-        return {name: frame for name, frame in frames.items() if frame is not None}
+            if frame := self.latest(name) or (self.latest(name) if self.wait(name, until_ns) else None):
+                frames[name] = frame
+            if self._in[name].is_far:
+                self._standing.add(name)
+            else:
+                self._receivers[name].setsockopt(zmq.UNSUBSCRIBE, b"")
+                self._standing.discard(name)
+        return frames
 
     @staticmethod
     def _forget(socket: zmq.Socket[bytes]) -> None:
         """Throw away what still came after the last sample: it is old by now."""
-        while True:
-            try:
+        with suppress(zmq.Again):
+            while True:
                 socket.recv(zmq.NOBLOCK)
-            except zmq.Again:
-                return
 
     def wait(self, name: str, until_ns: int) -> bool:
         """Sleep until `name` may have a frame or the clock reaches `until_ns`: finer than zmq_poll's milliseconds."""
@@ -274,22 +303,28 @@ class ZmqBus:
         """Return whether somebody has subscribed to `name` and not gone since."""
         if self._authenticator:
             self._authenticator.answer()
-        direct = self._direct_senders.get(name)
+        readers, direct, sender = 0, self._direct_senders.get(name), self._senders.get(name)
         if direct is not None:
             direct.look()
             readers = direct.readers
-        else:
-            readers = self._subscribed[name] = count_readers(self._senders[name], self._subscribed[name])
+        if sender is not None:
+            self._subscribed[name] = count_readers(sender, self._subscribed[name])
+            readers += self._subscribed[name]
         batches = self._batches.get(name)
         if batches is not None:
             batches.look()
             readers += batches.readers
         return readers > 0
 
-    @property
-    def refused_readers(self) -> int:
-        """How many have knocked without the rig's keys."""
-        return self._authenticator.refused if self._authenticator else 0
+    def is_near(self, name: str) -> bool:
+        """Return whether `name` is published by the clock of this host."""
+        return self._in[name].is_near
+
+    def gauges(self) -> dict[str, float]:
+        """Return who was refused for want of the rig's keys, and what is known of other hosts' clocks."""
+        doorkeeper = self._authenticator
+        refused = doorkeeper.refused + doorkeeper.breaches() if doorkeeper else 0
+        return {"refused_readers": float(refused), **self._clocks.gauges()}
 
     def reports(self) -> tuple[bodies.TopicReport, ...]:
         """Return the counts of all topics."""
@@ -324,17 +359,8 @@ class ZmqBus:
         self._locks.clear()
 
 
-def _is_direct(transport: Transport, row: Topic) -> bool:
-    """Return whether the loops send and receive a topic themselves."""
-    return transport.kind == "ipc" and has_batches(row)
-
-
-def _path(transport: Transport, name: str) -> str:
-    return endpoints.endpoint(transport, name).removeprefix("ipc://")
-
-
 def _direct_sender(transport: Transport, name: str) -> DirectSender:
-    path = _path(transport, name)
+    path = endpoints.ipc_path(transport, name)
     try:
         return DirectSender(path)
     except OSError as error:

@@ -110,3 +110,16 @@ def test_a_model_that_comes_ticks_after_it_was_waited_for_still_counts() -> None
     chain.answers.ask(1, 2_000, timed=False)
     chain.come(0, 5_000)
     assert (chain.arrival.latency.total, chain.arrival.latency.max_ns) == (1, 4_000)
+
+
+def test_looks_that_find_most_models_invalid_are_counted_until_most_are_not() -> None:
+    """Physics on a host that is too far away: nothing dies, and the arm is limp."""
+    chain = Chain()
+
+    def look(valid: str) -> int:
+        for tick, good in enumerate(valid):
+            chain.answers.ask(tick, 1_000, timed=False)
+            chain.come(tick, valid=good == "v")
+        return chain.answers.invalid_looks()
+
+    assert [look(came) for came in ("", "vvx", "xxv", "xxx", "", "xx", "vv")] == [0, 0, 1, 2, 0, 1, 0]

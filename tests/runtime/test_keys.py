@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import stat
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -13,7 +13,8 @@ import pytest
 import zmq
 from pydantic import ValidationError
 
-from protocol import bodies
+import protocol
+from protocol import Frame, bodies
 from services.runtime import keys
 from services.runtime.endpoints import endpoint
 from services.runtime.errors import ConfigError
@@ -21,6 +22,7 @@ from services.runtime.health import HealthReporter
 from services.runtime.rig import Transport
 from services.runtime.zmq_bus import ZmqBus
 from tests.health_reports import report_of
+from tests.runtime.between import Between
 
 STATE = "gateway.state"
 PORT = 27_000  # below those that the system gives to whoever asks for any
@@ -134,3 +136,69 @@ def test_beyond_loopback_a_rig_file_names_keys_or_says_insecure(tmp_path: Path) 
     assert Transport(kind="tcp", host="10.0.0.2", keys=tmp_path).keys == tmp_path
     with pytest.raises(ValidationError, match="belong to this user"):
         Transport(keys=tmp_path)
+
+
+@pytest.mark.parametrize("theirs", ["other keys", "old keys", "no keys"])
+def test_who_comes_with_wrong_keys_is_counted(stack: ExitStack, tmp_path: Path, theirs: str) -> None:
+    """They fail before anybody asks who they are: keys left on one host looked like silence."""
+    old = keys.make(tmp_path / "rig").parent
+    kept = keys.load(old)
+    (old / "rig.key_secret").unlink()
+    keys.make(old)
+    assert keys.load(old) != kept
+    sender = _bus(stack, old, publishes=[STATE])
+    wrong = {"old keys": kept, "other keys": keys.load(keys.make(tmp_path / "other").parent), "no keys": None}[theirs]
+    context = zmq.Context()
+    stack.callback(context.destroy, linger=0)
+    stranger = stack.enter_context(context.socket(zmq.SUB))
+    if wrong is not None:
+        wrong.guard_reader(stranger)
+    stranger.setsockopt(zmq.SUBSCRIBE, b"")
+    stranger.connect(endpoint(Transport(kind="tcp", base_port=PORT), STATE))
+    _until(lambda: _refused(sender) > 0, sender)
+    assert not stranger.poll(10)
+    assert _hears(sender, _bus(stack, old, reads=[STATE]), PATIENCE_S)
+
+
+def test_who_publishes_without_the_secret_is_not_heard(stack: ExitStack, rig_keys: Path) -> None:
+    context = zmq.Context()
+    stack.callback(context.destroy, linger=0)
+    impostor = stack.enter_context(context.socket(zmq.PUB))
+    public, secret = zmq.curve_keypair()
+    keys.Keys(public, secret).guard_publisher(impostor)
+    impostor.bind(endpoint(Transport(kind="tcp", base_port=PORT), STATE))
+    reader = _bus(stack, rig_keys, reads=[STATE])
+    end = time.monotonic() + SILENCE_S
+    while time.monotonic() < end:
+        impostor.send(
+            protocol.encode(Frame(1, STATE, 1, 5, 0, time.monotonic_ns(), 0, True, bodies.GatewayState(tick=1)))
+        )
+        assert reader.latest(STATE) is None
+        time.sleep(0.01)
+
+
+def test_bytes_that_are_repeated_on_the_way_are_refused_and_counted(stack: ExitStack, rig_keys: Path) -> None:
+    """Of a frame sent twice by whoever sits between, the second is none; the reader connects anew and goes on."""
+    sender = _bus(stack, rig_keys, publishes=[STATE])
+    between = Between(int(endpoint(Transport(kind="tcp", base_port=PORT), STATE).rpartition(":")[2]))
+    stack.callback(between.close)
+    reader = ZmqBus(Transport(kind="tcp", base_port=PORT + between.shift, keys=rig_keys), reads=[STATE])
+    stack.callback(reader.close)
+    assert _hears(sender, reader, PATIENCE_S)
+    assert _refused(reader) == 0
+    between.repeats = True
+    _until(lambda: _refused(reader) > 0, sender)
+    between.repeats = False
+    assert _hears(sender, reader, PATIENCE_S)
+
+
+def _refused(bus: ZmqBus) -> float:
+    return report_of(HealthReporter("gateway", bus)).gauges["refused_readers"]
+
+
+def _until(condition: Callable[[], bool], sender: ZmqBus) -> None:
+    end = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < end
+        sender.publish(STATE, bodies.GatewayState(tick=1))
+        time.sleep(0.01)

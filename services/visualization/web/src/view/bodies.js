@@ -2,6 +2,7 @@
 
 import * as THREE from "three";
 import { gouraud } from "./gouraud.js";
+import { colourOfStrain, Strain } from "./strain.js";
 import { Sweep, spline } from "./sweep.js";
 import { tissue } from "./tissue.js";
 import { Wall } from "./wall.js";
@@ -31,14 +32,41 @@ export class Duct {
     this.object = tissue(geometry, { colour: "#b9594f", pale: "#d99a83", vein: "#86283a", relief: 0.08, grain: 0.7 }, look);
     this.object.frustumCulled = false;
     this.object.castShadow = this.object.receiveShadow = true;
+    this.flesh = { material: this.object.material, color: geometry.attributes.color };
+    this.strain = new Strain(layout.rest, layout.triangles);
+    this.stretched = { material: STRETCHED[look](), color: dynamic(new Float32Array(this.wall.positions.length)) };
+  }
+
+  // Coloured by how far it is stretched, or as flesh.
+  showStrain(on) {
+    const { material, color } = on ? this.stretched : this.flesh;
+    this.object.material = material;
+    if (color) this.object.geometry.setAttribute("color", color);
+    this.strained = on;
   }
 
   update(frame) {
     this.wall.update(frame.points);
     this.object.geometry.attributes.position.needsUpdate = true;
     this.object.geometry.attributes.normal.needsUpdate = true;
+    if (this.strained) this.paintStrain(frame.points);
+  }
+
+  paintStrain(points) {
+    const nodes = this.strain.update(points), { edges, count, n, rim } = this.wall, { array } = this.stretched.color;
+    const at = (i) => (i < n ? nodes[i] : 0.5 * (nodes[edges[2 * (i - n)]] + nodes[edges[2 * (i - n) + 1]]));
+    for (let i = 0; i < count; i++) colourOfStrain(at(i), array, 3 * i);
+    array.copyWithin(3 * count, 0, 3 * count);
+    rim.forEach(([a, b], r) => [a, b, a, b].forEach((i, v) => colourOfStrain(at(i), array, 6 * count + 12 * r + 3 * v)));
+    this.stretched.color.needsUpdate = true;
   }
 }
+
+const STRETCHED = {
+  wet: () => new THREE.MeshStandardMaterial({ vertexColors: true, roughness: 0.6, envMapIntensity: 0.4 }),
+  plain: () => new THREE.MeshPhongMaterial({ vertexColors: true, shininess: 20 }),
+  coarse: () => gouraud({ vertexColors: true, shine: 0.1 }),
+};
 
 const CAP = [0.97, 0.87, 0.7, 0.5, 0.5]; // rounded tip: radii of the last rings, the last one inside the lumen
 

@@ -5,6 +5,7 @@ import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { RoomEnvironment } from "three/examples/jsm/environments/RoomEnvironment.js";
 import { backdrop } from "./backdrop.js";
 import { Catheter, Duct, ForceArrow, samples, Tool } from "./bodies.js";
+import { MeetingRing } from "./cue.js";
 import { lightFrom } from "./gouraud.js";
 import { Lens } from "./lens.js";
 
@@ -49,7 +50,8 @@ export class Stage {
     this.lens = new Lens();
     this.scene.add(this.bodies, this.lens.object);
     this.layout = null;
-    this.showForces = true;
+    this.showForces = this.showRings = true;
+    this.showsStrain = false;
     this.sideSign = 1;
     this.sided = false;
     this.prepare();
@@ -101,9 +103,11 @@ export class Stage {
     this.catheter = layout.particles > 1 ? new Catheter(layout, this.look) : null;
     this.tools = layout.tools.map((shape) => new Tool(shape, this.look));
     this.arrows = layout.tools.map(() => new ForceArrow());
+    this.rings = layout.tools.map((shape) => new MeetingRing(shape));
+    this.duct.showStrain(this.showsStrain);
     this.bodies.add(backdrop(layout, bounds, this.look), this.duct.object);
     if (this.catheter) this.bodies.add(this.catheter.object);
-    for (const body of [...this.tools.map((tool) => tool.root), ...this.arrows.map((a) => a.object)]) this.bodies.add(body);
+    for (const body of [...this.tools.map((tool) => tool.root), ...[...this.arrows, ...this.rings].map((a) => a.object)]) this.bodies.add(body);
     this.frameBounds(bounds);
     if (first) {
       this.sideSign = 1;
@@ -177,6 +181,8 @@ export class Stage {
       tool.update(pose, frame.jaws[i]);
       this.arrows[i].update(pose, force, colourOfForce(Math.hypot(...force)));
       this.arrows[i].object.visible &&= this.showForces;
+      if (this.showRings) this.rings[i].update(this.duct.wall, pose);
+      else this.rings[i].object.visible = false;
     });
   }
 
@@ -248,6 +254,13 @@ export class Stage {
   // Whether the camera has moved since it was asked last.
   moved() {
     return this.controls.update();
+  }
+
+  // Colour the duct by its strain, of the frame shown last, or as flesh.
+  showStrain(on, frame) {
+    this.showsStrain = on;
+    this.duct?.showStrain(on);
+    if (frame) this.duct?.update(frame);
   }
 
   // Wait until everything is drawn: what was ordered is otherwise drawn while the page goes on.

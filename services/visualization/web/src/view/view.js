@@ -3,7 +3,9 @@
 import { jawsAt } from "../hands/motion.js";
 import { force } from "../dashboard/format.js";
 import { Governor, ladder } from "./governor.js";
+import { Film, nameOf, save } from "./keep.js";
 import { canvasFor, Stage } from "./stage.js";
+import { FULL, SCALE } from "./strain.js";
 
 const FORCE_FULL_N = 3;
 const SCALE_STEPS_MM = [1, 2, 5, 10, 20, 50, 100];
@@ -94,7 +96,34 @@ export class View {
       this.ask();
     });
     toggle($("vignette"), (on) => this.ask(() => (this.stage.lens.object.visible = on)));
-    toggle($("forces"), (on) => this.ask(() => (this.stage.showForces = on)));
+    toggle($("forces"), (on) => this.askAgain(() => (this.stage.showForces = on)));
+    toggle($("aim"), (on) => this.askAgain(() => (this.stage.showRings = on)));
+    toggle($("strain"), (on) => {
+      $("strain-scale").hidden = !on;
+      this.ask(() => this.stage.showStrain(on, this.last));
+    });
+    $("strain-scale").querySelector("i").style.background = SCALE;
+    $("strain-scale").querySelector("b").textContent = `${100 * FULL} % longer`;
+    $("keep-picture").onclick = () => this.keepPicture();
+    const film = new Film(this.canvas);
+    $("keep-film").disabled = !film.format;
+    $("keep-film").title = film.format ? "Film the view, until pressed again; the file is saved here" : "This browser cannot film";
+    toggle($("keep-film"), (on) => (on ? film.begin() : film.end()));
+  }
+
+  // The view as it is, as a file: drawn in the same turn, as a browser keeps no picture beyond it.
+  keepPicture() {
+    if (!this.stage.layout) return;
+    this.stage.draw();
+    this.canvas.toBlob((blob) => blob && save(blob, nameOf("png")), "image/png");
+  }
+
+  // As `ask`, of what the last frame shows.
+  askAgain(change) {
+    this.ask(() => {
+      change();
+      if (this.last) this.stage.update(this.last, colourOfForce);
+    });
   }
 
   // A scenario may be seen mirrored; a person may turn that over.
@@ -223,10 +252,9 @@ export class View {
 
   takeStep(at = this.governor.at) {
     this.governor.at = at;
-    this.stage.setStep(this.governor.step);
     this.stream.want(this.governor.step.hz);
     this.showStep();
-    this.ask();
+    this.askAgain(() => this.stage.setStep(this.governor.step)); // bodies made anew are where they begin
   }
 
   beginAnew() {

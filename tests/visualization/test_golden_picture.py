@@ -1,0 +1,55 @@
+"""The native picture is like its golden image, whatever driver draws it; what lacks a body is not.
+
+`python -m tests.visualization.test_golden_picture` makes the golden image anew; look at it before it is committed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from services.visualization import codec
+from services.visualization.picture import Picture, PictureLayout
+from services.visualization.render_pipe import FRAME, HELLO, RENDER, pack
+from tests.visualization.likeness import likeness, mean_likeness, picture
+from tests.visualization.test_render import a_scene, pytestmark, render
+
+__all__ = ["pytestmark"]
+GOLDEN = Path(__file__).parent / "golden" / "native.png"
+LIKE, UNLIKE = 0.95, 0.5
+
+
+def _drawn(layout: PictureLayout, *shown: Picture) -> list[bytes]:
+    hello = pack(HELLO, codec.encode_hello(layout).encode())
+    frames = [part for each in shown for part in (pack(FRAME, codec.encode(each, 0)), pack(RENDER, b"png"))]
+    return render(hello, *frames)
+
+
+def _still() -> tuple[PictureLayout, Picture]:
+    layout, shown = a_scene()
+    return layout, replace(shown, force_n=np.array([[0.1, 0.0, 0.3]], np.float32))
+
+
+def test_the_native_picture_is_like_its_golden_image_and_one_that_lacks_a_body_is_not() -> None:
+    layout, shown = _still()
+    away = np.array([0.0, 0.0, 1.0], np.float32)
+    lacking = [
+        replace(shown, centreline_m=shown.centreline_m + away),
+        replace(shown, poses=shown.poses + np.append(away, [0, 0, 0, 0]).astype(np.float32)),
+        replace(shown, points_m=shown.points_m + away),
+        replace(shown, force_n=np.zeros((1, 3), np.float32)),
+    ]
+    golden = picture(GOLDEN.read_bytes())
+    whole, *without = map(picture, _drawn(layout, shown, *lacking))
+    assert mean_likeness(whole, golden) > LIKE
+    assert [each for each in without if likeness(each, golden).min() > UNLIKE] == []
+
+
+if __name__ == "__main__":
+    from PIL import Image
+
+    GOLDEN.parent.mkdir(exist_ok=True)
+    pixels = picture(_drawn(*_still())[0])
+    Image.fromarray(pixels.round().astype(np.uint8)).save(GOLDEN, optimize=True)
