@@ -80,6 +80,10 @@ class Gateway:
         contract = self._process.rig.contracts.paths.get(name)
         return self._health.path(name, round(1e3 * (contract.p99_us if contract else default_us)))
 
+    def begin_at(self, tick: int) -> None:
+        """Let the rig's time begin with `tick`: where a replay ended, it goes on."""
+        self._time.index = tick - 1
+
     def open(self) -> None:
         """Open every device, then run every kernel once."""
         for number, instrument in enumerate(self.instruments):
@@ -232,6 +236,7 @@ def run(process: Process, hands: SceneHands) -> None:
         first = 0 if settings is None else _replay(process, settings, gateway.meter)
         if first == 0:
             process.ready(gateway.meter)
+        gateway.begin_at(first)
         for tick in ticks(gateway.meter, gateway.ended, gateway.serve):
             gateway.tick(replace(tick, index=first + tick.index))
     finally:

@@ -41,10 +41,6 @@ PRESSED_S, STRETCH_S, LIVE_TICKS = 1.2, 0.05, 1500
 RATE_N_S = 2.0
 
 
-#: `RigTime.index` begins at 0 whatever the first tick is, so the scene begins again where hands take over.
-AS_IT_IS = pytest.mark.xfail(strict=True, reason="the gateway's clock begins at 0 where hands take over")
-
-
 @dataclass(frozen=True)
 class Taken:
     """What the motors got in the ticks of own hands, (ticks, arms, 3), and all ticks of the device frames."""
@@ -185,7 +181,6 @@ def test_no_hand_gets_a_step_of_force_beyond_the_rate_limit(taken_over: Taken) -
     assert steps_n.max() <= 1e-3 * RATE_N_S * (1 + 1e-9)
 
 
-@AS_IT_IS
 @pytest.mark.parametrize("taken_over", ["stands"], indirect=True)
 def test_the_force_of_the_wall_comes_at_the_limit_to_a_hand_that_stands_there(taken_over: Taken) -> None:
     """What is asked for at once, by the first model after the hand was armed, comes in many steps."""
@@ -194,7 +189,6 @@ def test_the_force_of_the_wall_comes_at_the_limit_to_a_hand_that_stands_there(ta
     assert np.linalg.norm(taken_over.forces_n[LIVE_TICKS - 10, 0]) > 0.02
 
 
-@AS_IT_IS
 @pytest.mark.parametrize("taken_over", ["comes"], indirect=True)
 def test_the_time_of_the_recording_goes_on(taken_over: Taken) -> None:
     """Were it to begin anew, everybody else would begin the scene anew, too."""

@@ -34,9 +34,8 @@ MOST_COST = 200
 LEFT = 0.5
 # A turn that has not come to its end after so many sweeps, each after Newton steps, leaves the rest to the next.
 MOST_SWEEPS_A_TURN = 20
-# A sweep of k contacts goes through k^2 blocks of W. Nothing goes on after so many: 60 ms, where solves of hard cases
-# took up to 26.
-MOST_BLOCKS = 25_000_000
+# A sweep of k contacts goes through k^2 blocks of W. Nothing goes on after so many: about a millisecond and a half.
+MOST_BLOCKS = 600_000
 
 
 @inlined_kernel
