@@ -10,8 +10,8 @@ slides, a Newton step on Coulomb's law from there mostly ends it.
 
 Where turns do not come to an end either, bounds are halved, and what is above :math:`\mu f_n` even so bears none. Then
 some turn is the last: all pressures are as the law asks, nothing overlaps, and friction acts against the slip and is
-nowhere above its cone, but below it at some contact that slides. What is missing there is missing for one step. Only
-a solve that has gone through `MOST_BLOCKS` ends before that: forces are in their cones then, and bodies may overlap.
+nowhere above its cone, but below it at some contact that slides. What is missing there is missing for one step. In a
+solve that has gone through `MOST_BLOCKS` nothing that slides bears any in the last turn.
 """
 
 from __future__ import annotations
@@ -26,44 +26,45 @@ from services.mechanics.contact.newton import add_step, list_unknowns, newton_st
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver_steps import SolverScratch, copy_forces, go_down, sweep, update_motion
 
-# So many turns for Coulomb's law at most, and no other once they have cost as much as so many sweeps.
+# So many turns for Coulomb's law at most, and no other once they have cost half of `MOST_BLOCKS`.
 MOST_TURNS = 6
-MOST_COST = 200
 # Then bounds are this part of what coefficients allow. With all of it half as much friction is left: more contacts are
 # above their cones, lose theirs, and the load that it bore goes to others.
 LEFT = 0.5
 # A turn that has not come to its end after so many sweeps, each after Newton steps, leaves the rest to the next.
 MOST_SWEEPS_A_TURN = 20
-# A sweep of k contacts goes through k^2 blocks of W. Nothing goes on after so many: about a millisecond and a half.
+# A sweep of k contacts goes through k^2 blocks of W. After so many, 1.5 ms, the next turn is the last.
 MOST_BLOCKS = 600_000
 
 
 @inlined_kernel
-def solve_in_turns(problem: ContactProblem, W: FloatArray, tolerance_n: float, scratch: SolverScratch) -> int:
+def solve_in_turns(
+    problem: ContactProblem, W: FloatArray, tolerance_n: float, scratch: SolverScratch, spent: int
+) -> int:
     """Solve the contact problem from its present forces, in place, and return what it cost, in sweeps.
+
+    That includes those ``spent`` before.
 
     Coefficients of friction that had to be lowered stay so: with them the forces obey Coulomb's law.
     """
-    rows, cost, turn = problem.rows, 0, 0
+    rows, cost, turn = problem.rows, spent, 0
     at_most = MOST_BLOCKS // rows.n_contacts**2
     for row in range(rows.n_contacts):
         scratch.friction[row] = rows.friction[row]
-    while turn < MOST_TURNS and cost < MOST_COST:
+    while turn < MOST_TURNS and cost < at_most // 2:
         _give_bounds(rows, scratch.friction, 1.0)
-        cost += _press(problem, W, tolerance_n, scratch, at_most - cost)
+        cost += _press(problem, W, tolerance_n, scratch)
         more, is_solved = _rub(problem, W, tolerance_n, scratch)
         cost += more
         if is_solved:
             return cost
         turn += 1
-    _give_bounds(rows, scratch.friction, LEFT)
-    cost += _press(problem, W, tolerance_n, scratch, at_most - cost)
+    _give_bounds(rows, scratch.friction, LEFT if cost < at_most else 0.0)
+    cost += _press(problem, W, tolerance_n, scratch)
     while _take_bounds(rows, scratch.friction):
         if cost >= at_most:
-            _put_on_cones(rows, scratch.friction)
-            update_motion(problem, W, scratch.free)
-            break
-        cost += _press(problem, W, tolerance_n, scratch, at_most - cost)
+            rows.rubbing_n[: rows.n_contacts] = 0.0
+        cost += _press(problem, W, tolerance_n, scratch)
     _lower_coefficients(rows, scratch.friction)
     return cost
 
@@ -78,10 +79,10 @@ def _give_bounds(rows: ContactRows, friction: FloatArray, share: float) -> None:
 
 
 @kernel
-def _press(problem: ContactProblem, W: FloatArray, tolerance_n: float, scratch: SolverScratch, most: int) -> int:
-    """Find the least of the potential within the bounds, at this cost at most; return what it cost, in sweeps."""
+def _press(problem: ContactProblem, W: FloatArray, tolerance_n: float, scratch: SolverScratch) -> int:
+    """Find the least of the potential within the bounds; return what it cost, in sweeps."""
     cost, sweeps = 0, 0
-    while sweeps < MOST_SWEEPS_A_TURN and (sweeps == 0 or cost < most):
+    while sweeps < MOST_SWEEPS_A_TURN:
         cost += go_down(problem, W, scratch) + 1
         sweeps += 1
         if sweep(problem, W)[0] <= tolerance_n:
@@ -126,16 +127,6 @@ def _take_bounds(rows: ContactRows, friction: FloatArray) -> bool:
             rows.rubbing_n[row] = 0.0
             is_above = True
     return is_above
-
-
-@kernel
-def _put_on_cones(rows: ContactRows, friction: FloatArray) -> None:
-    """Take from all friction what is above its cone."""
-    for row in range(rows.n_contacts):
-        force = rows.force_n[row]
-        rubs_n, limit = math.hypot(force[1], force[2]), friction[row] * force[0]
-        if HAS_GAP[rows.law[row]] and rubs_n > limit:
-            _scale(force, limit / rubs_n)
 
 
 @kernel

@@ -69,7 +69,7 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
         if change_n <= tolerance_n or (sweeps >= iterations and change_m <= MOTION_TOLERANCE_M):
             return sweeps
         if sweeps >= max(MOST_SWEEPS, iterations):
-            return sweeps + solve_in_turns(problem, W, tolerance_n, scratch)
+            return int(solve_in_turns(problem, W, tolerance_n, scratch, sweeps))
         # Falling as before, the next change would be within the tolerance: a sweep is cheaper than a Newton step.
         ends_next = change_n * change_n <= tolerance_n * last_n
         last_n = change_n

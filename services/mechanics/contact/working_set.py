@@ -31,6 +31,8 @@ ONE_POINT = 0.02
 TOUCHING_SHARE = 0.5
 #: Lists are made for what moves so far in a step, half a metre a second; for what is faster they reach further.
 MOST_AHEAD_M, FASTEST_AHEAD_M = 0.5e-3, 2e-3
+#: A step begins with so many rows of candidates at most: what others than the nearest would do, the price finds.
+MOST_CHOSEN = 64
 #: So many steps a member lives on that presses no more.
 LIFE_STEPS = 3
 
@@ -89,6 +91,8 @@ def choose(
     sort_by_key(working, found.count)
     working.n_chosen = 0
     for k in range(found.count):
+        if working.n_chosen == MOST_CHOSEN:
+            break
         i = working.order[k]
         ahead_m = ahead[found.piece[i]]
         is_near = found.gap_m[i] <= ahead_m or _expected_m(listed, found, before, i) <= ahead_m

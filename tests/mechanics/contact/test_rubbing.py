@@ -6,9 +6,9 @@ import pytest
 from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.laws.law import ContactProblem
 from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.rubbing import MOST_BLOCKS
+from services.mechanics.contact.rubbing import MOST_BLOCKS, MOST_SWEEPS_A_TURN
 from services.mechanics.contact.solver import MOST_SWEEPS, solve_contacts
-from services.mechanics.contact.solver_steps import SolverScratch
+from services.mechanics.contact.solver_steps import MOST_ON_THE_WAY, SolverScratch
 from services.mechanics.contact.stages import mark_sliding
 from services.mechanics.contact.writer import append_row
 
@@ -52,9 +52,10 @@ class Wedged:
 
 
 WIDE, NARROW = (50, np.geomspace(1.0, 0.03, 80)), (30, np.geomspace(1.0, 0.02, 60))
+SMALL = 16, np.geomspace(1.0, 0.02, 20)
 
 
-@pytest.mark.parametrize(("seed", "shape"), [(2, WIDE), (30, WIDE), (2, NARROW)])
+@pytest.mark.parametrize(("seed", "shape"), [(2, NARROW), (27, NARROW), (17, SMALL), (19, SMALL), (56, SMALL)])
 def test_coulombs_law_is_solved_where_sweeps_and_newton_steps_run_in_circles(seed, shape):
     solved = Wedged(seed, *shape, 0.3)
     assert solved.sweeps > MOST_SWEEPS
@@ -63,7 +64,7 @@ def test_coulombs_law_is_solved_where_sweeps_and_newton_steps_run_in_circles(see
 
 
 @pytest.mark.parametrize("mu", [0.3, 1.0, 2.0])
-@pytest.mark.parametrize("shape", [WIDE, NARROW, (16, np.geomspace(1.0, 0.02, 20))])
+@pytest.mark.parametrize("shape", [WIDE, NARROW, SMALL])
 def test_what_does_not_end_with_all_friction_ends_with_less_and_nothing_overlaps(shape, mu):
     """Up to millimetres were left, of a tenth of one, when such solves were broken off after a hundred sweeps."""
     solved = [each for seed in range(10) if (each := Wedged(seed, *shape, mu)).sweeps > MOST_SWEEPS]
@@ -73,12 +74,13 @@ def test_what_does_not_end_with_all_friction_ends_with_less_and_nothing_overlaps
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_a_solve_that_goes_through_too_many_blocks_ends_with_forces_inside_their_cones(seed):
-    """Half a second went by in each of these, in one tick; now 80 ms."""
+def test_a_solve_that_goes_through_too_many_blocks_ends_without_overlap_and_forces_inside_their_cones(seed):
+    """Half a second went by in each of these, in one tick."""
     k, mu = 150, 2.0
     solved = Wedged(seed, k, np.geomspace(1.0, 0.03, 160), mu)
     force, most = solved.force, MOST_BLOCKS / k**2
-    assert most < solved.sweeps < most + MOST_SWEEPS + 3 * k  # a Newton step of all 3 k unknowns costs k sweeps
+    assert most < solved.sweeps < MOST_SWEEPS + MOST_SWEEPS_A_TURN * (MOST_ON_THE_WAY + k)
+    assert solved.motion[:, 0].min() > -TOLERANCE_M
     assert np.allclose(solved.motion.ravel(), solved.W @ force.ravel() + solved.free, atol=1e-13)
     assert force[:, 0].min() >= 0.0
     assert np.all(np.hypot(force[:, 1], force[:, 2]) <= mu * force[:, 0] * (1.0 + 1e-9))
@@ -87,7 +89,7 @@ def test_a_solve_that_goes_through_too_many_blocks_ends_with_forces_inside_their
 
 @pytest.mark.parametrize("mu", [0.3, 1.0])
 def test_less_friction_is_not_none(mu):
-    lowered = [solved for seed in range(20) if np.any((solved := Wedged(seed, *WIDE, mu)).rows.friction < mu)]
+    lowered = [solved for seed in range(40) if np.any((solved := Wedged(seed, *SMALL, mu)).rows.friction < mu)]
     kept = [np.hypot(*solved.force[:, 1:].T).sum() / (mu * solved.force[:, 0].sum()) for solved in lowered]
     assert len(lowered) > 5
     assert np.median(kept) > 0.25
