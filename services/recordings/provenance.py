@@ -27,7 +27,8 @@ def mechanics_digest() -> str:
 def machine() -> str:
     """Return the kind of this machine: processor and libraries. On another kind the last bits may differ."""
     libraries = ", ".join(f"{name} {version(name)}" for name in _LIBRARIES)
-    return f"{_processor()}, Python {platform.python_version()}, {libraries}"
+    python = ".".join(platform.python_version_tuple()[:2])
+    return f"{_processor()}, Python {python}, {libraries}"
 
 
 def _processor() -> str:

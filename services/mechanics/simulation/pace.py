@@ -38,8 +38,9 @@ moving_at = reader(Moving)
 class Pace:
     """Splits ticks that are long, and steps in which something moves further than contacts are seen ahead.
 
-    At a step of 1 ms that begins at two metres a second: catheters that snap are that fast. Longer steps are split by
-    as much sooner: within them things reach other speeds than they had when they were looked at.
+    At a step of 1 ms that begins at two metres a second of the wall, and at half a metre a second of the catheter: what
+    it meets beside the wall, tools and itself, no price sees. Longer steps are split by as much sooner: within them
+    things reach other speeds than they had when they were looked at.
     """
 
     def __init__(self, world: World) -> None:
@@ -68,7 +69,7 @@ class Pace:
             away_m = np.linalg.norm(tools.position_m - body.hand[:, :3], axis=1)[tools.present & body.present]
             moved_m = max(moved_m, min(float(away_m.max(initial=0.0)), dt_s * FASTEST_HAND_M_S))
         parts = 1
-        while parts < MOST_PARTS and moved_m > parts * most_m:
+        while parts < MOST_PARTS and (moved_m > parts * most_m or speed_m_s * dt_s > parts * seen_m):
             parts *= 2
         return parts, moved_m / parts
 
