@@ -100,7 +100,9 @@ class Clocks:
                 self.offsets[name] = ClockOffset()
 
     def turn(self) -> None:
-        """Answer who asks, ask, and take answers. Never blocks."""
+        """Answer who asks, ask, and take answers. Never blocks; on one host there is nothing to do."""
+        if self._answering is None and not self._asking:
+            return
         self._answer()
         now_ns = time.monotonic_ns()
         asks = now_ns >= self._due_ns

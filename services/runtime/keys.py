@@ -59,11 +59,10 @@ class ZapAuthenticator:
 
     def watch(self, socket: zmq.Socket[bytes]) -> None:
         """From before `socket` binds or connects, count what breaks off: strangers' keys, bytes repeated or changed."""
-        where = f"inproc://watched-{len(self._watched)}"
-        gone = (
-            zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL if socket.type == zmq.XPUB else 0
-        )  # who has no keys may see that first
-        socket.monitor(where, zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL | gone)
+        where, events = f"inproc://watched-{len(self._watched)}", zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL
+        if socket.type == zmq.XPUB:  # of a reader without keys it may see no more than that it has gone
+            events |= zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL
+        socket.monitor(where, events)
         watched = self._context.socket(zmq.PAIR)
         watched.rcvhwm = _BREACHES_KEPT  # libzmq waits where there is no room
         watched.connect(where)

@@ -139,11 +139,13 @@ class CandidateSearch:
 
     def expect(self, moved_m: float) -> None:
         """Let lists reach as far as something may move in the next step, in one of two lengths."""
-        most_m = MOST_AHEAD_M if moved_m <= MOST_AHEAD_M else FASTEST_AHEAD_M
-        if most_m > self._most_m[0]:
+        most_m, before_m = MOST_AHEAD_M if moved_m <= MOST_AHEAD_M else FASTEST_AHEAD_M, self._most_m[0]
+        if most_m == before_m:
+            return
+        self._most_m[: self._end] = most_m
+        if most_m > before_m:
             self._wall.list.is_listed[: self._end] = False
             self._is_unknown = True
-        self._most_m[: self._end] = most_m
 
     def see_ahead(self, gap_m: float) -> None:
         """Give the catheter rows from this gap on, which other laws than contact act across."""

@@ -1,6 +1,7 @@
 """The working set: which candidates become contact rows, by one rule.
 
-Candidates come by increasing gap, members of the set first. One whose place at rest and normal are near those of a
+What touches gets a row, and what will if everything moves on as in the last step. Of these candidates come by
+increasing gap, members of the set first. One whose place at rest and normal are near those of a
 chosen one of the same body stands for nothing new and is left out, unless it nearly touches: a point that touches and
 has no row would sink in, and be pushed out once it is seen. What pressed stays a member for a while, under its feature
 (piece and triangle), so that friction and forces find their contact again.
@@ -104,12 +105,8 @@ def choose(
 @kernel
 def _expected_m(listed: CandidateList, found: Candidates, before: Where, i: int) -> float:
     """Return the gap of a candidate at the end of a step in which its points move as since ``before``."""
-    place, s, w, corner = (
-        (found.piece[i], found.triangle[i]),
-        found.s[i],
-        row(found.weight, i),
-        listed.clusters.triangles,
-    )
+    place, corner = (found.piece[i], found.triangle[i]), listed.clusters.triangles
+    s, w = found.s[i], row(found.weight, i)
     now = offset((listed.ends, listed.position), corner, place, s, w)
     gap: float = found.gap_m[i] + dot(row(found.normal, i), subtract(now, offset(before, corner, place, s, w)))
     return gap
