@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -35,18 +34,3 @@ def complete_lines(path: Path) -> list[str]:
     if end < len(text):
         os.truncate(path, end)
     return text[:end].decode().splitlines()
-
-
-@contextmanager
-def read_as_ours(folder: Path) -> Iterator[None]:
-    """Make what comes of reading results that we have not written, or that something has broken, one sentence.
-
-    Raises
-    ------
-    ValueError
-        Names the folder.
-    """
-    try:
-        yield
-    except (json.JSONDecodeError, UnicodeDecodeError, LookupError, TypeError, AttributeError) as error:
-        raise ValueError(f"{folder}: order.json or results.jsonl in it is broken, or not ours ({error})") from error

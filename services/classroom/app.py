@@ -17,8 +17,7 @@ from starlette.routing import Route
 from services.classroom.roll import Place, Roll, load_roll
 from services.classroom.watch import Watch
 from services.runtime.errors import UserError
-from services.runtime.rig import WebSettings
-from services.supervisor.page_place import listen
+from services.runtime.web_host import listen
 from services.supervisor.web import KnownHost
 from services.training.store.attempts import Store
 
@@ -121,7 +120,7 @@ def serve(file: Path, host: str, port: int) -> None:
         if the file cannot be used, or the port is taken.
     """
     classroom = Classroom(file)
-    sock = listen(WebSettings(host=host, port=port))
+    sock = listen(host, port, "--port N")
     shown = sock.getsockname()
     print(f"the class: open http://{shown[0]}:{shown[1]}/#token={classroom.roll.token}", flush=True)  # noqa: T201
     config = uvicorn.Config(build_app(classroom), log_level="warning", access_log=False, lifespan="off", ws="none")

@@ -66,12 +66,8 @@ def up(
     with Nursery() as nursery:  # first: it imports on another core than all that follows
         from services.cli.up import Request, run_up
 
-        made = tuple(overrides or ())
-        if scenario is not None:
-            from services.cli.attempt import made_of
-
-            scene, made = made_of(scenario, scene, made)
-        run_up(Request(rig, scene, seconds, json_file, viewer and viewer.value, made), nursery)
+        shown = viewer and viewer.value
+        run_up(Request(rig, scene, seconds, json_file, shown, tuple(overrides or ()), scenario), nursery)
 
 
 @app.command()

@@ -89,7 +89,7 @@ def run_replay(asked: Replay, nursery: Nursery) -> None:
     ends_when = _never if asked.take_over else _is_over
     with tempfile.TemporaryDirectory() as folder:
         scene = _scene_file(Path(folder), inputs.metadata, inputs.attachments)
-        return run_up(Request(asked.rig, str(scene), None, None, asked.viewer, overrides, ends_when), nursery)
+        return run_up(Request(asked.rig, str(scene), None, None, asked.viewer, overrides, ends_when=ends_when), nursery)
 
 
 def _show(asked: Replay, nursery: Nursery) -> None:
@@ -110,7 +110,7 @@ def _show(asked: Replay, nursery: Nursery) -> None:
 
         print(pictures.HELP)
         shown = pictures.shown_by(open_player)
-        run_up(Request(asked.rig, str(scene), None, None, asked.viewer, overrides, shown), nursery)
+        run_up(Request(asked.rig, str(scene), None, None, asked.viewer, overrides, ends_when=shown), nursery)
 
 
 def _scene_file(folder: Path, metadata: Mapping[str, str], attachments: Mapping[str, bytes]) -> Path:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import secrets
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from services.cli import targets, validation
+from services.cli.attempt import made_of
 from services.cli.status_display import StatusDisplay
 from services.runtime import config
-from services.runtime.errors import DeviceError
+from services.runtime.errors import DeviceError, UserError
 from services.runtime.process import Options
 from services.supervisor import run_report, session
 from services.supervisor.nursery import Nursery
@@ -20,7 +23,7 @@ from services.visualization.web import build
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What a person asked for."""
+    """What a person asked for. What ends by itself (`ends_when`) is not switched to another scenario."""
 
     rig: str
     scene: str | None
@@ -28,49 +31,84 @@ class Request:
     json_file: Path | None
     viewer: str | None
     overrides: tuple[str, ...]
-    ends_when: Callable[[Supervisor], bool] = lambda _supervisor: False
+    scenario: str | None = None
+    ends_when: Callable[[Supervisor], bool] | None = None
+
+    def options(self) -> Options:
+        """Return the options of every process.
+
+        Raises
+        ------
+        UserError
+            one sentence that names what no rig can run with.
+        """
+        scene, overrides = self.scene, self.overrides
+        if self.scenario is not None:
+            scene, overrides = made_of(self.scenario, scene, overrides)
+        validation.validate(self.rig, scene, overrides)
+        rig = config.load_rig(self.rig, overrides)
+        scenario_of(scene or rig.scene, rig.training.scenario)
+        return Options(self.rig, scene, (*overrides, *_viewer(self.viewer)))
 
 
 class Run:
-    """Follows the supervisor: shows it, measures it, ends it when the time is over."""
+    """Follows the supervisor: shows it, measures it, ends it when the time is over or another scenario is to begin."""
 
     def __init__(self, request: Request, display: StatusDisplay) -> None:
         self._request = request
         self._display = display
         self.report: run_report.RunReport | None = None
+        self.next_scenario = ""
+        self.port = 0
 
     def turn(self, supervisor: Supervisor, now_s: float) -> bool:
-        """Take a turn; return whether the time is over."""
+        """Take a turn; return whether the session is over."""
         if self.report is None:
             self.report = run_report.RunReport(supervisor)
+            self.port = urlsplit(supervisor.page_address).port or 0
         self.report.turn(now_s)
         self._display.turn(supervisor)
-        seconds = self._request.seconds
-        is_over = seconds is not None and self.report.measured_s >= seconds
-        return is_over or self._request.ends_when(supervisor)
+        self.next_scenario = supervisor.next_scenario
+        request = self._request
+        is_over = request.seconds is not None and self.report.measured_s >= request.seconds
+        return is_over or bool(self.next_scenario) or (request.ends_when is not None and request.ends_when(supervisor))
 
 
 def run_up(request: Request, nursery: Nursery) -> None:
-    """Start the rig, stay until it ends, write the report whatever ended it."""
+    """Start the rig, stay until it ends, write the report whatever ended it.
+
+    Where the page asks for another scenario that is run next, with the page's address and token as they are. A scenario
+    that cannot be run is told, and the one before it begins again.
+    """
     targets.look_at_file("--json", request.json_file)
-    options = Options(request.rig, request.scene, (*request.overrides, *_viewer(request.viewer)))
-    validation.validate(request.rig, request.scene, request.overrides)
-    rig = config.load_rig(request.rig, request.overrides)
-    scenario_of(request.scene or rig.scene, rig.training.scenario)
+    options, token, remarks = request.options(), secrets.token_urlsafe(16), tuple(filter(None, [build.reproach()]))
+    while name := (run := _run_session(request, options, token, remarks, nursery)).next_scenario:
+        other = replace(request, scene=None, scenario=name)
+        try:
+            options, request, remarks = other.options(), other, ()
+        except UserError as error:
+            remarks = (f"scenario {name} cannot be run: {error}",)
+        options = replace(options, overrides=(*options.overrides, f"supervisor.web.port={run.port}"))
+
+
+def _run_session(request: Request, options: Options, token: str, remarks: tuple[str, ...], nursery: Nursery) -> Run:
     process = session.open_session(options)
     display = StatusDisplay()
     run = Run(request, display)
-    reproach = build.reproach()
     asked = session.SessionOptions(
-        options, on_event=display.event, on_turn=run.turn, remarks=(reproach,) if reproach else (), nursery=nursery
-    )
+        options, on_event=display.event, on_turn=run.turn, remarks=remarks, nursery=nursery,
+        switches=request.ends_when is None and process.rig.supervisor.mode == "launch", token=token,
+    )  # fmt: skip
     try:
         with display:
             session.run_session(process, asked)
+        if process.stop():  # by a person at the terminal, while the rig was ending for another scenario
+            run.next_scenario = ""
     finally:
         process.bus.close()
         if request.json_file is not None and run.report is not None:
             targets.write_text("--json", request.json_file, run_report.as_text(run.report.result()))
+    return run
 
 
 def _viewer(viewer: str | None) -> tuple[str, ...]:

@@ -47,15 +47,6 @@ class Handle:
             self.angle_rad += h * self.rate_rad_s
 
 
-class HeldHandle(Handle):
-    """A handle in a hand so firm that no motor moves it: it is where the hand wants it."""
-
-    def step(self, wanted_rad: float, torque_nm: float, dt_s: float) -> None:
-        """Go there."""
-        self.rate_rad_s = (wanted_rad - self.angle_rad) / dt_s
-        self.angle_rad = wanted_rad
-
-
 class EmulatedDrive:
     """One axis: `receive` frames of the host, `step` time, take the frames to send from both.
 

@@ -36,25 +36,7 @@ def wind_consistently(mesh: TriangleMesh, actions: list[str], most_turned: float
     return TriangleMesh(mesh.vertices_m, triangles, mesh.vertex_sets)
 
 
-def face_outwards(mesh: TriangleMesh, actions: list[str]) -> TriangleMesh:
-    """Turn closed sheets that enclose a negative volume; appends what it did to ``actions``."""
-    one, other, is_same = _joined_triangles(mesh)
-    links = coo_array((np.ones(len(one), np.int8), (one, other)), shape=(mesh.n_triangles,) * 2)
-    _, sheet = connected_components(links, directed=False)
-    volume = np.bincount(sheet, np.linalg.det(mesh.vertices_m[mesh.triangles] - mesh.vertices_m.mean(axis=0)))
-    is_closed = np.bincount(np.concatenate([one, other]), minlength=mesh.n_triangles) == 3
-    inwards = volume < 0.0
-    inwards[sheet[~is_closed]] = False
-    inwards[sheet[one[is_same]]] = False
-    turned = inwards[sheet]
-    if not turned.any():
-        return mesh
-    triangles = np.where(turned[:, None], mesh.triangles[:, ::-1], mesh.triangles)
-    actions.append(f"turned {int(inwards.sum())} closed pieces to face outwards")
-    return TriangleMesh(mesh.vertices_m, triangles, mesh.vertex_sets)
-
-
-def _joined_triangles(mesh: TriangleMesh) -> tuple[IntArray, IntArray, BoolArray]:
+def joined_triangles(mesh: TriangleMesh) -> tuple[IntArray, IntArray, BoolArray]:
     """(k,) and (k,) triangles on both sides of each edge that two share, and (k,) whether they run it the same way."""
     directed = half_edges(mesh)
     pairs = paired_half_edges(mesh)
@@ -69,7 +51,7 @@ def _minority(mesh: TriangleMesh) -> tuple[BoolArray, FloatArray]:
     falls into two pieces, one the other turned; on a one-sided sheet both hang together.
     """
     m = mesh.n_triangles
-    one, other, is_same = _joined_triangles(mesh)
+    one, other, is_same = joined_triangles(mesh)
     across = np.where(is_same, m, 0)
     rows = np.concatenate([one, one + m])
     columns = np.concatenate([other + across, other + m - across])

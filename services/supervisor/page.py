@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
-import secrets
 import socket
 from pathlib import Path
 from types import TracebackType
@@ -38,11 +37,13 @@ def missing_package() -> str:
 class Page:
     """Serves while it is open. Without a socket it only runs the observers, which keep incident files."""
 
-    def __init__(self, sock: socket.socket | None, supervisor: Supervisor, scene: str, log_directory: Path) -> None:
+    def __init__(
+        self, sock: socket.socket | None, supervisor: Supervisor, setup: PageSetup, log_directory: Path
+    ) -> None:
         self._supervisor = supervisor
         self._socket = sock
         self._spec = _OBSERVERS if sock is None else _PAGE
-        self._setup = PageSetup(supervisor.rig.model_dump_json(), scene, secrets.token_urlsafe(16))
+        self._setup = setup
         self._log_file = log_directory / f"{self._spec.name}.log"
         self._file = page_file(supervisor.rig.transport)
         self._child: Child | None = None
@@ -94,6 +95,8 @@ class Page:
         elif command.what == "replay":
             if self._supervisor.shown is not None:
                 self._supervisor.shown.obey(command.line)
+        elif command.what == "switch":
+            self._supervisor.switch(command.line, command.who)
         elif command.order is None:
             self._supervisor.safe_stop(command.who)
         else:

@@ -17,11 +17,15 @@ _WAIT_S = 10.0
 
 
 class PageSetup(msgspec.Struct, frozen=True):
-    """The first message: what the page is to be. `rig` is the rig as JSON, defaults and overrides in it."""
+    """The first message: what the page is to be. `rig` is the rig as JSON, defaults and overrides in it.
+
+    `switches` tells whether who runs the rig begins another scenario when it is asked to.
+    """
 
     rig: str
     scene: str
     token: str
+    switches: bool = False
 
 
 class RigStatus(msgspec.Struct, frozen=True):
@@ -52,10 +56,10 @@ class RigStatus(msgspec.Struct, frozen=True):
 class Command(msgspec.Struct, frozen=True):
     """What a person asked for over the page at `said_s` of the monotonic clock.
 
-    An `order` is for the attempt, a `line` for the recording that is shown.
+    An `order` is for the attempt, a `line` for the recording that is shown, or names the scenario to switch to.
     """
 
-    what: Literal["arm", "safe_stop", "attempt", "replay"]
+    what: Literal["arm", "safe_stop", "attempt", "replay", "switch"]
     who: str
     order: bodies.Order | None = None
     said_s: float = 0.0

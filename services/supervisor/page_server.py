@@ -127,6 +127,7 @@ def _run(knowledge: Knowledge, setup: PageSetup, link: Link, sock: socket.socket
         order=lambda order, who: _ask(link, Command("attempt", who, order, time.monotonic())),
         answer=knowledge.answer,
         replay=lambda line, who: _move(knowledge, link, line, who),
+        switch=(lambda name, who: _ask(link, Command("switch", who, line=name))) if setup.switches else None,
         healthy=knowledge.healthy,
         view_port=knowledge.view_port,
         token=setup.token,

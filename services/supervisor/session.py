@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import secrets
 import signal
 import socket
 import time
@@ -19,13 +20,14 @@ from services.runtime.loop import LoopMeter
 from services.runtime.private_directory import make_private
 from services.runtime.process import Options, Process, load_process_config, open_process
 from services.runtime.rig import Rig
+from services.runtime.web_host import listen
 from services.supervisor.crew import Launch
 from services.supervisor.governor import Level
 from services.supervisor.loop_progress import LoopProgress
 from services.supervisor.member import Fault, MemberState
 from services.supervisor.nursery import Nursery
 from services.supervisor.page import Page, missing_package
-from services.supervisor.page_place import listen
+from services.supervisor.page_link import PageSetup
 from services.supervisor.processes import TABLE, ProcessSpec
 from services.supervisor.runqueue_waits import OwnIoThreads
 from services.supervisor.supervisor import Event, Setup, Supervisor
@@ -64,6 +66,10 @@ class SessionOptions:
         Warnings that are events from the beginning, so that the page shows them too.
     nursery
         Where processes are born; without one, each imports for itself.
+    switches
+        Whether `on_turn` ends the session when the supervisor has a `next_scenario`, and that is run next.
+    token
+        What commands of the page must carry.
     """
 
     options: Options
@@ -72,6 +78,8 @@ class SessionOptions:
     on_turn: Callable[[Supervisor, float], bool] = field(default=lambda _supervisor, _now_s: False)
     remarks: tuple[str, ...] = ()
     nursery: Nursery | None = None
+    switches: bool = False
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(16))
 
 
 def open_session(options: Options) -> Process:
@@ -107,7 +115,10 @@ def run_session(process: Process, session: SessionOptions) -> None:
         if a process cannot start, or was given up on the way; everything started is ended before.
     """
     setup = _setup(process, session)
-    sock = listen(process.rig.supervisor.web)  # before anything is started: a taken port is told at once
+    web = process.rig.supervisor.web
+    sock = listen(
+        web.host, web.port, "--set supervisor.web.port=N"
+    )  # before anything is started: a taken port is told at once
     supervisor = Supervisor(setup, process.bus, time.monotonic(), session.on_event)
     for remark in session.remarks:
         supervisor.say("warning", remark)
@@ -115,7 +126,7 @@ def run_session(process: Process, session: SessionOptions) -> None:
     supervisor.crew.has_heard_all = threads.are_idle
     rings = _rings(process.rig)
     loop_progress = supervisor.crew.loop_progress = LoopProgress(rings)
-    with closing(threads), closing(loop_progress), _page(sock, supervisor, process.scene_name) as page:
+    with closing(threads), closing(loop_progress), _page(sock, supervisor, process, session) as page:
         meter = supervisor.meter = LoopMeter(1.0 / _TURN_S, STAGES)
         process.ready(meter, starts_others=True)
         gc.enable()  # what is alive now is frozen; in a session of days a supervisor makes some garbage
@@ -143,13 +154,14 @@ def _rings(rig: Rig) -> Path | None:
         return None
 
 
-def _page(sock: socket.socket, supervisor: Supervisor, scene: str) -> Page:
+def _page(sock: socket.socket, supervisor: Supervisor, process: Process, session: SessionOptions) -> Page:
     """Return the page; where the packages that serve it are not installed, one without a socket."""
     missing, logs = missing_package(), log_directory(supervisor.rig)
     if missing:
         sock.close()
         supervisor.say("warning", f"no web page: {missing} is not installed (pip install 'trocar[web]')")
-    return Page(None if missing else sock, supervisor, scene, logs)
+    setup = PageSetup(supervisor.rig.model_dump_json(), process.scene_name, session.token, session.switches)
+    return Page(None if missing else sock, supervisor, setup, logs)
 
 
 def _watch(process: Process, supervisor: Supervisor, page: Page, session: SessionOptions, meter: LoopMeter) -> None:

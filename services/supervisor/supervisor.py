@@ -63,7 +63,7 @@ class Supervisor:
         self.state = RigState.OFF
         self.reason = ""
         self.started_s = now_s
-        self.page_address = ""
+        self.page_address = self.next_scenario = ""
         self.token_sha256 = ""
         self.shown: ShownRecording | None = None
         self.meter: LoopMeter | None = None  # of its own turns
@@ -106,6 +106,11 @@ class Supervisor:
         """Pass on what somebody asked of the attempt at `said_s`; what is old by then is for nobody."""
         self.say("info", f"supervisor: attempt: {order.what} asked for by {who}")
         self._orders.append((order, said_s))
+
+    def switch(self, scenario: str, who: str) -> None:
+        """Let whoever runs this session end it and begin one with another scenario; `who` asked for it."""
+        self.say("info", f"supervisor: scenario {scenario} asked for by {who}")
+        self.next_scenario = scenario
 
     def step(self, now_s: float) -> None:
         """Take one turn at `now_s` of the monotonic clock."""

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-import ipaddress
+import contextlib
 import json
 import secrets
-import socket
 import time
 from collections.abc import AsyncIterator, Callable, Mapping
 from dataclasses import dataclass, field
@@ -24,9 +23,11 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 import protocol.bodies as bodies
+from services.runtime.errors import ConfigError
 from services.runtime.rig import Rig
+from services.runtime.web_host import host_of, is_this_host
 from services.supervisor.page_place import DIST
-from services.training.scenario import scenario_names
+from services.training.scenario import scenario_names, scenario_of
 
 EVENT_PERIOD_S = 0.2
 #: So long an order's answer is waited for: it is not carried out after that.
@@ -47,7 +48,8 @@ class PageContext:
     """What the page's thread may see and ask. `latest` is replaced whole by the supervisor's loop, five times a second.
 
     `registries` are the metrics by level; `healthy` tells whether the rig does what it is for, and in which words;
-    `view_port` where the picture is served; `replay` whether there is a recording that does what is asked of it.
+    `view_port` where the picture is served; `replay` whether there is a recording that does what is asked of it;
+    `switch` begins another scenario, None where nobody can.
     """
 
     rig: Rig
@@ -60,6 +62,7 @@ class PageContext:
     healthy: Callable[[], tuple[bool, str]]
     view_port: Callable[[], int]
     replay: Callable[[str, str], bool] = lambda _line, _who: False
+    switch: Callable[[str, str], None] | None = None
     dist: Path = DIST
     token: str = field(default_factory=lambda: secrets.token_urlsafe(16))
     latest: bytes = b"{}"
@@ -67,40 +70,23 @@ class PageContext:
 
 
 class KnownHost:
-    """Refuse requests whose Host is not this machine: another site's name that was made to point here (rebinding).
-
-    Loopback names, this host's name and plain addresses are known; an address cannot be rebound.
-    """
+    """Refuse requests whose Host is not this machine: another site's name that was made to point here (rebinding)."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
-        self._names = {"localhost", socket.gethostname().lower()}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass the request on or answer 421."""
-        if scope["type"] == "http" and not self._is_known(host_of(scope)):
+        if scope["type"] == "http" and not is_this_host(_host(scope)):
             refusal = PlainTextResponse("this name is not known here: use localhost or an address", 421)
             await refusal(scope, receive, send)
             return
         await self._app(scope, receive, send)
 
-    def _is_known(self, host: str) -> bool:
-        if host in self._names or host.endswith(".localhost"):
-            return True
-        try:
-            ipaddress.ip_address(host)
-        except ValueError:
-            return False
-        return True
 
-
-def host_of(scope: Scope) -> str:
-    """Return the host name of a request, without port and brackets."""
+def _host(scope: Scope) -> str:
     header = next((value for name, value in scope["headers"] if name == b"host"), b"")
-    text = header.decode("latin-1").lower()
-    if text.startswith("["):
-        return text[1:].partition("]")[0]
-    return text.partition(":")[0]
+    return host_of(header.decode("latin-1"))
 
 
 class _BuiltFiles(StaticFiles):
@@ -128,6 +114,7 @@ def build_app(context: PageContext) -> Starlette:
         Route("/api/safe_stop", page.safe_stop, methods=["POST"]),
         Route("/api/attempt", page.attempt, methods=["POST"]),
         Route("/api/replay", page.replay, methods=["POST"]),
+        Route("/api/scenario", page.scenario, methods=["POST"]),
         Route("/metrics", page.metrics),
         Route("/healthz", page.healthz),
         # Whether the page is built is looked at when it is asked for: it may be built while the rig runs.
@@ -160,6 +147,10 @@ async def _short(request: Request) -> bytes:
 class _Endpoints:
     def __init__(self, context: PageContext) -> None:
         self._context = context
+        self._scenario: str | None = None
+        with contextlib.suppress(ConfigError):  # the training process says what is wrong with it
+            made_of = scenario_of(context.scene, context.rig.training.scenario)
+            self._scenario = made_of.name if made_of else None
 
     async def index(self, request: Request) -> Response:
         """Return the page with the rig in it: what it would ask for first, and wait for before it draws."""
@@ -188,7 +179,7 @@ class _Endpoints:
 
     def _told(self, request: Request) -> dict[str, object]:
         """Return who the rig is, for whoever sees it under the name that was asked for."""
-        rig, host = self._context.rig, host_of(request.scope)
+        rig, host = self._context.rig, _host(request.scope)
         host = f"[{host}]" if ":" in host else host
         return {
             "name": rig.name,
@@ -198,7 +189,8 @@ class _Endpoints:
             "hands": rig.page_hands(),
             "token_needed": True,
             "scenarios": scenario_names(),
-            "scenario": rig.training.scenario,
+            "scenario": self._scenario,
+            "switches": self._context.switch is not None,
             "contracts": rig.contracts.model_dump(mode="json"),
         }
 
@@ -240,6 +232,18 @@ class _Endpoints:
         if not self._context.replay(line, _who(request)):
             return JSONResponse({"error": "no recording is shown here: `trocar replay FILE --pictures` shows one"}, 409)
         return JSONResponse({"ok": True})
+
+    async def scenario(self, request: Request) -> Response:
+        """End what runs and begin the scenario that the body names, at this address."""
+        if (refusal := self._refusal(request)) is not None:
+            return refusal
+        if (switch := self._context.switch) is None:
+            return JSONResponse({"error": "this rig cannot be switched: it was not started by `trocar up`"}, 409)
+        name = (await _short(request)).decode("utf-8", "replace")
+        if name not in (known := scenario_names()):
+            return JSONResponse({"error": f"there is no scenario {name[:64]!r}; known: {', '.join(known)}"}, 400)
+        switch(name, _who(request))
+        return JSONResponse({"ok": True, "text": f"{name} begins: a few seconds."})
 
     def _command(self, request: Request, act: Callable[[str], None]) -> Response:
         if (refusal := self._refusal(request)) is not None:

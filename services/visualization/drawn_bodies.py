@@ -92,6 +92,10 @@ class DrawnDuct:
         self._wall.update(points_m, self._surface.points, self._surface.normals)
         self._surface.changed()
 
+    def outer_face_m(self) -> Float32Array:
+        """Return the corners (m, 3, 3) of the triangles of the outer face."""
+        return self._surface.points[self._wall.outer]
+
 
 class DrawnCatheter:
     """The catheter, with a ring every centimetre from its tip, as surgeons count the depth."""

@@ -17,7 +17,8 @@ from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 from vtkmodules.vtkCommonTransforms import vtkTransform
 
 from services.visualization import cameras
-from services.visualization.drawn_bodies import DrawnCatheter, DrawnDuct, ForceArrow, Tool, add_piece
+from services.visualization.drawn_bodies import DrawnCatheter, DrawnDuct, ForceArrow, Tool, add_piece, pose_matrix
+from services.visualization.meeting_ring import MeetingRing
 from services.visualization.picture import Picture, PictureLayout
 from services.visualization.scenery import scenery
 
@@ -51,7 +52,7 @@ class Renderer:
         self.plotter = pv.Plotter(off_screen=off_screen, window_size=list(size), lighting="none", title="Trocar")
         self.plotter.set_background(_NIGHT)
         self.plotter.add_light(pv.Light(light_type="headlight", color="#fff4e6"))
-        self.show_forces = True
+        self.show_forces = self.show_aim = True
         self._mirrored = False
         self.effects = effects or Effects()
         self.plotter.render_window.SetMultiSamples(self.effects.samples)
@@ -70,9 +71,12 @@ class Renderer:
         self._duct.update(picture.points_m)
         if self._catheter is not None:
             self._catheter.update(picture.centreline_m)
-        for i, (tool, arrow) in enumerate(zip(self._tools, self._arrows, strict=True)):
-            tool.place(picture.poses[i], float(picture.jaw_rad[i]))
-            arrow.place(picture.poses[i, :3], picture.force_n[i], shown=self.show_forces)
+        face_m = self._duct.outer_face_m()
+        for i, (tool, arrow, ring) in enumerate(zip(self._tools, self._arrows, self._rings, strict=True)):
+            pose = picture.poses[i]
+            tool.place(pose, float(picture.jaw_rad[i]))
+            arrow.place(pose[:3], picture.force_n[i], shown=self.show_forces)
+            ring.place(face_m, pose, pose_matrix(pose)[:3, 0], shown=self.show_aim)
 
     def take(self, effects: Effects) -> None:
         """Draw with other effects from now on."""
@@ -136,3 +140,4 @@ class Renderer:
         self._catheter = DrawnCatheter(plotter, layout, per_pixel=effects.per_pixel) if layout.n_particles > 1 else None
         self._tools = [Tool(plotter, shape) for shape in layout.tools]
         self._arrows = [ForceArrow(plotter) for _ in layout.tools]
+        self._rings = [MeetingRing(plotter, shape) for shape in layout.tools]

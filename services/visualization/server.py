@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import ipaddress
-import socket
 import struct
 import time
 from collections.abc import AsyncIterator
@@ -20,9 +18,9 @@ from starlette.responses import PlainTextResponse, Response, StreamingResponse
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from services.runtime.errors import UserError
 from services.runtime.loop import sleep_until
 from services.runtime.rig import ViewSettings
+from services.runtime.web_host import host_of, is_this_host, listen
 from services.visualization.camera_feed import CameraFeed
 from services.visualization.feed import Feed, Feeds
 from services.visualization.page_hands import PageHands
@@ -55,7 +53,7 @@ class ViewServer:
         self._feeds = feeds
         self._hands = hands
         self._camera = camera
-        self._socket = _bind(settings.host, settings.port)
+        self._socket = listen(settings.host, settings.port, "--set visualization.port=N")
         self.port: int = self._socket.getsockname()[1]
         config = uvicorn.Config(
             Starlette(
@@ -190,32 +188,9 @@ def may_look(origin: str | None, host: str | None) -> bool:
     """Return whether a page from `origin` may look at the view that it reached as `host`.
 
     Pages of this host, at any port, and programs without origin may. Otherwise any web page that a person at the rig
-    visits could open the view's socket and watch; a name that is neither this host's nor an address could be that
-    page's own, made to point here (rebinding).
+    visits could open the view's socket and watch.
     """
     if origin is None:
         return True
-    here = urlsplit(f"//{host or ''}").hostname
-    return here is not None and urlsplit(origin).hostname == here and _is_ours(here)
-
-
-def _is_ours(name: str) -> bool:
-    if name in ("localhost", socket.gethostname().lower()) or name.endswith(".localhost"):
-        return True
-    try:
-        ipaddress.ip_address(name)
-    except ValueError:
-        return False
-    return True
-
-
-def _bind(host: str, port: int) -> socket.socket:
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    listener = socket.socket(family, socket.SOCK_STREAM)
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        listener.bind((host, port))
-    except OSError as error:
-        listener.close()
-        raise UserError(f"visualization.port: cannot listen on {host}:{port}: {error.strerror}") from None
-    return listener
+    here = host_of(host)
+    return bool(here) and urlsplit(origin).hostname == here and is_this_host(here)

@@ -53,6 +53,8 @@ class ThickWall:
     ----------
     triangles : (u, 3) int32
         Of the drawn surface, whose vertices `update` writes.
+    outer : (v, 3) int32
+        Of its outer face.
     n_points : int
         How many vertices that surface has.
     """
@@ -68,6 +70,7 @@ class ThickWall:
         self._middle, self._normals = np.zeros((2, count, 3), np.float32)
         self._coarse_normals = np.zeros((len(rest_m), 3), np.float32)
         self.n_points = 2 * count + 4 * len(self._rim)
+        self.outer = self._fine
         corner = 2 * count + 4 * np.arange(len(self._rim))[:, None]
         sides = np.concatenate([corner + np.array(three) for three in ((0, 2, 1), (1, 2, 3))])
         self.triangles = np.concatenate([self._fine, self._fine[:, [0, 2, 1]] + count, sides]).astype(np.int32)

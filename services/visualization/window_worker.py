@@ -119,6 +119,8 @@ class Window:
             self._renderer.mirror()
         elif key == "f":
             self._renderer.show_forces = not self._renderer.show_forces
+        elif key == "a":
+            self._renderer.show_aim = not self._renderer.show_aim
         elif key == "l":
             self._overlay.shows_lens = not self._overlay.shows_lens
         elif key == "h":

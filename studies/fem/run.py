@@ -38,13 +38,14 @@ from services.meshes.errors import MeshError
 from services.meshes.loading import SurfaceSettings, load_duct_surface
 from services.meshes.reading import read_surface
 from services.meshes.repairing import merge_and_drop
-from services.meshes.winding import face_outwards, flipped_edges, wind_consistently
+from services.meshes.winding import flipped_edges, wind_consistently
 from studies.fem.arc_length import MOST_POINTS, trace_arc_length
 from studies.fem.buckling import BucklingModes, compute_buckling
 from studies.fem.case import FemCase, Held, Load
 from studies.fem.cautions import find_cautions
 from studies.fem.floating import Floating, compute_floating_modes, find_floating
 from studies.fem.loads import surface_load
+from studies.fem.outward import face_outwards
 from studies.fem.select import place_mm, select
 from studies.published.panel import Annulus, Cylinder, Plate, Sphere
 

@@ -13,8 +13,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import perf_counter
 
-from services.atomic_file import atomic_file, complete_lines, read_as_ours
+from services.atomic_file import atomic_file, complete_lines
 from studies.pool import open_pool
+from studies.result_folder import read_as_ours
 from studies.stability.criteria import Figures, failures
 from studies.stability.families import FAMILIES
 from studies.stability.family import Case, Draw, Reach

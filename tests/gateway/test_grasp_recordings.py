@@ -15,7 +15,7 @@ from protocol import Frame, decode, encode, topic
 from protocol.bodies import ContactModel, GatewayState, InstrumentState, LocalModel, ToolReaction
 from services.gateway import driver, instrument
 from services.gateway.driver import Place
-from services.gateway.emulated_drive import ENCODER_COUNTS, HeldHandle
+from services.gateway.emulated_drive import ENCODER_COUNTS, Handle
 from services.gateway.instrument import Instrument
 from services.gateway.recording import read_table
 from services.gateway.servo import Servo, ServoLimits
@@ -46,6 +46,15 @@ class Course:
     true_rad: np.ndarray
     said_rad: np.ndarray
     torque_nm: np.ndarray
+
+
+class HeldHandle(Handle):
+    """A handle in a hand so firm that no motor moves it: it is where the hand wants it."""
+
+    def step(self, wanted_rad: float, torque_nm: float, dt_s: float) -> None:
+        """Go there."""
+        self.rate_rad_s = (wanted_rad - self.angle_rad) / dt_s
+        self.angle_rad = wanted_rad
 
 
 def recording(name: str) -> np.ndarray:

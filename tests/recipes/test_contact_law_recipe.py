@@ -56,10 +56,10 @@ def test_one_module_and_one_row_make_a_law(followed: TreeCopy) -> None:
 @pytest.mark.parametrize(
     ("file", "left_out", "sentence"),
     [
-        ("sticky.py", "    penalty=penalty,\n", "missing 1 required keyword-only argument: 'penalty'"),
+        ("sticky.py", "HAS_GAP = True\n", "contact law 'sticky' has no 'HAS_GAP'"),
         (
             "__init__.py",
-            '    "sticky": sticky.LAW,\n',
+            '    "sticky": sticky,\n',
             "contact law 'sticky' is not in the table; known: unilateral, hold, film, seal",
         ),
     ],

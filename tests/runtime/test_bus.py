@@ -24,6 +24,7 @@ from services.runtime.frame_batches import SENDS_PER_S, batch_endpoint
 from services.runtime.rig import Transport
 from services.runtime.zmq_bus import ZmqBus
 from tests.memory_bus import MemoryBus, MemoryHub
+from tests.runtime.ports import base_port
 
 STATE = "gateway.state"
 STALE_S = 60.0
@@ -35,7 +36,7 @@ Eventually = Callable[[Callable[[], bool]], None]
 def make(request: pytest.FixtureRequest, transport: Transport) -> Iterator[Make]:
     """Return a maker of buses that meet: ``make(publishes=..., reads=..., reads_every=...)``."""
     hub = MemoryHub()
-    tcp = Transport(kind="tcp", base_port=25_000)
+    tcp = Transport(kind="tcp", base_port=base_port(22_400))
     with ExitStack() as stack:
 
         def maker(**topics: Iterable[str]) -> Any:
@@ -375,7 +376,7 @@ def test_who_closes_leaves_no_socket_behind_and_takes_nobody_elses(transport: Tr
 
 
 def test_a_taken_port_is_one_sentence() -> None:
-    transport = Transport(kind="tcp", base_port=22_000)
+    transport = Transport(kind="tcp", base_port=base_port(22_000))
     context = zmq.Context()
     blocker = context.socket(zmq.PUB)
     blocker.bind(endpoint(transport, STATE))
@@ -454,7 +455,7 @@ def test_a_sample_that_does_not_come_is_left_out(transport: Transport) -> None:
 def test_a_frame_that_somebody_waits_for_lets_the_thread_of_the_bus_run(monkeypatch: pytest.MonkeyPatch) -> None:
     """That thread has the priority of the process: it runs when the process sleeps, or here."""
     yielded: list[int] = []
-    transport = Transport(kind="tcp", base_port=23_000)
+    transport = Transport(kind="tcp", base_port=base_port(23_000))
     sender = ZmqBus(transport, publishes=[STATE])
     monkeypatch.setattr("os.sched_yield", lambda: yielded.append(sender._out[STATE].sent))
     try:

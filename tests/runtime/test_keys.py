@@ -23,9 +23,10 @@ from services.runtime.rig import Transport
 from services.runtime.zmq_bus import ZmqBus
 from tests.health_reports import report_of
 from tests.runtime.between import Between
+from tests.runtime.ports import base_port
 
 STATE = "gateway.state"
-PORT = 27_000  # below those that the system gives to whoever asks for any
+PORT = base_port(23_800)
 PATIENCE_S = 60.0
 SILENCE_S = 0.5
 

@@ -15,9 +15,10 @@ from services.runtime.endpoints import endpoint
 from services.runtime.rig import Transport
 from services.runtime.zmq_bus import ZmqBus
 from tests.runtime.between import Between
+from tests.runtime.ports import base_port
 
 STATE, MODEL = "gateway.state", "haptics.contact_model"
-PORT = 29_000
+PORT = base_port(24_000)
 NOWHERE = "192.0.2.7"  # of RFC 5737: nobody has it
 Eventually = Callable[[Callable[[], bool]], None]
 

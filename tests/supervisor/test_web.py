@@ -311,3 +311,17 @@ def test_a_recording_that_is_shown_is_moved_without_a_token_and_from_this_page_o
     assert client.post("/api/replay", {}, b"@4").status_code == 403
     client.post("/api/replay", own, b"@" + b"5" * 5000)
     assert lines == ["@3", "@" + 31 * "5"]
+
+
+def test_a_rig_that_nobody_begins_anew_is_not_switched(context: PageContext, asked: Asked) -> None:
+    """One of compose, or a replay: its processes are not this supervisor's to end."""
+    token, client = {"X-Trocar-Token": context.token}, Client(build_app(context))
+    assert client.get("/api/rig").json()["switches"] is False
+    assert "trocar up" in client.post("/api/scenario", token, b"narrow").json()["error"]
+    said: list[tuple[str, str]] = []
+    context.switch = lambda name, who: said.append((name, who))
+    assert client.post("/api/scenario", token, b"narrow" * 1000).status_code == 400
+    assert client.post("/api/scenario", {}, b"narrow").status_code == 403
+    assert not said
+    assert client.post("/api/scenario", token, b"narrow").status_code == 200
+    assert [name for name, _ in said] == ["narrow"]

@@ -181,7 +181,7 @@ def test_the_server_says_that_it_lives(show):
 def test_a_port_that_is_taken_is_one_sentence():
     with socket.create_server(("127.0.0.1", 0)) as taken:
         settings = ViewSettings(port=taken.getsockname()[1])
-        with pytest.raises(UserError, match=r"visualization\.port: cannot listen on 127\.0\.0\.1:\d+: Address already"):
+        with pytest.raises(UserError, match=r"cannot listen on 127.*: address already .* visualization\.port=N"):
             WebOutput(settings, LatencyPath(LatencyHistogram(1)), LOG, nobodys_hands())
 
 

@@ -25,10 +25,9 @@ from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.working_set import (
     ONE_POINT,
-    SAME_NORMAL,
     WorkingSet,
     age,
-    is_same_body,
+    has_chosen_near,
     place_at_rest,
     renew,
     set_at,
@@ -68,8 +67,9 @@ def write_violations(
     working.n_chosen = 0
     for place in range(n):
         i = working.order[place]
+        near = ONE_VIOLATION * listed.thickness[found.piece[i]]
         if working.n_chosen < MOST_NEW_ROWS and not (
-            _is_beside(listed, found, working, i) or _has_row(listed, found, working, state.rows, i)
+            has_chosen_near(found, working, i, near) or _has_row(listed, found, working, state.rows, i)
         ):
             working.chosen[working.n_chosen] = i
             working.n_chosen += 1
@@ -154,19 +154,6 @@ def room_in_jaws(tools: ToolGeometry, p: int, s: float, normal: Vector) -> float
     share = cell - first
     thinned = (1.0 - share) * tools.thinned[tool, first] + share * tools.thinned[tool, first + 1]
     return float(max(room, facing * (thinned - 0.5 * tools.radius[tool, jaw] * (1.0 - facing))))
-
-
-@kernel
-def _is_beside(listed: CandidateList, found: Candidates, working: WorkingSet, i: int) -> bool:
-    """Return whether a deeper violation stands for this one."""
-    p, normal, place = found.piece[i], row(found.normal, i), row(working.at_rest, i)
-    near = ONE_VIOLATION * listed.thickness[p]
-    for k in range(working.n_chosen):
-        other = working.chosen[k]
-        is_alike = is_same_body(working, p, found.piece[other]) and dot(normal, row(found.normal, other)) >= SAME_NORMAL
-        if is_alike and squared_distance(place, row(working.at_rest, other)) < near * near:
-            return True
-    return False
 
 
 @kernel

@@ -129,12 +129,19 @@ def place_at_rest(rest: FloatArray, corner: IntArray, t: int, w: Vector) -> Vect
 @kernel
 def _is_known(found: Candidates, working: WorkingSet, i: int) -> bool:
     """Return whether a chosen candidate stands for this one."""
-    p, normal, place = found.piece[i], row(found.normal, i), row(working.at_rest, i)
+    p = found.piece[i]
     near = working.apart_m[p]
     if working.life[p, found.triangle[i]] > 0:
         near = 2.0 * ONE_POINT * near
     elif found.gap_m[i] <= TOUCHING_M:
         near *= TOUCHING_SHARE
+    return has_chosen_near(found, working, i, near)
+
+
+@kernel
+def has_chosen_near(found: Candidates, working: WorkingSet, i: int, near: float) -> bool:
+    """Return whether one that is chosen is of this one's body and normal, and nearer than ``near`` at rest."""
+    p, normal, place = found.piece[i], row(found.normal, i), row(working.at_rest, i)
     for k in range(working.n_chosen):
         other = working.chosen[k]
         is_alike = is_same_body(working, p, found.piece[other]) and dot(normal, row(found.normal, other)) >= SAME_NORMAL

@@ -20,8 +20,6 @@ class Pricing:
         Prices since the start that found any.
     new_rows : int
         Rows that came of them.
-    retreats : int
-        Steps that were taken in two, because prices came to no end in one.
     """
 
     def __init__(self, world: World) -> None:
@@ -37,7 +35,7 @@ class Pricing:
         self._pairs = ContactPairs.allocate(world.scene.contact.capacity)
         self._tolerance_m = min(TOUCHING_M, TOLERANCE_OF_WALL * world.scene.duct.thickness_m)
         self._is_off = not world.system.strategy.knows_stiffness or catheter.plain_integrator is None
-        self.violations = self.new_rows = self.retreats = 0
+        self.violations = self.new_rows = 0
         state = [*duct.state_arrays(), *catheter.state_arrays(), *tools.step_arrays()]
         state += [array for effect in world.effects for array in effect.state_arrays()]
         kept_state = [array.copy() for array in state]
@@ -53,7 +51,6 @@ class Pricing:
         """Put the bodies back to where the step began, with the loads of the last one."""
         self.take_back()
         copy_arrays(self._put_state)
-        self.retreats += 1
 
     def note(self) -> None:
         """Note the bodies before forces are given to them, if anything is near."""

@@ -1,23 +1,27 @@
 """The table of contact laws: the one place that names them all, and the one in which a kernel asks which law a row has.
 
-A new law is one module in this folder and one row here. Its number is its place in the table.
+A new law is one module in this folder, as `law` asks for it, and one row here. Its number is its place in the table.
 """
 
 from __future__ import annotations
 
+from types import ModuleType
+from typing import Any
+
 import numpy as np
 
+from services.mechanics.compiled import kernel
 from services.mechanics.compiled.choice import one_of
 from services.mechanics.contact.laws import film, grip, hold, seal, squeeze, unilateral
-from services.mechanics.contact.laws.law import ContactLaw, Kernel
+from services.mechanics.contact.rows import ContactRows
 
-LAWS: dict[str, ContactLaw] = {
-    "unilateral": unilateral.LAW,
-    "hold": hold.LAW,
-    "film": film.LAW,
-    "seal": seal.LAW,
-    "squeeze": squeeze.LAW,
-    "grip": grip.LAW,
+LAWS: dict[str, ModuleType] = {
+    "unilateral": unilateral,
+    "hold": hold,
+    "film": film,
+    "seal": seal,
+    "squeeze": squeeze,
+    "grip": grip,
 }
 
 
@@ -34,23 +38,28 @@ def number_of(law: str) -> int:
     return list(LAWS).index(law)
 
 
-def _by_law(operation: str) -> Kernel:
-    """Make a kernel (law, ...) that does this operation as the law with that number does."""
-    return one_of([getattr(law, operation) for law in LAWS.values()])
+@kernel
+def _all_of_it(rows: ContactRows, row: int, change: tuple[float, float, float]) -> float:
+    """Any change of the force is admitted whole."""
+    return 1.0
 
 
-def _flags(name: str) -> np.ndarray:
-    return np.array([getattr(law, name) for law in LAWS.values()])
+def _of_all(what: str, default: Any = None) -> list[Any]:
+    """Return a constant or kernel of every law, in the order of their numbers."""
+    said = [getattr(law, what, default) for law in LAWS.values()]
+    if None in said:
+        raise ValueError(f"contact law '{list(LAWS)[said.index(None)]}' has no '{what}'")
+    return said
 
 
-open_row = _by_law("open_row")
-relax = _by_law("relax")
-add_unknowns = _by_law("add_unknowns")
-project = _by_law("project")
-room = _by_law("room")
-slides = _by_law("slides")
-closed_axes = _by_law("closed_axes")
-penalty = _by_law("penalty")
-HAS_GAP = _flags("has_gap")
-FIXES_DISTANCE = _flags("fixes_distance")
-ELASTIC_AXES = _flags("elastic_axes")
+open_row = one_of(_of_all("open_row"))
+relax = one_of(_of_all("relax"))
+add_unknowns = one_of(_of_all("add_unknowns"))
+project = one_of(_of_all("project"))
+room = one_of(_of_all("room", _all_of_it))
+slides = one_of(_of_all("slides"))
+closed_axes = one_of(_of_all("closed_axes"))
+penalty = one_of(_of_all("penalty"))
+HAS_GAP = np.array(_of_all("HAS_GAP"))
+FIXES_DISTANCE = np.array(_of_all("FIXES_DISTANCE", False))
+ELASTIC_AXES = np.array(_of_all("ELASTIC_AXES", 0))

@@ -10,9 +10,10 @@ import math
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.contact.laws.ball import relax_in_ball
-from services.mechanics.contact.laws.law import ContactLaw, ContactProblem, PenaltyGains, Unknowns, add_axes
+from services.mechanics.contact.laws.law import ContactProblem, PenaltyGains, Unknowns, add_axes
 from services.mechanics.contact.rows import ContactRows
 
+HAS_GAP = False
 # So soft along the normal, and where it does not reach, that a film carries no load: 1 N for a million kilometres.
 NO_LOAD_M_N = 1e9
 # Films that a particle between two walls shares its drag out to.
@@ -63,17 +64,3 @@ def penalty(rows: ContactRows, row: int, motion: tuple[float, float, float], gai
     force, softness = rows.force_n[row], rows.softness_m_n[row]
     least = N_FILMS * gains.dt_s**2 / gains.lightest_kg
     force[0], force[1], force[2] = 0.0, -motion[1] / max(softness[1], least), -motion[2] / max(softness[2], least)
-
-
-LAW = ContactLaw(
-    what="a film that drags in proportion to the rate of slip",
-    open_row=open_row,
-    relax=relax,
-    add_unknowns=add_unknowns,
-    project=project,
-    slides=slides,
-    closed_axes=closed_axes,
-    penalty=penalty,
-    has_gap=False,
-    fixes_distance=False,
-)

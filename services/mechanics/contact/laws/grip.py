@@ -14,7 +14,6 @@ from services.mechanics.contact.laws import hold
 from services.mechanics.contact.laws.ball import bounded_2, way_to_edge
 from services.mechanics.contact.laws.law import (
     ON_THE_LIMIT,
-    ContactLaw,
     ContactProblem,
     PenaltyGains,
     Unknowns,
@@ -23,6 +22,10 @@ from services.mechanics.contact.laws.law import (
     carry_change,
 )
 from services.mechanics.contact.rows import ContactRows
+
+HAS_GAP = False
+FIXES_DISTANCE = True
+open_row = hold.open_row
 
 
 @kernel
@@ -112,18 +115,3 @@ def penalty(rows: ContactRows, row: int, motion: tuple[float, float, float], gai
     scale = -gains.stiffness_n_m * (min(1.0, limit / size) if size > 0.0 else 0.0)
     force[0] = -gains.stiffness_n_m * motion[0] if limit > 0.0 else 0.0
     force[1], force[2] = scale * motion[1], scale * motion[2]
-
-
-LAW = ContactLaw(
-    what="a rod between jaws, which it cannot pass, held along them up to a largest force",
-    open_row=hold.open_row,
-    relax=relax,
-    add_unknowns=add_unknowns,
-    project=project,
-    room=room,
-    slides=slides,
-    closed_axes=closed_axes,
-    penalty=penalty,
-    has_gap=False,
-    fixes_distance=True,
-)

@@ -10,7 +10,6 @@ from services.mechanics.contact.frames import tangents
 from services.mechanics.contact.laws.ball import relax_in_ball, way_to_edge
 from services.mechanics.contact.laws.law import (
     ON_THE_LIMIT,
-    ContactLaw,
     ContactProblem,
     PenaltyGains,
     Unknowns,
@@ -19,6 +18,8 @@ from services.mechanics.contact.laws.law import (
 )
 from services.mechanics.contact.rows import ContactRows
 
+HAS_GAP = False
+FIXES_DISTANCE = True
 # Pads of the jaws and the catheter's wall give way; held points do not fight over rounding.
 GRIP_SOFTNESS_M_N = 1e-4
 
@@ -97,18 +98,3 @@ def penalty(rows: ContactRows, row: int, motion: tuple[float, float, float], gai
     size = gains.stiffness_n_m * math.sqrt(motion[0] ** 2 + motion[1] ** 2 + motion[2] ** 2)
     scale = -gains.stiffness_n_m * (min(1.0, rows.force_limit_n[row] / size) if size > 0.0 else 0.0)
     force[0], force[1], force[2] = scale * motion[0], scale * motion[1], scale * motion[2]
-
-
-LAW = ContactLaw(
-    what="two points that move together up to a largest force",
-    open_row=open_row,
-    relax=relax,
-    add_unknowns=add_unknowns,
-    project=project,
-    room=room,
-    slides=slides,
-    closed_axes=closed_axes,
-    penalty=penalty,
-    has_gap=False,
-    fixes_distance=True,
-)

@@ -1,10 +1,37 @@
-"""What a contact law is: the kernels by which every solve meets it, and what it means to others."""
+"""What a contact law is: a module of kernels by which every solve meets it, and of constants.
+
+It relates the force on the first body at two touching points to their gap and slip.
+
+open_row : kernel (rows, row)
+    Write what is particular to the law into a fresh row: softness, limits.
+relax : kernel (problem, W, block)
+    Solve the law exactly for one contact with the others fixed; `carry_change` keeps the motion with the force.
+add_unknowns : kernel (problem, block, unknowns, n) -> int
+    List what a Newton step may change of this contact, and return the new number of unknowns.
+project : kernel (problem, block)
+    Put the force back into the set that the law admits.
+slides : kernel (rows, row) -> bool
+    Whether the solved force is on its limit, so that the contact slides.
+closed_axes : kernel (rows, row, slides) -> int
+    How many of the three axes stay closed when a body is moved a little: 0, 1 (normal) or 3.
+penalty : kernel (rows, row, motion, gains)
+    Write the explicit counterpart of the law into ``rows.force_n``; ``motion`` are the normal and both tangential
+    components of the slip.
+room : kernel (rows, row, change) -> float, optional
+    What part of a change of the force, along the row's axes and 1 at most, goes before the contact opens or slips; all
+    of it, unless the law says so.
+HAS_GAP : bool
+    Whether ``gap_m`` is a distance between two surfaces, so that a negative one is a penetration and a pressed point is
+    a candidate again in the next tick.
+FIXES_DISTANCE : bool, optional
+    Whether the law asks for the whole distance between two points at the end of the step, not for its change.
+ELASTIC_AXES : int, optional
+    Along how many of the row's last axes the contact remembers its elastic slip from tick to tick, see `anchors`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import kernel
@@ -54,63 +81,6 @@ class PenaltyGains(NamedTuple):
     damping_n_s_m: float
     dt_s: float
     lightest_kg: float
-
-
-Kernel = Callable[..., Any]
-
-
-@kernel
-def all_of_it(rows: ContactRows, row: int, change: tuple[float, float, float]) -> float:
-    """Any change of the force is admitted whole."""
-    return 1.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ContactLaw:
-    """One law between two touching points: a relation of the force on the first body to gap and slip.
-
-    Attributes
-    ----------
-    what : str
-    open_row : kernel (rows, row)
-        Write what is particular to the law into a fresh row: softness, limits.
-    relax : kernel (problem, W, block)
-        Solve the law exactly for one contact with the others fixed; `carry_change` keeps the motion with the force.
-    add_unknowns : kernel (problem, block, unknowns, n) -> int
-        List what a Newton step may change of this contact, and return the new number of unknowns.
-    project : kernel (problem, block)
-        Put the force back into the set that the law admits.
-    room : kernel (rows, row, change) -> float
-        What part of a change of the force, along the row's axes and 1 at most, goes before the contact opens or slips;
-        all of it, unless the law says so.
-    slides : kernel (rows, row) -> bool
-        Whether the solved force is on its limit, so that the contact slides.
-    closed_axes : kernel (rows, row, slides) -> int
-        How many of the three axes stay closed when a body is moved a little: 0, 1 (normal) or 3.
-    penalty : kernel (rows, row, motion, gains)
-        Write the explicit counterpart of the law into ``rows.force_n``; ``motion`` are the normal and both tangential
-        components of the slip.
-    has_gap : bool
-        Whether ``gap_m`` is a distance between two surfaces, so that a negative one is a penetration and a pressed
-        point is a candidate again in the next tick.
-    fixes_distance : bool
-        Whether the law asks for the whole distance between two points at the end of the step, not for its change.
-    elastic_axes : int
-        Along how many of the row's last axes the contact remembers its elastic slip from tick to tick, see `anchors`.
-    """
-
-    what: str
-    open_row: Kernel
-    relax: Kernel
-    add_unknowns: Kernel
-    project: Kernel
-    slides: Kernel
-    closed_axes: Kernel
-    penalty: Kernel
-    has_gap: bool
-    fixes_distance: bool
-    elastic_axes: int = 0
-    room: Kernel = all_of_it
 
 
 @kernel

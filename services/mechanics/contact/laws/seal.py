@@ -10,7 +10,6 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.contact.laws.law import (
     ON_THE_LIMIT,
-    ContactLaw,
     ContactProblem,
     PenaltyGains,
     Unknowns,
@@ -19,6 +18,7 @@ from services.mechanics.contact.laws.law import (
 )
 from services.mechanics.contact.rows import ContactRows
 
+HAS_GAP = False
 # A lip of rubber: 2 um at 20 mN.
 SEAL_SOFTNESS_M_N = 1e-4
 
@@ -82,18 +82,3 @@ def penalty(rows: ContactRows, row: int, motion: tuple[float, float, float], gai
     force, limit = rows.force_n[row], rows.force_limit_n[row]
     brake = 0.25 * gains.lightest_kg / gains.dt_s**2 * motion[0]
     force[0], force[1], force[2] = -min(max(brake, -limit), limit), 0.0, 0.0
-
-
-LAW = ContactLaw(
-    what="a seal that holds along one axis, up to a largest force",
-    open_row=open_row,
-    relax=relax,
-    add_unknowns=add_unknowns,
-    project=project,
-    room=room,
-    slides=slides,
-    closed_axes=closed_axes,
-    penalty=penalty,
-    has_gap=False,
-    fixes_distance=False,
-)

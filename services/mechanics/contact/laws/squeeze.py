@@ -6,14 +6,12 @@ row's slip already.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
-from services.mechanics.contact.laws import unilateral
 from services.mechanics.contact.laws.law import ContactProblem, PenaltyGains, Unknowns, add_unknown, carry_change
 from services.mechanics.contact.rows import ContactRows
 
+HAS_GAP = False
 # A catheter between jaws is never perfectly rigid.
 RIGID_SOFTNESS_M_N = 1e-6
 
@@ -78,19 +76,3 @@ def penalty(rows: ContactRows, row: int, motion: tuple[float, float, float], gai
     """
     force = rows.force_n[row]
     force[0], force[1], force[2] = max(0.0, -motion[0] / rows.softness_m_n[row, 1]), 0.0, 0.0
-
-
-LAW = replace(
-    unilateral.LAW,
-    what="jaws that squeeze what is between them",
-    open_row=open_row,
-    relax=relax,
-    add_unknowns=add_unknowns,
-    project=project,
-    room=room,
-    slides=slides,
-    closed_axes=closed_axes,
-    penalty=penalty,
-    has_gap=False,
-    elastic_axes=0,
-)

@@ -13,7 +13,6 @@ from services.mechanics.compiled import kernel
 from services.mechanics.contact.laws.ball import bounded_2, way_to_edge
 from services.mechanics.contact.laws.law import (
     ON_THE_LIMIT,
-    ContactLaw,
     ContactProblem,
     PenaltyGains,
     Unknowns,
@@ -23,6 +22,8 @@ from services.mechanics.contact.laws.law import (
 )
 from services.mechanics.contact.rows import ContactRows
 
+HAS_GAP = True
+ELASTIC_AXES = 2
 # A surface is never perfectly rigid; 1 um/N also keeps W positive where contacts are redundant.
 SURFACE_SOFTNESS_M_N = 1e-6
 # Below this sliding speed penalty friction grows in proportion to it: an explicit force cannot stick.
@@ -145,19 +146,3 @@ def penalty(rows: ContactRows, row: int, motion: tuple[float, float, float], gai
     sliding = math.hypot(motion[1], motion[2])
     scale = rows.friction[row] * force[0] / max(sliding, SLIP_SPEED_M_S * gains.dt_s)
     force[1], force[2] = -scale * motion[1], -scale * motion[2]
-
-
-LAW = ContactLaw(
-    what="surfaces that push each other apart, with Coulomb friction",
-    open_row=open_row,
-    relax=relax,
-    add_unknowns=add_unknowns,
-    project=project,
-    room=room,
-    slides=slides,
-    closed_axes=closed_axes,
-    penalty=penalty,
-    has_gap=True,
-    fixes_distance=False,
-    elastic_axes=2,
-)

@@ -13,7 +13,7 @@ import { viewAddress } from "./address.js";
 import { ViewStream } from "./view/stream.js";
 import { View } from "./view/view.js";
 
-let view = null, hands = null;
+let view = null, hands = null, running = "";
 const PICTURE_FIRST_MS = 5000;
 const orders = new Orders((text, ok) => instructor.say(text, ok));
 const instructor = new Instructor(orders), attempt = new AttemptPanel(orders), replay = new ReplayBar();
@@ -65,11 +65,14 @@ function follow(rig) {
 
 new RigStream({
   onRig: (rig) => {
+    const begun = `${rig.name} ${rig.scene} ${rig.scenario}`;
+    if (running && running !== begun) return location.reload(); // another scenario: nothing of the last one is kept
+    running = begun;
     document.getElementById("rig-name").textContent = [rig.name, rig.scene].filter(Boolean).join(" · ");
     document.title = rig.name ? `Trocar · ${rig.name}` : "Trocar";
     dashboard.setContracts(rig.contracts);
     faces.setHands(Boolean(rig.hands?.length));
-    instructor.setScenarios(rig.scenarios);
+    instructor.setRig(rig);
     if (!view?.stream) follow(rig);
   },
   onState: (state) => {

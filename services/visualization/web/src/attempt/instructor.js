@@ -19,10 +19,13 @@ export class Instructor {
     $("pause").onclick = () => orders.ask(this.attempt?.pace === 1 ? "pause" : "resume");
     $("slow").onchange = () => orders.ask("slow", Number($("slow").value));
     $("instructor-mirror").onclick = () => $("mirror").click();
+    $("scenario-run").onclick = () => orders.post("api/scenario", $("scenario").value);
   }
 
   admit(token) {
+    this.admitted = Boolean(token);
     for (const control of [...this.buttons, $("pause"), $("slow")]) control.disabled = !token;
+    this.admitSwitch();
     $("instructor-said").textContent = token ? "" : "To command the attempt, open the address that trocar up printed, with its #token=….";
   }
 
@@ -31,13 +34,15 @@ export class Instructor {
     $("instructor-said").dataset.level = ok ? "good" : "bad";
   }
 
-  setScenarios(names) {
-    this.scenarios = names ?? [];
+  setRig({ scenarios = [], scenario, switches }) {
+    this.switches = switches;
+    $("scenario").replaceChildren(...scenarios.map((name) => element("option", { value: name, textContent: name, selected: name === scenario })));
+    text($("scenario-how"), switches ? "" : "This rig was not started by trocar up; trocar up --scenario NAME begins one.");
+    this.admitSwitch();
   }
 
-  showScenarios(scenario) {
-    const others = (this.scenarios ?? []).filter((name) => name !== scenario);
-    text($("scenario-list"), others.length ? `Other scenarios: ${others.join(", ")}; trocar up --scenario NAME runs one.` : "");
+  admitSwitch() {
+    for (const id of ["scenario", "scenario-run"]) $(id).disabled = !(this.admitted && this.switches);
   }
 
   update(attempt) {
@@ -55,7 +60,6 @@ export class Instructor {
     text($("pause"), attempt.pace === 1 ? "Pause" : "Go on");
     $("step").disabled = $("step-more").disabled = !this.orders.token || attempt.pace !== 0;
     if (document.activeElement !== $("slow") && attempt.pace > 0) $("slow").value = String(nearestPace(attempt.pace));
-    this.showScenarios(attempt.scenario);
     this.remember(attempt);
   }
 

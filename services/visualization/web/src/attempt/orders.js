@@ -7,12 +7,14 @@ export class Orders {
     this.token = null;
   }
 
-  async ask(what, value = 0) {
+  ask(what, value = 0) {
+    return this.post("api/attempt", JSON.stringify({ what, value }));
+  }
+
+  async post(address, body) {
     if (!this.token) return this.onSaid("Open the address that trocar up printed, with its #token=…, to do that.", false);
     try {
-      const answer = await fetch("api/attempt", {
-        method: "POST", headers: { "X-Trocar-Token": this.token }, body: JSON.stringify({ what, value }),
-      });
+      const answer = await fetch(address, { method: "POST", headers: { "X-Trocar-Token": this.token }, body });
       const said = await answer.json();
       this.onSaid(said.text ?? said.error, answer.ok);
     } catch {

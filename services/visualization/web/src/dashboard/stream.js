@@ -63,8 +63,7 @@ export class RigStream {
     });
     source.onerror = () => {
       this.lost();
-      if (source.readyState !== EventSource.CLOSED) return; // the browser tries again by itself
-      source.close();
+      source.close(); // who answers next may be another rig: it is asked, not only listened to
       setTimeout(() => this.open(), RETRY_MS);
     };
   }

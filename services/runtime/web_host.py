@@ -1,0 +1,51 @@
+"""What the rig's web servers share: a bound socket, and whose name this host answers to."""
+
+from __future__ import annotations
+
+import ipaddress
+import socket
+from urllib.parse import urlsplit
+
+from services.runtime.errors import BusError
+
+
+def host_of(header: str | None) -> str:
+    """Return the host's name in a Host header, without port and brackets; empty for none that can be read."""
+    try:
+        return urlsplit(f"//{header or ''}").hostname or ""
+    except ValueError:
+        return ""
+
+
+def is_this_host(name: str) -> bool:
+    """Return whether a name is surely this host's: loopback, its own, or a plain address, which cannot be rebound.
+
+    Any other may be that of a web page somewhere, made to point here.
+    """
+    if name in ("localhost", socket.gethostname().lower()) or name.endswith(".localhost"):
+        return True
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+def listen(host: str, port: int, option: str) -> socket.socket:
+    """Return a socket that listens at an address; `option` is how a person chooses another.
+
+    Raises
+    ------
+    BusError
+        if the address cannot be had.
+    """
+    made = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_STREAM)
+    made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        made.bind((host, port))
+        made.listen(64)
+    except OSError as error:
+        made.close()
+        why = (error.strerror or str(error)).lower()
+        raise BusError(f"cannot listen on {host}:{port}: {why}; choose another port with {option}") from None
+    return made
