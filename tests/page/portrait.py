@@ -1,4 +1,4 @@
-"""The picture of the page in the README: ``python -m tests.page.portrait docs/page.png``, in a minute and a half.
+"""The picture of the page in the README: ``python -m tests.page.portrait docs/page.png``, in three minutes.
 
 A browser that draws on the processor is made to draw as one with a graphics processor does, few pictures a second: what
 is to be seen is how the page looks, not how this machine keeps up.
@@ -20,11 +20,11 @@ from tests.rig.conftest import running_rig
 
 SIZE = (1440, 860)
 INSERTED_MM = 15.0
-_INSERTS_S, _DRAWS_S = 120.0, 15.0
+_INSERTS_S, _DRAWS_S, _SETTLES_S = 120.0, 15.0, 240.0
 #: The finest look of `governor.js`, which is not to take a coarser one.
 FINEST = """
 const {governor} = trocar.view;
-governor.steps = [{ratio: 1, look: "wet", shadows: true, hz: 4}];
+governor.steps = [{ratio: 1, look: "wet", shadows: true, hz: 1}];
 governor.coarser = () => false;
 trocar.view.takeStep(0);
 """
@@ -45,7 +45,8 @@ def portrait(path: Path) -> None:
             browser.open(json.loads(page_file(Transport(directory=directory / "bus")).read_text())["address"])
             browser.until(lambda: inserted_mm(browser) > INSERTED_MM, _INSERTS_S, "the catheter is in the duct")
             browser.evaluate(f"(() => {{{FINEST}}})()")
-            time.sleep(_DRAWS_S)  # the reflections are made once; curves fill meanwhile
+            time.sleep(_DRAWS_S)  # the reflections are made once, which costs ticks; curves fill meanwhile
+            browser.until(lambda: browser.text("#rig-badge") == "RUNNING", _SETTLES_S, "the rig has got over that")
             browser.screenshot(path)
 
 

@@ -1,8 +1,12 @@
 """Candidates: the closest pair of every piece and triangle that are within reach, and the unsigned normal between them.
 
 A piece is a capsule (a segment of a tool, of the catheter; a sphere where its ends are one point). Edges, vertices and
-rims come with the triangles. The normal points from the wall's middle surface to the piece's axis, whichever side it is
-on: what is guaranteed is that axes never cross the middle surface, so that the side never changes.
+rims come with the triangles. A piece that lies along a triangle comes near it in more than one place: edges as near as
+the closest pair are candidates of their own. With one place a triangle, a jaw across two edges had a contact now at the
+one, now at the other, and sank in where it had none.
+
+The normal points from the wall's middle surface to the piece's axis, whichever side it is on: what is guaranteed is
+that axes never cross the middle surface, so that the side never changes.
 """
 
 from __future__ import annotations
@@ -12,7 +16,7 @@ from typing import Annotated
 
 from services.mechanics.arrays import FloatArray, IntArray, LongArray
 from services.mechanics.collision.candidate_list import CandidateList, is_within, list_at, note_distance
-from services.mechanics.collision.primitives import closest_segment_triangle
+from services.mechanics.collision.primitives import closest_of_segments, closest_segment_triangle
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import (
@@ -24,6 +28,7 @@ from services.mechanics.compiled.vectors import (
     row,
     row_of,
     scaled,
+    squared_distance,
     subtract,
     unit,
 )
@@ -33,6 +38,10 @@ Where = tuple[FloatArray, FloatArray]
 
 #: Below this distance of an axis from the middle surface a normal is noise.
 _TOUCHING_M = 1e-12
+#: An edge is as near as the closest pair if it is by this much farther at most: what ends no deeper needs no row.
+AS_NEAR_M = 30e-6
+#: And is another place if it is so far along the piece from that, as a part of the distance of axis and middle surface.
+_ELSEWHERE = 0.02
 
 
 class Candidates(Struct):
@@ -80,16 +89,39 @@ def _measure_entry(found: CandidateList, p: int, k: int, out: Candidates) -> Non
     t = found.entry[p, k]
     distance, s, w, normal = closest_pair((found.ends, found.position), found.clusters.triangles, p, t)
     note_distance(found, p, k, distance)
-    gap = distance - found.thickness[p]
-    if gap > found.wanted[p]:
-        return
+    reach = found.thickness[p] + found.wanted[p]
+    if distance <= reach:
+        put(out, (p, t), (distance - found.thickness[p], s, w, normal))
+        _measure_edges(found, (p, t), (min(distance + AS_NEAR_M, reach), s), out)
+
+
+@kernel
+def _measure_edges(found: CandidateList, place: tuple[int, int], closest: tuple[float, float], out: Candidates) -> None:
+    """Write the pairs of a piece with edges of a triangle up to a distance, elsewhere along it than the closest one."""
+    (p, t), (most, s_closest), corner = place, closest, found.clusters.triangles
+    a, b = row_of(found.ends, p, 0), row_of(found.ends, p, 1)
+    apart = _ELSEWHERE * found.thickness[p] / max(math.sqrt(squared_distance(a, b)), _TOUCHING_M)
+    for k in range(3):
+        c0, c1 = row(found.position, corner[t, k]), row(found.position, corner[t, (k + 1) % 3])
+        s, u, d2 = closest_of_segments(a, b, c0, c1)
+        if d2 <= most * most and d2 > _TOUCHING_M and abs(s - s_closest) > apart:
+            distance = math.sqrt(d2)
+            away = subtract(along(a, subtract(b, a), s), along(c0, subtract(c1, c0), u))
+            w = (1.0 - u, u, 0.0) if k == 0 else (0.0, 1.0 - u, u) if k == 1 else (u, 0.0, 1.0 - u)
+            put(out, place, (distance - found.thickness[p], s, w, scaled(away, 1.0 / distance)))
+
+
+@kernel
+def put(out: Candidates, place: tuple[int, int], pair: tuple[float, float, Vector, Vector]) -> None:
+    """Write a candidate: piece and triangle; gap, place along the piece, weights and normal."""
     if out.count == out.gap_m.shape[0]:
         out.dropped += 1
         return
     at = out.count
-    out.piece[at], out.triangle[at], out.s[at], out.gap_m[at] = p, t, s, gap
-    put_row(out.weight, at, w)
-    put_row(out.normal, at, normal)
+    out.piece[at], out.triangle[at] = place
+    out.gap_m[at], out.s[at] = pair[0], pair[1]
+    put_row(out.weight, at, pair[2])
+    put_row(out.normal, at, pair[3])
     out.count += 1
 
 

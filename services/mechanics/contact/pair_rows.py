@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.kinematics import N_CELLS
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, NO_TOOL, SHAFT, ContactPairs
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.vectors import Vector, dot
+from services.mechanics.compiled.vectors import row as row_at
 from services.mechanics.contact.frames import write_frame
 from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, ToolGeometry, WallGeometry
 from services.mechanics.contact.identity import pair_identity
@@ -71,27 +75,34 @@ def _squeeze(
     """Write how deep a wall may be in a jaw: more than nothing where they hold it, or squeeze it between them.
 
     As it gets thicker in the step in which they open, its middle goes half as far as the jaw: that is the row's lever.
-    Jaws are round, so beside the line in which they are nearest there is more room between them.
     ``who`` are tool and jaw, ``at`` the place along it and the normal.
     """
     tool, jaw = who
     rows.pad_m[row] = tools.pad[tool] if tools.held[tool, DUCT_TRIANGLE] else 0.0
-    opens = 0.0
-    for axis in range(3):
-        opens += at[1][axis] * tools.frame[tool, 0, axis]
+    thinned, slope = thinned_m(tools, tool, jaw, at[0], (at[1][0], at[1][1], at[1][2]))
+    if thinned > rows.pad_m[row]:
+        rows.pad_m[row] = thinned
+        for axis in range(3):
+            rows.lever[row, axis, 3] += slope * at[1][axis]
+
+
+@kernel
+def thinned_m(tools: ToolGeometry, tool: int, jaw: int, s: float, normal: Vector) -> tuple[float, float]:
+    """Return how much thinner the wall is at a place along a jaw, and by how much more per radian of opening.
+
+    Nothing where the normal does not lead out of the jaws. Jaws are round: beside the line in which they are nearest
+    there is more room between them.
+    """
+    opens = dot(normal, row_at(tools.frame[tool], 0))
     if (opens > 0.0) != (jaw == JAW_A):
-        return
+        return -math.inf, 0.0
     facing = abs(opens)
-    cell = min(max(at[0] * N_CELLS - 0.5, 0.0), N_CELLS - 1.0)
+    cell = min(max(s * N_CELLS - 0.5, 0.0), N_CELLS - 1.0)
     first = min(int(cell), N_CELLS - 2)
     share = cell - first
     thinned = (1.0 - share) * tools.thinned[tool, first] + share * tools.thinned[tool, first + 1]
-    thinned = facing * (thinned - 0.5 * tools.radius[tool, jaw] * (1.0 - facing))
-    if thinned > rows.pad_m[row]:
-        rows.pad_m[row] = thinned
-        slope = facing * ((1.0 - share) * tools.thinning[tool, first] + share * tools.thinning[tool, first + 1])
-        for axis in range(3):
-            rows.lever[row, axis, 3] += slope * at[1][axis]
+    slope = facing * ((1.0 - share) * tools.thinning[tool, first] + share * tools.thinning[tool, first + 1])
+    return facing * (thinned - 0.5 * tools.radius[tool, jaw] * (1.0 - facing)), slope
 
 
 @kernel

@@ -10,10 +10,9 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.bodies.forceps.kinematics import N_CELLS
 from services.mechanics.collision.candidate_list import CandidateList, list_at
-from services.mechanics.collision.candidates import Candidates, Where, candidates_at, closest_pair, offset
-from services.mechanics.collision.pairs import DUCT_TRIANGLE, JAW_A, NO_TOOL, SHAFT, ContactPairs, pairs_at
+from services.mechanics.collision.candidates import Candidates, Where, candidates_at, closest_pair, offset, put
+from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, SHAFT, ContactPairs, pairs_at
 from services.mechanics.collision.pieces import N_TOOL_PIECES, write_piece_pair
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
@@ -21,6 +20,7 @@ from services.mechanics.compiled.vectors import Vector, dot, put_row, row, scale
 from services.mechanics.contact import laws
 from services.mechanics.contact.geometry import ToolGeometry
 from services.mechanics.contact.identity import PARTICLE, target_kind_of, target_of, tool_segment_of
+from services.mechanics.contact.pair_rows import thinned_m
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.working_set import (
@@ -86,7 +86,8 @@ def _find_violations(
     tolerance_m: float,
 ) -> int:
     """Copy the candidates that end too deep; ``gap_m`` becomes the end's gap with what is squeezed away."""
-    (found, out), tools, kept = candidates, state.geometry.tools, 0
+    (found, out), tools = candidates, state.geometry.tools
+    out.count = 0
     for i in range(found.count):
         if found.gap_m[i] >= -tolerance_m:
             continue
@@ -108,23 +109,13 @@ def _find_violations(
             begun = d - listed.thickness[p] + room_in_jaws(tools, p, s, before)
             if end >= min(begun, 0.0) - tolerance_m:
                 continue
-        _put(out, kept, (p, t), (found.s[i], row(found.weight, i), normal, end))
-        kept += 1
-    return kept
+        put(out, (p, t), (end, found.s[i], row(found.weight, i), normal))
+    return out.count
 
 
 @kernel
 def _end_offset(listed: CandidateList, p: int, t: int, s: float, w: Vector) -> Vector:
     return offset((listed.ends, listed.position), listed.clusters.triangles, (p, t), s, w)
-
-
-@kernel
-def _put(out: Candidates, at: int, place: tuple[int, int], pair: tuple[float, Vector, Vector, float]) -> None:
-    """Write a candidate: piece and triangle; place along the piece, weights, normal and gap."""
-    out.piece[at], out.triangle[at] = place
-    out.s[at], out.gap_m[at] = pair[0], pair[3]
-    put_row(out.weight, at, pair[1])
-    put_row(out.normal, at, pair[2])
 
 
 @kernel
@@ -137,23 +128,12 @@ def is_touching(tools: ToolGeometry, p: int) -> bool:
 
 @kernel
 def room_in_jaws(tools: ToolGeometry, p: int, s: float, normal: Vector) -> float:
-    """Return how deep the wall may be in a piece: what the jaws have squeezed away, or lay in them when they took it.
-
-    Jaws are round: beside the line in which they are nearest there is more room between them.
-    """
+    """Return how deep the wall may be in a piece: what jaws squeezed away, or what lay in them when they took it."""
     if p >= N_TOOL_PIECES or p % 3 == SHAFT:
         return 0.0
     tool, jaw = p // 3, p % 3
     room: float = tools.pad[tool] if tools.held[tool, DUCT_TRIANGLE] else 0.0
-    opens = dot(normal, row(tools.frame[tool], 0))
-    if (opens > 0.0) != (jaw == JAW_A):
-        return room
-    facing = abs(opens)
-    cell = min(max(s * N_CELLS - 0.5, 0.0), N_CELLS - 1.0)
-    first = min(int(cell), N_CELLS - 2)
-    share = cell - first
-    thinned = (1.0 - share) * tools.thinned[tool, first] + share * tools.thinned[tool, first + 1]
-    return float(max(room, facing * (thinned - 0.5 * tools.radius[tool, jaw] * (1.0 - facing))))
+    return max(room, thinned_m(tools, tool, jaw, s, normal)[0])
 
 
 @kernel

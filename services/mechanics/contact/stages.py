@@ -72,7 +72,7 @@ def gather_and_complete(
 @kernel
 def _complete(state: ContactState, displacement: FloatArray, motion: FloatArray) -> None:
     subtract_duct_motion(state.rows, displacement, motion, 0)
-    recall_forces(state.memory, state.rows, state.slides)
+    recall_forces(state.memory, state.rows, state.slides, state.geometry.wall.vertices)
 
 
 @kernel
@@ -80,7 +80,7 @@ def finish(state: ContactState) -> None:
     """Write who slides and the solved forces along world axes, and remember both for a warm start."""
     mark_sliding(state.rows, state.slides)
     write_world_forces(state.rows, state.force_n)
-    store_forces(state.memory, state.rows, state.force_n, state.slides)
+    store_forces(state.memory, state.rows, state.force_n, state.slides, state.geometry.wall.vertices)
 
 
 @kernel

@@ -1,12 +1,18 @@
-"""Last tick's contact forces as the start of this tick's solve, found again by the pair's identity."""
+"""Last tick's contact forces as the start of this tick's solve, found again by the bodies and their place on the wall.
+
+Which triangle a contact is of says little: on an edge it is now the one, now the other.
+"""
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 from services.mechanics.arrays import BoolArray, FloatArray, LongArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Struct
+from services.mechanics.compiled.vectors import Vector, combine, put_row, squared_distance
+from services.mechanics.compiled.vectors import row as vector
 from services.mechanics.contact.identity import without_target
 from services.mechanics.contact.laws import ELASTIC_AXES
 from services.mechanics.contact.rows import ContactRows
@@ -18,18 +24,24 @@ class ForceMemory(Struct):
     identity: Annotated[LongArray, "c"]
     force_n: Annotated[FloatArray, "c", 3]
     elastic_m: Annotated[FloatArray, "c", 3]
+    place_m: Annotated[FloatArray, "c", 3]  # on the undeformed wall, zero for what is not on it
     slides: Annotated[BoolArray, "c"]
     taken: Annotated[BoolArray, "c"]
     found: Annotated[BoolArray, "c"]
     n_contacts: int = 0
 
 
+#: A contact that sticks is where it was by less.
+SAME_PLACE_M = 50e-6
+
+
 @kernel
-def recall_forces(memory: ForceMemory, rows: ContactRows, slides: BoolArray) -> None:
+def recall_forces(memory: ForceMemory, rows: ContactRows, slides: BoolArray, vertices_m: FloatArray) -> None:
     """Fill ``rows.force_n``, ``elastic_m``, ``held_j`` and ``slides`` (C,) with what is remembered, or with zero.
 
-    First the same pair, then the same first body against the same kind of target, so that a contact which slid
-    on to the next triangle keeps its force. A remembered force is given away once.
+    First what is of the same first body and at the same place on the wall, whose undeformed nodes are ``vertices_m``
+    (n, 3), or of the same pair beside the wall; then what is nearest of the same body against the same kind of target,
+    so that a contact which slid on keeps its force. A remembered force is given away once.
     """
     memory.taken[: memory.n_contacts] = False
     for row in range(rows.n_contacts):
@@ -37,40 +49,64 @@ def recall_forces(memory: ForceMemory, rows: ContactRows, slides: BoolArray) -> 
         rows.elastic_m[row] = 0.0
         rows.held_j[row] = 0.0
         slides[row] = False
-        memory.found[row] = _match(memory, rows, row, False, slides)
+        memory.found[row] = _recall(memory, rows, row, _nearest(memory, rows, row, vertices_m, False), slides)
     for row in range(rows.n_contacts):
         if not memory.found[row]:
-            _match(memory, rows, row, True, slides)
+            _recall(memory, rows, row, _nearest(memory, rows, row, vertices_m, True), slides)
 
 
 @kernel
-def _match(memory: ForceMemory, rows: ContactRows, row: int, on_any_target: bool, slides: BoolArray) -> bool:
-    """Give the row the first force of its identity that is left, ``on_any_target`` of the same kind if wanted."""
-    identity = rows.identity[row]
+def _nearest(memory: ForceMemory, rows: ContactRows, row: int, vertices_m: FloatArray, anywhere: bool) -> int:
+    """Return the nearest force of the row's bodies that is left, only where it was unless ``anywhere``; or -1."""
+    identity, at, nearest = rows.identity[row], _place_m(rows, row, vertices_m), -1
+    is_on_wall, least = at != (0.0, 0.0, 0.0), math.inf if anywhere else SAME_PLACE_M**2
     for old in range(memory.n_contacts):
         other = memory.identity[old]
-        is_same = without_target(other) == without_target(identity) if on_any_target else other == identity
-        if is_same and not memory.taken[old]:
-            memory.taken[old] = True
-            slides[row] = memory.slides[old]
-            for axis in range(3):
-                rows.elastic_m[row, axis] = memory.elastic_m[old, axis]
-                rows.force_n[row, axis] = (
-                    rows.frame[row, axis, 0] * memory.force_n[old, 0]
-                    + rows.frame[row, axis, 1] * memory.force_n[old, 1]
-                    + rows.frame[row, axis, 2] * memory.force_n[old, 2]
-                )
-                if axis >= 3 - ELASTIC_AXES[rows.law[row]]:
-                    rows.held_j[row] += 0.5 * rows.softness_m_n[row, axis] * rows.force_n[row, axis] ** 2
-            return True
-    return False
+        if memory.taken[old] or without_target(other) != without_target(identity):
+            continue
+        if not (anywhere or is_on_wall or other == identity):
+            continue
+        away = squared_distance(at, vector(memory.place_m, old))
+        if away < least:
+            nearest, least = old, away
+    return nearest
 
 
 @kernel
-def store_forces(memory: ForceMemory, rows: ContactRows, forces: FloatArray, slides: BoolArray) -> None:
-    """Remember the solved forces (C, 3) along world axes and who slides."""
+def _place_m(rows: ContactRows, row: int, vertices_m: FloatArray) -> Vector:
+    """Return where a row is on the undeformed wall; zero for what is not on it."""
+    node, w = rows.duct_node, rows.duct_weight[row]
+    a, b, c = vector(vertices_m, node[row, 0]), vector(vertices_m, node[row, 1]), vector(vertices_m, node[row, 2])
+    return combine((w[0], w[1], w[2]), a, b, c)
+
+
+@kernel
+def _recall(memory: ForceMemory, rows: ContactRows, row: int, old: int, slides: BoolArray) -> bool:
+    """Give a row what is remembered at a place of the memory; return whether there is any."""
+    if old < 0:
+        return False
+    memory.taken[old] = True
+    slides[row] = memory.slides[old]
+    for axis in range(3):
+        rows.elastic_m[row, axis] = memory.elastic_m[old, axis]
+        rows.force_n[row, axis] = (
+            rows.frame[row, axis, 0] * memory.force_n[old, 0]
+            + rows.frame[row, axis, 1] * memory.force_n[old, 1]
+            + rows.frame[row, axis, 2] * memory.force_n[old, 2]
+        )
+        if axis >= 3 - ELASTIC_AXES[rows.law[row]]:
+            rows.held_j[row] += 0.5 * rows.softness_m_n[row, axis] * rows.force_n[row, axis] ** 2
+    return True
+
+
+@kernel
+def store_forces(
+    memory: ForceMemory, rows: ContactRows, forces: FloatArray, slides: BoolArray, vertices_m: FloatArray
+) -> None:
+    """Remember the solved forces (C, 3) along world axes, where they act on the undeformed wall, and who slides."""
     memory.n_contacts = rows.n_contacts
     for row in range(rows.n_contacts):
+        put_row(memory.place_m, row, _place_m(rows, row, vertices_m))
         memory.identity[row] = rows.identity[row]
         memory.slides[row] = slides[row]
         for axis in range(3):

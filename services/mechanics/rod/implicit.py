@@ -13,13 +13,14 @@ from services.mechanics.rod.free_step import NOT_DEFINITE, SLEPT, FreeStep, plan
 from services.mechanics.rod.model import RodModel, allocate_work, build_model
 from services.mechanics.rod.properties import RodProperties
 from services.mechanics.rod.state import RodState
+from services.mechanics.rod.step_gains import StepGains
 from services.mechanics.rod.supports import Supports
 from services.mechanics.rod.twist import TwistModel, add_frame_forces, build_twist_model
 
 SPECTRAL_RADIUS = 0.6
 
 
-class ImplicitIntegrator:
+class ImplicitIntegrator(StepGains):
     """Generalized-alpha on the particles, second order, by guarded Newton iterations; contacts by implicit Euler.
 
     ``A dv = dt f``, A the banded sum of mass, damping and the positive semidefinite tangent stiffness; f is taken in
@@ -69,21 +70,6 @@ class ImplicitIntegrator:
         self._columns = empty_columns(3 * n)
         self._dt_s = 0.0
         self.is_factored = False
-
-    @property
-    def held(self) -> IntArray:
-        """(h,) held particles; row k of ``held_target_m`` says where held[k] shall be when a step ends (NaN: stay)."""
-        return self.model.held
-
-    @property
-    def position_gain_s2(self) -> float:
-        """What B^-1 f is multiplied with to give the position change of the step: dt^2."""
-        return self._dt_s**2
-
-    @property
-    def velocity_gain_s(self) -> float:
-        """What B^-1 f is multiplied with to give the velocity change of the step: dt."""
-        return self._dt_s
 
     def predict(self, state: RodState, external_force_n: FloatArray, dt_s: float) -> None:
         """Advance ``state`` in place by ``dt_s`` under external forces (n, 3), held over the step.

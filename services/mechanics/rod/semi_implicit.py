@@ -14,13 +14,14 @@ from services.mechanics.rod.model import RodModel, RodWork, allocate_work, build
 from services.mechanics.rod.properties import RodProperties
 from services.mechanics.rod.stability import stable_time_step
 from services.mechanics.rod.state import RodState
+from services.mechanics.rod.step_gains import StepGains
 from services.mechanics.rod.supports import Supports
 from services.mechanics.rod.twist import TwistModel, add_frame_forces, build_twist_model
 
 SAFETY = 0.9  # of the computed limit, for the geometric stiffness that a strong pull adds to it
 
 
-class SemiImplicitIntegrator:
+class SemiImplicitIntegrator(StepGains):
     """Basdogan et al. 2001, eq. (27)-(28): ``v += h F/m``, then ``x += h v``, F = springs + bending springs - b v.
 
     First order and explicit: stable only below ``stable_time_step_s``, about the time that a stretch wave takes along
@@ -46,21 +47,6 @@ class SemiImplicitIntegrator:
         self._external = np.zeros((properties.n_particles, 3)) if self.twist is not None else np.zeros((0, 3))
         self._free_inverse_mass = np.where(self.model.is_held, 0.0, 1.0 / self.model.mass)
         self._dt_s = 0.0
-
-    @property
-    def held(self) -> IntArray:
-        """(h,) held particles; row k of ``held_target_m`` says where held[k] shall be when a step ends (NaN: stay)."""
-        return self.model.held
-
-    @property
-    def position_gain_s2(self) -> float:
-        """What A^-1 f is multiplied with to give the position change of the step: dt^2."""
-        return self._dt_s**2
-
-    @property
-    def velocity_gain_s(self) -> float:
-        """What A^-1 f is multiplied with to give the velocity change of the step: dt."""
-        return self._dt_s
 
     def substeps(self, dt_s: float) -> int:
         """Return how many equal substeps a step of ``dt_s`` takes.

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from services.mechanics.collision.pairs import DUCT_TRIANGLE
 from services.mechanics.contact.anchors import store_anchors
 from services.mechanics.contact.free_motion import free_motion
 from services.mechanics.contact.identity import pair_identity
@@ -21,6 +22,9 @@ from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 
 STEPS_S = (1e-3, 2.5e-4, 1e-4)
+
+
+_NO_WALL = np.zeros((1, 3))
 
 
 class Block:
@@ -42,20 +46,45 @@ class Block:
         rows.frame[0] = [[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]]
         motion = self.dt_s * self.v + gain * self.load_n
         rows.slip_m[0], rows.friction[0], rows.softness_m_n[0, 0] = motion, self.mu, 0.0
-        recall_forces(self.memory, rows, self.slides)
+        recall_forces(self.memory, rows, self.slides, _NO_WALL)
         free_motion(rows, 0.2, self.dt_s, self.problem.motion)
         W = np.diag(gain + rows.softness_m_n[0])
         solve_contacts(self.problem, W, (30, 1e-12), self.scratch)
         mark_sliding(rows, self.slides)
         force = np.zeros((1, 3))
         write_world_forces(rows, force)
-        store_forces(self.memory, rows, force, self.slides)
+        store_forces(self.memory, rows, force, self.slides, _NO_WALL)
         store_anchors(self.problem, self.slides, self.memory.elastic_m)
         motion += gain * force[0]
         self.x += motion
         self.v = motion / self.dt_s
         self.tick += 1
         return force[0]
+
+
+def test_what_is_remembered_goes_with_the_place_on_the_wall_not_with_the_triangle():
+    """A jaw across two edges: each belongs to two triangles, and is now of the one, now of the other."""
+    vertices_m = np.array([[0.0, 0.0, 0.0], [2e-3, 0.0, 0.0], [0.0, 2e-3, 0.0]])
+    at_one, at_other = [0.5, 0.5, 0.0], [0.5, 0.0, 0.5]
+
+    def rows_of(*contacts):
+        rows = ContactRows.zeros(c=3)
+        for row, (triangle, weights) in enumerate(contacts):
+            append_row(rows, number_of("unilateral"), pair_identity(0, 1, -1, DUCT_TRIANGLE, triangle))
+            rows.frame[row], rows.duct_node[row], rows.duct_weight[row] = np.eye(3), (0, 1, 2), weights
+        return rows
+
+    memory, slides = ForceMemory.zeros(c=3), np.zeros(3, np.bool_)
+    force_n = np.array([[1.0, 0.1, 0.0], [2.0, 0.0, 0.2], [0.0, 0.0, 0.0]])
+    store_forces(memory, rows_of((5, at_one), (6, at_other)), force_n, slides, vertices_m)
+    memory.elastic_m[:2] = -1e-9 * force_n[:2]
+    rows = rows_of((6, at_one), (7, at_other))
+    recall_forces(memory, rows, slides, vertices_m)
+    assert rows.force_n[:2] == pytest.approx(force_n[:2])
+    assert rows.elastic_m[:2] == pytest.approx(-1e-9 * force_n[:2])
+    slid = rows_of((9, [0.0, 0.2, 0.8]), (9, [0.2, 0.8, 0.0]), (9, [0.3, 0.3, 0.4]))
+    recall_forces(memory, slid, slides, vertices_m)
+    assert slid.force_n[:, 0] == pytest.approx([2.0, 1.0, 0.0]), "the nearest, and each once"
 
 
 @pytest.mark.parametrize("dt_s", STEPS_S)
