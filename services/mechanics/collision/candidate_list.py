@@ -23,6 +23,9 @@ from services.mechanics.compiled.vectors import row, row_of
 
 #: Entries that a piece has room for: a tool's shaft lies beside a third of a duct of 40 mm.
 MOST_ENTRIES = 768
+#: A piece that lies along a triangle touches edges that are farther than the closest pair by as much as what ends no
+#: deeper needs no row.
+ALONG_M = 30e-6
 
 
 class CandidateList(Struct):
@@ -46,6 +49,7 @@ class CandidateList(Struct):
     wanted: Annotated[FloatArray, "p"]  # gap up to which candidates are measured
     reach: Annotated[FloatArray, "p"]  # the largest that may be wanted before the lists are renewed
     skin_m: float
+    along_m: float  # an edge is a candidate of its own up to so much farther than the closest pair; below 0 none is
     wall_travel: float = 0.0
     n_nodes: int = 0
     stamp: int = 0
@@ -210,7 +214,9 @@ def note_distance(found: CandidateList, p: int, k: int, distance_m: float) -> No
     found.bound[p, k] = distance_m + found.wall_travel + found.piece_travel[p]
 
 
-def new_list(clusters: Clusters, position_m: FloatArray, n_pieces: int, skin_m: float) -> CandidateList:
+def new_list(
+    clusters: Clusters, position_m: FloatArray, n_pieces: int, skin_m: float, along_m: float = ALONG_M
+) -> CandidateList:
     """Return an empty list for so many pieces, none of which is active yet, nor reaches beyond its surface."""
     n = len(position_m)
     return CandidateList.zeros(
@@ -221,4 +227,5 @@ def new_list(clusters: Clusters, position_m: FloatArray, n_pieces: int, skin_m: 
         listed_position=position_m.copy(),
         mark=np.zeros(n, np.int64),
         skin_m=skin_m,
+        along_m=along_m,
     )

@@ -38,9 +38,7 @@ Where = tuple[FloatArray, FloatArray]
 
 #: Below this distance of an axis from the middle surface a normal is noise.
 _TOUCHING_M = 1e-12
-#: An edge is as near as the closest pair if it is by this much farther at most: what ends no deeper needs no row.
-AS_NEAR_M = 30e-6
-#: And is another place if it is so far along the piece from that, as a part of the distance of axis and middle surface.
+#: An edge is another place if it is so far along the piece from that, as a part of the distance of axis and surface.
 _ELSEWHERE = 0.02
 
 
@@ -92,7 +90,8 @@ def _measure_entry(found: CandidateList, p: int, k: int, out: Candidates) -> Non
     reach = found.thickness[p] + found.wanted[p]
     if distance <= reach:
         put(out, (p, t), (distance - found.thickness[p], s, w, normal))
-        _measure_edges(found, (p, t), (min(distance + AS_NEAR_M, reach), s), out)
+        if found.along_m >= 0.0:
+            _measure_edges(found, (p, t), (min(distance + found.along_m, reach), s), out)
 
 
 @kernel

@@ -9,6 +9,7 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.collision.candidate_list import (
+    ALONG_M,
     RENEWED,
     SAME,
     WALL_IS_DUE,
@@ -34,7 +35,7 @@ WALL_SHARE = 0.5
 
 
 class WallCandidates:
-    """Lists of so many pieces against the wall of a duct.
+    """Lists of so many pieces against the wall of a duct; ``along_m`` as `CandidateList` has it.
 
     Attributes
     ----------
@@ -46,10 +47,11 @@ class WallCandidates:
         How often pieces, and all of them because of the wall, were listed anew.
     """
 
-    def __init__(self, duct: ReducedDuct, n_pieces: int) -> None:
+    def __init__(self, duct: ReducedDuct, n_pieces: int, along_m: float = ALONG_M) -> None:
         self._placement, self._bounds = place_walls(duct), wall_bounds(duct)
         self._clusters = cluster_triangles(duct.mesh.vertices_m, duct.mesh.triangles)
-        self.list = new_list(self._clusters, self._placement.position_m, n_pieces, SKIN_M)
+        self._along_m = along_m
+        self.list = new_list(self._clusters, self._placement.position_m, n_pieces, SKIN_M, along_m)
         self._nodes: IntArray = np.zeros(0, np.int32)
         self.is_new = True
         self.renewals = self.wall_renewals = 0
@@ -61,7 +63,7 @@ class WallCandidates:
 
     def make_room(self, n_pieces: int) -> None:
         """Make room for so many pieces; all lists are made anew."""
-        self.list = new_list(self._clusters, self._placement.position_m, n_pieces, SKIN_M)
+        self.list = new_list(self._clusters, self._placement.position_m, n_pieces, SKIN_M, self._along_m)
         self.is_new = True
 
     def forget(self) -> None:
