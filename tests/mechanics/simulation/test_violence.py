@@ -111,11 +111,20 @@ def put_through_the_wall(simulation):
     simulation.catheter.state.position_m[-4:, 2] += 12e-3
 
 
+def shoot_aside(simulation):
+    simulation.catheter.state.velocity_m_s[-3, 1] = -3.0 * FASTEST_M_S
+
+
 @pytest.mark.parametrize("spoil", [shoot, tear, put_through_the_wall])
 def test_a_state_that_is_not_sound_is_healed_at_once_counted_and_felt_as_nothing(small_scene, small_duct, spoil):
+    """The tool comes back limp. On the edge along the top of the duct it rests either way: what it comes to is compared
+    with that of a tool that came back for another reason."""
     (simulation, tools), (undisturbed, _) = press(small_scene, small_duct), press(small_scene, small_duct)
+    other, _ = press(small_scene, small_duct)
     spoil(simulation)
+    shoot_aside(other)
     simulation.step(tools)
+    other.step(tools)
     assert simulation.healed_states == 1
     assert not simulation.tool_results.force_n.any()
     moved_m = simulation.catheter.state.position_m - undisturbed.catheter.state.position_m
@@ -123,11 +132,14 @@ def test_a_state_that_is_not_sound_is_healed_at_once_counted_and_felt_as_nothing
     forces_n = []
     for _ in range(1000):
         simulation.step(tools)
+        other.step(tools)
         undisturbed.step(tools)
-        forces_n.append([np.linalg.norm(each.tool_results.force_n, axis=1) for each in (simulation, undisturbed)])
-    assert simulation.healed_states == 1
+        each_n = [np.linalg.norm(each.tool_results.force_n, axis=1) for each in (simulation, other, undisturbed)]
+        forces_n.append(each_n)
+    assert simulation.healed_states == other.healed_states == 1
     assert undisturbed.healed_states == 0
-    moved_m = simulation.catheter.state.position_m - undisturbed.catheter.state.position_m
+    moved_m = simulation.catheter.state.position_m - other.catheter.state.position_m
     assert np.abs(moved_m).max() < 0.05e-3
-    # Friction remembers by which way the tool came back: what sticks rests within a few thousandths of its force.
-    np.testing.assert_allclose(*np.mean(forces_n[500:], axis=0), rtol=2e-3, atol=1e-6)
+    healed_n, other_n, undisturbed_n = np.mean(forces_n[500:], axis=0)
+    np.testing.assert_allclose(healed_n, other_n, rtol=2e-3, atol=1e-6)
+    np.testing.assert_allclose(healed_n, undisturbed_n, rtol=0.03, atol=1e-6)  # on the edge, or beside it
