@@ -18,6 +18,7 @@ from services.mechanics.collision.wall_candidates import WallCandidates
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.compiled.vectors import row
+from services.mechanics.contact.working_set import TOUCHING_M
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS
@@ -49,7 +50,7 @@ class JawTouches:
         self._jaw_radius_m = radius_m.copy()
         self._jaw_radius_m[:, SHAFT] = 0.0
         self._looks = np.zeros(N_TOOLS, np.bool_)
-        self._wall = WallCandidates(duct, N_TOOL_PIECES)
+        self._wall = WallCandidates(duct, N_TOOL_PIECES, TOUCHING_M)
         self._wall.list.wanted[:] = self._wall.list.reach[:] = _LOOK_M
         self._found = Candidates.zeros(c=2 * N_TOOLS * MOST_ENTRIES)
         self._capsules = CapsuleMemory.zeros(m=N_TOOL_PIECES, n=n_segments)

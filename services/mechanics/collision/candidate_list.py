@@ -23,9 +23,6 @@ from services.mechanics.compiled.vectors import row, row_of
 
 #: Entries that a piece has room for: a tool's shaft lies beside a third of a duct of 40 mm.
 MOST_ENTRIES = 768
-#: A piece that lies along a triangle touches edges that are farther than the closest pair by as much as what ends no
-#: deeper needs no row.
-ALONG_M = 30e-6
 
 
 class CandidateList(Struct):
@@ -214,9 +211,7 @@ def note_distance(found: CandidateList, p: int, k: int, distance_m: float) -> No
     found.bound[p, k] = distance_m + found.wall_travel + found.piece_travel[p]
 
 
-def new_list(
-    clusters: Clusters, position_m: FloatArray, n_pieces: int, skin_m: float, along_m: float = ALONG_M
-) -> CandidateList:
+def new_list(clusters: Clusters, position_m: FloatArray, n_pieces: int, skin_m: float, along_m: float) -> CandidateList:
     """Return an empty list for so many pieces, none of which is active yet, nor reaches beyond its surface."""
     n = len(position_m)
     return CandidateList.zeros(

@@ -9,7 +9,6 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.collision.candidate_list import (
-    ALONG_M,
     RENEWED,
     SAME,
     WALL_IS_DUE,
@@ -47,7 +46,7 @@ class WallCandidates:
         How often pieces, and all of them because of the wall, were listed anew.
     """
 
-    def __init__(self, duct: ReducedDuct, n_pieces: int, along_m: float = ALONG_M) -> None:
+    def __init__(self, duct: ReducedDuct, n_pieces: int, along_m: float) -> None:
         self._placement, self._bounds = place_walls(duct), wall_bounds(duct)
         self._clusters = cluster_triangles(duct.mesh.vertices_m, duct.mesh.triangles)
         self._along_m = along_m

@@ -7,8 +7,8 @@ bounds the force the anchor follows: :math:`e = -c f_t` (elastoplastic friction;
 Simo and Hughes, "Computational Inelasticity", 1998, ch. 1).
 
 e is what the bodies have really moved: what a solve that was cut short leaves open is taken up by the next one. It is
-kept along world axes under the contact's identity, so that it goes with a contact to the next triangle; it is forgotten
-when the surfaces part.
+kept along world axes with the contact's place on the wall, see `warm_start`, so that it goes with a contact to the next
+triangle; it is forgotten when the surfaces part.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ import numpy as np
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.bodies.forceps.tool_body import ToolBody
-from services.mechanics.collision.candidate_list import ALONG_M, CandidateList, list_at, note_start, want_ahead
+from services.mechanics.collision.candidate_list import CandidateList, list_at, note_start, want_ahead
 from services.mechanics.collision.candidates import Candidates, candidates_at
 from services.mechanics.collision.capsules import CapsuleMemory, Tools, capsules_at, detect_capsules
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, JAW_A, JAW_B, ContactPairs, pairs_at
@@ -55,7 +55,7 @@ class CandidateSearch:
         self._end = N_TOOL_PIECES + scene.catheter.n_segments
         self._duct = duct
         # Where contacts know not each other, each adds to the others: one a triangle, as in the paper.
-        along_m = ALONG_M if STRATEGIES[scene.contact.model].knows_stiffness else -1.0
+        along_m = TOUCHING_M if STRATEGIES[scene.contact.model].knows_stiffness else -1.0
         self._wall = WallCandidates(duct, self._end, along_m)
         self._found, self._ended = Candidates.zeros(c=CAPACITY), Candidates.zeros(c=CAPACITY)
         self._capsules = CapsuleMemory.zeros(m=N_TOOL_PIECES, n=scene.catheter.n_segments)

@@ -11,11 +11,12 @@ from typing import Annotated
 from services.mechanics.arrays import BoolArray, FloatArray, LongArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Struct
-from services.mechanics.compiled.vectors import Vector, combine, put_row, squared_distance
+from services.mechanics.compiled.vectors import Vector, put_row, squared_distance
 from services.mechanics.compiled.vectors import row as vector
 from services.mechanics.contact.identity import without_target
 from services.mechanics.contact.laws import ELASTIC_AXES
 from services.mechanics.contact.rows import ContactRows
+from services.mechanics.contact.working_set import place_at_rest
 
 
 class ForceMemory(Struct):
@@ -75,9 +76,7 @@ def _nearest(memory: ForceMemory, rows: ContactRows, row: int, vertices_m: Float
 @kernel
 def _place_m(rows: ContactRows, row: int, vertices_m: FloatArray) -> Vector:
     """Return where a row is on the undeformed wall; zero for what is not on it."""
-    node, w = rows.duct_node, rows.duct_weight[row]
-    a, b, c = vector(vertices_m, node[row, 0]), vector(vertices_m, node[row, 1]), vector(vertices_m, node[row, 2])
-    return combine((w[0], w[1], w[2]), a, b, c)
+    return place_at_rest(vertices_m, rows.duct_node, row, vector(rows.duct_weight, row))
 
 
 @kernel

@@ -1,10 +1,9 @@
 """The working set: which candidates become contact rows, by one rule.
 
 What touches gets a row, and what will if everything moves on as in the last step. Of these candidates come by
-increasing gap, members of the set first. One whose place at rest and normal are near those of a
-chosen one of the same body stands for nothing new and is left out, unless it nearly touches: a point that touches and
-has no row would sink in, and be pushed out once it is seen. What pressed stays a member for a while, under its feature
-(piece and triangle), so that friction and forces find their contact again.
+increasing gap, members of the set first. One whose place at rest and normal are near those of a chosen one of the same
+body stands for nothing new and is left out, unless it nearly touches: a point that touches and has no row would sink
+in, and be pushed out once it is seen. What pressed stays a member for a while, under its feature (piece and triangle).
 """
 
 from __future__ import annotations

@@ -6,12 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from wall_cases import N_MODES, coordinates, placed, wall
 
-from services.mechanics.collision.candidate_list import ALONG_M
 from services.mechanics.collision.candidates import Candidates
 from services.mechanics.collision.placed_wall import NO_LOADS
 from services.mechanics.collision.wall_candidates import SKIN_M, WALL_SHARE, WallCandidates
 from services.mechanics.compiled import building_kernel
 from services.mechanics.compiled.vectors import row, row_of
+from services.mechanics.contact.working_set import TOUCHING_M
 from studies.judge.closest import segment_triangle
 
 N_PIECES, REACH_M, TICKS = 7, 0.5e-3, 12
@@ -59,7 +59,7 @@ def compare(wall_now, found, ends, active, gap_m, span):
     is_closest = np.array([k == 0 or keys[k] != keys[k - 1] for k in range(n)], bool)  # its edges come after it
     assert found.gap_m[:n][is_closest] == pytest.approx(gaps[p, t][is_closest], abs=CLOSE_M)
     farther_m = found.gap_m[:n] - gaps[p, t]
-    assert ((farther_m > -CLOSE_M) & (farther_m < ALONG_M + CLOSE_M) & (found.gap_m[:n] < gap_m + CLOSE_M)).all()
+    assert ((farther_m > -CLOSE_M) & (farther_m < TOUCHING_M + CLOSE_M) & (found.gap_m[:n] < gap_m + CLOSE_M)).all()
     assert (np.min(w, axis=1)[~is_closest] == 0.0).all(), "they lie on edges"
     assert ((w >= 0.0).all() and (s >= 0.0).all() and (s <= 1.0).all()) or n == 0
     away = ends[p, 0] + s * (ends[p, 1] - ends[p, 0]) - np.einsum("kc,kci->ki", w, vertices[triangles[t]])
@@ -71,7 +71,7 @@ def compare(wall_now, found, ends, active, gap_m, span):
 
 def reaching(duct, n_pieces):
     """Return lists of so many pieces that may want candidates up to `REACH_M`."""
-    lists = WallCandidates(duct, n_pieces)
+    lists = WallCandidates(duct, n_pieces, TOUCHING_M)
     lists.list.reach[:] = REACH_M
     return lists
 

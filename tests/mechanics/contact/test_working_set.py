@@ -34,7 +34,7 @@ class Chooser:
 
     def __init__(self):
         clusters = cluster_triangles(MESH.vertices_m, MESH.triangles)
-        self.list = new_list(clusters, MESH.vertices_m.copy(), N_PIECES, 1e-3)
+        self.list = new_list(clusters, MESH.vertices_m.copy(), N_PIECES, 1e-3, TOUCHING_M)
         self.found = Candidates.zeros(c=512)
         self.before, self.ahead_m = (self.list.ends.copy(), MESH.vertices_m.copy()), np.full(N_PIECES, np.inf)
         self.set = new_working_set(MESH.vertices_m, N_PIECES, len(MESH.triangles), 512)
