@@ -4,8 +4,8 @@ A Verlet list (L. Verlet, "Computer experiments on classical fluids", 1967): a p
 a skin, and the list is complete until piece and wall together have moved by the skin. A piece that has moved renews its
 own list; only a wall that has moved renews them all.
 
-Each entry also keeps a lower bound of its distance: the distance measured last, less what piece and wall have moved
-since. Only entries whose bound is within reach are measured again.
+Each entry also keeps a lower bound of its distance: the distance measured last, less what piece and wall can have moved
+since. Only entries whose bound is within reach are measured again, and only their nodes are placed.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Annotated
 import numpy as np
 
 from services.mechanics.arrays import BoolArray, FloatArray, IntArray, LongArray
-from services.mechanics.collision.clusters import Clusters, is_beyond, sphere_of
+from services.mechanics.collision.clusters import Clusters, sphere_of, squared_distance_to
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import row, row_of
@@ -29,12 +29,12 @@ class CandidateList(Struct):
     """Lists of p pieces, each a capsule, against the m triangles of a wall of n nodes."""
 
     clusters: Clusters
-    position: Annotated[FloatArray, "n", 3]  # of the nodes: those of the list are always placed
+    position: Annotated[FloatArray, "n", 3]  # of the nodes, where they were placed last
     ends: Annotated[FloatArray, "p", 2, 3]  # of the pieces now
     thickness: Annotated[FloatArray, "p"]  # distance of axis and mid-surface at which a piece touches the wall
     active: Annotated[BoolArray, "p"]
     entry: Annotated[IntArray, "p", MOST_ENTRIES]
-    bound: Annotated[FloatArray, "p", MOST_ENTRIES]  # of the distance, plus `travel` of wall and piece when measured
+    bound: Annotated[FloatArray, "p", MOST_ENTRIES]  # of the distance, plus `travel` of wall and piece then
     count: Annotated[LongArray, "p"]
     is_listed: Annotated[BoolArray, "p"]
     listed_ends: Annotated[FloatArray, "p", 2, 3]
@@ -58,7 +58,7 @@ list_at = reader(CandidateList)
 
 @kernel
 def note_motion(address: Address[CandidateList], wall_moved_m: float) -> None:
-    """Count how far pieces and listed nodes have come since the last call."""
+    """Count how far pieces have come since the last call, and nodes at most."""
     found = list_at(address)
     found.wall_travel += wall_moved_m
     for p in range(found.count.shape[0]):
@@ -69,16 +69,13 @@ def note_motion(address: Address[CandidateList], wall_moved_m: float) -> None:
 
 
 @kernel
-def note_start(address: Address[CandidateList], start: tuple[FloatArray, FloatArray]) -> None:
-    """Write where pieces (p, 2, 3) and nodes (n, 3) are into ``start``."""
-    found, (ends, position) = list_at(address), start
+def note_ends(address: Address[CandidateList], ends: FloatArray) -> None:
+    """Write where pieces are into ``ends`` (p, 2, 3)."""
+    found = list_at(address)
     for p in range(found.count.shape[0]):
         for end in range(2):
             for axis in range(3):
                 ends[p, end, axis] = found.ends[p, end, axis]
-    for k in range(found.n_nodes):
-        for axis in range(3):
-            position[found.node[k], axis] = found.position[found.node[k], axis]
 
 
 @kernel
@@ -149,7 +146,7 @@ def renew_lists(address: Address[CandidateList], modes_moved_m: float, most_m: f
             found.is_listed[p] = False
             found.count[p] = 0
         elif not found.is_listed[p] or _furthest(found.ends, found.listed_ends, p) + wall_moved_m > found.skin_m:
-            _list_piece(found, p)
+            _list_piece(found, p, wall_moved_m)
             any_new = True
     if any_new:
         _list_nodes(found)
@@ -158,20 +155,24 @@ def renew_lists(address: Address[CandidateList], modes_moved_m: float, most_m: f
 
 
 @kernel
-def _list_piece(found: CandidateList, p: int) -> None:
+def _list_piece(found: CandidateList, p: int, wall_moved_m: float) -> None:
+    """List what is within reach of a piece; the wall has moved by so much since spheres were put round triangles."""
     a, b, clusters = row_of(found.ends, p, 0), row_of(found.ends, p, 1), found.clusters
     reach, n = found.thickness[p] + found.reach[p] + found.skin_m, 0
+    travel = found.wall_travel + found.piece_travel[p]
     for c in range(clusters.cluster_radius.shape[0]):
-        if is_beyond(a, b, row(clusters.cluster_middle, c), reach + clusters.cluster_radius[c]):
+        far_m = reach + clusters.cluster_radius[c]
+        if squared_distance_to(a, b, row(clusters.cluster_middle, c)) > far_m * far_m:
             continue
         for place in range(clusters.first[c], clusters.first[c + 1]):
             t = clusters.order[place]
-            if is_beyond(a, b, row(clusters.middle, t), reach + clusters.radius[t]):
+            distance = math.sqrt(squared_distance_to(a, b, row(clusters.middle, t))) - clusters.radius[t]
+            if distance > reach:
                 continue
             if n == MOST_ENTRIES:
                 found.dropped += 1
                 continue
-            found.entry[p, n], found.bound[p, n] = t, -math.inf
+            found.entry[p, n], found.bound[p, n] = t, distance - wall_moved_m + travel
             n += 1
     found.count[p], found.is_listed[p] = n, True
     for end in range(2):
@@ -195,19 +196,30 @@ def _list_nodes(found: CandidateList) -> None:
 
 
 @kernel
-def is_within(found: CandidateList, p: int, k: int) -> bool:
-    """Return whether an entry may be as near as is wanted: by its bound, and by a sphere round the triangle."""
+def may_be_within(found: CandidateList, p: int, k: int) -> bool:
+    """Return whether an entry may be as near as is wanted, by its bound."""
     reach = found.thickness[p] + found.wanted[p]
-    if found.bound[p, k] - found.wall_travel - found.piece_travel[p] > reach:
+    return bool(found.bound[p, k] - found.wall_travel - found.piece_travel[p] <= reach)
+
+
+@kernel
+def is_within(found: CandidateList, p: int, k: int) -> bool:
+    """Return whether an entry whose nodes are placed may be as near, by its bound and a sphere round the triangle."""
+    if not may_be_within(found, p, k):
         return False
     corner, t, position = found.clusters.triangles, found.entry[p, k], found.position
     middle, radius = sphere_of(row(position, corner[t, 0]), row(position, corner[t, 1]), row(position, corner[t, 2]))
-    return not is_beyond(row_of(found.ends, p, 0), row_of(found.ends, p, 1), middle, reach + radius)
+    away_2 = squared_distance_to(row_of(found.ends, p, 0), row_of(found.ends, p, 1), middle)
+    far_m = found.thickness[p] + found.wanted[p] + radius
+    if away_2 > far_m * far_m:
+        note_distance(found, p, k, math.sqrt(away_2) - radius)
+        return False
+    return True
 
 
 @kernel
 def note_distance(found: CandidateList, p: int, k: int, distance_m: float) -> None:
-    """Note a distance that was measured."""
+    """Note a distance that was measured, or one that it is not below."""
     found.bound[p, k] = distance_m + found.wall_travel + found.piece_travel[p]
 
 

@@ -16,7 +16,7 @@ from typing import Annotated
 
 from services.mechanics.arrays import FloatArray, IntArray, LongArray
 from services.mechanics.collision.candidate_list import CandidateList, is_within, list_at, note_distance
-from services.mechanics.collision.primitives import closest_of_segments, closest_segment_triangle
+from services.mechanics.collision.primitives import Edges, closest_of_edges, closest_segment_triangle, on_edge
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import (
@@ -84,30 +84,31 @@ def measure(address: Address[CandidateList], out_address: Address[Candidates], s
 
 @kernel
 def _measure_entry(found: CandidateList, p: int, k: int, out: Candidates) -> None:
-    t = found.entry[p, k]
-    distance, s, w, normal = closest_pair((found.ends, found.position), found.clusters.triangles, p, t)
+    t, where = found.entry[p, k], (found.ends, found.position)
+    edges = _edges(where, found.clusters.triangles, p, t)
+    distance, s, w, normal = _closest(where, found.clusters.triangles, (p, t), edges)
     note_distance(found, p, k, distance)
     reach = found.thickness[p] + found.wanted[p]
     if distance <= reach:
         put(out, (p, t), (distance - found.thickness[p], s, w, normal))
         if found.along_m >= 0.0:
-            _measure_edges(found, (p, t), (min(distance + found.along_m, reach), s), out)
+            _put_edges(found, (p, t), edges, (min(distance + found.along_m, reach), s), out)
 
 
 @kernel
-def _measure_edges(found: CandidateList, place: tuple[int, int], closest: tuple[float, float], out: Candidates) -> None:
+def _put_edges(
+    found: CandidateList, place: tuple[int, int], edges: Edges, closest: tuple[float, float], out: Candidates
+) -> None:
     """Write the pairs of a piece with edges of a triangle up to a distance, elsewhere along it than the closest one."""
-    (p, t), (most, s_closest), corner = place, closest, found.clusters.triangles
+    p, (most, s_closest), corner = place[0], closest, found.clusters.triangles
     a, b = row_of(found.ends, p, 0), row_of(found.ends, p, 1)
     apart = _ELSEWHERE * found.thickness[p] / max(math.sqrt(squared_distance(a, b)), _TOUCHING_M)
     for k in range(3):
-        c0, c1 = row(found.position, corner[t, k]), row(found.position, corner[t, (k + 1) % 3])
-        s, u, d2 = closest_of_segments(a, b, c0, c1)
-        if d2 <= most * most and d2 > _TOUCHING_M and abs(s - s_closest) > apart:
-            distance = math.sqrt(d2)
-            away = subtract(along(a, subtract(b, a), s), along(c0, subtract(c1, c0), u))
-            w = (1.0 - u, u, 0.0) if k == 0 else (0.0, 1.0 - u, u) if k == 1 else (u, 0.0, 1.0 - u)
-            put(out, place, (distance - found.thickness[p], s, w, scaled(away, 1.0 / distance)))
+        s, u, d2 = edges[k]
+        if _TOUCHING_M**2 < d2 <= most * most and abs(s - s_closest) > apart:
+            w, distance = on_edge(k, u), math.sqrt(d2)
+            normal = scaled(offset((found.ends, found.position), corner, place, s, w), 1.0 / distance)
+            put(out, place, (distance - found.thickness[p], s, w, normal))
 
 
 @kernel
@@ -127,13 +128,30 @@ def put(out: Candidates, place: tuple[int, int], pair: tuple[float, float, Vecto
 @kernel
 def closest_pair(where: Where, corner: IntArray, p: int, t: int) -> tuple[float, float, Vector, Vector]:
     """Return distance, place along the piece, weights in the triangle and normal of a piece and a triangle."""
-    a, b = row_of(where[0], p, 0), row_of(where[0], p, 1)
-    c0, c1, c2 = row(where[1], corner[t, 0]), row(where[1], corner[t, 1]), row(where[1], corner[t, 2])
-    d2, s, w = closest_segment_triangle(a, b, c0, c1, c2)
-    away = subtract(along(a, subtract(b, a), s), combine(w, c0, c1, c2))
+    return _closest(where, corner, (p, t), _edges(where, corner, p, t))
+
+
+@kernel
+def _corners(where: Where, corner: IntArray, t: int) -> tuple[Vector, Vector, Vector]:
+    return row(where[1], corner[t, 0]), row(where[1], corner[t, 1]), row(where[1], corner[t, 2])
+
+
+@kernel
+def _edges(where: Where, corner: IntArray, p: int, t: int) -> Edges:
+    c0, c1, c2 = _corners(where, corner, t)
+    return closest_of_edges(row_of(where[0], p, 0), row_of(where[0], p, 1), c0, c1, c2)
+
+
+@kernel
+def _closest(
+    where: Where, corner: IntArray, place: tuple[int, int], edges: Edges
+) -> tuple[float, float, Vector, Vector]:
+    p, t = place
+    c0, c1, c2 = corners = _corners(where, corner, t)
+    d2, s, w = closest_segment_triangle(row_of(where[0], p, 0), row_of(where[0], p, 1), corners, edges)
     distance = math.sqrt(d2)
     if distance > _TOUCHING_M:
-        return distance, s, w, scaled(away, 1.0 / distance)
+        return distance, s, w, scaled(offset(where, corner, place, s, w), 1.0 / distance)
     return distance, s, w, unit(cross(subtract(c1, c0), subtract(c2, c0)))
 
 
@@ -141,6 +159,6 @@ def closest_pair(where: Where, corner: IntArray, p: int, t: int) -> tuple[float,
 def offset(where: Where, corner: IntArray, place: tuple[int, int], s: float, w: Vector) -> Vector:
     """Return the vector from a point of a triangle to a point of a piece's axis; ``place`` are piece and triangle."""
     p, t = place
-    c0, c1, c2 = row(where[1], corner[t, 0]), row(where[1], corner[t, 1]), row(where[1], corner[t, 2])
+    c0, c1, c2 = _corners(where, corner, t)
     a, b = row_of(where[0], p, 0), row_of(where[0], p, 1)
     return subtract(along(a, subtract(b, a), s), combine(w, c0, c1, c2))

@@ -86,10 +86,10 @@ def _enclose_cluster(clusters: Clusters, c: int) -> None:
 
 
 @kernel
-def is_beyond(a: Vector, b: Vector, middle: Vector, far_m: float) -> bool:
-    """Return whether a point is further than ``far_m`` from segment ab."""
+def squared_distance_to(a: Vector, b: Vector, middle: Vector) -> float:
+    """Return the squared distance of a point from segment ab."""
     u, w = subtract(b, a), subtract(middle, a)
     length_2 = dot(u, u)
     t = min(max(dot(u, w) / length_2, 0.0), 1.0) if length_2 > 0.0 else 0.0
     away = along(w, u, -t)
-    return dot(away, away) > far_m * far_m
+    return dot(away, away)

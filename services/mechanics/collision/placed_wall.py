@@ -1,21 +1,28 @@
 """Where nodes of the wall are: placed by all modes and all loads, at the start or at the end of a step.
 
 Detection, contact rows, price and picture see the same wall, because all of them place it from the same coordinates and
-loads. A node costs as many products as there are modes and loads: 150 nodes, 80 modes and 30 loads are 50,000.
+loads. A node costs as many products as there are modes and loads: 150 nodes, 80 modes and 30 loads are 50,000. So the
+wall *stands* at coordinates and loads first, which bounds how far any node has come, and those nodes are placed that
+somebody asks for.
+
+The bound: loads f move node i beyond the modes by sum_l R_il f_l, and |R_il| is at most sqrt(|R_ii| |R_ll|), as R is
+symmetric and positive (Cauchy-Schwarz). For the modes see `wall_bounds`.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 import numpy as np
 
 from services.mechanics.arrays import AnyArray, ByteArray, Float32Array, FloatArray, IntArray, LongArray
+from services.mechanics.collision.wall_bounds import WallBounds, wall_bounds
 from services.mechanics.compiled import kernel, summing_kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.reduction.large_rotations.warping import SectionFrame
 from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.reduction.residual.blocks import BlockStore, block_between
+from services.mechanics.reduction.residual.blocks import BlockStore, block_between, own_softness
 
 #: Rows of the residual of loaded nodes that are kept: as many as there is room for in 65 MB, and no more than these.
 MOST_BLOCKS, MOST_ROWS = 1_800_000, 128
@@ -25,7 +32,7 @@ NO_LOADS: Loads = (np.zeros(0, np.int32), np.zeros((0, 3)))
 
 
 class PlacedWall(Struct):
-    """A wall of n nodes and r modes, and where those nodes are that were placed last."""
+    """A wall of n nodes and r modes, what it stands at, and where those nodes are that were placed last."""
 
     rest: Annotated[FloatArray, "n", 3]
     Phi: Annotated[FloatArray, "n", 3, "r"]
@@ -33,17 +40,27 @@ class PlacedWall(Struct):
     known: Annotated[ByteArray, "b"]  # one where a block of a row that is kept has been read
     row_of: Annotated[IntArray, "n"]  # which row of those that are kept is a node's, -1 where none is
     kept: Annotated[IntArray, "k"]  # the node of each row that is kept, -1 where it is free
-    used: Annotated[LongArray, "k"]  # in which placement it was used last
-    extra: Annotated[FloatArray, "n", 3]  # displacement beyond the modes, of the nodes that are being placed
+    used: Annotated[LongArray, "k"]  # in which stand it was used last
+    softness: Annotated[FloatArray, "n"]  # square root of |R_ii|
+    change: Annotated[FloatArray, "n", 3]  # of the loads, zero between uses
+    changed: Annotated[IntArray, "c"]  # nodes whose loads change
+    asked: Annotated[IntArray, "n"]  # nodes that were asked for in this stand
+    extra: Annotated[FloatArray, "n", 3]  # their displacement beyond the modes
     position: Annotated[FloatArray, "n", 3]
-    q: Annotated[FloatArray, "r"]  # that nodes were placed by last, and loads, those that last beside contacts included
+    placed: Annotated[LongArray, "n"]  # in which stand each node was placed last
+    q: Annotated[FloatArray, "r"]
     load_node: Annotated[IntArray, "l"]
     load_force: Annotated[FloatArray, "l", 3]
     n_loads: int = 0
-    placements: int = 0
+    n_changed: int = 0
+    n_asked: int = 0
+    n_placed: int = 0  # of those that were asked for
+    stands: int = 1
+    softest: float = 0.0  # node, as its square root
 
 
 wall_at = reader(PlacedWall)
+_RESIDUAL = "blocks", "known", "row_of", "kept", "used", "softness"
 
 
 class WallPlacement:
@@ -52,73 +69,93 @@ class WallPlacement:
     Parameters
     ----------
     duct : ReducedDuct
+    like : WallPlacement or None
+        Of the same wall, to share its residual and bounds. This one only ever follows it.
 
     Attributes
     ----------
     wall : PlacedWall
+    bounds : WallBounds
+        Of the modes, from where the wall stands.
     position_m : (n, 3) float64
         Where the nodes are that were placed last; others are where they were.
     """
 
-    def __init__(self, duct: ReducedDuct) -> None:
+    def __init__(self, duct: ReducedDuct, like: WallPlacement | None = None) -> None:
         n = duct.mesh.n_vertices
         rest, Phi = np.ascontiguousarray(duct.mesh.vertices_m), np.ascontiguousarray(duct.basis.Phi)
-        extents = {"n": n, "r": Phi.shape[2], "l": 2 * n}
-        self.wall = PlacedWall.zeros(rest=rest, Phi=Phi, position=rest.copy(), **extents, **_blocks(duct))
+        shared = _residual(duct) if like is None else {name: getattr(like.wall, name) for name in _RESIDUAL}
+        extents = {"n": n, "r": Phi.shape[2], "l": 2 * n, "c": 4 * n}
+        self.wall: PlacedWall = PlacedWall.zeros(rest=rest, Phi=Phi, position=rest.copy(), **extents, **shared)
+        self.wall.softest = float(self.wall.softness.max(initial=0.0))
         self._store = duct.residual.store
+        self.bounds: WallBounds = wall_bounds(duct) if like is None else like.bounds
         self.position_m = self.wall.position
         self.every = np.arange(n, dtype=np.int32)
 
-    def place(self, nodes: IntArray, q: FloatArray, loads: Loads, lasting: Loads = NO_LOADS) -> float:
-        """Place ``nodes`` (k,) by coordinates q (r,) and loads; return in m how far one of them has come.
+    def stand(self, q: FloatArray, loads: Loads, lasting: Loads = NO_LOADS) -> float:
+        """Let the wall stand at coordinates q (r,) and loads; return in m how far a node can be from where it was.
 
-        That is counted from where they were placed last. ``lasting`` are loads beside those of contacts.
+        ``lasting`` are loads beside those of contacts. Where nothing moves, nodes that are placed stay so.
         """
-        self._displace(nodes, loads, lasting)
-        moved_m: float = place_nodes(self.wall.address, nodes, q)
-        return moved_m
+        return self._stand(q, self.bounds.moved_m(q), loads, lasting)
 
-    def is_placed_by(self, q: FloatArray, loads: Loads) -> bool:
-        """Return whether nodes were placed last by just these coordinates and loads."""
-        return bool(is_placed_by(self.wall.address, q, *loads))
-
-    def _displace(self, nodes: IntArray, loads: Loads, lasting: Loads) -> None:
-        self._add(nodes, loads, anew=True)
+    def _stand(self, q: FloatArray, moved_m: float, loads: Loads, lasting: Loads) -> float:
+        self.bounds.take(q)
+        leave(self.wall.address, q)
+        add_loads(self.wall.address, loads)
         if len(lasting[0]):
-            self._add(nodes, lasting, anew=False)
+            add_loads(self.wall.address, lasting)
+        return float(arrive(self.wall.address, moved_m))
 
-    def _add(self, nodes: IntArray, loads: Loads, *, anew: bool) -> None:
-        if len(self.wall.kept):
-            displace_by_rows(self.wall.address, self._store, nodes, loads, anew)
-        else:
-            displace_nodes(self.wall.address, nodes, loads, anew)
+    def place(self, nodes: IntArray) -> None:
+        """Place ``nodes`` (k,) where the wall stands, those that are not there yet."""
+        ask(self.wall.address, nodes)
+        self.place_asked()
+
+    def place_asked(self) -> None:
+        """Place the nodes that were asked for."""
+        if displace(self.wall.address, self._store):
+            self._put()
+
+    def _put(self) -> None:
+        place_displaced(self.wall.address)
+
+    def follow(self, other: WallPlacement) -> None:
+        """Stand where another placement of this wall does; what it has placed is placed."""
+        copy_stand(self.wall.address, other.wall.address)
 
 
 class TurnedPlacement(WallPlacement):
     """Places nodes of a wall whose sections turn: loads are turned back, where the residual is known."""
 
-    def __init__(self, duct: ReducedDuct) -> None:
-        super().__init__(duct)
+    def __init__(self, duct: ReducedDuct, like: WallPlacement | None = None) -> None:
+        super().__init__(duct, like)
         if duct.warp is None:
             raise ValueError("a wall that turns needs a duct with a warp")
         self._frame = SectionFrame(duct.warp)
         n = duct.mesh.n_vertices
         self._force_n, self._at_m, self._extra_m = np.zeros((2 * n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
 
-    def place(self, nodes: IntArray, q: FloatArray, loads: Loads, lasting: Loads = NO_LOADS) -> float:
-        """Place ``nodes`` (k,), see `WallPlacement.place`."""
+    def stand(self, q: FloatArray, loads: Loads, lasting: Loads = NO_LOADS) -> float:
+        """Let the wall stand at coordinates and loads, see `WallPlacement.stand`."""
+        moved_m = self.bounds.moved_m(q, float(reach_of_loads(self.wall.address)))
         self._frame.update(q)
-        self._displace(nodes, self._turned_back(loads, 0), self._turned_back(lasting, len(loads[0])))
-        k = len(nodes)
-        np.take(self.wall.extra, nodes, axis=0, out=self._extra_m[:k])
-        self._frame.node_positions(nodes, self._extra_m[:k], self._at_m[:k])
-        moved_m: float = put_nodes(self.wall.address, nodes, self._at_m)
-        self.wall.q[:] = q
-        return moved_m
+        turned = self._turned_back(loads, 0), self._turned_back(lasting, len(loads[0]))
+        return self._stand(q, moved_m, *turned)
 
-    def is_placed_by(self, q: FloatArray, loads: Loads) -> bool:
-        """Return False: loads are known as they were turned back."""
-        return False
+    def _put(self) -> None:
+        wall = self.wall
+        nodes = wall.asked[wall.n_placed : wall.n_asked]
+        count, wall.n_placed = len(nodes), wall.n_asked
+        np.take(wall.extra, nodes, axis=0, out=self._extra_m[:count])
+        self._frame.node_positions(nodes, self._extra_m[:count], self._at_m[:count])
+        self.position_m[nodes] = self._at_m[:count]
+
+    def follow(self, other: WallPlacement) -> None:
+        """Stand where another placement of this wall does, see `WallPlacement.follow`."""
+        super().follow(other)
+        self._frame.update(self.wall.q)
 
     def _turned_back(self, loads: Loads, first: int) -> Loads:
         force_n = self._force_n[first : first + len(loads[0])]
@@ -126,67 +163,148 @@ class TurnedPlacement(WallPlacement):
         return loads[0], force_n
 
 
-def place_walls(duct: ReducedDuct) -> WallPlacement:
-    """Return what places the nodes of this duct."""
-    return WallPlacement(duct) if duct.warp is None else TurnedPlacement(duct)
+def place_walls(duct: ReducedDuct, like: WallPlacement | None = None) -> WallPlacement:
+    """Return what places the nodes of this duct, see `WallPlacement`."""
+    return (WallPlacement if duct.warp is None else TurnedPlacement)(duct, like)
 
 
-def _blocks(duct: ReducedDuct) -> dict[str, AnyArray]:
+def _residual(duct: ReducedDuct) -> dict[str, AnyArray]:
     """Blocks of the residual as loads read them: all of it where it is stored so, or room for rows of loaded nodes."""
     residual, n = duct.residual, duct.mesh.n_vertices
-    row_of: AnyArray = np.full(n, -1, np.int32)
-    if len(residual.blocks) == n * n and residual.blocks.dtype == np.float32:
-        none: dict[str, AnyArray] = {"kept": np.zeros(0, np.int32), "used": np.zeros(0, np.int64), "row_of": row_of}
-        return none | {"blocks": residual.blocks, "known": np.zeros(n * n, np.int8)}
-    k = max(min(MOST_ROWS, MOST_BLOCKS // n), 1)
-    rows: dict[str, AnyArray] = {"kept": np.full(k, -1, np.int32), "used": np.zeros(k, np.int64), "row_of": row_of}
-    return rows | {"blocks": np.zeros((k * n, 3, 3), np.float32), "known": np.zeros(k * n, np.int8)}
+    is_whole = len(residual.blocks) == n * n and residual.blocks.dtype == np.float32
+    k = 0 if is_whole else max(min(MOST_ROWS, MOST_BLOCKS // n), 1)
+    blocks = residual.blocks if is_whole else np.zeros((k * n, 3, 3), np.float32)
+    rows: dict[str, AnyArray] = {"kept": np.full(k, -1, np.int32), "used": np.zeros(k, np.int64)}
+    rows |= {"row_of": np.full(n, -1, np.int32), "known": np.zeros(len(blocks), np.int8)}
+    return rows | {"blocks": blocks, "softness": np.sqrt(own_softness(residual))}
 
 
 @kernel
-def displace_nodes(address: Address[PlacedWall], nodes: IntArray, loads: Loads, anew: bool) -> None:
-    """Add to the displacement of ``nodes`` beyond the modes, or begin it ``anew``, what loads do."""
-    wall, n = wall_at(address), 0
-    _begin(wall, nodes, loads, anew)
-    n = wall.rest.shape[0]
-    for load in range(loads[0].shape[0]):
-        _displace(wall, nodes, loads[0][load] * n, loads[1][load])
-
-
-@kernel
-def displace_by_rows(
-    address: Address[PlacedWall], store: BlockStore, nodes: IntArray, loads: Loads, anew: bool
-) -> None:
-    """Do as `displace_nodes`, where the residual is stored otherwise: blocks are read once, and kept."""
+def leave(address: Address[PlacedWall], q: FloatArray) -> None:
+    """Stand at coordinates q (r,) without any loads."""
     wall = wall_at(address)
-    _begin(wall, nodes, loads, anew)
-    wall.placements += 1
+    wall.n_changed = 0
+    for mode in range(q.shape[0]):
+        wall.q[mode] = q[mode]
+    for load in range(wall.n_loads):
+        _note_change(wall, load, -1.0)
+    wall.n_loads = 0
+
+
+@kernel
+def add_loads(address: Address[PlacedWall], loads: Loads) -> None:
+    """Add loads to those that the wall stands at."""
+    wall = wall_at(address)
     for load in range(loads[0].shape[0]):
-        source = loads[0][load]
-        row = _row_of(wall, source)
-        _read_blocks(wall, store, (source, row), nodes)
-        _displace(wall, nodes, row * wall.rest.shape[0], loads[1][load])
+        at = wall.n_loads
+        wall.load_node[at] = loads[0][load]
+        for axis in range(3):
+            wall.load_force[at, axis] = loads[1][load, axis]
+        _note_change(wall, at, 1.0)
+        wall.n_loads += 1
 
 
 @kernel
-def _begin(wall: PlacedWall, nodes: IntArray, loads: Loads, anew: bool) -> None:
-    if anew:
-        wall.n_loads = 0
-        for k in range(nodes.shape[0]):
-            for axis in range(3):
-                wall.extra[nodes[k], axis] = 0.0
-    _note_loads(wall, loads[0], loads[1])
+def _note_change(wall: PlacedWall, load: int, sign: float) -> None:
+    node = wall.load_node[load]
+    wall.changed[wall.n_changed] = node
+    wall.n_changed += 1
+    for axis in range(3):
+        wall.change[node, axis] += sign * wall.load_force[load, axis]
 
 
 @kernel
-def _displace(wall: PlacedWall, nodes: IntArray, first: int, force: FloatArray) -> None:
-    """Add what a force does to ``nodes``; ``first`` is where the row of its node begins."""
-    x, y, z, blocks, extra = force[0], force[1], force[2], wall.blocks, wall.extra
+def arrive(address: Address[PlacedWall], moved_m: float) -> float:
+    """Return how far in m a node can have moved, with modes by ``moved_m``; unless by nothing, none is placed yet."""
+    wall, total = wall_at(address), 0.0
+    for k in range(wall.n_changed):
+        node, square = wall.changed[k], 0.0
+        for axis in range(3):
+            square += wall.change[node, axis] ** 2
+            wall.change[node, axis] = 0.0
+        total += wall.softness[node] * math.sqrt(square)
+    moved_m += wall.softest * total
+    if moved_m != 0.0:
+        wall.stands += 1
+        wall.n_asked = wall.n_placed = 0
+    return float(moved_m)
+
+
+@kernel
+def reach_of_loads(address: Address[PlacedWall]) -> float:
+    """Return in m how far the loads can move a node beyond the modes."""
+    wall, total = wall_at(address), 0.0
+    for load in range(wall.n_loads):
+        x, y, z = wall.load_force[load, 0], wall.load_force[load, 1], wall.load_force[load, 2]
+        total += wall.softness[wall.load_node[load]] * math.sqrt(x * x + y * y + z * z)
+    return float(wall.softest * total)
+
+
+@kernel
+def ask(address: Address[PlacedWall], nodes: IntArray) -> None:
+    """Ask for ``nodes`` (k,)."""
+    wall = wall_at(address)
+    for k in range(nodes.shape[0]):
+        ask_for(wall, nodes[k])
+
+
+@kernel
+def ask_for(wall: PlacedWall, node: int) -> None:
+    """Ask for a node, unless it has been asked for where the wall stands."""
+    if wall.placed[node] != wall.stands:
+        wall.placed[node], wall.asked[wall.n_asked] = wall.stands, node
+        wall.n_asked += 1
+
+
+@kernel
+def copy_stand(address: Address[PlacedWall], other_address: Address[PlacedWall]) -> None:
+    """Let a wall stand where another does, with the nodes that are placed there."""
+    wall, other = wall_at(address), wall_at(other_address)
+    wall.stands, wall.n_loads, wall.n_asked, wall.n_placed = other.stands, other.n_loads, 0, 0
+    for mode in range(wall.q.shape[0]):
+        wall.q[mode] = other.q[mode]
+    for load in range(other.n_loads):
+        wall.load_node[load] = other.load_node[load]
+        for axis in range(3):
+            wall.load_force[load, axis] = other.load_force[load, axis]
+    for k in range(other.n_placed):
+        node = other.asked[k]
+        wall.placed[node] = wall.stands
+        for axis in range(3):
+            wall.position[node, axis] = other.position[node, axis]
+
+
+@kernel
+def displace(address: Address[PlacedWall], store: BlockStore) -> bool:
+    """Write the displacement beyond the modes of the nodes to be placed; return whether there are any.
+
+    Where the residual is stored otherwise than whole, blocks are read once, and kept.
+    """
+    wall = wall_at(address)
+    n, first, end = wall.rest.shape[0], wall.n_placed, wall.n_asked
+    for k in range(first, end):
+        for axis in range(3):
+            wall.extra[wall.asked[k], axis] = 0.0
+    for load in range(wall.n_loads if end > first else 0):
+        source = wall.load_node[load]
+        row = source
+        if wall.kept.shape[0] > 0:
+            row = _row_of(wall, source)
+            _read_blocks(wall, store, source, row)
+        _displace(wall, row * n, load)
+    return bool(end > first)
+
+
+@kernel
+def _displace(wall: PlacedWall, first: int, load: int) -> None:
+    """Add what a load does to the nodes to be placed; ``first`` is where the row of its node begins."""
+    force, blocks, extra, asked = wall.load_force, wall.blocks, wall.extra, wall.asked
+    x, y, z = force[load, 0], force[load, 1], force[load, 2]
     if x == 0.0 and y == 0.0 and z == 0.0:
         return
-    for k in range(nodes.shape[0]):
+    for k in range(wall.n_placed, wall.n_asked):
         # R is symmetric: the row of the load holds the transposed block.
-        node, b = nodes[k], first + nodes[k]
+        node, b = asked[k], first + asked[k]
         extra[node, 0] += blocks[b, 0, 0] * x + blocks[b, 1, 0] * y + blocks[b, 2, 0] * z
         extra[node, 1] += blocks[b, 0, 1] * x + blocks[b, 1, 1] * y + blocks[b, 2, 1] * z
         extra[node, 2] += blocks[b, 0, 2] * x + blocks[b, 1, 2] * y + blocks[b, 2, 2] * z
@@ -207,82 +325,38 @@ def _row_of(wall: PlacedWall, node: int) -> int:
         for b in range(row * n, row * n + n):
             wall.known[b] = 0
         wall.kept[row], wall.row_of[node] = node, row
-    wall.used[row] = wall.placements
+    wall.used[row] = wall.stands
     return int(row)
 
 
 @kernel
-def _read_blocks(wall: PlacedWall, store: BlockStore, where: tuple[int, int], nodes: IntArray) -> None:
-    """Read the blocks of a node, which has this row, with all of ``nodes`` that have not been read yet."""
-    source, first = where[0], where[1] * wall.rest.shape[0]
-    for k in range(nodes.shape[0]):
-        b = first + nodes[k]
+def _read_blocks(wall: PlacedWall, store: BlockStore, source: int, row: int) -> None:
+    """Read the blocks of a node, which has this row, with the nodes to be placed that have not been read yet."""
+    first = row * wall.rest.shape[0]
+    for k in range(wall.n_placed, wall.n_asked):
+        node = wall.asked[k]
+        b = first + node
         if wall.known[b] == 0:
             wall.known[b] = 1
-            block = block_between(store, source, nodes[k])
+            block = block_between(store, source, node)
             for i in range(3):
                 for j in range(3):
                     wall.blocks[b, i, j] = block[3 * i + j]
 
 
-@kernel
-def _note_loads(wall: PlacedWall, load_nodes: IntArray, forces: FloatArray) -> None:
-    for load in range(load_nodes.shape[0]):
-        wall.load_node[wall.n_loads] = load_nodes[load]
-        for axis in range(3):
-            wall.load_force[wall.n_loads, axis] = forces[load, axis]
-        wall.n_loads += 1
-
-
-@kernel
-def is_placed_by(address: Address[PlacedWall], q: FloatArray, load_nodes: IntArray, forces: FloatArray) -> bool:
-    """Return whether nodes were placed last by coordinates q (r,) and loads (l,), (l, 3)."""
-    wall, n = wall_at(address), load_nodes.shape[0]
-    if wall.n_loads != n:
-        return False
-    for mode in range(q.shape[0]):
-        if wall.q[mode] != q[mode]:
-            return False
-    for load in range(n):
-        if wall.load_node[load] != load_nodes[load]:
-            return False
-        for axis in range(3):
-            if wall.load_force[load, axis] != forces[load, axis]:
-                return False
-    return True
-
-
 @summing_kernel
-def place_nodes(address: Address[PlacedWall], nodes: IntArray, q: FloatArray) -> float:
-    """Place ``nodes`` at rest + Phi q + what loads do beyond it; return in m how far one of them has come."""
-    wall, most_2 = wall_at(address), 0.0
-    for mode in range(q.shape[0]):
-        wall.q[mode] = q[mode]
-    rest, Phi, extra, position = wall.rest, wall.Phi, wall.extra, wall.position
-    for k in range(nodes.shape[0]):
-        node = nodes[k]
+def place_displaced(address: Address[PlacedWall]) -> None:
+    """Place the nodes that were asked for at rest + Phi q + what loads do beyond it."""
+    wall = wall_at(address)
+    rest, Phi, extra, position, q = wall.rest, wall.Phi, wall.extra, wall.position, wall.q
+    for k in range(wall.n_placed, wall.n_asked):
+        node = wall.asked[k]
         x, y, z = 0.0, 0.0, 0.0
         for mode in range(q.shape[0]):
             x += Phi[node, 0, mode] * q[mode]
             y += Phi[node, 1, mode] * q[mode]
             z += Phi[node, 2, mode] * q[mode]
-        x += rest[node, 0] + extra[node, 0]
-        y += rest[node, 1] + extra[node, 1]
-        z += rest[node, 2] + extra[node, 2]
-        u, v, w = x - position[node, 0], y - position[node, 1], z - position[node, 2]
-        most_2 = max(most_2, u * u + v * v + w * w)
-        position[node, 0], position[node, 1], position[node, 2] = x, y, z
-    return float(np.sqrt(most_2))
-
-
-@kernel
-def put_nodes(address: Address[PlacedWall], nodes: IntArray, at: FloatArray) -> float:
-    """Write where ``nodes`` (k,) are, (k, 3) in m; return in m how far one of them has come."""
-    wall, most_2 = wall_at(address), 0.0
-    for k in range(nodes.shape[0]):
-        moved_2 = 0.0
-        for axis in range(3):
-            moved_2 += (at[k, axis] - wall.position[nodes[k], axis]) ** 2
-            wall.position[nodes[k], axis] = at[k, axis]
-        most_2 = max(most_2, moved_2)
-    return float(np.sqrt(most_2))
+        position[node, 0] = rest[node, 0] + extra[node, 0] + x
+        position[node, 1] = rest[node, 1] + extra[node, 1] + y
+        position[node, 2] = rest[node, 2] + extra[node, 2] + z
+    wall.n_placed = wall.n_asked

@@ -10,6 +10,9 @@ from __future__ import annotations
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import Vector, along, combine, cross, dot, squared_distance, subtract
 
+Edge = tuple[float, float, float]
+Edges = tuple[Edge, Edge, Edge]
+
 
 @kernel
 def closest_on_triangle(p: Vector, a: Vector, b: Vector, c: Vector) -> Vector:
@@ -94,8 +97,26 @@ def segment_pierces(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> tu
 
 
 @kernel
-def closest_segment_triangle(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> tuple[float, float, Vector]:
-    """Return (squared distance, s on the segment, weights in the triangle); distance 0 where they meet."""
+def closest_of_edges(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> Edges:
+    """Return (s, t, squared distance) of segment pq with each edge of triangle abc: ab, bc and ca."""
+    return closest_of_segments(p, q, a, b), closest_of_segments(p, q, b, c), closest_of_segments(p, q, c, a)
+
+
+@kernel
+def on_edge(k: int, t: float) -> Vector:
+    """Return the barycentric weights of the point at t along the edge ab, bc or ca of a triangle abc."""
+    return (1.0 - t, t, 0.0) if k == 0 else (0.0, 1.0 - t, t) if k == 1 else (t, 0.0, 1.0 - t)
+
+
+@kernel
+def closest_segment_triangle(
+    p: Vector, q: Vector, corners: tuple[Vector, Vector, Vector], edges: Edges
+) -> tuple[float, float, Vector]:
+    """Return (squared distance, s on the segment, weights in the triangle); distance 0 where they meet.
+
+    ``edges`` are those of `closest_of_edges`.
+    """
+    a, b, c = corners
     meets, best_s, best_w = segment_pierces(p, q, a, b, c)
     if meets:
         return (0.0, best_s, best_w)
@@ -105,15 +126,10 @@ def closest_segment_triangle(p: Vector, q: Vector, a: Vector, b: Vector, c: Vect
     d2 = squared_distance(q, combine(w, a, b, c))
     if d2 < best:
         best, best_s, best_w = d2, 1.0, w
-    s, t, d2 = closest_of_segments(p, q, a, b)
-    if d2 < best:
-        best, best_s, best_w = d2, s, (1.0 - t, t, 0.0)
-    s, t, d2 = closest_of_segments(p, q, b, c)
-    if d2 < best:
-        best, best_s, best_w = d2, s, (0.0, 1.0 - t, t)
-    s, t, d2 = closest_of_segments(p, q, c, a)
-    if d2 < best:
-        best, best_s, best_w = d2, s, (t, 0.0, 1.0 - t)
+    for k in range(3):
+        s, t, d2 = edges[k]
+        if d2 < best:
+            best, best_s, best_w = d2, s, on_edge(k, t)
     return (best, best_s, best_w)
 
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import itertools
 import math
+from copy import copy
+from typing import Self
 
 import numpy as np
 
@@ -32,12 +34,18 @@ class WallBounds:
         self._gain = np.array([largest_gain(Phi[:, :, a:b] / omega_rad_s[a:b]).max() for a, b in spans])
         self._anchor = np.zeros(r)
 
+    def twin(self) -> Self:
+        """Return bounds of the same wall that count from elsewhere."""
+        twin = copy(self)
+        twin._anchor = self._anchor.copy()  # noqa: SLF001
+        return twin
+
     def take(self, q: FloatArray) -> None:
         """Count from these coordinates (r,)."""
         self._anchor[:] = q
 
-    def moved_m(self, q: FloatArray) -> float:
-        """Return how far a node can be from where it was, in m."""
+    def moved_m(self, q: FloatArray, beyond_m: float = 0.0) -> float:
+        """Return how far a node can be from where it was, in m, being ``beyond_m`` at most from where modes put it."""
         if not len(q):
             return 0.0
         return float(moved_by_blocks(self._omega, self._gain, self._edges, self._anchor, q))
@@ -58,15 +66,15 @@ class TurnedBounds(WallBounds):
         """Count from these coordinates (r,)."""
         super().take(q)
         self._frame.update(q)
-        self._turns[:], self._centres_m[:] = self._frame.turns, self._frame.centres_m
+        self._turns, self._centres_m = self._frame.turns.copy(), self._frame.centres_m.copy()
 
-    def moved_m(self, q: FloatArray) -> float:
+    def moved_m(self, q: FloatArray, beyond_m: float = 0.0) -> float:
         """Return how far a node can be from where it was, in m; turns move nodes on their arms, and what is left."""
         self._frame.update(q)
         turned = np.linalg.norm(self._frame.turns - self._turns, axis=1).max()
         carried = np.linalg.norm(self._frame.centres_m - self._centres_m, axis=1).max()
-        arm_m = self._arm_m + float(moved_by_blocks(self._omega, self._gain, self._edges, np.zeros_like(q), q))
-        return super().moved_m(q) + float(carried + turned * arm_m)
+        local_m = float(moved_by_blocks(self._omega, self._gain, self._edges, np.zeros_like(q), q))
+        return super().moved_m(q) + float(carried + turned * (self._arm_m + local_m + beyond_m))
 
 
 def wall_bounds(duct: ReducedDuct) -> WallBounds:

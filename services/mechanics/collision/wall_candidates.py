@@ -5,9 +5,7 @@ A tick calls `follow` once pieces are where they are, then `measure` as often as
 
 from __future__ import annotations
 
-import numpy as np
-
-from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.candidate_list import (
     RENEWED,
     SAME,
@@ -15,14 +13,22 @@ from services.mechanics.collision.candidate_list import (
     CandidateList,
     are_where_they_were,
     list_at,
+    may_be_within,
     new_list,
     note_motion,
     renew_lists,
 )
-from services.mechanics.collision.candidates import Candidates, measure
-from services.mechanics.collision.clusters import cluster_triangles, enclose
-from services.mechanics.collision.placed_wall import NO_LOADS, Loads, place_walls
-from services.mechanics.collision.wall_bounds import wall_bounds
+from services.mechanics.collision.candidates import Candidates, candidates_at, measure
+from services.mechanics.collision.clusters import Clusters, cluster_triangles, enclose
+from services.mechanics.collision.placed_wall import (
+    NO_LOADS,
+    Loads,
+    PlacedWall,
+    WallPlacement,
+    ask_for,
+    place_walls,
+    wall_at,
+)
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.reduction.reduced_duct import ReducedDuct
@@ -47,18 +53,26 @@ class WallCandidates:
     """
 
     def __init__(self, duct: ReducedDuct, n_pieces: int, along_m: float) -> None:
-        self._placement, self._bounds = place_walls(duct), wall_bounds(duct)
+        self._duct, self._placement = duct, place_walls(duct)
+        self._bounds = self._placement.bounds.twin()
         self._clusters = cluster_triangles(duct.mesh.vertices_m, duct.mesh.triangles)
         self._along_m = along_m
         self.list = new_list(self._clusters, self._placement.position_m, n_pieces, SKIN_M, along_m)
-        self._nodes: IntArray = np.zeros(0, np.int32)
         self.is_new = True
         self.renewals = self.wall_renewals = 0
 
-    @property
-    def position_m(self) -> FloatArray:
-        """(n, 3) where nodes of the wall are; those of listed triangles as of the last `follow` or `move`."""
-        return self._placement.position_m
+    def new_start(self) -> WallPlacement:
+        """Return a placement for where the wall was, see `note_start`."""
+        return place_walls(self._duct, self._placement)
+
+    def note_start(self, start: WallPlacement) -> None:
+        """Let ``start`` stand where the wall stands."""
+        start.follow(self._placement)
+
+    def place_start(self, start: WallPlacement, of: Candidates) -> None:
+        """Place the nodes of some candidates where ``start`` stands."""
+        ask_of_candidates(of.address, self.list.address, start.wall.address)
+        start.place_asked()
 
     def make_room(self, n_pieces: int) -> None:
         """Make room for so many pieces; all lists are made anew."""
@@ -78,38 +92,45 @@ class WallCandidates:
         if self.is_new or modes_moved_m > WALL_SHARE * SKIN_M:
             self._renew_wall(q, loads)
             return True
-        is_elsewhere = not (are_where_they_were(listed.address) and self._placement.is_placed_by(q, loads))
+        moved_m = self._placement.stand(q, loads)
+        is_elsewhere = moved_m != 0.0 or not are_where_they_were(listed.address)
         if is_elsewhere:
-            self.move(q, loads)
+            note_motion(listed.address, moved_m)
+            self._place()
         outcome = renew_lists(listed.address, modes_moved_m, WALL_SHARE * SKIN_M)
         if outcome == WALL_IS_DUE:
             self._renew_wall(q, loads)
         elif outcome == RENEWED:
             self.renewals += 1
-            self._nodes = listed.node[: listed.n_nodes]
-            self._placement.place(self._nodes, q, loads)
         return is_elsewhere or outcome != SAME
 
     def move(self, q: FloatArray, loads: Loads, lasting: Loads = NO_LOADS) -> None:
-        """Place the listed nodes, and count how far they and the pieces have come: the lists stay."""
-        note_motion(self.list.address, self._placement.place(self._nodes, q, loads, lasting))
+        """Let the wall stand elsewhere, and count how far it and the pieces have come: the lists stay."""
+        note_motion(self.list.address, self._placement.stand(q, loads, lasting))
 
     def measure(self, out: Candidates, first: int = 0, end: int | None = None) -> None:
         """Write the closest pairs of pieces from ``first`` to before ``end`` that are as near as is wanted of each."""
+        self._place()
         measure(self.list.address, out.address, (first, len(self.list.count) if end is None else end))
+
+    def _place(self) -> None:
+        """Place the nodes of entries that may be as near as is wanted."""
+        placement = self._placement
+        ask_of_entries(self.list.address, placement.wall.address)
+        placement.place_asked()
 
     def _renew_wall(self, q: FloatArray, loads: Loads) -> None:
         """List everything anew, from where all nodes are now."""
         listed = self.list
-        self._placement.place(self._placement.every, q, loads)
+        self._placement.stand(q, loads)
+        self._placement.place(self._placement.every)
         listed.listed_position[:] = listed.position
         self._bounds.take(q)
         enclose_at(listed.address)
-        listed.is_listed[:] = False
+        listed.is_listed[:], listed.wall_travel, listed.piece_travel[:] = False, 0.0, 0.0
         listed.last_ends[:] = listed.ends
         self.is_new = False
         renew_lists(listed.address, 0.0, 0.0)
-        self._nodes = listed.node[: listed.n_nodes]
         self.wall_renewals += 1
 
 
@@ -118,3 +139,29 @@ def enclose_at(address: Address[CandidateList]) -> None:
     """Put spheres round the triangles of a list where the nodes are."""
     listed = list_at(address)
     enclose(listed.clusters, listed.position)
+
+
+@kernel
+def ask_of_entries(list_address: Address[CandidateList], wall_address: Address[PlacedWall]) -> None:
+    """Ask for the nodes of entries that may be as near as is wanted."""
+    listed, wall = list_at(list_address), wall_at(wall_address)
+    for p in range(listed.count.shape[0]):
+        for k in range(listed.count[p]):
+            if may_be_within(listed, p, k):
+                _ask_of_triangle(wall, listed.clusters, listed.entry[p, k])
+
+
+@kernel
+def ask_of_candidates(
+    found_address: Address[Candidates], list_address: Address[CandidateList], wall_address: Address[PlacedWall]
+) -> None:
+    """Ask for the nodes of candidates."""
+    found, clusters, wall = candidates_at(found_address), list_at(list_address).clusters, wall_at(wall_address)
+    for i in range(found.count):
+        _ask_of_triangle(wall, clusters, found.triangle[i])
+
+
+@kernel
+def _ask_of_triangle(wall: PlacedWall, clusters: Clusters, t: int) -> None:
+    for c in range(3):
+        ask_for(wall, clusters.triangles[t, c])

@@ -7,7 +7,7 @@ import numpy as np
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.bodies.forceps.tool_body import ToolBody
-from services.mechanics.collision.candidate_list import CandidateList, list_at, note_start, want_ahead
+from services.mechanics.collision.candidate_list import CandidateList, list_at, note_ends, want_ahead
 from services.mechanics.collision.candidates import Candidates, candidates_at
 from services.mechanics.collision.capsules import CapsuleMemory, Tools, capsules_at, detect_capsules
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, JAW_A, JAW_B, ContactPairs, pairs_at
@@ -57,6 +57,7 @@ class CandidateSearch:
         # Where contacts know not each other, each adds to the others: one a triangle, as in the paper.
         along_m = TOUCHING_M if STRATEGIES[scene.contact.model].knows_stiffness else -1.0
         self._wall = WallCandidates(duct, self._end, along_m)
+        self._wall_start = self._wall.new_start()
         self._found, self._ended = Candidates.zeros(c=CAPACITY), Candidates.zeros(c=CAPACITY)
         self._capsules = CapsuleMemory.zeros(m=N_TOOL_PIECES, n=scene.catheter.n_segments)
         self._spheres, self._catheter_ahead_m = no_spheres(), TOUCHING_M
@@ -67,7 +68,7 @@ class CandidateSearch:
         n_pieces = len(listed.count)
         sizes = n_pieces, len(mesh.triangles), CAPACITY, n_pieces - self._end
         self._working = new_working_set(mesh.vertices_m, *sizes)
-        self._start = np.zeros((n_pieces, 2, 3)), self._wall.position_m.copy()
+        self._start = np.zeros((n_pieces, 2, 3)), self._wall_start.position_m
         self._ahead_m, self._most_m = np.full(n_pieces, TOUCHING_M), np.full(n_pieces, MOST_AHEAD_M)
         self._most_m[self._end :] = MOST_AHEAD_OF_SPHERE_M
         self._ahead_m[N_TOOL_PIECES : self._end] = self._catheter_ahead_m
@@ -93,16 +94,24 @@ class CandidateSearch:
         if self._apart_is_unknown:
             self._working.apart_m[:] = merge_distance_m(listed.thickness, 2.0 * self._half_m)
             self._apart_is_unknown = False
-        if self._wall.is_new:  # nobody knows how anything moves
-            note_start(listed.address, self._start)
+        is_new = self._wall.is_new
+        if is_new:  # nobody knows how anything moves
+            self._note_start()
         if self._is_unknown:
             want_ahead(listed.address, self._start[0], self._ahead_m, self._most_m)
         if self._wall.follow(duct.q_start, (duct.load_nodes[:n], duct.load_force_n[:n])) or self._is_unknown:
             self._wall.measure(self._found)
         self._is_unknown = True
+        if is_new:
+            self._note_start()
+        self._wall.place_start(self._wall_start, self._found)
         addresses = listed.address, self._found.address, self._working.address
         choose(addresses, self._start, self._ahead_m)
-        note_start(listed.address, self._start)
+        self._note_start()
+
+    def _note_start(self) -> None:
+        note_ends(self._wall.list.address, self._start[0])
+        self._wall.note_start(self._wall_start)
 
     def _take_pieces(self, particles_m: FloatArray, tools: ToolBody) -> None:
         poses = (tools.segments, tools.radius_m, tools.present)
@@ -131,6 +140,7 @@ class CandidateSearch:
         want_ahead(self._wall.list.address, self._start[0], self._ahead_m, self._most_m)
         self._wall.measure(self._found)
         self._is_unknown = False
+        self._wall.place_start(self._wall_start, self._found)
         pairs.clear()
         found = self._found.address, self._ended.address
         addresses = (self._wall.list.address, found, self._working.address, state)

@@ -31,8 +31,9 @@ ONE_POINT = 0.02
 TOUCHING_SHARE = 0.5
 #: Lists are made for what moves so far in a step, half a metre a second; for what is faster they reach further.
 MOST_AHEAD_M, FASTEST_AHEAD_M = 0.5e-3, 2e-3
-#: A step begins with so many rows of candidates at most: what others than the nearest would do, the price finds.
-MOST_CHOSEN = 64
+#: A step begins with rows for its members, and for the nearest others up to so many in all: what the rest would do,
+#: the price finds. To assemble and solve so many costs about what a price does.
+MOST_CHOSEN = 32
 #: So many steps a member lives on that presses no more.
 LIFE_STEPS = 3
 
@@ -91,9 +92,9 @@ def choose(
     sort_by_key(working, found.count)
     working.n_chosen = 0
     for k in range(found.count):
-        if working.n_chosen == MOST_CHOSEN:
-            break
         i = working.order[k]
+        if working.n_chosen >= MOST_CHOSEN and not _is_member(found, working, i):
+            break
         ahead_m = ahead[found.piece[i]]
         is_near = found.gap_m[i] <= ahead_m or _expected_m(listed, found, before, i) <= ahead_m
         if is_near and not _is_known(found, working, i):
@@ -115,8 +116,12 @@ def _expected_m(listed: CandidateList, found: Candidates, before: Where, i: int)
 def _note_candidate(found: Candidates, working: WorkingSet, listed: CandidateList, i: int) -> None:
     t, corner = found.triangle[i], listed.clusters.triangles
     put_row(working.at_rest, i, place_at_rest(working.rest, corner, t, row(found.weight, i)))
-    is_member = working.life[found.piece[i], t] > 0
-    working.key[i] = found.gap_m[i] - (1.0 if is_member else 0.0)
+    working.key[i] = found.gap_m[i] - (1.0 if _is_member(found, working, i) else 0.0)
+
+
+@kernel
+def _is_member(found: Candidates, working: WorkingSet, i: int) -> bool:
+    return bool(working.life[found.piece[i], found.triangle[i]] > 0)
 
 
 @kernel
@@ -128,9 +133,8 @@ def place_at_rest(rest: FloatArray, corner: IntArray, t: int, w: Vector) -> Vect
 @kernel
 def _is_known(found: Candidates, working: WorkingSet, i: int) -> bool:
     """Return whether a chosen candidate stands for this one."""
-    p = found.piece[i]
-    near = working.apart_m[p]
-    if working.life[p, found.triangle[i]] > 0:
+    near = working.apart_m[found.piece[i]]
+    if _is_member(found, working, i):
         near = 2.0 * ONE_POINT * near
     elif found.gap_m[i] <= TOUCHING_M:
         near *= TOUCHING_SHARE

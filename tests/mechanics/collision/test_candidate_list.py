@@ -196,6 +196,25 @@ def test_a_piece_more_is_followed_as_the_others():
         assert set(found.piece[: found.count].tolist()) == set(range(number + 1))
 
 
+def test_after_a_wall_without_numbers_candidates_are_found_again():
+    """A state that is not finite is put back, and everything forgotten: nothing of it may stay."""
+    duct, found = wall("straight"), Candidates.zeros(c=2048)
+    lists, rest = reaching(duct, 1), np.zeros(N_MODES)
+    lists.list.thickness[:], lists.list.active[:] = THICKNESS_M[:1], True
+    lists.list.ends[0] = [[10e-3, 2e-3, 0.0], [13e-3, 2e-3, 0.0]]
+    for q in (rest, rest + np.nan, rest):
+        lists.follow(q, NO_LOADS)
+        lists.move(q, NO_LOADS)
+        lists.measure(found)
+    lists.forget()
+    for _ in range(2):
+        lists.follow(rest, NO_LOADS)
+        lists.list.wanted[:] = 0.0
+        lists.measure(found)
+        wall_now = duct.mesh.vertices_m, duct.mesh.triangles
+        assert compare(wall_now, found, lists.list.ends, np.ones(1, bool), 0.0, (0, 1)) > 0
+
+
 def test_what_was_put_elsewhere_is_found_there():
     """`forget`: a wall and pieces that jump at once by more than any skin."""
     duct, found = wall("straight"), Candidates.zeros(c=2048)

@@ -10,6 +10,7 @@ from services.mechanics.collision.candidates import Candidates
 from services.mechanics.collision.clusters import cluster_triangles
 from services.mechanics.contact.working_set import (
     LIFE_STEPS,
+    MOST_CHOSEN,
     N_TOOL_PIECES,
     ONE_POINT,
     SAME_NORMAL,
@@ -76,7 +77,7 @@ def is_one_body(p, q):
 @settings(max_examples=60)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 60), n_members=st.integers(0, 20))
 def test_who_is_left_out_is_stood_for_by_one_nearby_that_is_nearer(seed, n, n_members):
-    """Nothing that touches is merged beyond its share, no member but with itself, and no two rows are one."""
+    """Or others are enough; nothing that touches is merged beyond its share, no member but with itself."""
     rng, chooser = np.random.default_rng(seed), Chooser()
     candidates = random_candidates(rng, n)
     for k in rng.choice(n, min(n, n_members), replace=False):
@@ -101,7 +102,18 @@ def test_who_is_left_out_is_stood_for_by_one_nearby_that_is_nearer(seed, n, n_me
         if k in chosen:
             assert not any(stands_for(one, k) for one in chosen[: chosen.index(k)])
         else:
-            assert any(stands_for(one, k) and rank[one] <= rank[k] for one in chosen)
+            is_too_many = len(chosen) == MOST_CHOSEN and all(rank[one] <= rank[k] for one in chosen)
+            assert is_too_many or any(stands_for(one, k) and rank[one] <= rank[k] for one in chosen)
+
+
+@pytest.mark.parametrize("n_members", [0, 10, 40])
+def test_all_members_have_rows_and_the_nearest_others_while_these_are_few(n_members):
+    chooser, far = Chooser(), 3 * np.arange(50)
+    candidates = [one(piece=k % 6, triangle=int(t), gap_m=1e-6 * k) for k, t in enumerate(far)]
+    for k in range(50 - n_members, 50):
+        renew(chooser.set, *candidates[k][:2])
+    others = max(MOST_CHOSEN - n_members, 0)
+    assert chooser.choose(candidates) == [*range(50 - n_members, 50), *range(others)]
 
 
 @settings(max_examples=40)

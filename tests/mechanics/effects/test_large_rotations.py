@@ -54,7 +54,8 @@ def wall_of(simulation):
 
 def placed(duct, q, nodes, force_n):
     wall = place_walls(duct)
-    wall.place(wall.every, q, (nodes, force_n))
+    wall.stand(q, (nodes, force_n))
+    wall.place(wall.every)
     return wall.position_m.copy()
 
 
