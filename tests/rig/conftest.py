@@ -75,6 +75,11 @@ class Observer:
     def rig_state(self) -> str:
         return self.states[-1][1].state if self.states else "unknown"
 
+    @property
+    def is_up(self) -> bool:
+        """Whether all processes are there, be some of them late: a slow machine can give no more."""
+        return self.rig_state in ("running", "degraded")
+
     def pids(self) -> dict[str, int]:
         return {p.name: p.pid for p in self.states[-1][1].processes}
 
@@ -132,9 +137,7 @@ def running_rig(
     if keeps_solved:
         observer.devices, observer.solved = [], []
     try:
-        observer.until(
-            lambda: observer.rig_state in ("running", "degraded") or process.poll() is not None, START_S, "run"
-        )
+        observer.until(lambda: observer.is_up or process.poll() is not None, START_S, "run")
         assert process.poll() is None, (directory / "log").read_text()[-3000:]
         yield Rig(directory, process, observer)
     finally:

@@ -34,7 +34,7 @@ def rate_limit_n_s() -> float:
 
 def engage(rig: Rig) -> None:
     """Wait until the rig runs and the left hand feels the duct."""
-    rig.observer.until(lambda: rig.observer.rig_state in ("running", "degraded"), MENDED_S, "running")
+    rig.observer.until(lambda: rig.observer.is_up, MENDED_S, "running")
     rig.observer.samples.clear()
     rig.observer.until(
         lambda: len(rig.observer.samples) > 300 and min(force_n(s) for s in rig.observer.samples[-50:]) > 0.02,
@@ -70,7 +70,7 @@ def strike(rig: Rig, name: str, number: signal.Signals) -> None:
         lambda: observer.report(name) == "ready" and observer.pids()[name] not in (0, before[name]),
         MENDED_S, f"{name} back",
     )  # fmt: skip
-    observer.until(lambda: observer.rig_state in ("running", "degraded"), MENDED_S, "running again")
+    observer.until(lambda: observer.is_up, MENDED_S, "running again")
     after = observer.pids()
     assert {k: v for k, v in after.items() if k != name} == {k: v for k, v in before.items() if k != name}
     if name in ("haptics", "physics"):

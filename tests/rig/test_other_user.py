@@ -70,7 +70,7 @@ def test_nothing_of_a_running_rig_is_to_be_had_by_another_user(everybodys: Path)
         done = as_other_user(_ATTACK, json.dumps((files, sockets, pids, page)))
         assert done.stderr == ""
         assert done.stdout == f"{len(files) + len(sockets) + 3 * len(pids) + 2} attempts\n"
-        rig.observer.until(lambda: rig.observer.rig_state in ("running", "degraded"), 60.0, "running")
+        rig.observer.until(lambda: rig.observer.is_up, 60.0, "running")
         assert rig.observer.pids() == before
         _assert_that_the_can_bus_is_nobody_elses(before["gateway"])
 

@@ -164,17 +164,12 @@ class FarRig:
 
     def until_it_runs(self) -> None:
         """Wait for every process."""
-        self.observer.until(lambda: self.ended() or self.rig_state in ("running", "degraded"), START_S, "the rig runs")
+        self.observer.until(lambda: self.ended() or self.observer.is_up, START_S, "the rig runs")
         assert not self.ended(), (self.folder / f"{self.ended()[0]}.log").read_text()[-2000:]
 
     def ended(self) -> list[str]:
         """Return who has ended."""
         return [name for name, process in self.processes.items() if process.poll() is not None]
-
-    @property
-    def rig_state(self) -> str:
-        """What the supervisor said last."""
-        return self.observer.rig_state
 
     def look_for(self, seconds: float) -> None:
         """Observe for a while."""

@@ -77,7 +77,7 @@ def is_one_body(p, q):
 @settings(max_examples=60)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 60), n_members=st.integers(0, 20))
 def test_who_is_left_out_is_stood_for_by_one_nearby_that_is_nearer(seed, n, n_members):
-    """Or others are enough; nothing that touches is merged beyond its share, no member but with itself."""
+    """Nothing that touches is merged beyond its share, no member but with itself; or nearer ones fill the set."""
     rng, chooser = np.random.default_rng(seed), Chooser()
     candidates = random_candidates(rng, n)
     for k in rng.choice(n, min(n, n_members), replace=False):
