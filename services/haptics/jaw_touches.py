@@ -11,7 +11,7 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.grasp import GRASP_GAP_M
 from services.mechanics.collision.candidate_list import MOST_ENTRIES
 from services.mechanics.collision.candidates import Candidates, candidates_at
-from services.mechanics.collision.capsules import STRETCHES, CapsuleMemory, Tools, capsules_at, detect_capsules
+from services.mechanics.collision.capsules import CapsuleMemory, Tools, capsules_at, detect_capsules
 from services.mechanics.collision.pairs import SHAFT, ContactPairs, pairs_at
 from services.mechanics.collision.pieces import N_TOOL_PIECES, take_pieces, write_piece_pair
 from services.mechanics.collision.wall_candidates import WallCandidates
@@ -41,7 +41,7 @@ class JawTouches:
     Attributes
     ----------
     pairs : ContactPairs
-        Of each jaw the closest touch of the wall, and of each stretch of it the closest of the catheter.
+        Of each jaw the closest touch of the wall, and those of the catheter's segments.
     """
 
     def __init__(self, scene: SceneModel, duct: ReducedDuct, radius_m: FloatArray) -> None:
@@ -54,7 +54,7 @@ class JawTouches:
         self._wall.list.wanted[:] = self._wall.list.reach[:] = _LOOK_M
         self._found = Candidates.zeros(c=2 * N_TOOLS * MOST_ENTRIES)
         self._capsules = CapsuleMemory.zeros(m=N_TOOL_PIECES, n=n_segments)
-        self.pairs = ContactPairs.allocate(2 * N_TOOLS * (1 + STRETCHES))
+        self.pairs = ContactPairs.allocate(2 * N_TOOLS * (1 + n_segments))
 
     def find(self, tools: Sequence[int], segments_m: FloatArray, scene: DeformedScene) -> None:
         """Write the touches of the jaws of ``tools``, whose segments (2, 3, 2, 3) are here, into `pairs`."""

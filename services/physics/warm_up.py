@@ -13,6 +13,7 @@ from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, ContactPairs
 from services.mechanics.compiled.struct import Address
+from services.mechanics.contact.geometry import ContactGeometry
 from services.mechanics.contact.search import Moving
 from services.mechanics.contact.spheres import Spheres
 from services.mechanics.contact.state import ContactState
@@ -118,7 +119,11 @@ class _MadeUpSearch:
         """Nothing: pairs are made up."""
 
     def begin(self, bodies: Moving) -> None:
-        """Nothing is anywhere."""
+        """Nothing is anywhere, so no tool waits until it is clear."""
+        bodies[2].waiting[:] = False
+
+    def engage(self, pairs: ContactPairs, geometry: Address[ContactGeometry]) -> None:
+        """They have been let."""
 
     def tool_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
         """Write the contacts of the jaw, which are the only ones."""

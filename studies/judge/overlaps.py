@@ -10,7 +10,7 @@ import numpy as np
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.kinematics import tool_frame, tool_segments
 from services.mechanics.bodies.forceps.tool_body import ToolBody
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, JAW_A, JAW_B, SHAFT
+from services.mechanics.collision.pairs import JAW_A, JAW_B, SHAFT
 from services.mechanics.effects.gallstones import Gallstones
 from services.mechanics.effects.self_contact import SelfContactSettings
 from services.mechanics.simulation import Simulation
@@ -32,8 +32,7 @@ class OverlapJudge:
     """Measures overlaps with the wall, which is all points within half its thickness of its middle surface.
 
     Jaws that squeeze the wall leave it as much room as there is between them, shared by the layers that the line
-    between their middles passes through: what they have squeezed away is no overlap. Jaws that hold the catheter have
-    it between them.
+    between their middles passes through: what they have squeezed away is no overlap.
 
     Parameters
     ----------
@@ -95,15 +94,14 @@ class OverlapJudge:
     def _tools(self, wall_m: FloatArray) -> Depths:
         found = dict.fromkeys(OF_TOOLS, 0.0)
         pose_tools(self._simulation.tools, self._segments)
-        for tool, segment, depth_m, in_catheter_m in self._tool_overlaps(wall_m):
+        for segment, depth_m, in_catheter_m in self._tool_overlaps(wall_m):
             name = "shaft" if segment == SHAFT else "jaws"
             found[name] = max(found[name], depth_m)
-            if segment == SHAFT or not self._simulation.tools.held[tool, CATHETER_SEGMENT]:
-                found["tool in catheter"] = max(found["tool in catheter"], in_catheter_m)
+            found["tool in catheter"] = max(found["tool in catheter"], in_catheter_m)
         return found
 
-    def _tool_overlaps(self, wall_m: FloatArray) -> Iterator[tuple[int, int, float, float]]:
-        """Yield tool, segment, how deep it is in the wall, and in the catheter."""
+    def _tool_overlaps(self, wall_m: FloatArray) -> Iterator[tuple[int, float, float]]:
+        """Yield segment, how deep it is in the wall, and in the catheter."""
         tools, catheter = self._simulation.tools, self._simulation.catheter
         for tool in map(int, np.flatnonzero(tools.present & ~tools.waiting)):
             for segment in np.flatnonzero(tools.radius_m[tool] > 0.0):
@@ -114,7 +112,7 @@ class OverlapJudge:
                 nearest_segments(ends[None], catheter.state.position_m, apart)
                 squeezed_m = self._squeezed_m(tool, float(near[0, 1]), wall_m) if segment != SHAFT else 0.0
                 depth_m = max(float(reach[0] - near[0, 0]) - squeezed_m, 0.0)
-                yield tool, int(segment), depth_m, max(radius_m + catheter.radius_m - float(apart[0]), 0.0)
+                yield int(segment), depth_m, max(radius_m + catheter.radius_m - float(apart[0]), 0.0)
 
     def _squeezed_m(self, tool: int, where: float, wall_m: FloatArray) -> float:
         """Return how much thinner half a layer is between the jaws, at a place along them (0 to 1).

@@ -176,7 +176,7 @@ class Watch:
         """Return how deep the solver's rows say that something was when the step began, squeezed walls apart."""
         rows, tools = self._simulation.contacts, self._simulation.tools
         n = rows.n_contacts
-        squeezed = (rows.tool[:n] != NO_TOOL) & (rows.pad_m[:n] > tools.pad_m[rows.tool[:n]])
+        squeezed = (rows.tool[:n] != NO_TOOL) & (rows.pad_m[:n] > tools.pad_m[rows.tool[:n]].max(axis=1))
         depth_m = -rows.gap_m[:n] - np.where(squeezed, rows.pad_m[:n], 0.0)
         return float(depth_m[_HAS_GAP[rows.law[:n]]].max(initial=0.0))
 

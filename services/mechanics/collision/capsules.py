@@ -2,7 +2,8 @@
 
 Each pair of segments within reach remembers its normal. When the axes have passed through each other the new
 normal points against the old one: the old one stands and the distance counts negative, so that nothing slips
-through. Around a free end the normal may turn all the way.
+through. Around a free end the normal may turn all the way. Every
+segment of the catheter within reach gives a pair: what lies along each other turns about none of its contacts.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-from services.mechanics.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from services.mechanics.arrays import BoolArray, ByteArray, FloatArray
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, ContactPairs
 from services.mechanics.collision.primitives import closest_of_segments
 from services.mechanics.collision.writer import write_pair
@@ -21,6 +22,7 @@ from services.mechanics.compiled.vectors import (
     along,
     cross,
     dot,
+    put_row,
     put_row_of,
     row,
     row_of,
@@ -32,10 +34,7 @@ from services.mechanics.compiled.vectors import (
 Tools = tuple[FloatArray, FloatArray, BoolArray]
 """(segments (n_tools, 3, 2, 3), radii (n_tools, 3), zero where there is no segment, present (n_tools,))."""
 
-# Contacts per tool segment: the deepest in each of so many equal stretches of it.
-STRETCHES = 6
 _TOUCHING_M = 1e-9
-NONE = -1
 
 
 class CapsuleMemory(Struct):
@@ -43,12 +42,11 @@ class CapsuleMemory(Struct):
 
     active: Annotated[ByteArray, "m", "n"]  # one where the pair was within reach at the last tick
     normal: Annotated[FloatArray, "m", "n", 3]  # towards the first body, of active pairs
-    best: Annotated[IntArray, STRETCHES]  # second segment of the deepest contact in each stretch, or NONE
-    found: Annotated[FloatArray, STRETCHES, 2, 3]  # its (s, t, distance) and normal
+    found: Annotated[FloatArray, "n", 3]  # scratch: (s, t, distance) of one first segment with all second ones
 
-    def reset(self, which: slice = slice(None)) -> None:
-        """Drop the past of every pair of ``which`` first segments."""
-        self.active[which] = 0
+    def reset(self) -> None:
+        """Drop the past of every pair."""
+        self.active[:] = 0
 
 
 capsules_at = reader(CapsuleMemory)
@@ -103,40 +101,26 @@ def detect_capsules(
             if tools[2][tool] and tools[1][tool, segment] > 0.0:
                 thickness = tools[1][tool, segment] + sizes[0]
                 ends = segment_ends(tools, tool, segment)
-                _find_deepest(memory, i, ends, particles, thickness + sizes[1])
-                _write_deepest(memory, (tool, segment), (thickness, sizes[1]), pairs)
+                for j in range(memory.active.shape[1]):
+                    second = (row(particles, j), row(particles, j + 1))
+                    s, t, distance, _ = meet(memory, i, j, ends, second, thickness + sizes[1])
+                    put_row(memory.found, j, (s, t, distance))
+                _write_nearest(memory, i, (tool, segment), thickness, pairs)
             else:
                 for j in range(memory.active.shape[1]):
                     memory.active[i, j] = 0
 
 
 @kernel
-def _find_deepest(
-    memory: CapsuleMemory, i: int, ends: tuple[Vector, Vector], particles: FloatArray, reach: float
-) -> None:
-    """Find the deepest contact of first segment i in each of its stretches."""
-    best, found = memory.best, memory.found
-    for stretch in range(STRETCHES):
-        best[stretch] = NONE
-    for j in range(memory.active.shape[1]):
-        second = (row(particles, j), row(particles, j + 1))
-        s, t, distance, normal = meet(memory, i, j, ends, second, reach)
-        if distance == math.inf:
-            continue
-        stretch = min(int(s * STRETCHES), STRETCHES - 1)
-        if best[stretch] == NONE or distance < found[stretch, 0, 2]:
-            best[stretch] = j
-            put_row_of(found, stretch, 0, (s, t, distance))
-            put_row_of(found, stretch, 1, normal)
+def _write_nearest(memory: CapsuleMemory, i: int, who: tuple[int, int], thickness: float, pairs: ContactPairs) -> None:
+    """Write where each second segment within reach is nearest to first segment i.
 
-
-@kernel
-def _write_deepest(
-    memory: CapsuleMemory, who: tuple[int, int], sizes: tuple[float, float], pairs: ContactPairs
-) -> None:
-    for stretch in range(STRETCHES):
-        s, t, distance = row_of(memory.found, stretch, 0)
-        target = memory.best[stretch]
-        if target != NONE and distance - sizes[0] < sizes[1]:
-            pair = (who[0], who[1], -1, CATHETER_SEGMENT, target, s, (1.0 - t, t, 0.0))
-            write_pair(pairs, pair, distance - sizes[0], row_of(memory.found, stretch, 1))
+    At a particle two segments meet the other: the later one stands for both, unless it is on the other side.
+    """
+    found, last = memory.found, memory.active.shape[1] - 1
+    for j in range(last + 1):
+        s, t, distance = row(found, j)
+        is_again = j < last and t == 1.0 and found[j + 1, 1] == 0.0 and found[j + 1, 2] <= distance + _TOUCHING_M
+        if distance < math.inf and not is_again:
+            pair = (who[0], who[1], -1, CATHETER_SEGMENT, j, s, (1.0 - t, t, 0.0))
+            write_pair(pairs, pair, distance - thickness, row_of(memory.normal, i, j))

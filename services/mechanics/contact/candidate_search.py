@@ -10,11 +10,13 @@ from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.collision.candidate_list import CandidateList, list_at, note_ends, want_ahead
 from services.mechanics.collision.candidates import Candidates, candidates_at
 from services.mechanics.collision.capsules import CapsuleMemory, Tools, capsules_at, detect_capsules
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, JAW_A, JAW_B, ContactPairs, pairs_at
+from services.mechanics.collision.pairs import ContactPairs, pairs_at
 from services.mechanics.collision.pieces import N_TOOL_PIECES, take_pieces
 from services.mechanics.collision.wall_candidates import WallCandidates
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
+from services.mechanics.contact.engagement import engage_tools
+from services.mechanics.contact.geometry import ContactGeometry
 from services.mechanics.contact.price import note_pressed, write_chosen, write_violations
 from services.mechanics.contact.search import Moving
 from services.mechanics.contact.spheres import Spheres, no_spheres, take_ends, take_spheres
@@ -31,7 +33,6 @@ from services.mechanics.contact.working_set import (
 )
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.scene import SceneModel
-from services.mechanics.scene.tools import N_TOOLS
 
 #: Room for closest pairs of a tick: a duct that two jaws have pinched shut has 600 within a millimetre.
 CAPACITY = 4096
@@ -106,7 +107,7 @@ class CandidateSearch:
             self._note_start()
         self._wall.place_start(self._wall_start, self._found)
         addresses = listed.address, self._found.address, self._working.address
-        choose(addresses, self._start, self._ahead_m)
+        choose(addresses, self._start, self._ahead_m, tools.waiting)
         self._note_start()
 
     def _note_start(self) -> None:
@@ -120,11 +121,12 @@ class CandidateSearch:
     def tool_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
         """Append the chosen candidates of the tools, and what of them touches the catheter."""
         write_chosen(self._found.address, self._working.address, (0, N_TOOL_PIECES), pairs.address)
-        for tool in range(N_TOOLS):
-            if tools.held[tool, CATHETER_SEGMENT]:  # it may slip through them
-                self._capsules.reset(slice(3 * tool + JAW_A, 3 * tool + JAW_B + 1))
         poses, sizes = (tools.segments, tools.radius_m, tools.present), (self._radius_m, self._margin_m)
         capsule_pairs(self._capsules.address, poses, catheter.start_m, sizes, pairs.address)
+
+    def engage(self, pairs: ContactPairs, geometry: Address[ContactGeometry]) -> None:
+        """Let tools that wait touch, unless a candidate or one of the pairs with the catheter shows them in it."""
+        engage_tools(self._found.address, pairs.address, geometry)
 
     def catheter_pairs(self, pairs: ContactPairs) -> None:
         """Append the chosen candidates of catheter and spheres."""

@@ -7,10 +7,12 @@ pushes what it meets.
 
 from __future__ import annotations
 
-from services.mechanics.collision.pairs import SHAFT, ContactPairs, pairs_at
+from services.mechanics.bodies.forceps.kinematics import N_SEGMENTS
+from services.mechanics.collision.candidates import Candidates, candidates_at
+from services.mechanics.collision.pairs import ContactPairs, pairs_at
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
-from services.mechanics.contact.geometry import ContactGeometry, ToolGeometry, geometry_at
+from services.mechanics.contact.geometry import ContactGeometry, geometry_at
 
 # Contacts at rest overlap by less; a tool that comes that deep pushes nothing away that is felt. But for thin walls,
 # of which that may be all.
@@ -18,19 +20,24 @@ CLEAR_M, CLEAR_OF_WALL = 10e-6, 0.125
 
 
 @kernel
-def engage_tools(pairs_address: Address[ContactPairs], geometry_address: Address[ContactGeometry]) -> None:
-    """Let the tools among ``waiting`` touch that none of the pairs shows inside something."""
-    pairs, geometry = pairs_at(pairs_address), geometry_at(geometry_address)
+def engage_tools(
+    found_address: Address[Candidates], pairs_address: Address[ContactPairs], geometry_address: Address[ContactGeometry]
+) -> None:
+    """Let tools that wait touch, unless a candidate shows them in the wall, or a pair in the catheter."""
+    found, pairs, geometry = candidates_at(found_address), pairs_at(pairs_address), geometry_at(geometry_address)
     tools, clear_m = geometry.tools, min(CLEAR_M, 2.0 * CLEAR_OF_WALL * geometry.wall.half_thickness)
     for tool in range(tools.waiting.shape[0]):
         if tools.waiting[tool] and tools.present[tool]:
-            tools.waiting[tool] = _is_inside(pairs, tools, tool, clear_m)
+            tools.waiting[tool] = _is_inside(found, pairs, tool, clear_m)
 
 
 @kernel
-def _is_inside(pairs: ContactPairs, tools: ToolGeometry, tool: int, clear_m: float) -> bool:
+def _is_inside(found: Candidates, pairs: ContactPairs, tool: int, clear_m: float) -> bool:
+    deepest_m = 0.0
+    for i in range(found.count):
+        if found.piece[i] // N_SEGMENTS == tool:
+            deepest_m = max(deepest_m, -found.gap_m[i])
     for index in range(pairs.count):
-        is_held = pairs.tool_segment[index] != SHAFT and tools.held[tool, pairs.target_kind[index]]
-        if pairs.tool[index] == tool and not is_held and pairs.gap_m[index] < -clear_m:
-            return True
-    return False
+        if pairs.tool[index] == tool:
+            deepest_m = max(deepest_m, -pairs.gap_m[index])
+    return bool(deepest_m > clear_m)

@@ -37,7 +37,7 @@ class ToolGeometry(Struct):
     present: Annotated[BoolArray, N_TOOLS]
     waiting: Annotated[BoolArray, N_TOOLS]  # whether they touch nothing yet
     held: Annotated[BoolArray, N_TOOLS, 2]  # whether the jaws hold something of each target kind
-    pad: Annotated[FloatArray, N_TOOLS]  # how deep a wall that they hold may be in them, in m
+    pad: Annotated[FloatArray, N_TOOLS, 2]  # how deep it may be in them, in m
     thinned: Annotated[FloatArray, N_TOOLS, N_CELLS]  # and one that they squeeze, along them
     thinning: Annotated[FloatArray, N_TOOLS, N_CELLS]  # by how much more than that per radian of opening, in m
 

@@ -19,8 +19,6 @@ class HoldArrays(Struct):
     target: Annotated[IntArray, "h"]
     weights: Annotated[FloatArray, "h", 3]
     anchor: Annotated[FloatArray, "h", 3]  # along b, h and d of the tool from J, in m
-    grasped_m: Annotated[FloatArray, "h"]  # how far along d it was in the grasp
-    apart_m: Annotated[FloatArray, "h"]  # how far apart the jaws' axes have to be at a catheter that has slipped
     slipped_m: Annotated[FloatArray, "h"]
     lost: Annotated[BoolArray, "h"]
     reach: Annotated[FloatArray, N_TOOLS, 2]  # of each tool's jaws beyond J: across, and along d

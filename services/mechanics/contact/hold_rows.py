@@ -16,7 +16,6 @@ from services.mechanics.contact.identity import hold_identity
 from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.state import ContactState, state_at
-from services.mechanics.contact.wedge import append_wedges
 from services.mechanics.contact.writer import (
     NO_ROOM,
     add_tool_motion,
@@ -38,10 +37,7 @@ LEAST_ACROSS = 0.1
 
 @kernel
 def append_holds(state_address: Address[ContactState], holds_address: Address[HoldArrays], count: int) -> int:
-    """Append one bilateral row for each of the first ``count`` holds in order; return how many found room.
-
-    After them come the rows of catheters that have slipped towards the hinge, see `wedge`.
-    """
+    """Append one bilateral row for each of the first ``count`` holds in order; return how many found room."""
     state, holds = state_at(state_address), holds_at(holds_address)
     rows, geometry = state.rows, state.geometry
     n_rows = rows.reserved = 0
@@ -58,7 +54,6 @@ def append_holds(state_address: Address[ContactState], holds_address: Address[Ho
             _wall_side(holds, slot, geometry.wall, rows, row)
             _let_jaws_close(holds.tool[slot], geometry.tools, rows, row)
         n_rows += 1
-    append_wedges(rows, holds, geometry, count)
     return n_rows
 
 

@@ -199,8 +199,6 @@ class HoldRegistry:
         arrays.number[slot], arrays.tool[slot] = request.hold_id, request.tool
         arrays.target_kind[slot], arrays.target[slot] = request.target_kind, request.target
         arrays.weights[slot] = request.target_weights
-        arrays.grasped_m[slot] = arm_m = arrays.anchor[slot, 2]
-        arrays.apart_m[slot] = 2.0 * arm_m * math.sin(0.5 * request.jaw_angle_rad)
         arrays.slipped_m[slot], arrays.lost[slot] = 0.0, False
         self.active[request.hold_id] = ActiveHold(request, slot, arrays)
         self.took_up = True

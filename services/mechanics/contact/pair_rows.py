@@ -33,15 +33,14 @@ _UNILATERAL = number_of("unilateral")
 def append_pairs(pairs: ContactPairs, geometry: ContactGeometry, rows: ContactRows) -> None:
     """Append pairs to ``rows`` as unilateral contacts.
 
-    Gap and slip still lack the duct's displacement, which needs its modes: see `subtract_duct_motion`. Jaws do
-    not collide with a catheter that they hold: the hold stands for both of them. A fold of the wall is held at two
-    points, and what lies between and beside these goes on being squeezed. Pairs of a tool that is gone, or waits, are
-    left out.
+    Gap and slip still lack the duct's displacement, which needs its modes: see `subtract_duct_motion`. Jaws go on
+    colliding with what they hold: a fold of the wall is held at two points, and so is a catheter. Pairs of a tool that
+    is gone, or waits, are left out.
     """
     for index in range(pairs.count):
         tool, segment = pairs.tool[index], pairs.tool_segment[index]
         kind, target = pairs.target_kind[index], pairs.target[index]
-        if tool != NO_TOOL and not touches(geometry.tools, tool, segment, kind):
+        if tool != NO_TOOL and not touches(geometry.tools, tool):
             continue
         identity = pair_identity(tool, segment, pairs.particle[index], kind, target)
         row = append_row(rows, _UNILATERAL, identity)
@@ -61,24 +60,21 @@ def append_pairs(pairs: ContactPairs, geometry: ContactGeometry, rows: ContactRo
 
 
 @kernel
-def touches(tools: ToolGeometry, tool: int, segment: int, kind: int) -> bool:
-    """Whether a segment of a tool collides with this kind of target."""
-    is_there = tools.present[tool] and not tools.waiting[tool]
-    is_held_catheter = segment != SHAFT and kind == CATHETER_SEGMENT and tools.held[tool, kind]
-    return bool(is_there and not is_held_catheter)
+def touches(tools: ToolGeometry, tool: int) -> bool:
+    """Whether a tool touches anything: it is there, and does not wait."""
+    return bool(tools.present[tool] and not tools.waiting[tool])
 
 
 @kernel
 def _squeeze(
     tools: ToolGeometry, who: tuple[int, int], at: tuple[float, FloatArray], rows: ContactRows, row: int
 ) -> None:
-    """Write how deep a wall may be in a jaw: more than nothing where they hold it, or squeeze it between them.
+    """Let a wall be as deep in a jaw as it is squeezed between them.
 
     As it gets thicker in the step in which they open, its middle goes half as far as the jaw: that is the row's lever.
     ``who`` are tool and jaw, ``at`` the place along it and the normal.
     """
     tool, jaw = who
-    rows.pad_m[row] = tools.pad[tool] if tools.held[tool, DUCT_TRIANGLE] else 0.0
     thinned, slope = thinned_m(tools, tool, jaw, at[0], (at[1][0], at[1][1], at[1][2]))
     if thinned > rows.pad_m[row]:
         rows.pad_m[row] = thinned
@@ -115,8 +111,14 @@ def _tool_side(pairs: ContactPairs, index: int, tools: ToolGeometry, rows: Conta
         # J is the start of both jaws.
         rows.point_m[row, axis] = centre - normal[axis] * radius - tools.segments[tool, 1, 0, axis]
     put_on_tool(rows, row, tools, tool, segment)
-    if segment != SHAFT and pairs.target_kind[index] == DUCT_TRIANGLE:
-        _squeeze(tools, (tool, segment), (s, normal), rows, row)
+    if segment != SHAFT:
+        kind = pairs.target_kind[index]
+        if tools.held[tool, kind]:
+            rows.pad_m[row] = tools.pad[tool, kind]
+            if kind == CATHETER_SEGMENT:  # its hold bears all that acts along the jaws
+                rows.force_limit_n[row] = 0.0
+        if kind == DUCT_TRIANGLE:
+            _squeeze(tools, (tool, segment), (s, normal), rows, row)
     add_tool_motion(rows, row, tools)
 
 

@@ -132,7 +132,7 @@ def room_in_jaws(tools: ToolGeometry, p: int, s: float, normal: Vector) -> float
     if p >= N_TOOL_PIECES or p % 3 == SHAFT:
         return 0.0
     tool, jaw = p // 3, p % 3
-    room: float = tools.pad[tool] if tools.held[tool, DUCT_TRIANGLE] else 0.0
+    room: float = tools.pad[tool, DUCT_TRIANGLE] if tools.held[tool, DUCT_TRIANGLE] else 0.0
     return max(room, thinned_m(tools, tool, jaw, s, normal)[0])
 
 

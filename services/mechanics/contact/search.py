@@ -9,6 +9,7 @@ from services.mechanics.bodies.duct import DuctBody
 from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.compiled.struct import Address
+from services.mechanics.contact.geometry import ContactGeometry
 from services.mechanics.contact.spheres import Spheres
 from services.mechanics.contact.state import ContactState
 
@@ -34,6 +35,9 @@ class ContactSearch(Protocol):
 
     def tool_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
         """Append the chosen candidates of the tools, and what of them touches the catheter."""
+
+    def engage(self, pairs: ContactPairs, geometry: Address[ContactGeometry]) -> None:
+        """Let tools that wait touch, unless a candidate or one of the pairs with the catheter shows them in it."""
 
     def catheter_pairs(self, pairs: ContactPairs) -> None:
         """Append the chosen candidates of catheter and spheres."""

@@ -12,7 +12,8 @@ from typing import Annotated
 
 import numpy as np
 
-from services.mechanics.arrays import ByteArray, FloatArray, IntArray, LongArray
+from services.mechanics.arrays import BoolArray, ByteArray, FloatArray, IntArray, LongArray
+from services.mechanics.bodies.forceps.kinematics import N_SEGMENTS
 from services.mechanics.collision.candidate_list import CandidateList, list_at
 from services.mechanics.collision.candidates import Candidates, Where, candidates_at, offset
 from services.mechanics.collision.pieces import N_TOOL_PIECES
@@ -79,12 +80,15 @@ def merge_distance_m(thickness_m: FloatArray, wall_m: float) -> FloatArray:
 
 @kernel
 def choose(
-    addresses: tuple[Address[CandidateList], Address[Candidates], Address[WorkingSet]], before: Where, ahead: FloatArray
+    addresses: tuple[Address[CandidateList], Address[Candidates], Address[WorkingSet]],
+    before: Where,
+    ahead: FloatArray,
+    waiting: BoolArray,
 ) -> None:
     """Choose candidates for rows; ``chosen`` names them, nearest first.
 
     Those of a piece are chosen whose gap is at most ``ahead`` (p,), or will be if everything goes on as since
-    ``before``, when the last step began.
+    ``before``, when the last step began. Tools that are ``waiting`` (2,) touch nothing.
     """
     listed, found, working = list_at(addresses[0]), candidates_at(addresses[1]), set_at(addresses[2])
     for i in range(found.count):
@@ -95,7 +99,10 @@ def choose(
         i = working.order[k]
         if working.n_chosen >= MOST_CHOSEN and not _is_member(found, working, i):
             break
-        ahead_m = ahead[found.piece[i]]
+        p = found.piece[i]
+        if p < N_TOOL_PIECES and waiting[p // N_SEGMENTS]:
+            continue
+        ahead_m = ahead[p]
         is_near = found.gap_m[i] <= ahead_m or _expected_m(listed, found, before, i) <= ahead_m
         if is_near and not _is_known(found, working, i):
             working.chosen[working.n_chosen] = i

@@ -57,7 +57,11 @@ class Friction(Effect):
 
 @kernel
 def set_coefficients(rows_address: Address[ContactRows], slides: BoolArray, mu: FloatArray) -> None:
-    """Write the coefficients of all rows; ``mu`` (2, 2) is static, kinetic without and with a tool. Not all use it."""
+    """Write the coefficients of all rows; ``mu`` (2, 2) is static, kinetic without and with a tool. Not all use it.
+
+    A contact whose force along the surface is limited to nothing has none: a hold bears it.
+    """
     rows = rows_at(rows_address)
     for row in range(rows.n_contacts):
-        rows.friction[row] = mu[1 if rows.tool[row] >= 0 else 0, 1 if slides[row] else 0]
+        mu_row: float = mu[1 if rows.tool[row] >= 0 else 0, 1 if slides[row] else 0]
+        rows.friction[row] = mu_row if rows.force_limit_n[row] > 0.0 else 0.0

@@ -15,7 +15,6 @@ from services.mechanics.bodies.forceps import Grasp, JawState
 from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
 from services.mechanics.bodies.mouth import Mouth
 from services.mechanics.collision.pairs import ContactPairs
-from services.mechanics.contact.engagement import engage_tools
 from services.mechanics.contact.local_stiffness import LocalStiffness
 from services.mechanics.contact.pads import take_pads
 from services.mechanics.contact.rows import ContactRows
@@ -308,10 +307,10 @@ class Simulation:
         search.tool_pairs(self.catheter, self.tools, found)
         search.catheter_pairs(catheter_pairs)
         if self.tools.have_come:
-            engage_tools(found.address, system.geometry.address)
+            search.engage(found, system.geometry.address)
         self.holds.follow(self._grasp(tools, found) if tools.holds is None else tools.holds)
-        if self.holds.took_up and tools.holds is not None:
-            take_pads(found.address, system.geometry.address)
+        if self.holds.took_up:
+            take_pads(found.address, system.geometry.address, tools.holds is not None)
         for effect in self._stages["add_pairs"]:
             effect.add_pairs(self.world, dt_s)
         system.append(found)

@@ -46,7 +46,7 @@ def test_a_hold_has_its_row_where_pairs_would_take_all_the_room(simulate):
     simulation = simulate(roomy - 1, n_holds=2)
     assert simulation.contacts.n_contacts == roomy - 1
     assert len(simulation.holds.rows) == 2
-    assert simulation.dropped_contacts.rows > 0
+    assert sum(simulation.dropped_contacts) > 0
 
 
 def test_rows_of_effects_beyond_the_capacity_are_counted(simulate):
@@ -72,6 +72,6 @@ def test_limits_of_grasps_go_to_the_rows_of_grasps_where_rows_run_out(simulate):
     others = [row for row in range(rows.n_contacts) if row not in holds]
     assert len(holds) == 4
     assert np.all(rows.force_limit_n[holds] == 0.7)
-    assert np.all(np.isinf(rows.force_limit_n[others]))
+    assert set(rows.force_limit_n[others]) <= {0.0, np.inf}
     assert rows.friction[others].max() <= 0.3
-    assert simulation.dropped_contacts.rows >= 1
+    assert sum(simulation.dropped_contacts) >= 1

@@ -9,6 +9,7 @@ from services.mechanics.collision.pairs import CATHETER_SEGMENT
 from services.mechanics.contact.laws.hold import GRIP_SOFTNESS_M_N
 from services.mechanics.scene.tools import GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
+from studies.judge.overlaps import OverlapJudge
 
 LIMIT_N = 0.05
 BOTH_N = 2.0 * LIMIT_N
@@ -97,3 +98,17 @@ def test_a_grip_that_bears_less_does_not_creep(gripping, dt_s):
     assert along_n(simulation) == pytest.approx(held_n, rel=1e-6)
     assert np.all(slips_m(simulation) == slipped_m)
     assert np.abs(simulation.catheter.state.position_m[:, 0] - along_m).max() < 1e-9
+
+
+@pytest.mark.parametrize("aside", [(0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (-0.5, 0.6, 0.6)])
+def test_jaws_that_drag_a_catheter_hard_stay_out_of_it(gripping, aside):
+    """Before, they did not collide with what they held: it went up to 2 mm into them."""
+    simulation, tools, at = gripping
+    judge, felt_n = OverlapJudge(simulation), 0.0
+    for tick in range(400):
+        tools.position_m[1] = at + 0.2e-3 * min(tick, 150) * np.array(aside)
+        simulation.step(tools)
+        judge.look()
+        felt_n = max(felt_n, float(np.linalg.norm(simulation.tool_results.force_n[1])))
+    assert felt_n > 0.1
+    assert judge.deepest["tool in catheter"] < 0.1e-3

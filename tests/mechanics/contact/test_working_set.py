@@ -38,6 +38,7 @@ class Chooser:
         self.list = new_list(clusters, MESH.vertices_m.copy(), N_PIECES, 1e-3, TOUCHING_M)
         self.found = Candidates.zeros(c=512)
         self.before, self.ahead_m = (self.list.ends.copy(), MESH.vertices_m.copy()), np.full(N_PIECES, np.inf)
+        self.waiting = np.zeros(2, np.bool_)
         self.set = new_working_set(MESH.vertices_m, N_PIECES, len(MESH.triangles), 512)
         self.set.apart_m[:] = merge_distance_m(THICKNESS_M, WALL_M)
 
@@ -49,7 +50,7 @@ class Chooser:
             found.piece[k], found.triangle[k], found.gap_m[k] = piece, triangle, gap_m
             found.weight[k], found.normal[k] = weight, normal
         addresses = self.list.address, found.address, self.set.address
-        choose(addresses, self.before, self.ahead_m)
+        choose(addresses, self.before, self.ahead_m, self.waiting)
         return self.set.chosen[: self.set.n_chosen].tolist()
 
 
@@ -181,3 +182,13 @@ def test_between_two_merged_points_a_round_body_is_a_quarter_wall_deep_at_most(t
     apart_m = float(merge_distance_m(np.array([thickness_m]), wall_m)[0])
     height_m = thickness_m - np.sqrt(thickness_m**2 - (0.5 * apart_m) ** 2)
     assert height_m <= 0.26 * wall_m
+
+
+def test_what_a_waiting_tool_is_in_takes_no_room_from_others():
+    """Before, its candidates were the deepest of all and left no rows for what the other bodies touch."""
+    chooser, rng = Chooser(), np.random.default_rng(2)
+    others = [(7, t, w, normal, gap_m) for _, t, w, normal, gap_m in random_candidates(rng, 8)]
+    of_tool = [(1, t, w, normal, -1e-3) for _, t, w, normal, _ in random_candidates(rng, 30)]
+    alone = Chooser().choose(others)
+    chooser.waiting[0] = True
+    assert chooser.choose(others + of_tool) == alone

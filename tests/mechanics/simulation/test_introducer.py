@@ -58,6 +58,7 @@ class Course:
     hub_m: list = field(default_factory=list)
     tip_m: list = field(default_factory=list)
     speed_m_s: list = field(default_factory=list)
+    strain: list = field(default_factory=list)
     spent_j: list = field(default_factory=list)
 
     def gain(self):
@@ -71,6 +72,14 @@ def gripped_n(simulation):
     rows = simulation.contacts
     grips = np.flatnonzero(rows.law[: rows.n_contacts] == number_of("grip"))
     return np.linalg.norm(np.einsum("gax,ga->x", rows.frame[grips, 1:], rows.force_n[grips, 1:]))
+
+
+def largest_strain(catheter):
+    """Of stretch, or of bending at the surface."""
+    edges_m, length_m = np.diff(catheter.state.position_m, axis=0), catheter.properties.segment_length_m
+    long_m = np.linalg.norm(edges_m, axis=1)
+    turn_m = np.linalg.norm(np.diff(edges_m / long_m[:, None], axis=0), axis=1)
+    return max(np.abs(long_m / length_m - 1.0).max(), catheter.radius_m * turn_m.max() / length_m)
 
 
 def run(scenario: Scenario, duct, *, books=False):
@@ -92,6 +101,7 @@ def run(scenario: Scenario, duct, *, books=False):
         course.hub_m.append((rod.position_m[0] - introducer.entry) @ introducer.axis)
         course.tip_m.append((rod.position_m[-1] - introducer.entry) @ introducer.axis - introducer.length)
         course.speed_m_s.append(np.abs(rod.velocity_m_s).max())
+        course.strain.append(largest_strain(simulation.catheter))
     return course
 
 
@@ -167,12 +177,18 @@ def test_a_catheter_swept_round_behind_its_introducer_is_not_caught_by_it(duct):
     course = run(hands((*INSERT, *round_it), "swept"), duct)
     assert 0.99 * GRIP_N < max(course.gripped_n) < GRIP_N
     assert largest_force_n(course) < FELT_N
-    assert max(course.speed_m_s) < 10.0
+    # It snaps over the jaw that it was wound round, no faster than its stretch lets it.
+    catheter = course.simulation.scene.catheter
+    assert max(course.speed_m_s) < max(course.strain) * math.sqrt(catheter.youngs_modulus_pa / catheter.density_kg_m3)
     assert -0.1 < min(course.hub_m) <= max(course.hub_m) < 23e-3
 
 
 def test_a_catheter_bent_round_the_edge_of_its_introducer_by_a_grasp_that_never_slips_stays_calm(duct):
-    """To its stop and 10 mm further, at more than 60 degrees to the axis: the coupling pulls with 5 N, no more."""
+    """To its stop and 10 mm further, at more than 60 degrees to the axis.
+
+    The coupling gives these 10 mm at 0.5 N/mm, 5 mm for what winds round a jaw (a quarter of its turn with the catheter
+    on it, and its radius), and 1 mm for what the stop gives.
+    """
     aside = (
         (2.6, (72, 0, 0)),
         (3.0, (100, 60, 20)),
@@ -184,7 +200,7 @@ def test_a_catheter_bent_round_the_edge_of_its_introducer_by_a_grasp_that_never_
     scenario = hands((*INSERT, *aside), "edge")
     effects = {name: settings for name, settings in scenario.scene.effects.items() if name != "grasp_slip"}
     course = run(replace(scenario, scene=replace(scenario.scene, effects=effects)), duct)
-    assert 2.0 < largest_force_n(course) < 6.0
+    assert 2.0 < largest_force_n(course) < 8.0
     assert np.linalg.norm(np.diff(course.force_n, axis=0), axis=2).max() < 0.5
     assert max(course.speed_m_s) < 5.0
     assert max(course.hub_m) < 23e-3

@@ -44,7 +44,8 @@ class PriceJudge:
             if gap_m < -tolerance_m - SLACK_M and (p, t) not in known:
                 beside = points[[self._is_one_body(p, q) for q, _ in written]]
                 squares = [point_triangle(tuple(point), *map(tuple, corners[t])) for point in beside]
-                assert min(squares, default=np.inf) < (1.5 * ONE_VIOLATION * thickness_m[p]) ** 2, (
+                near_m = ONE_VIOLATION * thickness_m[p] * max(1.5, *(self._stretch(corners, q) for _, q in written))
+                assert min(squares, default=np.inf) < near_m**2, (
                     f"piece {p} ends {-1e6 * gap_m:.0f} um deep in triangle {t} and has no row"
                 )
         return found
@@ -58,6 +59,12 @@ class PriceJudge:
         thickness_m[thickness_m > 0.0] += 0.5 * simulation.scene.duct.thickness_m
         ends = np.concatenate([tools.segments.reshape(-1, 2, 3), np.stack([line[:-1], line[1:]], axis=1)])
         return ends, thickness_m, simulation.duct.surface_m()[simulation.duct.reduced.mesh.triangles]
+
+    def _stretch(self, corners, t):
+        """Return how many times as long an edge of a triangle is as at rest, where points are one by their distance."""
+        mesh = self._simulation.duct.reduced.mesh
+        now, rest = (each - np.roll(each, 1, axis=0) for each in (corners[t], mesh.vertices_m[mesh.triangles[t]]))
+        return float((np.linalg.norm(now, axis=1) / np.linalg.norm(rest, axis=1)).max())
 
     @staticmethod
     def _too_deep(ends, thickness_m, corners, tolerance_m):

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from services.mechanics.collision.pairs import DUCT_TRIANGLE, JAW_A, NO_TOOL, ContactPairs
+from services.mechanics.bodies.forceps.kinematics import N_SEGMENTS
+from services.mechanics.collision.candidates import Candidates
+from services.mechanics.collision.pairs import JAW_A, NO_TOOL, ContactPairs
 from services.mechanics.contact.engagement import engage_tools
 from services.mechanics.contact.laws import HAS_GAP
 from services.mechanics.scene.tools import ToolInputs
@@ -62,9 +64,9 @@ def test_what_lies_beside_a_pressed_point_of_a_thin_wall_has_one_row_of_its_own(
 def test_a_tool_that_comes_back_half_a_thin_wall_deep_goes_on_waiting(cache_dir, depth_m, waits):
     """Before, it touched what it was 10 um deep in: more than such a wall."""
     simulation = thin(cache_dir)[1]
-    tools, pairs = simulation.tools, ContactPairs.allocate(1)
-    pairs.tool[0], pairs.tool_segment[0], pairs.target_kind[0] = 1, JAW_A, DUCT_TRIANGLE
-    pairs.gap_m[0], pairs.count = -depth_m, 1
+    tools, found = simulation.tools, Candidates.zeros(c=50)
+    found.piece[:], found.gap_m[49], found.count = N_SEGMENTS + JAW_A, -depth_m, 50
     tools.present[:] = tools.waiting[:] = True
-    engage_tools(pairs.address, simulation.system.geometry.address)
+    no_pairs = ContactPairs.allocate(1)
+    engage_tools(found.address, no_pairs.address, simulation.system.geometry.address)
     assert tools.waiting.tolist() == [False, waits]

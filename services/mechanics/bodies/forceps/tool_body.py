@@ -78,8 +78,8 @@ class ToolBody:
         Roll over the step: a hand's, which nothing resists.
     held : (2, 2) bool
         Whether the jaws of each tool hold wall (`DUCT_TRIANGLE`) or catheter (`CATHETER_SEGMENT`).
-    pad_m : (2,) float64
-        How deep a wall that they hold may be in them before they push it, see `contact.pads`.
+    pad_m : (2, 2) float64
+        How deep what they hold, wall or catheter, may be in them before they push it, see `contact.pads`.
     thinned_m : (2, N_CELLS) float64
         How much nearer the middle of a wall is to jaws that squeeze it, cell by cell along them.
     thinning_m_rad : (2, N_CELLS) float64
@@ -111,7 +111,7 @@ class ToolBody:
         jaws = [f.jaws for f in forceps]
         self.radius_m = np.array([[f.body_radius_m] + [f.jaws.jaw_radius_m if f.jaws else 0.0] * 2 for f in forceps])
         self.held = np.zeros((N_TOOLS, 2), np.bool_)
-        self.pad_m = np.zeros(N_TOOLS)
+        self.pad_m = np.zeros((N_TOOLS, 2))
         self.thinned_m, self.thinning_m_rad = np.zeros((2, N_TOOLS, N_CELLS))
         self._arrays = a = ToolArrays.zeros(jaw_stop=np.full(N_TOOLS, -np.inf))
         self.address = a.address
