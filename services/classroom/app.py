@@ -17,8 +17,7 @@ from starlette.routing import Route
 from services.classroom.roll import Place, Roll, load_roll
 from services.classroom.watch import Watch
 from services.runtime.errors import UserError
-from services.runtime.web_host import listen
-from services.supervisor.web import KnownHost
+from services.runtime.web_host import KnownHost, listen
 from services.training.store.attempts import Store
 
 _PAGE = Path(__file__).with_name("page.html")

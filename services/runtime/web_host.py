@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ipaddress
 import socket
+from collections.abc import Awaitable, Callable
+from typing import Any
 from urllib.parse import urlsplit
 
 from services.runtime.errors import BusError
@@ -29,6 +31,27 @@ def is_this_host(name: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+class KnownHost:
+    """Refuse requests whose Host is not this machine: another site's name that was made to point here (rebinding).
+
+    Around an application of ASGI, whose scope, receive and send it passes on.
+    """
+
+    _WORDS = b"this name is not known here: use localhost or an address"
+
+    def __init__(self, app: Callable[..., Awaitable[None]]) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        """Pass the request on or answer 421."""
+        header = next((value for name, value in scope.get("headers", ()) if name == b"host"), b"")
+        if scope["type"] != "http" or is_this_host(host_of(header.decode("latin-1"))):
+            await self._app(scope, receive, send)
+            return
+        await send({"type": "http.response.start", "status": 421, "headers": [(b"content-type", b"text/plain")]})
+        await send({"type": "http.response.body", "body": self._WORDS})
 
 
 def listen(host: str, port: int, option: str) -> socket.socket:

@@ -20,12 +20,12 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response, StreamingResponse
 from starlette.routing import BaseRoute, Mount, Route
 from starlette.staticfiles import StaticFiles
-from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import Receive, Scope, Send
 
 import protocol.bodies as bodies
 from services.runtime.errors import ConfigError
 from services.runtime.rig import Rig
-from services.runtime.web_host import host_of, is_this_host
+from services.runtime.web_host import KnownHost, host_of
 from services.supervisor.page_place import DIST
 from services.training.scenario import scenario_names, scenario_of
 
@@ -67,26 +67,6 @@ class PageContext:
     token: str = field(default_factory=lambda: secrets.token_urlsafe(16))
     latest: bytes = b"{}"
     closing: bool = False
-
-
-class KnownHost:
-    """Refuse requests whose Host is not this machine: another site's name that was made to point here (rebinding)."""
-
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass the request on or answer 421."""
-        if scope["type"] == "http" and not is_this_host(_host(scope)):
-            refusal = PlainTextResponse("this name is not known here: use localhost or an address", 421)
-            await refusal(scope, receive, send)
-            return
-        await self._app(scope, receive, send)
-
-
-def _host(scope: Scope) -> str:
-    header = next((value for name, value in scope["headers"] if name == b"host"), b"")
-    return host_of(header.decode("latin-1"))
 
 
 class _BuiltFiles(StaticFiles):
@@ -179,7 +159,7 @@ class _Endpoints:
 
     def _told(self, request: Request) -> dict[str, object]:
         """Return who the rig is, for whoever sees it under the name that was asked for."""
-        rig, host = self._context.rig, _host(request.scope)
+        rig, host = self._context.rig, host_of(request.headers.get("host"))
         host = f"[{host}]" if ":" in host else host
         return {
             "name": rig.name,

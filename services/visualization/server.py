@@ -13,6 +13,7 @@ from urllib.parse import urlsplit
 import msgspec
 import uvicorn
 from starlette.applications import Starlette
+from starlette.middleware import Middleware
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response, StreamingResponse
 from starlette.routing import Route, WebSocketRoute
@@ -20,7 +21,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from services.runtime.loop import sleep_until
 from services.runtime.rig import ViewSettings
-from services.runtime.web_host import host_of, is_this_host, listen
+from services.runtime.web_host import KnownHost, host_of, is_this_host, listen
 from services.visualization.camera_feed import CameraFeed
 from services.visualization.feed import Feed, Feeds
 from services.visualization.page_hands import PageHands
@@ -63,7 +64,8 @@ class ViewServer:
                     Route("/snapshot.png", self._snapshot),
                     Route("/camera.mjpeg", self._mjpeg),
                     Route("/healthz", _alive),
-                ]
+                ],
+                middleware=[Middleware(KnownHost)],
             ),
             log_level="warning",
             lifespan="off",

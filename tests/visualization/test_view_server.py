@@ -174,6 +174,13 @@ def test_origins():
     assert not may_look("http://127.0.0.1", None)
 
 
+@pytest.mark.parametrize("path", ["snapshot.png", "camera.mjpeg"])
+def test_a_picture_is_not_given_to_another_sites_name_for_this_machine(show, path):
+    answer = httpx.get(f"http://127.0.0.1:{show.port}/{path}", headers={"Host": "evil.example"})
+    assert answer.status_code == 421
+    assert "not known here" in answer.text
+
+
 def test_the_server_says_that_it_lives(show):
     assert httpx.get(f"http://127.0.0.1:{show.port}/healthz", timeout=PATIENCE_S).text == "ok\n"
 
