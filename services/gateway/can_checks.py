@@ -58,6 +58,9 @@ def _reach(bus: dict[str, Any], root: Path) -> Iterator[HostCheck]:
         yield from _socketcan(bus, root)
     elif bus.get("interface") == "slcan":
         yield from _serial(bus, root)
+    elif bus.get("interface") == "udp_multicast":
+        said = f"everybody on the network can move the handle: {canbus.OPEN_BUS} is set"
+        yield HostCheck(f"CAN {bus.get('channel')}", False, said, "for a hand use socketcan or slcan", needed=False)
 
 
 def _socketcan(bus: dict[str, Any], root: Path) -> Iterator[HostCheck]:

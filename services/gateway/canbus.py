@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import os
 from collections.abc import Iterator
 from typing import Any
 
@@ -18,6 +19,9 @@ DRAIN_LIMIT = 512
 DEFAULT_BITRATE = 1e6
 #: Errors in a row, of frames that cannot be read or of a bus that is gone, passed over by one `drain`.
 _STRANGE_LIMIT = 16
+
+#: Set to 1 it admits a bus without any proof of who sends.
+OPEN_BUS = "TROCAR_TEST_OPEN_BUS"
 
 #: What python-can's interfaces take, of those that hand nothing on to a vendor's library.
 KEYS = {
@@ -76,6 +80,11 @@ def check_keys(settings: dict[str, Any]) -> None:
     unknown = next((key for key in settings if key not in known), None)
     if unknown is not None:
         raise ValueError(f"unknown key {unknown!r}; known: {', '.join(known)}{did_you_mean(unknown, known)}")
+    if settings["interface"] == "udp_multicast" and os.environ.get(OPEN_BUS) != "1":
+        raise ValueError(
+            "interface: on udp_multicast everybody on the network can move the handle; use socketcan or slcan, or for "
+            f"a test without a hand set {OPEN_BUS}=1"
+        )
     if "channel" not in settings:  # without, socketcan hears all buses of the machine
         raise ValueError("channel: this key is missing")
 

@@ -34,6 +34,7 @@ def test_a_bus_whose_speed_is_none_is_one_sentence(tmp_path: Any, bitrate: Any) 
         ({"interface": "socketcan"}, "channel: this key is missing"),
         ({"interface": "slcan", "channel": "/dev/ttyACM0", "bitrat": 500_000}, "unknown key 'bitrat'; known: "),
         ({"interface": "udp_multicast", "channel": "239.0.0.1", "hops": 0}, "unknown key 'hops'; known: "),
+        ({"interface": "udp_multicast", "channel": "239.0.0.1"}, "on udp_multicast everybody on the network can move"),
         ({"interface": "virtual", "channel": "a", "can_filters": []}, "unknown key 'can_filters'; known: "),
     ],
 )

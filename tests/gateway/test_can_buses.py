@@ -277,10 +277,11 @@ def test_a_serial_port_that_is_not_there_is_one_sentence() -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_a_drive_on_udp_multicast_is_measured_and_loaded() -> None:
+def test_a_drive_on_udp_multicast_is_measured_and_loaded(monkeypatch: pytest.MonkeyPatch) -> None:
     """Frames are given back to who sent them there; when they come is the kernel's affair, so a drive may let go."""
     bus = {"interface": "udp_multicast", "channel": "239.74.163.2", "hop_limit": 0, "fd": False, "port": _free_port()}
     _need_multicast(bus)
+    monkeypatch.setenv(canbus.OPEN_BUS, "1")
     node = VirtualNode(can.Bus(**bus))
     grasp, handle = load(bus, node), np.zeros(2)
     grasp.found_timeout_s = 300.0

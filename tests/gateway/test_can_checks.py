@@ -50,6 +50,12 @@ def test_a_kernel_without_can_is_told_what_to_take_instead(monkeypatch: pytest.M
     assert "slcan" in found.advice
 
 
+def test_a_bus_that_everybody_can_send_to_is_told(tmp_path: Path) -> None:
+    found = look(tmp_path, {"interface": "udp_multicast", "channel": "239.0.0.1"})
+    assert not found.ok
+    assert "everybody on the network can move the handle" in found.found
+
+
 def test_an_interface_that_is_not_there_is_told_with_those_that_are(tmp_path: Path) -> None:
     interface(tmp_path, "eth0", kind=1)
     interface(tmp_path, "can1")
