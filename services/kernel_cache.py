@@ -5,15 +5,20 @@ that it calls: after an update a cached kernel may go on calling what its neighb
 what another has compiled. So numba is given a locator of ours (``NUMBA_CACHE_LOCATOR_CLASSES``): the folder of a kernel
 is named by its module and a hash of all source that the module rests on. numba reads the variable when it is imported,
 so `services` itself calls `choose`.
+
+What numba reads is unpickled and run. So the folder must be one that only this user and root can change, and what lies
+in it must be what was stored: a kernel's lock file holds the hashes of its files.
 """
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import fcntl
 import functools
 import hashlib
 import os
+import re
 import shutil
 import sys
 import threading
@@ -22,11 +27,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import IO
 
-from services.cache_directory import cache_directory
+from services.cache_directory import cache_directory, trusted_directory
 from services.source_closure import Sources
+from services.trusted_path import fault_of_place
 
 _NUMBAS_OWN = ("UserProvidedCacheLocator", "InTreeCacheLocator", "UserWideCacheLocator", "IPythonCacheLocator")
 _OPTIONS = ("NUMBA_BOUNDSCHECK", "NUMBA_OPT", "NUMBA_DEBUGINFO", "NUMBA_LOOP_VECTORIZE", "NUMBA_SLP_VECTORIZE")
+_FILE = re.compile(r"-(\d+)\.py\w+\.(?:nbi|\d+\.nbc)")
 _KEPT = 8
 _IN_USE_S = 3600.0
 
@@ -37,13 +44,22 @@ def choose() -> None:
     named = os.environ.get("NUMBA_CACHE_LOCATOR_CLASSES") or ",".join(_NUMBAS_OWN)
     if ours not in named.split(","):
         os.environ["NUMBA_CACHE_LOCATOR_CLASSES"] = f"{ours},{named}"
+    if "NUMBA_CACHE_DIR" in os.environ:
+        root()  # others' kernels lie there, too
     if "numba" in sys.modules:
         sys.modules["numba"].config.reload_config()
 
 
 def root() -> Path:
     """Return ``$NUMBA_CACHE_DIR``, else ``kernels`` in Trocar's cache. It may be shared by any number of checkouts."""
-    return Path(os.environ.get("NUMBA_CACHE_DIR") or cache_directory() / "kernels")
+    if os.environ.get("NUMBA_CACHE_DIR"):
+        return trusted_directory("NUMBA_CACHE_DIR", Path())
+    return cache_directory() / "kernels"
+
+
+def settle() -> None:
+    """Write the hashes of the kernel that this thread has stored last, and let go of it."""
+    _LOCK.release()
 
 
 class Locator:
@@ -56,8 +72,8 @@ class Locator:
     @classmethod
     def from_function(cls, function: Callable[..., object], path: str) -> Locator | None:
         """Return the locator of a function, None if its file is not ours or nothing can be written."""
-        folder = _folder(path, root())
-        return None if folder is None else cls(folder, function.__code__.co_firstlineno)
+        folder, line = _folder(path, root()), function.__code__.co_firstlineno
+        return cls(folder, line) if folder and _is_as_stored(folder, line) else None
 
     def get_cache_path(self) -> str:
         """Return the folder of this function's module as it is now."""
@@ -79,7 +95,7 @@ class Locator:
         """
         if not self._folder.is_dir():
             _forget_oldest(self._folder)
-            self._folder.mkdir(parents=True, exist_ok=True)
+            self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         _LOCK.hold(self._folder / f"{self._line}.lock")
 
 
@@ -98,23 +114,84 @@ class _Lock:
         Nobody says when numba has stored a kernel, which takes milliseconds: its lock is held until the next one is.
         """
         self.release()
-        self._local.file = path.open("wb")
+        self._local.file, self._local.path = path.open("a+"), path
         end_s = time.monotonic() + self._PATIENCE_S
-        while time.monotonic() < end_s:
-            with contextlib.suppress(BlockingIOError):
-                fcntl.flock(self._local.file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                return
+        while not _locks(self._local.file) and time.monotonic() < end_s:
             time.sleep(self._APART_S)
 
     def release(self) -> None:
-        """Let go of the lock, if one is held."""
-        file: IO[bytes] | None = getattr(self._local, "file", None)
+        """Write what was stored into the lock, if one is held, and let go of it."""
+        file: IO[str] | None = getattr(self._local, "file", None)
         if file is not None:
-            file.close()
             self._local.file = None
+            with file:
+                file.truncate(0)
+                path = self._local.path
+                file.write(_hashes(_files(path.parent).get(int(path.stem), [])))
+
+
+def _locks(file: IO[str]) -> bool:
+    """Whether the lock of a file was free; it is taken then."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
+
+def _files(folder: Path) -> dict[int, list[Path]]:
+    """Return the files of the kernels in a folder by the line of the kernel, in the order of their names."""
+    found: dict[int, list[Path]] = {}
+    for name in sorted(os.listdir(folder) if folder.is_dir() else ()):
+        if match := _FILE.search(name):
+            found.setdefault(int(match[1]), []).append(folder / name)
+    return found
+
+
+_files_at_first = functools.cache(_files)
+
+
+def _hashes(files: list[Path]) -> str:
+    return "".join(f"{hashlib.sha256(path.read_bytes()).hexdigest()} {path.name}\n" for path in files)
+
+
+@functools.cache
+def _is_as_stored(folder: Path, line: int) -> bool:
+    """Whether numba may read a kernel's files; what is not as it was stored is removed, unless it is being stored now.
+
+    False where it cannot be removed.
+    """
+    if not (files := _files_at_first(folder).get(line)):
+        return True
+    try:
+        with (folder / f"{line}.lock").open("a+") as lock:
+            if _agree(lock, files) or not _locks(lock):
+                return True
+            return _agree(lock, _files(folder).get(line, [])) or _emptied(folder, line)
+    except OSError:
+        return False
+
+
+def _agree(lock: IO[str], files: list[Path]) -> bool:
+    lock.seek(0)
+    known = all(found.st_uid in (0, os.geteuid()) for found in (os.stat(lock.fileno()), *map(os.stat, files)))
+    return known and lock.read() == _hashes(files)
+
+
+def _emptied(folder: Path, line: int) -> bool:
+    for path in _files(folder).get(line, []):
+        path.unlink()
+    _say_once(f"{folder}: a compiled kernel is not as it was stored; it is compiled anew")
+    return True
+
+
+@functools.cache
+def _say_once(text: str) -> None:
+    print(text, file=sys.stderr)  # noqa: T201
 
 
 _LOCK = _Lock()
+atexit.register(settle)
 
 
 @functools.cache
@@ -124,6 +201,8 @@ def _folder(path: str, root: Path) -> Path | None:
     if module is None or not _is_writable(root):
         return None
     folder = root / f"{module}-{_digest(module)}"
+    if fault_of_place(folder):
+        return None
     with contextlib.suppress(FileNotFoundError):
         os.utime(folder)
     return folder
@@ -139,14 +218,14 @@ def _digest(module: str) -> str:
     """Return a hash of what decides what the kernels of a module are, beyond signature and processor."""
     versions = [sys.modules[name].__version__ for name in ("numba", "llvmlite", "numpy")]
     options = [f"{name}={os.environ.get(name)}" for name in _OPTIONS]
-    text = "\n".join([_sources().digest(module), *versions, *options])
+    text = "\n".join(["with hashes", _sources().digest(module), *versions, *options])
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 @functools.cache
 def _is_writable(folder: Path) -> bool:
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError:
         return False
     return os.access(folder, os.W_OK)

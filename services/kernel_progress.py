@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from services import kernel_cache
 from services.mechanics.compiled import KERNELS
 
 _APART_S = 0.2
@@ -57,6 +58,7 @@ def told(say: Callable[[str, float], None]) -> Iterator[KernelProgress]:
     finally:
         over.set()
         teller.join()
+        kernel_cache.settle()
         progress.tell()
 
 

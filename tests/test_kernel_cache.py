@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import shutil
 import subprocess
 import sys
@@ -37,7 +38,15 @@ def tree(tmp_path: Path) -> Path:
     """Return a small checkout: a kernel, another that it calls, and a module that neither knows."""
     parts = tmp_path / "checkout" / "services" / "parts"
     parts.mkdir(parents=True)
-    for name in ("__init__", "bytecode", "cache_directory", "kernel_cache", "source_closure"):
+    for name in (
+        "__init__",
+        "bytecode",
+        "cache_directory",
+        "kernel_cache",
+        "source_closure",
+        "start_up",
+        "trusted_path",
+    ):
         shutil.copy(ROOT / f"{name}.py", parts.parent)
     (parts / "__init__.py").touch()
     (parts / "callee.py").write_text(CALLEE)
@@ -96,6 +105,35 @@ def test_two_processes_that_compile_two_signatures_at_once_keep_both(tree: Path)
 def test_a_folder_that_cannot_be_written_is_left_to_numba(tree: Path) -> None:
     (tree.parent / "kernels").touch()
     assert _run(tree, NUMBA_CACHE_DIR=str(tree.parent / "kernels" / "below"), XDG_CACHE_HOME=str(tree)) == (20, 1)
+
+
+def test_a_flipped_bit_and_a_foreign_pickle_are_neither_run_nor_read(tree: Path) -> None:
+    assert _run(tree) == (20, 1)
+    for kind in ("nbi", "nbc"):
+        (stored,) = (tree.parent / "kernels").glob(f"services.caller-*/*.{kind}")
+        whole = stored.read_bytes()
+        stored.write_bytes(whole[:-40] + bytes([whole[-40] ^ 1]) + whole[-39:])
+        assert _run(tree) == (20, 1), "compiled anew"
+        assert _run(tree) == (20, 0), "and found again"
+        stored.write_bytes(pickle.dumps(_Foreign()))
+        assert _run(tree) == (20, 1)
+
+
+class _Foreign:
+    def __reduce__(self) -> tuple[object, ...]:
+        return print, ("foreign code runs",)
+
+
+@pytest.mark.parametrize("name", ["kernels", ""])
+def test_a_cache_that_others_may_write_to_is_not_read(tree: Path, name: str) -> None:
+    cache = tree.parent / "shared"
+    variables = {"TROCAR_CACHE_DIR": str(cache), "NUMBA_CACHE_DIR": "" if not name else str(cache / "kernels")}
+    assert _run(tree, **variables) == (20, 1)
+    assert _run(tree, **variables) == (20, 0)
+    cache.chmod(0o777)
+    assert _run(tree, **variables) == (20, 1)
+    cache.chmod(0o700)
+    assert _run(tree, **variables) == (20, 0)
 
 
 def test_every_way_to_import_is_followed(tmp_path: Path) -> None:

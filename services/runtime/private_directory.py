@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import IO
 
 from services.runtime.errors import BusError
+from services.trusted_path import fault_of_place
 
 _OTHERS = 0o077
 #: What a link points to is not opened, and a pipe that nobody writes into is not waited for.
@@ -75,7 +76,7 @@ def _opened(path: Path) -> Iterator[int]:
         kind = "is a link or no directory" if path.is_symlink() or path.exists() else error.strerror
         raise BusError(f"{path}: cannot be the rig's private directory: {kind}; {_INSTEAD}") from None
     try:
-        fault = _fault(os.fstat(descriptor)) or _fault_of_parent(path.absolute().parent)
+        fault = _fault(os.fstat(descriptor)) or fault_of_place(path, its_own=False)
         if fault:
             raise BusError(f"{path}: cannot be the rig's private directory: {fault}; {_INSTEAD}")
         yield descriptor
@@ -92,14 +93,4 @@ def _fault(found: os.stat_result) -> str:
         return f"it belongs to user {found.st_uid}"
     if found.st_mode & _OTHERS:
         return f"others may use it (mode {stat.S_IMODE(found.st_mode):04o}, must be 0700)"
-    return ""
-
-
-def _fault_of_parent(parent: Path) -> str:
-    """Return why others could put their own directory in the place of one in `parent`, empty for nothing."""
-    found = parent.stat()
-    if found.st_uid not in (0, os.geteuid()):
-        return f"{parent} belongs to user {found.st_uid}"
-    if found.st_mode & stat.S_IWOTH and not found.st_mode & stat.S_ISVTX:
-        return f"everybody may rename what is in {parent} (mode {stat.S_IMODE(found.st_mode):04o})"
     return ""

@@ -1,16 +1,18 @@
 """Results kept on disk by name: numpy files, the large ones memory mapped, made once and never half visible.
 
-An entry is a folder of ``.npy`` arrays and a ``manifest.json``. It is written beside its place and renamed
-into it, so a reader sees all of it or nothing; a lock file keeps processes that start together from making
-the same entry twice. Nothing is pickled.
+An entry is a folder of ``.npy`` arrays, a ``manifest.json`` and ``hashes`` of both. It is written beside its place and
+renamed into it, so a reader sees all of it or nothing; a lock file keeps processes that start together from making
+the same entry twice. Nothing is pickled. What is not as it was written when it is fetched is made anew.
 """
 
 from __future__ import annotations
 
 import fcntl
+import hashlib
 import json
 import os
 import shutil
+import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -20,6 +22,7 @@ from typing import Any, Literal
 import numpy as np
 
 MANIFEST = "manifest.json"
+_HASHES = "hashes"
 
 
 class CacheError(RuntimeError):
@@ -97,15 +100,17 @@ class Entry:
 
 
 def fetch(cache_dir: Path, name: str, make: Callable[[Entry], None]) -> Entry:
-    """Return the entry ``name``, calling ``make`` to fill it if it does not exist yet.
+    """Return the entry ``name``, calling ``make`` to fill it if it does not exist yet or is not as it was written.
 
     Processes that ask for the same missing entry at the same time wait for the first of them.
     """
     folder = cache_dir / name
-    if not folder.exists():
-        cache_dir.mkdir(parents=True, exist_ok=True)
+    if not _is_whole(folder):
+        cache_dir.mkdir(mode=0o700, parents=True, exist_ok=True)
         with _locked(cache_dir / f".{name}.lock"):
-            if not folder.exists():
+            if not _is_whole(folder):
+                if folder.exists():
+                    print(f"{folder} is not as it was written; it is made anew", file=sys.stderr)  # noqa: T201
                 _make_atomically(folder, make)
     return Entry(folder)
 
@@ -114,10 +119,28 @@ def _make_atomically(folder: Path, make: Callable[[Entry], None]) -> None:
     unfinished = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
     try:
         make(Entry(unfinished))
+        (unfinished / _HASHES).write_text(_hashes(unfinished), encoding="utf-8")
+        if folder.exists():  # a process that has mapped it keeps what it has
+            shutil.rmtree(folder)
         os.replace(unfinished, folder)
     except BaseException:
         shutil.rmtree(unfinished, ignore_errors=True)
         raise
+
+
+def _is_whole(folder: Path) -> bool:
+    try:
+        return (folder / _HASHES).read_bytes() == _hashes(folder).encode()
+    except OSError:
+        return False
+
+
+def _hashes(folder: Path) -> str:
+    lines = []
+    for path in sorted(set(folder.iterdir()) - {folder / _HASHES}):
+        with path.open("rb") as file:
+            lines.append(f"{hashlib.file_digest(file, 'sha256').hexdigest()} {path.name}\n")
+    return "".join(lines)
 
 
 @contextmanager

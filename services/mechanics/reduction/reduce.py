@@ -53,7 +53,7 @@ def reduce_duct(
     folder = cache_dir or cache_directory()
     maker = _Maker(recipe, progress)
     entry = cache.fetch(folder, f"basis-{recipe.key()}", maker.make_basis)
-    basis = load_basis(entry)
+    basis = ModalBasis.from_modes(entry.load("omega"), entry.load("phi"))
     residual, error = _fetch_residual(folder, maker, basis)
     ratio = np.broadcast_to(np.asarray(damping_ratio, np.float64), (basis.n_modes,)).copy()
     n_local = entry.facts["n_local_modes"] if recipe.n_local_modes else 0
@@ -108,20 +108,6 @@ def _fetch_residual(folder: Path, maker: _Maker, basis: ModalBasis) -> tuple[Res
     entry = cache.fetch(folder, name, partial(maker.make_patches, basis))
     patches = Residual.patches(entry.load("starts"), entry.load("neighbours"), entry.share("blocks"))
     return patches, PatchError(entry.facts["error_kept"], entry.facts["error_dropped"])
-
-
-def load_basis(entry: cache.Entry) -> ModalBasis:
-    """Read a basis and check it against the hash it was stored with.
-
-    Raises
-    ------
-    CacheError
-        The arrays are not those that were stored.
-    """
-    basis = ModalBasis.from_modes(entry.load("omega"), entry.load("phi"))
-    if basis.content_hash != entry.facts.get("content_hash"):
-        raise cache.CacheError(f"cache entry {entry.folder} is damaged, remove it: its content has changed")
-    return basis
 
 
 class _Maker:
