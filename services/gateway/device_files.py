@@ -7,8 +7,12 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from services.gateway.driver import ArmLimits
-from services.runtime.rig import Settings, Vector3
+from services.runtime.rig import Settings, Vector3, at_most
 
+_FORCE = at_most(20.0, "N", "the servo gives a hand no more")
+_TORQUE = at_most(5.0, "N m", "the servo gives a handle no more")
+_CURRENT = at_most(40.0, "A", "an ODrive S1 bears no more for long")
+_A_BLINK = at_most(1.0, "s", "a drive that is silent for longer would go on pushing")
 Positive = Annotated[float, Field(gt=0.0)]
 
 
@@ -17,10 +21,10 @@ class ArmFile(Settings):
 
     kind: Literal["arm"]
     model: str
-    max_force_n: Positive
-    continuous_force_n: Positive
+    max_force_n: Annotated[Positive, _FORCE]
+    continuous_force_n: Annotated[Positive, _FORCE]
     max_damping_n_s_m: Positive
-    max_velocity_m_s: Positive
+    max_velocity_m_s: Annotated[Positive, at_most(100.0, "m/s", "no hand moves so fast")]
     count_m: Annotated[float, Field(gt=0.0, le=2e-4)] = Field(
         description="way of the tip that a count of an encoder is; less than this in 3 ms is taken for rest"
     )
@@ -47,15 +51,15 @@ class GraspFile(Settings):
 
     kind: Literal["grasp"]
     model: str
-    max_torque_nm: Positive
+    max_torque_nm: Annotated[Positive, _TORQUE]
     motor_turns_per_handle_turn: Positive = 1.0
     opens_with_positive_motor: bool = True
     shut_at_motor_turns: float = Field(0.0, description="position estimate of the drive with the handle shut")
     max_motor_turns_s: Positive
-    max_motor_current_a: Positive
+    max_motor_current_a: Annotated[Positive, _CURRENT]
     watchdog_s: Annotated[float, Field(ge=0.02, le=0.5)] = Field(description="set on the drive itself")
-    feedback_timeout_s: Positive = 0.005
-    heartbeat_timeout_s: Positive = 0.3
+    feedback_timeout_s: Annotated[Positive, _A_BLINK] = 0.005
+    heartbeat_timeout_s: Annotated[Positive, _A_BLINK] = 0.3
 
 
 DeviceFile = Annotated[ArmFile | GraspFile, Field(discriminator="kind")]

@@ -22,7 +22,7 @@ T = TypeVar("T")
 Origins = dict[str, str]
 
 #: Of a file, which may be a device without an end.
-_LONGEST = 20_000_000
+_LONGEST = 1_000_000
 _DEFAULT = Path(__file__).resolve().parents[2] / "configs"
 
 
@@ -251,7 +251,10 @@ def load(kind: type[T], path: Path, overrides: Iterable[str] = ()) -> tuple[T, O
     """
     data, origins = _read_on_base(path) if kind is Rig else _read_alone(path)
     apply_overrides(data, overrides, origins)
-    return build(kind, data, f"{path} on {data['base']}" if kind is Rig and "base" in data else str(path)), origins
+    where = f"{path} on {data['base']}" if kind is Rig and "base" in data else str(path)
+    if kind is Rig and isinstance(gateway := data.get("gateway"), dict) and gateway.get("instruments") == []:
+        raise ConfigError(f"{where}: gateway.instruments: is empty: there is no hand to feel anything; name one")
+    return build(kind, data, where), origins
 
 
 def _read_alone(path: Path) -> tuple[dict[str, Any], Origins]:

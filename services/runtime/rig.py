@@ -49,6 +49,28 @@ def _one_of(kind: str, known: Iterable[str]) -> AfterValidator:
     return AfterValidator(check)
 
 
+def at_most(most: float, unit: str, why: str) -> AfterValidator:
+    """Return a check of a number that may be None; it tells the unit and why there is a limit."""
+    name = f" {unit}" if unit else ""
+
+    def check(value: Any) -> Any:
+        if value is not None and value > most:
+            raise ValueError(f"{value:g}{name} is more than {most:g}{name}: {why}")
+        return value
+
+    return AfterValidator(check)
+
+
+def _not_empty(values: Any) -> Any:
+    if not values:
+        raise ValueError("is empty: leave the key out where nothing is to be said")
+    return values
+
+
+_WATCHED = at_most(60.0, "s", "what fails has to be noticed while a person still looks")
+_A_DAY = at_most(86_400.0, "s", "nobody waits longer than a day")
+_KILOHERTZ = at_most(10_000.0, "Hz", "no loop of the rig is faster")
+_A_MINUTE = at_most(6e7, "us", "a minute is judged at a time")
 Place = Annotated[Path, BeforeValidator(_not_nothing)]
 Name = Annotated[str, Field(min_length=1, max_length=64), AfterValidator(_a_file_can_have_it)]
 Host = Annotated[str, AfterValidator(_not_every_interface)]
@@ -106,7 +128,7 @@ class ProcessSettings(Settings):
     """Where and how one process runs."""
 
     enabled: bool = True
-    core: Annotated[int, Field(ge=0)] | None = None
+    core: Annotated[int, Field(ge=0), at_most(511, "", "no host of a rig has so many cores")] | None = None
     priority: Annotated[int, Field(ge=1, le=89)] | None = Field(None, description="SCHED_FIFO; none: ordinary")
     nice: Annotated[int, Field(ge=-20, le=19)] | None = None
     share: Annotated[float, Field(gt=0, le=0.95)] = Field(
@@ -149,10 +171,10 @@ class GatewaySettings(Settings):
 
     instruments: Annotated[tuple[InstrumentSettings, ...], Field(max_length=8)] = ()
     force_limit_n: Annotated[float, Field(gt=0, le=20)] = 3.0
-    force_rate_limit_n_s: Annotated[float, Field(gt=0)] = 200.0
+    force_rate_limit_n_s: Annotated[float, Field(gt=0), at_most(1e5, "N/s", "no arm's motor is faster")] = 200.0
     grasp_torque_limit_nm: Annotated[float, Field(gt=0, le=5)] = 0.3
-    engage_ramp_s: Annotated[float, Field(ge=0)] = 0.5
-    supervisor_timeout_s: Annotated[float, Field(ge=0.5)] | None = Field(
+    engage_ramp_s: Annotated[float, Field(ge=0), _WATCHED] = 0.5
+    supervisor_timeout_s: Annotated[float, Field(ge=0.5), _WATCHED] | None = Field(
         2.0, description="every hand is let go when the supervisor has been silent for so long; null: there is none"
     )
 
@@ -189,7 +211,7 @@ class WebSettings(Settings):
 class LoopContract(Settings):
     """What a loop must keep: an error budget for each minute, and no breakdown."""
 
-    rate_hz: Annotated[float, Field(gt=0)]
+    rate_hz: Annotated[float, Field(gt=0), _KILOHERTZ]
     miss_ratio: Annotated[float, Field(ge=0, le=1)] = Field(0.01, description="of a minute's ticks that may be lost")
     follows_readers: bool = Field(
         False, description="whether fewer ticks are due while its readers want fewer: of a picture"
@@ -202,8 +224,8 @@ class LoopContract(Settings):
 class PathContract(Settings):
     """What a path must keep over a minute, and lately."""
 
-    p99_us: Annotated[float, Field(gt=0)]
-    stop_p99_us: Annotated[float, Field(gt=0)] | None = Field(
+    p99_us: Annotated[float, Field(gt=0), _A_MINUTE]
+    stop_p99_us: Annotated[float, Field(gt=0), _A_MINUTE] | None = Field(
         None, description="beyond it and on the lowest quality its process is restarted, then the rig stopped"
     )
 
@@ -212,11 +234,15 @@ class SupervisorSettings(Settings):
     """How the rig is watched."""
 
     mode: Literal["launch", "attach"] = "launch"
-    heartbeat_timeout_s: Annotated[float, Field(gt=0.02)] = 0.5
-    ready_timeout_s: Annotated[float, Field(gt=0)] = Field(120.0, description="without progress of a starting process")
+    heartbeat_timeout_s: Annotated[float, Field(gt=0.02), _WATCHED] = 0.5
+    ready_timeout_s: Annotated[float, Field(gt=0), _A_DAY] = Field(
+        120.0, description="without progress of a starting process"
+    )
     window_s: Annotated[float, Field(gt=0, le=60)] = Field(2.0, description="over which the dashboard shows figures")
-    backoff_s: tuple[Annotated[float, Field(ge=0)], ...] = (0.1, 0.5, 1.0, 2.0, 5.0)
-    max_restarts_per_minute: Annotated[int, Field(ge=0)] = 5
+    backoff_s: Annotated[tuple[Annotated[float, Field(ge=0), _WATCHED], ...], AfterValidator(_not_empty)] = (
+        0.1, 0.5, 1.0, 2.0, 5.0,
+    )  # fmt: skip
+    max_restarts_per_minute: Annotated[int, Field(ge=0), at_most(600, "a minute", "a start takes longer")] = 5
     web: WebSettings = WebSettings()
     watch_floor: bool = Field(True, description="whether a thread a core measures how late the machine itself wakes")
 
@@ -254,7 +280,7 @@ class TrainingSettings(Settings):
     """What attempts are made at."""
 
     scenario: str | None = Field(None, description="a file of configs/scenarios; none: the one of the scene, if any")
-    again_after_s: Annotated[float, Field(ge=1.0)] | None = Field(
+    again_after_s: Annotated[float, Field(ge=1.0), _A_DAY] | None = Field(
         None, description="so long after a success the next attempt begins by itself; none: never"
     )
 
@@ -263,7 +289,9 @@ class ReplaySettings(Settings):
     """A recording that takes the place of the devices: `trocar replay` sets it."""
 
     file: Place
-    rate: Annotated[float, Field(ge=0)] = Field(1.0, description="times real time; 0: as fast as it goes")
+    rate: Annotated[float, Field(ge=0), at_most(1000.0, "", "0 is as fast as it goes")] = Field(
+        1.0, description="times real time; 0: as fast as it goes"
+    )
     from_s: Annotated[float, Field(ge=0)] = Field(0.0, description="what was before is run as fast as it goes")
     until_s: Annotated[float, Field(gt=0)] | None = None
     loop: bool = False

@@ -32,6 +32,8 @@ def test_the_simulated_premium_has_the_count_and_friction_of_its_device_file() -
         ("count_m", ".nan", r"count_m"),
         ("friction_n", "-0.1", r"friction_n.*greater than or equal to 0"),
         ("friction_n", "26", r"friction_n.*less than or equal to 2"),
+        ("max_force_n", "1.0e+6", r"max_force_n: 1e\+06 N is more than 20 N: the servo"),
+        ("max_velocity_m_s", "1.0e+6", r"max_velocity_m_s: 1e\+06 m/s is more than 100 m/s: no hand"),
         ("friction_n", "much", r"friction_n.*number"),
     ],
 )
@@ -76,3 +78,16 @@ def test_hardware_without_the_vendors_library_is_one_sentence() -> None:
         DeviceError, match=r"instrument 'left': OpenHaptics cannot be loaded: libHD\.so: .*`trocar doctor"
     ):
         instruments[0].open()
+
+
+@pytest.mark.parametrize(
+    ("key", "said"),
+    [
+        ("max_torque_nm", r"1e\+06 N m is more than 5 N m: the servo gives"),
+        ("max_motor_current_a", r"1e\+06 A is more than 40 A: an ODrive S1"),
+        ("heartbeat_timeout_s", r"1e\+06 s is more than 1 s: a drive that is silent"),
+    ],
+)
+def test_a_handle_that_no_drive_moves_is_refused_with_unit_and_reason(key: str, said: str) -> None:
+    with pytest.raises(ConfigError, match=rf"{key}: {said}"):
+        config.load(DeviceFile, CONFIGS / "devices" / "grasp_odrive.yaml", [f"{key}=1.0e+6"])

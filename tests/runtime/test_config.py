@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -395,3 +396,29 @@ def test_no_address_is_not_every_address(key: str, empty: str) -> None:
     """Bound to "", a page is there for the whole network."""
     with pytest.raises(ConfigError, match=rf"{key}: is empty; all addresses of this host are called 0\.0\.0\.0"):
         config.load_rig("stub", [f"{key}='{empty}'"])
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("supervisor: {backoff_s: []}", "supervisor.backoff_s: is empty"),
+        ("supervisor: {backoff_s: [1.0e+12]}", "1e+12 s is more than 60 s: what fails has to be noticed"),
+        ("supervisor: {heartbeat_timeout_s: 1.0e+12}", "heartbeat_timeout_s: 1e+12 s is more than 60 s: "),
+        ("supervisor: {ready_timeout_s: 1.0e+12}", "ready_timeout_s: 1e+12 s is more than 86400 s: nobody waits"),
+        ("gateway: {supervisor_timeout_s: 1.0e+12}", "supervisor_timeout_s: 1e+12 s is more than 60 s: "),
+        ("gateway: {instruments: []}", "gateway.instruments: is empty"),
+        ("processes: {physics: {core: 1000}}", "processes.physics.core: 1000 is more than 511: no host of a rig"),
+    ],
+)
+def test_a_value_that_means_nothing_is_refused_with_unit_and_reason(tmp_path: Path, text: str, sentence: str) -> None:
+    with pytest.raises(ConfigError) as refused:
+        config.load_rig(write(tmp_path, f"name: a\n{text}"))
+    assert sentence in str(refused.value)
+
+
+def test_a_large_file_is_refused_by_its_size(tmp_path: Path) -> None:
+    file = write(tmp_path, f"a: [{'1, ' * 5_600_000}1]")
+    before_s = time.process_time()
+    with pytest.raises(ConfigError, match=r"has more than 1e\+06 characters"):
+        config.load_rig(file)
+    assert time.process_time() - before_s < 1.0
