@@ -14,7 +14,9 @@ from pathlib import Path
 from services.runtime import config, endpoints
 from services.runtime.endpoints import lock_holders
 from services.runtime.errors import UserError
+from services.runtime.flight import remove_rings
 from services.runtime.rig import Rig
+from services.supervisor.page_place import page_file
 
 _SUPERVISOR_S = 15.0  # it ends five processes, each of which may take five seconds
 _END_S = 5.0
@@ -47,6 +49,8 @@ def end_all(rig: Rig, found: dict[str, int]) -> list[str]:
     _end({name: pid for name, pid in left.items() if name != "gateway"}, _END_S)
     _end({name: pid for name, pid in left.items() if name == "gateway"}, _END_S)
     endpoints.remove_stale(rig.transport)
+    remove_rings(endpoints.run_directory(rig.transport))  # a supervisor that is killed, or attached, leaves them
+    page_file(rig.transport).unlink(missing_ok=True)
     return list(found)
 
 

@@ -135,7 +135,7 @@ def is_memory(directory: Path) -> bool:
 def remove_rings(run_directory: Path) -> None:
     """Remove the rings of a rig that has ended."""
     directory = flight_directory(run_directory)
-    for path in directory.glob(f"*{SUFFIX}"):
+    for path in (*directory.glob(f"*{SUFFIX}"), *directory.glob("*.phases")):
         path.unlink(missing_ok=True)
     if directory != run_directory:
         with suppress(OSError):  # not empty: somebody is still writing

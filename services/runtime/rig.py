@@ -242,7 +242,7 @@ class SupervisorSettings(Settings):
     backoff_s: Annotated[tuple[Annotated[float, Field(ge=0), _WATCHED], ...], AfterValidator(_not_empty)] = (
         0.1, 0.5, 1.0, 2.0, 5.0,
     )  # fmt: skip
-    max_restarts_per_minute: Annotated[int, Field(ge=0), at_most(600, "a minute", "a start takes longer")] = 5
+    max_restarts_per_minute: Annotated[int, Field(ge=0)] = 5
     web: WebSettings = WebSettings()
     watch_floor: bool = Field(True, description="whether a thread a core measures how late the machine itself wakes")
 
