@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import resource
 import socket
 import subprocess
 import sys
@@ -21,6 +22,7 @@ from typing import Self
 
 import msgspec
 
+from services.runtime.errors import UserError
 from services.supervisor.processes import ENVIRONMENT, ProcessSpec
 from services.supervisor.zygote import READY, Order
 
@@ -31,6 +33,10 @@ _ROOM = " " * 4000
 _READ_AT_START = ("PYTHON", *ENVIRONMENT)
 #: Who is not ready, or has not answered, after so long is given up: processes are then started without it.
 _PATIENCE_S = 10.0
+
+
+#: Files that a process of a rig has open at once, at most; the supervisor had 98 with a rig that ran.
+_FILES = 256
 
 
 @dataclass(slots=True)
@@ -50,9 +56,15 @@ class Nursery:
         Whether the zygote has imported what it imports.
     lost : bool
         Whether it is gone: who is asked for now will not be born.
+
+    Raises
+    ------
+    UserError
+        if this process may not open as many files as a rig needs.
     """
 
     def __init__(self) -> None:
+        _make_room()
         self._link, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._link.setblocking(False)
         self._environment = {**os.environ, **ENVIRONMENT}
@@ -141,3 +153,14 @@ class Nursery:
 def _adopt_orphans(yes: bool) -> None:
     """Let orphans of this process' children become its own, while one is to be born; else they are the system's."""
     ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, int(yes), 0, 0, 0)
+
+
+def _make_room() -> None:
+    """Raise the limit of open files as far as is needed, beside those that whoever started us has left open."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    needed = _FILES + len(os.listdir("/proc/self/fd"))
+    if soft >= needed or soft == resource.RLIM_INFINITY:
+        return
+    if hard != resource.RLIM_INFINITY and hard < needed:
+        raise UserError(f"only {hard} files may be open at once, a rig needs {needed}: `ulimit -n {needed}` allows it")
+    resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))

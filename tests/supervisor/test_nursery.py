@@ -6,6 +6,7 @@ import os
 import select
 import shutil
 import signal
+import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -156,3 +157,14 @@ def test_newer_source_is_imported_anew(tmp_path: Path, log_file: Path, monkeypat
             said.append(child.lines()[0])
             child.close()
     assert said == ["True", "False"]
+
+
+@pytest.mark.parametrize("command", [["-m", "services.supervisor"], ["-m", "services.cli.app", "up"]])
+def test_too_few_descriptors_are_a_sentence_before_anything_starts(command: list[str], tmp_path: Path) -> None:
+    least = ["bash", "-c", 'ulimit -n 64; exec "$@"', "-", sys.executable, *command]
+    environment = os.environ | {"TMPDIR": str(tmp_path), "XDG_RUNTIME_DIR": str(tmp_path)}
+    ended = subprocess.run(least, env=environment, capture_output=True, text=True, timeout=100)
+    assert ended.returncode == 1
+    assert ended.stderr.count("\n") == 1
+    assert "only 64 files may be open at once, a rig needs 2" in ended.stderr
+    assert list(tmp_path.iterdir()) == []
