@@ -15,7 +15,7 @@ def run_repair(files: Iterable[Path], as_json: bool) -> None:
     Raises
     ------
     RecordingError
-        for the first that is no recording, or is being written.
+        for the first that is no recording, is being written, or has holes.
     """
     for path in files:
         found = repair(path)

@@ -1,7 +1,7 @@
 """Recordings whose recorder was killed, or whose disk was full: cut after the last whole chunk, and indexed.
 
-Only the heads of records are read, so a long recording takes a moment. What its last chunk holds is looked at in full:
-it may be torn.
+To mend one, only the heads of records are read, so a long recording takes a moment. What its last chunk holds is looked
+at in full: it may be torn. Whether all chunks hold what was written (their checksums) is a question of its own.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from mcap.records import Attachment, Channel, Chunk, ChunkIndex, Metadata, Metad
 from mcap.stream_reader import get_chunk_data_stream
 
 from services.recordings.chunks import message_indexes
-from services.recordings.errors import RecordingError
+from services.recordings.errors import HoleError, RecordingError
 from services.recordings.reader import BROKEN
 from services.recordings.summary import MAGIC, Summary, attachment_index, finish, record_bytes, write_at
 
@@ -43,20 +43,28 @@ class RepairedRecording:
     cut_bytes: int
 
 
-def repair(path: Path) -> RepairedRecording | None:
-    """Mend the recording `path` in place; None if there is nothing to mend.
+def repair(path: Path, every_chunk: bool = True) -> RepairedRecording | None:
+    """Mend the end of the recording `path` in place; None if there is nothing to mend. Then look into `every_chunk`.
 
     Raises
     ------
+    HoleError
+        if chunks do not hold what was written; they stay as they are, the end is mended.
     RecordingError
         if it is no recording, is being written, or is broken within: then it stays as it is.
     """
     with _opened(path) as file:
-        if _is_whole(file):
+        is_whole = _is_whole(file)
+        if is_whole and not every_chunk:
             return None
-        scan = _scan(path, file)
-        finish(file, scan.summary, scan.end)
-        os.fsync(file)
+        scan = _scan(path, file, mend=not is_whole)
+        if not is_whole:
+            finish(file, scan.summary, scan.end)
+            os.fsync(file)
+        if every_chunk and (holes := scan.holes()):
+            raise HoleError(f"{path}: {holes}")
+        if is_whole:
+            return None
         return RepairedRecording(scan.summary.frames, max(0, scan.size - scan.end))
 
 
@@ -81,7 +89,7 @@ def attach(path: Path, name: str, media_type: str, data: bytes) -> None:
         os.fsync(file)
 
 
-def _scan(path: Path, file: int) -> _Scan:
+def _scan(path: Path, file: int, mend: bool = True) -> _Scan:
     scan = _Scan(file, os.fstat(file).st_size)
     try:
         is_recording = scan.read()
@@ -89,7 +97,8 @@ def _scan(path: Path, file: int) -> _Scan:
         raise RecordingError(f"{path}: is broken within, the record at byte {scan.end} cannot be read") from None
     if not is_recording:
         raise RecordingError(f"{path}: is not a recording (no MCAP file)")
-    scan.mend_last_chunk()
+    if mend:
+        scan.mend_last_chunk()
     return scan
 
 
@@ -98,7 +107,7 @@ def repair_all(directory: Path) -> dict[Path, RepairedRecording]:
     mended = {}
     for path in sorted(directory.glob("*.mcap")):
         try:
-            found = repair(path) if path.lstat().st_uid == os.geteuid() else None
+            found = repair(path, every_chunk=False) if path.lstat().st_uid == os.geteuid() else None
         except (RecordingError, OSError):
             continue
         if found is not None:
@@ -225,6 +234,19 @@ class _Scan:
         else:
             self.summary.drop_last_chunk()
         self.summary.cut(chunk.chunk_start_offset)
+
+    def holes(self) -> str:
+        """Return which chunks do not hold what was written, empty for none."""
+        chunks, counts = self.summary.chunks, self.summary.counts
+        bad = [k for k, chunk in enumerate(chunks) if counts[k] and not self._look_into(chunk)]
+        if not bad:
+            return ""
+        frames, began_ns = sum(sum(counts[k].values()) for k in bad), chunks[0].message_start_time
+        from_s, until_s = (
+            (ns - began_ns) * 1e-9 for ns in (chunks[bad[0]].message_start_time, chunks[bad[-1]].message_end_time)
+        )
+        of = f"{len(bad)} of {len(chunks)} chunks are damaged"
+        return f"{of}, {frames} frames between {from_s:.3f} and {until_s:.3f} s cannot be read"
 
     def _look_into(self, chunk: ChunkIndex) -> dict[int, array[int]]:
         """Return the message index of a chunk, empty if it cannot be read; take what it declares."""

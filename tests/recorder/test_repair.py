@@ -17,7 +17,7 @@ from mcap.writer import Writer
 from mcap_protobuf.decoder import DecoderFactory
 
 from services.cli.repair import run_repair
-from services.recordings.errors import RecordingError
+from services.recordings.errors import HoleError, RecordingError
 from services.recordings.reader import read_frames
 from services.recordings.repair import repair, repair_all
 from tests.recorder.made_up import long_recording, settle
@@ -181,3 +181,23 @@ def test_the_command_says_what_it_did(whole: Path, tmp_path: Path, capsys: pytes
     assert second == f"{torn}: is whole"
     run_repair([torn], as_json=True)
     assert capsys.readouterr().out == f'{{"file": "{torn}", "mended": false}}\n'
+
+
+@pytest.mark.parametrize("torn", [False, True])
+@pytest.mark.parametrize("number", [0, 1, -2])
+def test_a_flipped_bit_in_any_chunk_is_told_with_its_place(
+    whole: Path, tmp_path: Path, number: int, torn: bool
+) -> None:
+    damaged = tmp_path / "damaged.mcap"
+    data = bytearray(whole.read_bytes())
+    ends = _ends_of_chunks(whole)
+    data[ends[number] - 50] ^= 1
+    damaged.write_bytes(data[: -30 if torn else len(data)])
+    with pytest.raises(
+        HoleError, match=rf"1 of {len(ends)} chunks are damaged, \d+ frames between .* s cannot"
+    ) as told:
+        repair(damaged)
+    assert told.value.exit_code == 7
+    if not torn:
+        assert damaged.read_bytes() == data, "what is damaged stays as it is"
+    assert repair(damaged, every_chunk=False) is None, "its end is mended"
