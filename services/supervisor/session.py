@@ -30,6 +30,7 @@ from services.supervisor.page import Page, missing_package
 from services.supervisor.page_link import PageSetup
 from services.supervisor.processes import TABLE, ProcessSpec
 from services.supervisor.runqueue_waits import OwnIoThreads
+from services.supervisor.state_machine import RigState
 from services.supervisor.supervisor import Event, Setup, Supervisor
 
 _TURN_S = 0.02
@@ -46,6 +47,12 @@ class StartError(UserError):
 
 class GivenUpError(StartError):
     """A process of the rig ended in error, and the rig went on all the same: a recorder whose disk is full."""
+
+
+class InterruptedStartError(UserError):
+    """A person, or a service's stop, has ended the rig before it ran: a script must not take it for a run."""
+
+    exit_code = 8
 
 
 @dataclass(slots=True)
@@ -112,7 +119,8 @@ def run_session(process: Process, session: SessionOptions) -> None:
     Raises
     ------
     UserError
-        if a process cannot start, or was given up on the way; everything started is ended before.
+        if a process cannot start, was given up on the way, or a person ended the rig before it ran; everything started
+        is ended before.
     """
     setup = _setup(process, session)
     web = process.rig.supervisor.web
@@ -131,7 +139,7 @@ def run_session(process: Process, session: SessionOptions) -> None:
         process.ready(meter, starts_others=True)
         gc.enable()  # what is alive now is frozen; in a session of days a supervisor makes some garbage
         try:
-            _watch(process, supervisor, page, session, meter)
+            interrupted = not _watch(process, supervisor, page, session, meter) and process.stop()
         finally:
             while not supervisor.stop_step(time.monotonic()):
                 supervisor.crew.wait(_TURN_S)
@@ -144,6 +152,8 @@ def run_session(process: Process, session: SessionOptions) -> None:
     faults = given_up + [member.fault for member in members if member.fault is not None]
     if faults:
         raise GivenUpError(faults[0].sentence, faults[0].exit_code)
+    if interrupted:
+        raise InterruptedStartError("the rig was asked to end before it ran")
 
 
 def _rings(rig: Rig) -> Path | None:
@@ -164,12 +174,14 @@ def _page(sock: socket.socket, supervisor: Supervisor, process: Process, session
     return Page(None if missing else sock, supervisor, setup, logs)
 
 
-def _watch(process: Process, supervisor: Supervisor, page: Page, session: SessionOptions, meter: LoopMeter) -> None:
-    due_ns = time.monotonic_ns()
+def _watch(process: Process, supervisor: Supervisor, page: Page, session: SessionOptions, meter: LoopMeter) -> bool:
+    """Watch the rig until it is to end; return whether it ever ran."""
+    due_ns, ran = time.monotonic_ns(), False
     while not process.stop() and supervisor.crew.fatal is None and not supervisor.crew.ended_by_person:
         began_ns = time.monotonic_ns()
         meter.start(min(due_ns, began_ns), began_ns)  # the end of a process wakes it before its time
         supervisor.step(began_ns * 1e-9)
+        ran = ran or supervisor.state in (RigState.RUNNING, RigState.DEGRADED)
         judged_ns = time.monotonic_ns()
         process.health.send_if_due()
         sent_ns = time.monotonic_ns()
@@ -178,9 +190,10 @@ def _watch(process: Process, supervisor: Supervisor, page: Page, session: Sessio
         meter.stages_ns = (judged_ns - began_ns, sent_ns - judged_ns, ended_ns - sent_ns)
         meter.finish(ended_ns)
         if session.on_turn(supervisor, began_ns * 1e-9):
-            return
+            break
         due_ns = time.monotonic_ns() + meter.period_ns
         supervisor.crew.wait(_TURN_S)
+    return ran
 
 
 def _setup(process: Process, session: SessionOptions) -> Setup:

@@ -232,3 +232,20 @@ def test_it_judges_in_real_time_and_what_it_starts_is_ordinary(fakes: Fakes) -> 
         os.sched_setscheduler(0, kept, os.sched_param(0))
     assert had.pop("judge") == os.SCHED_FIFO
     assert set(had.values()) == {os.SCHED_OTHER}
+
+
+def test_a_start_that_a_person_interrupts_is_told_apart_from_a_run(fakes: Fakes) -> None:
+    def interrupt(supervisor: Supervisor) -> Scenario:
+        os.kill(os.getpid(), signal.SIGTERM)
+        yield from until(lambda: supervisor.state is RigState.RUNNING)
+
+    with pytest.raises(session.InterruptedStartError, match="before it ran") as told:
+        fakes.play(interrupt)
+    assert told.value.exit_code == 8
+
+    def run(supervisor: Supervisor) -> Scenario:
+        yield from until_running(supervisor)
+        os.kill(os.getpid(), signal.SIGTERM)
+        yield from until(lambda: False)
+
+    assert fakes.play(run)
