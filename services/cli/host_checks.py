@@ -25,6 +25,7 @@ from services.runtime.errors import UserError
 from services.runtime.realtime import DMA_LATENCY, LOCKED_BYTES, lockable_bytes
 from services.runtime.rig import Rig
 from services.supervisor.page_place import DIST
+from services.trusted_path import fault_of_place
 
 _NEEDED = ("numpy", "scipy", "numba", "zmq", "msgspec", "msgpack", "can", "pydantic", "yaml")
 _SHOWN = ("trocar", "numpy", "scipy", "numba", "pyzmq", "msgspec")
@@ -160,9 +161,10 @@ def _folder(name: str, path: Path) -> CheckResult:
         existing = existing.parent
     writable = os.access(existing, os.W_OK)
     free = shutil.disk_usage(existing).free
-    found = f"{path}: {free / 1e9:.1f} GB free{'' if writable else ', not writable'}"
-    advice = "make room, or name another folder (TROCAR_CACHE_DIR, recorder.directory)"
-    return finding(name, writable and free > _FREE_BYTES, found, advice)
+    fault = fault_of_place(path / "file", its_own=False)
+    found = f"{path}: {free / 1e9:.1f} GB free{'' if writable else ', not writable'}{fault and f', {fault}'}"
+    advice = "make room, or name another folder of yours alone (TROCAR_CACHE_DIR, recorder.directory)"
+    return finding(name, writable and not fault and free > _FREE_BYTES, found, advice)
 
 
 def ports(rig: Rig) -> Iterator[CheckResult]:

@@ -17,6 +17,7 @@ from mcap.records import Attachment, Channel, Header, Metadata, MetadataIndex, S
 from services.recordings.chunks import OpenChunk
 from services.recordings.errors import RecordingError
 from services.recordings.summary import MAGIC, Summary, attachment_index, finish, record_bytes, write_at
+from services.trusted_path import fault_of_place
 
 #: Bytes that may wait for the disk: of a whole rig at full rate about a quarter of a minute.
 PENDING_MAX = 128 << 20
@@ -30,7 +31,8 @@ class RecordingFile:
     path
         Of a file that does not exist.
     shared
-        Whether other users may read it, as far as the umask lets them; else it is this user's alone.
+        Whether other users may read it, as far as the umask lets them, and its folder be theirs, too; else it is this
+        user's alone.
 
     Raises
     ------
@@ -48,6 +50,8 @@ class RecordingFile:
         self._queue: SimpleQueue[tuple[int, Callable[[], None]] | None] = SimpleQueue()
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
+            if not shared and (fault := fault_of_place(path, its_own=False)):
+                raise RecordingError(f"{path}: cannot be written: {fault}; recorder.shared: true accepts that")
             flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
             self._file = os.open(path, flags, 0o666 if shared else 0o600)
             fcntl.flock(self._file, fcntl.LOCK_EX)  # nobody repairs what is being written

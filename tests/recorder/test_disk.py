@@ -209,3 +209,17 @@ def test_a_link_that_another_user_left_is_not_followed(everybodys: Path, tmp_pat
     with pytest.raises(RecordingError, match="file exists"):
         RecordingWriter(everybodys / "a.mcap", {})
     assert (tmp_path / "precious").read_text() == "mine"
+
+
+@pytest.mark.parametrize("shared", [False, True])
+def test_a_folder_where_others_may_replace_a_recording_is_refused_unless_it_is_shared(
+    tmp_path: Path, shared: bool
+) -> None:
+    folder = tmp_path / "open" / "recordings"
+    folder.mkdir(parents=True)
+    folder.parent.chmod(0o777)
+    if shared:
+        RecordingWriter(folder / "a.mcap", {}, shared=True).close()
+        return
+    with pytest.raises(RecordingError, match=r"others may write to .*open .mode 0777.; recorder.shared: true accepts"):
+        RecordingWriter(folder / "a.mcap", {})
