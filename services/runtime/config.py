@@ -23,12 +23,13 @@ Origins = dict[str, str]
 
 #: Of a file, which may be a device without an end.
 _LONGEST = 1_000_000
-_DEFAULT = Path(__file__).resolve().parents[2] / "configs"
+_ROOT = Path(__file__).resolve().parents[2]
+_INSTALLED = _ROOT / "trocar" / "configs"
 
 
 def config_directory() -> Path:
-    """Return the folder of rigs, scenes and devices: ``$TROCAR_CONFIG_DIR``, else the one beside the packages."""
-    return Path(os.environ.get("TROCAR_CONFIG_DIR") or _DEFAULT)
+    """Return the folder of rigs, scenes and devices: ``$TROCAR_CONFIG_DIR``, else that of the wheel or of the clone."""
+    return Path(os.environ.get("TROCAR_CONFIG_DIR") or (_INSTALLED if _INSTALLED.is_dir() else _ROOT / "configs"))
 
 
 def find(kind: str, name: str | Path) -> Path:

@@ -1,0 +1,31 @@
+"""The wheel, built once from a copy of the tree: what is built leaves nothing in the tree itself."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+_PARTS = ("protocol", "services", "studies", "trocar", "configs")
+_FILES = ("pyproject.toml", "setup.py", "README.md", "LICENSE")
+
+
+@pytest.fixture(scope="session")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the wheel of this tree; its page is the one that `./dev` has built."""
+    tree = tmp_path_factory.mktemp("tree")
+    for name in _PARTS:
+        shutil.copytree(ROOT / name, tree / name, ignore=shutil.ignore_patterns("__pycache__", "node_modules"))
+    for name in _FILES:
+        shutil.copy2(ROOT / name, tree / name)
+    options = ["--no-build-isolation", "--no-deps", "--no-cache-dir", "--quiet", "--wheel-dir", str(tree / "out")]
+    done = subprocess.run(
+        [sys.executable, "-m", "pip", "wheel", *options, str(tree)], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    (made,) = (tree / "out").glob("*.whl")
+    return made

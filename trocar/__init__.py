@@ -1,0 +1,75 @@
+"""The front door of the library: a scene, its simulation, and the hands that act on it.
+
+    import trocar
+
+    simulation, hands = trocar.simulate(trocar.load_scene("insertion")), trocar.Hands()
+    simulation.step(hands)
+
+What stands here keeps its names by the deprecation policy of `CONTRIBUTING.md`; `services` and `protocol` may change
+with every release. Units are SI, arrays float64 unless said otherwise, positions and forces in the axes of the scene.
+"""
+
+from __future__ import annotations
+
+from services.cache_directory import cache_directory
+from services.mechanics.arrays import FloatArray
+from services.mechanics.reduction.build import Progress, ignore_progress
+from services.mechanics.scene import (
+    CatheterScene,
+    ContactSettings,
+    DuctScene,
+    ForcepsScene,
+    ProbeScene,
+    QualityLevel,
+)
+from services.mechanics.scene import SceneModel as Scene
+from services.mechanics.scene.tools import GraspHold
+from services.mechanics.scene.tools import ToolInputs as Hands
+from services.mechanics.scene.tools import ToolResults as HandResults
+from services.mechanics.simulation import Simulation
+from services.runtime.errors import ConfigError
+from services.scenes import load_duct, load_scene
+
+
+def simulate(scene: Scene, progress: Progress = ignore_progress) -> Simulation:
+    """Return a simulation of a scene at rest; its duct is computed once and then kept in the cache.
+
+    Parameters
+    ----------
+    scene : Scene
+        Of `load_scene`, or put together from its parts.
+    progress : callable, optional
+        Gets the name of each part of the work and how much of it is done, 0 to 1.
+
+    Raises
+    ------
+    ConfigError
+        one sentence, if the duct of the scene cannot be used.
+    """
+    return Simulation(scene, load_duct(scene, cache_directory(), progress))
+
+
+def wall_m(simulation: Simulation) -> FloatArray:
+    """Return the nodes (n, 3) of the duct's middle surface where they are now, in scene axes."""
+    duct, n = simulation.duct.reduced, simulation.n_loads
+    loads = simulation.load_nodes[:n], simulation.load_force_n[:n]
+    return duct.mesh.vertices_m + duct.displacements(simulation.duct_state, *loads)
+
+
+__all__ = [
+    "CatheterScene",
+    "ConfigError",
+    "ContactSettings",
+    "DuctScene",
+    "ForcepsScene",
+    "GraspHold",
+    "HandResults",
+    "Hands",
+    "ProbeScene",
+    "QualityLevel",
+    "Scene",
+    "Simulation",
+    "load_scene",
+    "simulate",
+    "wall_m",
+]
