@@ -13,7 +13,9 @@ from __future__ import annotations
 
 from services.cache_directory import cache_directory
 from services.mechanics.arrays import FloatArray
+from services.mechanics.effects import EFFECTS, Effect, EffectEntry
 from services.mechanics.reduction.build import Progress, ignore_progress
+from services.mechanics.scenarios import Scenario as Motion
 from services.mechanics.scene import (
     CatheterScene,
     ContactSettings,
@@ -27,8 +29,10 @@ from services.mechanics.scene.tools import GraspHold
 from services.mechanics.scene.tools import ToolInputs as Hands
 from services.mechanics.scene.tools import ToolResults as HandResults
 from services.mechanics.simulation import Simulation
+from services.mechanics.world import World
 from services.runtime.errors import ConfigError
 from services.scenes import load_duct, load_scene
+from services.scenes.hands import hands_of
 
 
 def simulate(scene: Scene, progress: Progress = ignore_progress) -> Simulation:
@@ -53,7 +57,32 @@ def wall_m(simulation: Simulation) -> FloatArray:
     """Return the nodes (n, 3) of the duct's middle surface where they are now, in scene axes."""
     duct, n = simulation.duct.reduced, simulation.n_loads
     loads = simulation.load_nodes[:n], simulation.load_force_n[:n]
-    return duct.mesh.vertices_m + duct.displacements(simulation.duct_state, *loads)
+    moved_m: FloatArray = duct.mesh.vertices_m + duct.displacements(simulation.duct_state, *loads)
+    return moved_m
+
+
+def tip_m(simulation: Simulation) -> FloatArray:
+    """Return a copy of the position (3,) of the catheter's tip, in scene axes."""
+    end_m: FloatArray = simulation.catheter.state.position_m[-1]
+    return end_m.copy()
+
+
+def expert(simulation: Simulation) -> Motion:
+    """Return what practised hands do in the scene: ``write_inputs(time_s, hands)`` writes them for ``duration_s``."""
+    return hands_of(simulation.scene, simulation.duct.reduced.mesh)
+
+
+def add_effect(name: str, kind: type[Effect], what: str) -> None:
+    """Let scenes of this process name an effect of your own; it acts after all others.
+
+    Raises
+    ------
+    ValueError
+        if there is an effect of this name.
+    """
+    if name in EFFECTS:
+        raise ValueError(f"there is an effect {name!r} already: {EFFECTS[name].what}")
+    EFFECTS[name] = EffectEntry(kind, what)
 
 
 __all__ = [
@@ -61,15 +90,21 @@ __all__ = [
     "ConfigError",
     "ContactSettings",
     "DuctScene",
+    "Effect",
     "ForcepsScene",
     "GraspHold",
     "HandResults",
     "Hands",
+    "Motion",
     "ProbeScene",
     "QualityLevel",
     "Scene",
     "Simulation",
+    "World",
+    "add_effect",
+    "expert",
     "load_scene",
     "simulate",
+    "tip_m",
     "wall_m",
 ]

@@ -12,8 +12,8 @@ import pytest
 
 from tests.with_us import with_us
 
-#: Two minutes are asked for on a machine that does nothing else; most of them compile kernels for the first time.
-MOST_S = 180.0
+#: On a machine that does nothing else; most of it compiles kernels for the first time.
+MOST_S = 120.0
 
 
 @pytest.mark.long

@@ -13,7 +13,7 @@ simulation, hands = trocar.simulate(trocar.Scene(duct=duct, forceps=(forceps, fo
 hands.present[1] = False
 
 # %% Come down for 150 ms, a tick of 1 ms at a time, and go back up; the force is what the hand would feel
-down_m = np.linspace(22e-3, 11e-3, 150)
+down_m = np.linspace(22e-3, 16.5e-3, 150)
 height_m = np.concatenate([down_m, down_m[::-1]])
 force_n = np.empty(len(height_m))
 for tick, z_m in enumerate(height_m):
