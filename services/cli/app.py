@@ -141,7 +141,8 @@ def arm(rig: Rig = "stub", address: Address = None, token: Token = None, overrid
     """End a safe stop, and try again what is at fault: the arms may push again."""
     from services.cli.arm import Access, run_command
 
-    run_command("arm", rig, tuple(overrides or ()), Access(address, token or "") if address else None)
+    access = Access(address, token or "") if address else None
+    print(run_command("arm", rig, tuple(overrides or ()), access)["text"])
 
 
 @app.command("safe-stop")
@@ -149,7 +150,8 @@ def safe_stop(rig: Rig = "stub", address: Address = None, token: Token = None, o
     """Let the arms go limp until the rig is armed anew."""
     from services.cli.arm import Access, run_command
 
-    run_command("safe_stop", rig, tuple(overrides or ()), Access(address, token or "") if address else None)
+    access = Access(address, token or "") if address else None
+    print(run_command("safe_stop", rig, tuple(overrides or ()), access)["text"])
 
 
 @app.command()

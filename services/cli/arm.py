@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 import urllib.error
 import urllib.request
 from collections.abc import Mapping
@@ -41,17 +42,22 @@ def run_command(
         if there is no supervisor, or it refuses.
     """
     access = access or find_access(config.load_rig(rig_name, overrides))
-    url = f"{access.address.rstrip('/')}/api/{command}"
+    url, began_s = f"{access.address.rstrip('/')}/api", time.monotonic()
     try:
+        with urllib.request.urlopen(f"{url}/state", timeout=_PATIENCE_S) as answer:
+            state = json.load(answer)
+        left_s = _PATIENCE_S - (time.monotonic() - began_s)  # nobody waits longer: it is not carried out after that
+        before = f"{state['incarnation']} {max(state['t'] + left_s, 0.0):.3f}"
         data = None if asked is None else json.dumps(asked).encode()
-        request = urllib.request.Request(url, data, method="POST", headers={"X-Trocar-Token": access.token})
-        with urllib.request.urlopen(request, timeout=_PATIENCE_S) as answer:
+        headers = {"X-Trocar-Token": access.token, "X-Trocar-Before": before}
+        request = urllib.request.Request(f"{url}/{command}", data, method="POST", headers=headers)
+        with urllib.request.urlopen(request, timeout=max(left_s, 0.001)) as answer:
             said: dict[str, Any] = json.load(answer)
             return said
     except urllib.error.HTTPError as error:
         with error:
-            raise UserError(f"the supervisor at {access.address} refuses: {_why(error.read())}") from None
-    except (urllib.error.URLError, OSError, ValueError) as error:
+            raise UserError(f"the supervisor at {access.address} answers: {_why(error.read())}") from None
+    except (urllib.error.URLError, OSError, ValueError, KeyError) as error:
         reason = getattr(error, "reason", error)
         raise BusError(f"no supervisor answers at {access.address}: {reason}") from None
 

@@ -124,6 +124,7 @@ class Snapshot(msgspec.Struct, frozen=True):
     """The whole rig at one time."""
 
     t: float
+    incarnation: int
     state: str
     reason: str
     quality_level: int
@@ -199,6 +200,7 @@ def snapshot(
     usage = {name: row.lately for name, row in observed.threads.items()}
     return Snapshot(
         t=round(status.said_s - status.started_s, 3),
+        incarnation=status.incarnation,
         state=state.state,
         reason=state.reason,
         quality_level=state.quality_level,

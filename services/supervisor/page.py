@@ -13,8 +13,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from services.supervisor.commands import Command
 from services.supervisor.launcher import Child
-from services.supervisor.page_link import Command, Link, PageSetup, RigStatus
+from services.supervisor.page_link import Link, PageSetup, RigStatus
 from services.supervisor.page_place import page_file, write_page_file
 from services.supervisor.processes import ProcessSpec
 from services.supervisor.supervisor import Supervisor
@@ -81,26 +82,13 @@ class Page:
             return
         try:
             while (command := self._link.receive(Command)) is not None:
-                self._act(command)
+                self._supervisor.commands.take(command, now_s)
         except ConnectionError:
             self._lost(self._link, self._child, now_s)
             return
         if now_s >= self._due_s:
             self._due_s = now_s + _TELL_S
             self._link.send(RigStatus.of(self._supervisor, now_s))
-
-    def _act(self, command: Command) -> None:
-        if command.what == "arm":
-            self._supervisor.arm(command.who)
-        elif command.what == "replay":
-            if self._supervisor.shown is not None:
-                self._supervisor.shown.obey(command.line)
-        elif command.what == "switch":
-            self._supervisor.switch(command.line, command.who)
-        elif command.order is None:
-            self._supervisor.safe_stop(command.who)
-        else:
-            self._supervisor.order(command.order, command.said_s, command.who)
 
     def _start(self) -> None:
         self._starts += 1

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import socket
-from typing import Literal, TypeVar
+from typing import TypeVar
 
 import msgspec
 
 import protocol.bodies as bodies
+from services.supervisor.commands import Command
 from services.supervisor.shown_recording import ReplayStatus
 from services.supervisor.supervisor import Event, Supervisor
 
@@ -32,7 +33,7 @@ class RigStatus(msgspec.Struct, frozen=True):
     """The rig as the supervisor judges it. Times are seconds of the monotonic clock; `broken` are keys of breaches.
 
     `path_limits_us` are what the paths are judged against just now: no less than what the rig file says. `replay` is
-    the recording whose pictures are shown, None in a rig that works.
+    the recording whose pictures are shown, None in a rig that works. `answers` are those to the last commands.
     """
 
     said_s: float
@@ -42,6 +43,8 @@ class RigStatus(msgspec.Struct, frozen=True):
     path_limits_us: dict[str, float]
     events: tuple[Event, ...]
     replay: ReplayStatus | None = None
+    incarnation: int = 0
+    answers: tuple[bodies.Answer, ...] = ()
 
     @classmethod
     def of(cls, supervisor: Supervisor, now_s: float) -> RigStatus:
@@ -50,20 +53,9 @@ class RigStatus(msgspec.Struct, frozen=True):
         events = tuple(supervisor.events)
         limits_us = supervisor.path_limits_us()
         replay = supervisor.shown.status() if supervisor.shown is not None else None
-        return cls(now_s, supervisor.started_s, supervisor.body(), broken, limits_us, events, replay)
-
-
-class Command(msgspec.Struct, frozen=True):
-    """What a person asked for over the page at `said_s` of the monotonic clock.
-
-    An `order` is for the attempt, a `line` for the recording that is shown, or names the scenario to switch to.
-    """
-
-    what: Literal["arm", "safe_stop", "attempt", "replay", "switch"]
-    who: str
-    order: bodies.Order | None = None
-    said_s: float = 0.0
-    line: str = ""
+        answers, incarnation = tuple(supervisor.commands.answers), supervisor.incarnation
+        body, started_s = supervisor.body(), supervisor.started_s
+        return cls(now_s, started_s, body, broken, limits_us, events, replay, incarnation, answers)
 
 
 _T = TypeVar("_T", PageSetup, RigStatus, Command)

@@ -25,12 +25,13 @@ from services.runtime.bus import Bus
 from services.runtime.process import listen_as
 from services.runtime.rig import Rig
 from services.supervisor import dashboard
+from services.supervisor.commands import Command
 from services.supervisor.metrics import Level, RigSource, registry
 from services.supervisor.observers.registry import Observers
-from services.supervisor.page_link import Command, Link, PageSetup, RigStatus
+from services.supervisor.page_link import Link, PageSetup, RigStatus
 from services.supervisor.state_machine import RigState
 from services.supervisor.task_metrics import Task
-from services.supervisor.web import EVENT_PERIOD_S, PageContext, build_app
+from services.supervisor.web import ANSWER_S, EVENT_PERIOD_S, PageContext, build_app
 
 _HEALTHY = (RigState.READY, RigState.RUNNING, RigState.DEGRADED)
 #: A supervisor that has said nothing for so long does not run: what is shown is old.
@@ -89,8 +90,9 @@ class Knowledge:
         return {name: one.health for name, one in self.heard.items() if one.health is not None}
 
     def answer(self, order_id: int) -> bodies.Answer | None:
-        """Return what the training process has answered to an order, None as long as it has not."""
-        answers = self.task.attempt.answers if self.task.attempt is not None else ()
+        """Return what came of a command, None as long as that is not known: of orders the training process tells."""
+        orders = self.task.attempt.answers if self.task.attempt is not None else ()
+        answers = (*orders, *(self.status.answers if self.status is not None else ()))
         return next((each for each in answers if each.order == order_id), None)
 
     def view_port(self) -> int:
@@ -122,12 +124,10 @@ def _run(knowledge: Knowledge, setup: PageSetup, link: Link, sock: socket.socket
         rig=knowledge.rig,
         scene=setup.scene,
         registries={level: registry(knowledge.source, level) for level in get_args(Level)},
-        arm=lambda who: _ask(link, Command("arm", who)),
-        safe_stop=lambda who: _ask(link, Command("safe_stop", who)),
-        order=lambda order, who: _ask(link, Command("attempt", who, order, time.monotonic())),
+        ask=lambda command: _ask(knowledge.status, link, command),
         answer=knowledge.answer,
-        replay=lambda line, who: _move(knowledge, link, line, who),
-        switch=(lambda name, who: _ask(link, Command("switch", who, line=name))) if setup.switches else None,
+        replays=lambda: knowledge.status is not None and knowledge.status.replay is not None,
+        switches=setup.switches,
         healthy=knowledge.healthy,
         view_port=knowledge.view_port,
         token=setup.token,
@@ -136,18 +136,14 @@ def _run(knowledge: Knowledge, setup: PageSetup, link: Link, sock: socket.socket
         asyncio.run(_serve(context, knowledge, bus, link, sock))
 
 
-def _move(knowledge: Knowledge, link: Link, line: str, who: str) -> bool:
-    """Pass on what a person asked of the recording that is shown; return whether there is one."""
-    if knowledge.status is None or knowledge.status.replay is None:
-        return False
-    _ask(link, Command("replay", who, line=line))
-    return True
-
-
-def _ask(link: Link, command: Command) -> None:
-    """Pass on what a person asked for; the answer is the state that everybody is shown."""
-    if not link.send(command):
-        raise ConnectionError("the supervisor does not listen")
+def _ask(status: RigStatus | None, link: Link, command: Command) -> None:
+    """Pass on what a person asked for, to be done while the page waits for it; what moves no arm has no other end."""
+    if status is None:
+        return
+    ours_s = time.monotonic() + ANSWER_S - status.started_s
+    if command.what == "replay":
+        command = msgspec.structs.replace(command, incarnation=status.incarnation, before_s=ours_s)
+    link.send(msgspec.structs.replace(command, before_s=min(command.before_s, ours_s)))
 
 
 async def _serve(context: PageContext, knowledge: Knowledge, bus: Bus, link: Link, sock: socket.socket) -> None:

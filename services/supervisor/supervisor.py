@@ -11,11 +11,12 @@ from pathlib import Path
 import msgspec
 
 import protocol.bodies as bodies
-from services.runtime.bus import Bus
+from services.runtime.bus import Bus, new_incarnation
 from services.runtime.loop import LoopMeter
 from services.runtime.private_directory import open_text
 from services.runtime.rig import Rig
 from services.supervisor import contracts, hang_detection
+from services.supervisor.commands import Commands
 from services.supervisor.crew import Crew, Launch
 from services.supervisor.enforcement import Action, ActionKind, Enforcement, Ladder
 from services.supervisor.governor import Governor, Level
@@ -63,6 +64,8 @@ class Supervisor:
         self.state = RigState.OFF
         self.reason = ""
         self.started_s = now_s
+        self.incarnation = new_incarnation()
+        self.commands = Commands(self)
         self.page_address = self.next_scenario = ""
         self.token_sha256 = ""
         self.shown: ShownRecording | None = None
@@ -81,7 +84,7 @@ class Supervisor:
         self._safe_stop_file = setup.safe_stop_file
         self._safe_stop = self._remembered()
         self._armed = 0
-        self._orders: deque[tuple[bodies.Order, float]] = deque(maxlen=8)
+        self._orders: deque[tuple[bodies.Order, float, float]] = deque(maxlen=8)
         self._now_s = now_s
         self._not_ready_s = self._trouble_s = now_s
         self._judged_s = self._told_s = float("-inf")
@@ -102,10 +105,10 @@ class Supervisor:
         """Stop the rig safely; `who` is the person who asked for it."""
         self._stop_safely(f"commanded by {who}")
 
-    def order(self, order: bodies.Order, said_s: float, who: str) -> None:
-        """Pass on what somebody asked of the attempt at `said_s`; what is old by then is for nobody."""
+    def order(self, order: bodies.Order, before_s: float, who: str) -> None:
+        """Pass on what somebody asked of the attempt, until `before_s` of the rig's time."""
         self.say("info", f"supervisor: attempt: {order.what} asked for by {who}")
-        self._orders.append((order, said_s))
+        self._orders.append((order, self._now_s, self.started_s + before_s))
 
     def switch(self, scenario: str, who: str) -> None:
         """Let whoever runs this session end it and begin one with another scenario; `who` asked for it."""
@@ -124,6 +127,7 @@ class Supervisor:
             self._judge()
         self._move()
         self._tell()
+        self.commands.turn(now_s)
 
     def stop_step(self, now_s: float) -> bool:
         """Take one turn of ending the rig; return whether everything of ours has ended."""
@@ -154,8 +158,8 @@ class Supervisor:
             armed=self._armed,
             orders=tuple(
                 msgspec.structs.replace(order, age_s=max(self._now_s - said_s, 0.0))
-                for order, said_s in self._orders
-                if self._now_s - said_s < ORDERS_S
+                for order, said_s, until_s in self._orders
+                if self._now_s < min(said_s + ORDERS_S, until_s)
             ),
         )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import re
 import secrets
 import time
 from collections.abc import AsyncIterator, Callable, Mapping
@@ -26,14 +27,16 @@ import protocol.bodies as bodies
 from services.runtime.errors import ConfigError
 from services.runtime.rig import Rig
 from services.runtime.web_host import KnownHost, host_of
+from services.supervisor.commands import Command, What
 from services.supervisor.page_place import DIST
 from services.training.scenario import scenario_names, scenario_of
 
 EVENT_PERIOD_S = 0.2
-#: So long an order's answer is waited for: it is not carried out after that.
+#: So long the answer to a command is waited for: it is not carried out after that.
 ANSWER_S = 2.5
 _ORDER_BYTES, _LINE_BYTES = 1024, 32
 _REPLAY_HEADER = "X-Trocar-Replay"
+_BEFORE_HEADER, _BEFORE = "X-Trocar-Before", re.compile(r"([0-9]{1,15}) ([0-9]{1,9}(?:\.[0-9]{1,9})?)")
 #: Where the page says who the rig is; as it is built it does not know.
 _UNTOLD = '<script id="rig" type="application/json">null'
 _NOT_KEPT = {"Cache-Control": "no-store"}
@@ -48,21 +51,19 @@ class PageContext:
     """What the page's thread may see and ask. `latest` is replaced whole by the supervisor's loop, five times a second.
 
     `registries` are the metrics by level; `healthy` tells whether the rig does what it is for, and in which words;
-    `view_port` where the picture is served; `replay` whether there is a recording that does what is asked of it;
-    `switch` begins another scenario, None where nobody can.
+    `view_port` where the picture is served; `replays` whether a recording is shown that does what is asked of it;
+    `switches` whether another scenario can be begun; `ask` passes on a command, whose `answer` comes later.
     """
 
     rig: Rig
     scene: str
     registries: Mapping[str, prometheus_client.CollectorRegistry]
-    arm: Callable[[str], None]
-    safe_stop: Callable[[str], None]
-    order: Callable[[bodies.Order, str], None]
+    ask: Callable[[Command], None]
     answer: Callable[[int], bodies.Answer | None]
     healthy: Callable[[], tuple[bool, str]]
     view_port: Callable[[], int]
-    replay: Callable[[str, str], bool] = lambda _line, _who: False
-    switch: Callable[[str, str], None] | None = None
+    replays: Callable[[], bool] = lambda: False
+    switches: bool = False
     dist: Path = DIST
     token: str = field(default_factory=lambda: secrets.token_urlsafe(16))
     latest: bytes = b"{}"
@@ -112,6 +113,12 @@ class _Asked(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 def _who(request: Request) -> str:
     return f"{request.client.host if request.client else 'somebody'} over the web page"
+
+
+def _before(request: Request) -> tuple[int, float] | None:
+    """Return incarnation and time of the rig up to which its sender waits for a command, None where it does not say."""
+    said = _BEFORE.fullmatch(request.headers.get(_BEFORE_HEADER, ""))
+    return (int(said[1]), float(said[2])) if said else None
 
 
 async def _short(request: Request) -> bytes:
@@ -170,15 +177,15 @@ class _Endpoints:
             "token_needed": True,
             "scenarios": scenario_names(),
             "scenario": self._scenario,
-            "switches": self._context.switch is not None,
+            "switches": self._context.switches,
             "contracts": rig.contracts.model_dump(mode="json"),
         }
 
     async def arm(self, request: Request) -> Response:
-        return self._command(request, self._context.arm)
+        return self._refusal(request) or await self._ask(request, "arm")
 
     async def safe_stop(self, request: Request) -> Response:
-        return self._command(request, self._context.safe_stop)
+        return self._refusal(request) or await self._ask(request, "safe_stop")
 
     async def attempt(self, request: Request) -> Response:
         """Pass on an order, ``{"what": "slow", "value": 0.25}``, and wait for what the training process answers."""
@@ -191,15 +198,7 @@ class _Endpoints:
         except msgspec.DecodeError as error:
             return JSONResponse({"error": f"the order cannot be read: {error}"}, 400)
         order = bodies.Order(id=secrets.randbits(53), what=asked.what, value=asked.value)
-        self._context.order(order, _who(request))
-        end_s = time.monotonic() + ANSWER_S
-        while (answer := self._context.answer(order.id)) is None:
-            if time.monotonic() > end_s:
-                return JSONResponse({"error": "the training process did not answer: nothing was done"}, 504)
-            await asyncio.sleep(EVENT_PERIOD_S / 4)
-        return JSONResponse(
-            {"ok": True, "text": answer.text} if answer.ok else {"error": answer.text}, 200 if answer.ok else 409
-        )
+        return await self._ask(request, "attempt", order)
 
     async def replay(self, request: Request) -> Response:
         """Pass on a line of `trocar replay --pictures`: it moves no arm, so that it wants no token.
@@ -209,27 +208,43 @@ class _Endpoints:
         if _REPLAY_HEADER not in request.headers:
             return JSONResponse({"error": f"the header {_REPLAY_HEADER} is missing"}, 403)
         line = (await _short(request))[:_LINE_BYTES].decode("ascii", "replace")
-        if not self._context.replay(line, _who(request)):
+        if not self._context.replays():
             return JSONResponse({"error": "no recording is shown here: `trocar replay FILE --pictures` shows one"}, 409)
+        self._context.ask(Command(what="replay", who=_who(request), incarnation=0, before_s=0.0, line=line))
         return JSONResponse({"ok": True})
 
     async def scenario(self, request: Request) -> Response:
         """End what runs and begin the scenario that the body names, at this address."""
         if (refusal := self._refusal(request)) is not None:
             return refusal
-        if (switch := self._context.switch) is None:
+        if not self._context.switches:
             return JSONResponse({"error": "this rig cannot be switched: it was not started by `trocar up`"}, 409)
         name = (await _short(request)).decode("utf-8", "replace")
         if name not in (known := scenario_names()):
             return JSONResponse({"error": f"there is no scenario {name[:64]!r}; known: {', '.join(known)}"}, 400)
-        switch(name, _who(request))
-        return JSONResponse({"ok": True, "text": f"{name} begins: a few seconds."})
+        return await self._ask(request, "switch", line=name)
 
-    def _command(self, request: Request, act: Callable[[str], None]) -> Response:
-        if (refusal := self._refusal(request)) is not None:
-            return refusal
-        act(_who(request))
-        return JSONResponse({"ok": True})
+    async def _ask(self, request: Request, what: What, order: bodies.Order | None = None, line: str = "") -> Response:
+        """Pass on a command, and wait for what came of it."""
+        if (before := _before(request)) is None:
+            text = f"the header {_BEFORE_HEADER} must say of which run of the rig, and up to when: /api/state has both"
+            return JSONResponse({"error": text}, 400)
+        number = secrets.randbits(53) if order is None else order.id
+        who, (incarnation, before_s) = _who(request), before
+        self._context.ask(
+            Command(what=what, who=who, incarnation=incarnation, before_s=before_s, id=number, order=order, line=line)
+        )
+        if what == "switch":
+            return JSONResponse({"ok": True, "text": f"{line} begins: a few seconds."})
+        end_s = time.monotonic() + ANSWER_S
+        while (answer := self._context.answer(number)) is None:
+            if time.monotonic() > end_s:
+                whose = "supervisor" if order is None else "training process"
+                return JSONResponse({"error": f"the {whose} did not answer: nothing is done any more"}, 504)
+            await asyncio.sleep(EVENT_PERIOD_S / 4)
+        return JSONResponse(
+            {"ok": True, "text": answer.text} if answer.ok else {"error": answer.text}, 200 if answer.ok else 409
+        )
 
     def _refusal(self, request: Request) -> Response | None:
         given = request.headers.get("X-Trocar-Token", "")

@@ -44,7 +44,7 @@ def _rig(address: str) -> Any:
 
 def test_another_scenario_begins_at_the_same_address_with_the_same_token(rig: Rig) -> None:
     page, observer = _page(rig), rig.observer
-    address, token = page["address"], {"X-Trocar-Token": page["token"]}
+    address, token = page["address"], {"X-Trocar-Token": page["token"], "X-Trocar-Before": "1 1"}
     assert httpx.post(f"{address}api/scenario", content="narrow", timeout=PATIENCE_S).status_code == 403
     unknown = httpx.post(f"{address}api/scenario", headers=token, content="../narow.yaml", timeout=PATIENCE_S)
     assert unknown.status_code == 400

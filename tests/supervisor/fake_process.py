@@ -59,6 +59,9 @@ def run(process: Process) -> None:
             process.bus.publish(STREAMS[process.name], body, origin_ns=time.monotonic_ns())
         if "slow" in words and tick.index % 4 < 2:
             time.sleep(0.006)
+        if process.name == "gateway":
+            for frame in process.bus.drain("supervisor.state"):
+                process.health.gauges["safe_stop"] = float(frame.body.safe_stop)
         process.health.send_if_due()
         if "full" in words and tick.index > RATE_HZ:
             raise RecordingError("a.mcap: no space left on device; 200 frames were kept")

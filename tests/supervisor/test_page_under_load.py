@@ -11,6 +11,7 @@ import httpx
 import pytest
 
 from services.supervisor import web
+from services.supervisor.commands import Command
 from services.supervisor.web import PageContext, build_app
 from tests.classroom.class_of_pages import page, served, until
 
@@ -131,8 +132,8 @@ def test_nonsense_is_refused_and_who_comes_next_is_answered(address: httpx.URL, 
 
 
 def test_every_wrong_token_is_refused(address: httpx.URL, context: PageContext) -> None:
-    acted: list[str] = []
-    context.arm = acted.append
+    acted: list[Command] = []
+    context.ask = acted.append
     with httpx.Client(timeout=60.0) as client:
         for turn in range(300):
             answer = client.post(address.join("/api/arm"), headers={"X-Trocar-Token": f"guess {turn}"})

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from typing import Any
 import httpx
 import pytest
 
+from services.cli.arm import Access, run_command
 from services.runtime import config
 from services.runtime.zmq_bus import ZmqBus
 from services.supervisor import page, run_report
@@ -246,6 +248,46 @@ def test_the_page_is_a_process_of_its_own_and_is_started_again(fakes: Fakes) -> 
 
     fakes.play(scenario)
     assert page_servers() == []
+
+
+def asked(question: Callable[[], Any]) -> list[Any]:
+    """Return a list in which the answer will be."""
+    answers: list[Any] = []
+    threading.Thread(target=lambda: answers.append(question())).start()
+    return answers
+
+
+def _posted(url: str, headers: dict[str, str]) -> object:
+    try:
+        return httpx.post(url, headers=headers, timeout=1.0)
+    except httpx.TimeoutException:
+        return "given up"
+
+
+def test_a_command_that_was_given_up_is_not_carried_out_by_a_page_that_hung(fakes: Fakes) -> None:
+    """It armed the rig after `trocar arm` had failed with exit code 3."""
+
+    def scenario(supervisor: Supervisor) -> Scenario:
+        yield from until_running(supervisor)
+        address, token = supervisor.page_address.split("#token=")
+        told = asked(lambda: _once_running(supervisor))
+        yield from until(lambda: bool(told))
+        before = {"X-Trocar-Token": token, "X-Trocar-Before": f"{told[0]['incarnation']} {told[0]['t'] + 3.0:.3f}"}
+        (page_server,) = page_servers()
+        os.kill(page_server, signal.SIGSTOP)
+        given_up = asked(lambda: _posted(f"{address}api/arm", before))
+        yield from until(lambda: bool(given_up))
+        assert given_up == ["given up"]
+        ends_s = time.monotonic() + 3.0
+        yield from until(lambda: time.monotonic() > ends_s)
+        os.kill(page_server, signal.SIGCONT)
+        yield from until(lambda: any("given it up: nothing was done" in event.text for event in supervisor.events))
+        assert supervisor.body().armed == 0
+        armed = asked(lambda: run_command("arm", "stub", access=Access(address, token))["text"])
+        yield from until(lambda: bool(armed))
+        assert armed == ["armed: hands may be pushed"]
+
+    fakes.play(scenario)
 
 
 def _once_running(supervisor: Supervisor) -> dict[str, Any]:

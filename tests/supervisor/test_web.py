@@ -16,6 +16,7 @@ from starlette.applications import Starlette
 from starlette.types import Message, Receive, Scope, Send
 
 import protocol.bodies as bodies
+from services.supervisor.commands import Command
 from services.supervisor.metrics import Level, RigSource, registry
 from services.supervisor.state_machine import RigState
 from services.supervisor.web import PageContext, build_app
@@ -24,17 +25,19 @@ from tests.supervisor.made_up import health, histogram, loop_report, rig
 
 @dataclass
 class Asked:
-    arm: list[str] = field(default_factory=list)
-    safe_stop: list[str] = field(default_factory=list)
-    orders: list[bodies.Order] = field(default_factory=list)
+    commands: list[Command] = field(default_factory=list)
     answers: bool = True
 
-    def answer(self, order_id: int) -> bodies.Answer | None:
-        """Return what a training process would say that knows of `new` only."""
+    def answer(self, number: int) -> bodies.Answer | None:
+        """Return what a training process would say that knows of `new` only, and a supervisor that obeys."""
+        last = self.commands[-1]
+        assert last.id == number
         if not self.answers:
             return None
-        ok = self.orders[-1].what == "new"
-        return bodies.Answer(order=order_id, ok=ok, text="a new attempt begins" if ok else "there is no such order")
+        if last.order is None:
+            return bodies.Answer(order=number, ok=True, text="done")
+        ok = last.order.what == "new"
+        return bodies.Answer(order=number, ok=ok, text="a new attempt begins" if ok else "there is no such order")
 
 
 def _source() -> RigSource:
@@ -68,10 +71,8 @@ def context(asked: Asked, tmp_path: Path) -> PageContext:
         rig=rig(),
         scene="default",
         registries={level: registry(_source, level) for level in get_args(Level)},
-        arm=asked.arm.append,
-        safe_stop=asked.safe_stop.append,
-        order=lambda order, _who: asked.orders.append(order),
-        answer=lambda order_id: asked.answer(order_id),
+        ask=asked.commands.append,
+        answer=lambda number: asked.answer(number),
         healthy=lambda: (True, "running"),
         view_port=lambda: 8081,
         dist=tmp_path / "dist",
@@ -99,6 +100,10 @@ class Client:
 
     def post(self, path: str, headers: dict[str, str] | None = None, content: bytes = b"") -> httpx.Response:
         return self.ask("POST", path, headers, content)
+
+
+def _may(context: PageContext) -> dict[str, str]:
+    return {"X-Trocar-Token": context.token, "X-Trocar-Before": "7 12.5"}
 
 
 @pytest.fixture
@@ -161,10 +166,21 @@ def test_commands_need_the_token(client: Client, context: PageContext, asked: As
     assert client.post(f"/api/{command}").status_code == 403
     assert client.post(f"/api/{command}", headers={"X-Trocar-Token": "guess"}).status_code == 403
     assert client.get(f"/api/{command}", headers={"X-Trocar-Token": context.token}).status_code == 404  # no file
-    assert getattr(asked, command) == []
-    answer = client.post(f"/api/{command}", headers={"X-Trocar-Token": context.token})
-    assert answer.status_code == 200
-    assert len(getattr(asked, command)) == 1
+    assert asked.commands == []
+    answer = client.post(f"/api/{command}", headers=_may(context))
+    assert (answer.status_code, answer.json()) == (200, {"ok": True, "text": "done"})
+    (passed,) = asked.commands
+    assert (passed.what, passed.incarnation, passed.before_s) == (command, 7, 12.5)
+
+
+@pytest.mark.parametrize("before", ["", "7", "7 inf", "7 nan", "7 -1", "7 1e9", f"{'9' * 30} 1", "7 1 1"])
+def test_a_command_says_up_to_when_it_is_wanted(
+    client: Client, context: PageContext, asked: Asked, before: str
+) -> None:
+    answer = client.post("/api/arm", headers=_may(context) | {"X-Trocar-Before": before})
+    assert answer.status_code == 400
+    assert "X-Trocar-Before" in answer.json()["error"]
+    assert asked.commands == []
 
 
 @pytest.mark.parametrize("host", ["evil.example", "evil.example:8080", "127.0.0.1.evil.example", ""])
@@ -173,7 +189,7 @@ def test_another_sites_name_for_this_machine_is_refused(
 ) -> None:
     answer = client.post("/api/arm", headers={"Host": host, "X-Trocar-Token": context.token})
     assert answer.status_code == 421
-    assert asked.arm == []
+    assert asked.commands == []
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1:8080", "LOCALHOST", "192.168.1.7:8080", "[::1]:8080", "rig.localhost"])
@@ -273,19 +289,21 @@ def test_an_order_of_the_attempt_is_answered_by_who_carries_it_out(
     client: Client, context: PageContext, asked: Asked, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("services.supervisor.web.ANSWER_S", 0.2)
-    token = {"X-Trocar-Token": context.token}
+    token = _may(context)
     order = b'{"what": "new", "value": 0.5}'
     assert client.post("/api/attempt", content=order).status_code == 403
-    assert asked.orders == []
+    assert asked.commands == []
     done = client.post("/api/attempt", token, order)
     assert (done.status_code, done.json()) == (200, {"ok": True, "text": "a new attempt begins"})
-    assert (asked.orders[0].what, asked.orders[0].value) == ("new", 0.5)
+    first = asked.commands[0].order
+    assert first is not None
+    assert (first.what, first.value) == ("new", 0.5)
     refused = client.post("/api/attempt", token, b'{"what": "dance"}')
     assert (refused.status_code, refused.json()) == (409, {"error": "there is no such order"})
     asked.answers = False
     late = client.post("/api/attempt", token, order)
     assert late.status_code == 504
-    assert "nothing was done" in late.json()["error"]
+    assert "nothing is done any more" in late.json()["error"]
 
 
 @pytest.mark.parametrize(
@@ -294,34 +312,34 @@ def test_an_order_of_the_attempt_is_answered_by_who_carries_it_out(
 def test_an_order_that_cannot_be_read_is_refused_with_a_sentence(
     client: Client, context: PageContext, asked: Asked, content: bytes
 ) -> None:
-    answer = client.post("/api/attempt", {"X-Trocar-Token": context.token}, content)
+    answer = client.post("/api/attempt", _may(context), content)
     assert answer.status_code == 400
     assert answer.json()["error"].startswith("the order cannot be read: ")
-    assert asked.orders == []
+    assert asked.commands == []
 
 
-def test_a_recording_that_is_shown_is_moved_without_a_token_and_from_this_page_only(context: PageContext) -> None:
+def test_a_recording_that_is_shown_is_moved_without_a_token_and_from_this_page_only(
+    context: PageContext, asked: Asked
+) -> None:
     """A replay of pictures moves no arm; the link of a report carries no token."""
-    lines: list[str] = []
     own = {"X-Trocar-Replay": "1"}
     assert Client(build_app(context)).post("/api/replay", own, b"@3").status_code == 409
-    context.replay = lambda line, _who: lines.append(line) is None
+    context.replays = lambda: True
     client = Client(build_app(context))
     assert client.post("/api/replay", own, b"@3").json() == {"ok": True}
     assert client.post("/api/replay", {}, b"@4").status_code == 403
     client.post("/api/replay", own, b"@" + b"5" * 5000)
-    assert lines == ["@3", "@" + 31 * "5"]
+    assert [each.line for each in asked.commands] == ["@3", "@" + 31 * "5"]
 
 
 def test_a_rig_that_nobody_begins_anew_is_not_switched(context: PageContext, asked: Asked) -> None:
     """One of compose, or a replay: its processes are not this supervisor's to end."""
-    token, client = {"X-Trocar-Token": context.token}, Client(build_app(context))
+    token, client = _may(context), Client(build_app(context))
     assert client.get("/api/rig").json()["switches"] is False
     assert "trocar up" in client.post("/api/scenario", token, b"narrow").json()["error"]
-    said: list[tuple[str, str]] = []
-    context.switch = lambda name, who: said.append((name, who))
+    context.switches = True
     assert client.post("/api/scenario", token, b"narrow" * 1000).status_code == 400
     assert client.post("/api/scenario", {}, b"narrow").status_code == 403
-    assert not said
+    assert asked.commands == []
     assert client.post("/api/scenario", token, b"narrow").status_code == 200
-    assert [name for name, _ in said] == ["narrow"]
+    assert [each.line for each in asked.commands] == ["narrow"]

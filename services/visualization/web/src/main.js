@@ -10,6 +10,7 @@ import { Dashboard } from "./dashboard/dashboard.js";
 import { RigStream } from "./dashboard/stream.js";
 import { Hands } from "./hands/hands.js";
 import { viewAddress } from "./address.js";
+import { hear } from "./command.js";
 import { ViewStream } from "./view/stream.js";
 import { View } from "./view/view.js";
 
@@ -76,6 +77,7 @@ new RigStream({
     if (!view?.stream) follow(rig);
   },
   onState: (state) => {
+    hear(state);
     attempt.update(state.attempt);
     instructor.update(state.attempt);
     replay.update(state.replay);

@@ -1,5 +1,7 @@
 // Orders of the attempt, with the session's token: begin again, pause, slow motion. What became of them is said.
 
+import { order } from "../command.js";
+
 export class Orders {
   // onSaid(text, ok): what the rig answers
   constructor(onSaid) {
@@ -14,7 +16,7 @@ export class Orders {
   async post(address, body) {
     if (!this.token) return this.onSaid("Open the address that trocar up printed, with its #token=…, to do that.", false);
     try {
-      const answer = await fetch(address, { method: "POST", headers: { "X-Trocar-Token": this.token }, body });
+      const answer = await fetch(address, order(this.token, body));
       const said = await answer.json();
       this.onSaid(said.text ?? said.error, answer.ok);
     } catch {

@@ -1,5 +1,7 @@
 // Arm and safe stop. The session's token comes in the address that `trocar up` prints, after #token=, which browsers send to nobody.
 
+import { order } from "../command.js";
+
 const $ = (id) => document.getElementById(id);
 
 const COMMANDS = { arm: "api/arm", "safe-stop": "api/safe_stop" };
@@ -31,10 +33,10 @@ export class Controls {
   async post(button, path) {
     button.disabled = true;
     try {
-      const answer = await fetch(path, { method: "POST", headers: { "X-Trocar-Token": this.token } });
+      const answer = await fetch(path, order(this.token));
       const refusal = answer.status === 401 || answer.status === 403
         ? "The rig did not accept this page's token; open the address that trocar up printed."
-        : `The rig answered with status ${answer.status}.`;
+        : (await answer.json().catch(() => null))?.error ?? `The rig answered with status ${answer.status}.`;
       this.say(answer.ok ? "" : refusal);
     } catch {
       this.say("The supervisor is not reachable: nothing was commanded.");
