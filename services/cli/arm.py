@@ -14,6 +14,9 @@ from services.runtime import config
 from services.runtime.errors import BusError, UserError
 from services.runtime.private_directory import open_text
 from services.runtime.rig import Rig
+from services.runtime.stop_line import stop_gateway
+from services.supervisor.commands import What
+from services.supervisor.control import ask, control_path
 from services.supervisor.page_place import page_file
 
 _PATIENCE_S = 3.0
@@ -41,6 +44,9 @@ def run_command(
     UserError
         if there is no supervisor, or it refuses.
     """
+    if access is None and command in ("arm", "safe_stop"):
+        what: What = "arm" if command == "arm" else "safe_stop"
+        return {"text": _ask_directly(config.load_rig(rig_name, overrides), what)}
     access = access or find_access(config.load_rig(rig_name, overrides))
     url, began_s = f"{access.address.rstrip('/')}/api", time.monotonic()
     try:
@@ -60,6 +66,20 @@ def run_command(
     except (urllib.error.URLError, OSError, ValueError, KeyError) as error:
         reason = getattr(error, "reason", error)
         raise BusError(f"no supervisor answers at {access.address}: {reason}") from None
+
+
+def _ask_directly(rig: Rig, what: What) -> str:
+    """Return what came of a command to the supervisor on this host, or of a safe stop to the gateway in its place."""
+    try:
+        answer = ask(rig.transport, what, "the command line", _PATIENCE_S)
+        why = "the supervisor does not answer" if answer is None else answer.text
+    except OSError:
+        answer, why = None, f"no supervisor is running here ({control_path(rig.transport)}); name one with --address"
+    if answer is not None and answer.ok:
+        return answer.text
+    if what == "safe_stop" and stop_gateway(rig.transport):
+        return f"{why}: the gateway itself has let every hand go"
+    raise BusError(why) if answer is None else UserError(why)
 
 
 def find_access(rig: Rig) -> Access:

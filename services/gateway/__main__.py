@@ -29,6 +29,7 @@ from services.runtime.log import progress
 from services.runtime.loop import LoopMeter, Tick, sleep_until, ticks
 from services.runtime.process import Process, ProcessConfig, main
 from services.runtime.rig import ReplaySettings
+from services.runtime.stop_line import StopLine
 
 MODEL = "haptics.contact_model"
 ATTEMPT = "training.attempt"
@@ -69,7 +70,7 @@ class Gateway:
         self._answers = ModelIntake(
             self.instruments, self._path("device_model", 800.0), self._path("device_force", 2000.0)
         )
-        self._orders = SupervisorCommands(self.instruments, process.rig.gateway.supervisor_timeout_s)
+        self.orders = SupervisorCommands(self.instruments, process.rig.gateway.supervisor_timeout_s)
         self._time = RigTime(self.meter.period_ns)
         self._attempt = AttemptOrders(self.instruments, self._time)
         self._turns = HandleSchedule(len(self.instruments))
@@ -127,7 +128,7 @@ class Gateway:
         self._answers.applied(written_ns)
         self._answers.ask(self._time.index, sampled_ns, timed=self._timed)
         if index % _ORDERS_EVERY == 0:
-            self._orders.obey(self._bus.drain("supervisor.state"), sampled_ns)
+            self.orders.obey(self._bus.drain("supervisor.state"), sampled_ns)
         if index % _ATTEMPT_EVERY == 0:
             self._attempt.obey(self._bus.latest(ATTEMPT), self._bus.is_fresh(ATTEMPT))
 
@@ -171,8 +172,8 @@ class Gateway:
             gauges[f"{each.name}.not_finite"] = float(each.servo.refused)
             gauges.update(each.links())
         gauges.update({f"models_{reason}": float(count) for reason, count in self._answers.refused.items()})
-        gauges["safe_stop"] = float(self._orders.stopped)
-        silent = ["the supervisor is silent: every hand is let go"] if self._orders.unsupervised else []
+        gauges["safe_stop"] = self.orders.told
+        silent = ["the supervisor is silent: every hand is let go"] if self.orders.unsupervised else []
         if self._answers.invalid_looks() >= _INVALID_LOOKS:
             silent.append("no force: what haptics hears of physics is too old, or nothing")
         faults = "; ".join(silent + [f"{each.name}: {each.fault}" for each in self.instruments if each.fault])
@@ -182,6 +183,8 @@ class Gateway:
         """Leave zero force on every device."""
         for instrument in self.instruments:
             instrument.close()
+        if self.orders.line is not None:
+            self.orders.line.close()
 
 
 def take(bus: Bus, answers: ModelIntake, came_ns: int = 0) -> None:
@@ -232,6 +235,7 @@ def run(process: Process, hands: SceneHands) -> None:
     """Tick until asked to end."""
     gateway, settings = Gateway(process, hands), process.rig.replay
     try:
+        gateway.orders.line = StopLine(process.rig.transport)
         if settings is None or settings.take_over:
             gateway.open()
         first = 0 if settings is None else _replay(process, settings, gateway.meter)

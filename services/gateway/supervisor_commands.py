@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from protocol import Frame
 from services.gateway.instrument import Instrument
+from services.runtime.stop_line import StopLine
 
 
 class SupervisorCommands:
@@ -24,11 +25,14 @@ class SupervisorCommands:
     ----------
     unsupervised
         Whether hands are let go for that.
+    line
+        Where anybody may ask for a safe stop; then the supervisor makes it its own, which ends as any.
     """
 
     def __init__(self, instruments: list[Instrument], timeout_s: float | None) -> None:
         self.stopped = False
         self.unsupervised = False
+        self.line: StopLine | None = None
         self._instruments = instruments
         self._timeout_ns = None if timeout_s is None else round(timeout_s * 1e9)
         self._heard_ns: int | None = None
@@ -37,6 +41,8 @@ class SupervisorCommands:
 
     def obey(self, frames: list[Frame], now_ns: int) -> None:
         """Follow the frames since the last call, oldest first."""
+        if self.line is not None and self.line.is_asked() and not self.stopped:
+            self._stop(-1)
         if frames:
             self._heard_ns = now_ns
         if self._timeout_ns is not None:
@@ -44,10 +50,7 @@ class SupervisorCommands:
         for frame in frames:
             is_armed = self._is_armed(frame)
             if frame.body.safe_stop:
-                self.stopped = True
-                self._stopped_by = frame.incarnation
-                for instrument in self._instruments:
-                    instrument.servo.engagement.stop()
+                self._stop(frame.incarnation)
             elif self.stopped and frame.incarnation == self._stopped_by:
                 self.stopped = False
                 for instrument in self._instruments:
@@ -55,6 +58,16 @@ class SupervisorCommands:
             elif is_armed and not self.stopped:
                 for instrument in self._instruments:
                     instrument.try_again()
+
+    @property
+    def told(self) -> float:
+        """What the supervisor is told: 0 for no safe stop, 1 for its own, 2 for one that it is to make its own."""
+        return float(self.stopped) * (2.0 if self._stopped_by == -1 else 1.0)
+
+    def _stop(self, by: int) -> None:
+        self.stopped, self._stopped_by = True, by
+        for instrument in self._instruments:
+            instrument.servo.engagement.stop()
 
     def _is_armed(self, frame: Frame) -> bool:
         """Return whether a person has armed the rig since the last frame of this supervisor."""

@@ -18,7 +18,7 @@ from services.supervisor.member import MemberState
 if TYPE_CHECKING:
     from services.supervisor.supervisor import Supervisor
 
-What = Literal["arm", "safe_stop", "attempt", "replay", "switch"]
+What = Literal["arm", "safe_stop", "attempt", "replay", "switch", "beat"]
 #: The gateway's report is made in pieces: one that comes sooner may be older than the command.
 _REPORT_S = 0.2
 #: So long before its sender gives up it is answered, whatever is known by then.
@@ -30,7 +30,8 @@ _AWAY = (MemberState.WAITING, MemberState.LOST, MemberState.FAILED)
 class Command(msgspec.Struct, frozen=True, kw_only=True):
     """What a person asks for: of which run of the rig, and up to when, in its time.
 
-    An `order` is for the attempt, a `line` for the recording that is shown, or names the scenario to switch to.
+    An `order` is for the attempt, a `line` for the recording that is shown, or names the scenario to switch to. A page
+    that lives beats, and its `line` is what is wrong with what it has started.
     """
 
     what: What
@@ -95,7 +96,7 @@ class Commands:
             return True, f"{done}: no gateway runs"
         health = gateway.health if gateway.heard_s >= asked_s + _REPORT_S else None
         said = health.gauges.get("safe_stop") if health is not None else None
-        if said == float(what == "safe_stop"):
+        if said is not None and bool(said) is (what == "safe_stop"):
             return True, f"{done}: hands may be pushed" if what == "arm" else f"{done}: every hand is let go"
         return (False, f"{done}, but the gateway has not said that it obeys") if ends else None
 

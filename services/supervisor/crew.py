@@ -199,7 +199,7 @@ class Crew:
                 for stall in member.new_stalls():
                     self.say("info", f"{member.name}: stalled for {stall.length_ns * 1e-6:.0f} ms, by its own measure")
                 self._warn(self._floods.told(health, now_s))
-                if member.child is None:  # its log is not read here
+                if member.child is None or member.name == "gateway":  # whose log is not read here, or that writes none
                     self._warn(member.new_detail(now_s))
                 self.on_report(member.name, health)
                 if health.state != "starting":
@@ -296,6 +296,8 @@ class Crew:
         if self.launch is None or self.launch.nursery is None:
             return
         self.launch.nursery.hear()
+        if self.all_ready and not self.stopping and self.launch.nursery.revive():
+            self.say("warning", "supervisor: the process that others are born of was gone: started again")
         for member in self.members.values():
             if member.birth is None or member.birth.pid is None:
                 continue

@@ -23,6 +23,7 @@ from typing import Self
 import msgspec
 
 from services.runtime.errors import UserError
+from services.supervisor.kernel_word import KernelWord
 from services.supervisor.processes import ENVIRONMENT, ProcessSpec
 from services.supervisor.zygote import READY, Order
 
@@ -33,6 +34,8 @@ _ROOM = " " * 4000
 _READ_AT_START = ("PYTHON", *ENVIRONMENT)
 #: Who is not ready, or has not answered, after so long is given up: processes are then started without it.
 _PATIENCE_S = 10.0
+#: It is looked at so often whether a signal holds it; one that is gone is started again so often.
+_LOOK_S, _RETRIES = 1.0, 5
 
 
 #: Files that a process of a rig has open at once, at most; the supervisor had 98 with a rig that ran.
@@ -65,6 +68,13 @@ class Nursery:
 
     def __init__(self) -> None:
         _make_room()
+        self._asked: deque[Birth] = deque()
+        self._starts = 0
+        self._closed = False
+        self._begin()
+
+    def _begin(self) -> None:
+        self._starts += 1
         self._link, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._link.setblocking(False)
         self._environment = {**os.environ, **ENVIRONMENT}
@@ -77,7 +87,8 @@ class Nursery:
         )
         other.close()
         self._began_s = time.monotonic()
-        self._asked: deque[Birth] = deque()
+        self._kernel = KernelWord(self._zygote.pid)
+        self._looked_s = self._began_s
         self.ready = self.lost = False
 
     def __enter__(self) -> Self:
@@ -89,7 +100,20 @@ class Nursery:
         self.close()
 
     def close(self) -> None:
-        """End the zygote; who was asked for and is not born will not be."""
+        """End the zygote for good; who was asked for and is not born will not be."""
+        self._closed = True
+        self._lose()
+
+    def revive(self) -> bool:
+        """Start a zygote in place of one that is gone; return whether one was started."""
+        if self._closed or not self.lost or self._starts > _RETRIES:
+            return False
+        self._begin()
+        return True
+
+    def _lose(self) -> None:
+        if not self.lost:
+            self._kernel.close()
         self.lost = True
         self._link.close()
         with suppress(ProcessLookupError):
@@ -123,7 +147,7 @@ class Nursery:
         try:
             socket.send_fds(self._link, [order], [sink])
         except OSError:  # it is gone
-            self.close()
+            self._lose()
         return birth
 
     def hear(self) -> None:
@@ -137,12 +161,15 @@ class Nursery:
                 said = b""
             self._take(said)
         since_s = self._asked[0].asked_s if self._asked else self._began_s
-        if (self._asked or not self.ready) and time.monotonic() - since_s > _PATIENCE_S:
-            self.close()
+        now_s, is_held = time.monotonic(), False
+        if not self.lost and now_s - self._looked_s > _LOOK_S:
+            self._looked_s, is_held = now_s, self._kernel.is_stopped()
+        if is_held or ((self._asked or not self.ready) and now_s - since_s > _PATIENCE_S):
+            self._lose()
 
     def _take(self, said: bytes) -> None:
         if not said:
-            self.close()
+            self._lose()
         elif said == READY:
             self.ready = True
         else:

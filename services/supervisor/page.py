@@ -28,6 +28,8 @@ _TELL_S = 0.2
 #: One that ended is started again after so long, so often.
 _RETRY_S, _RETRIES = 2.0, 5
 _END_S = 3.0
+#: Silence of a page that is a hang, and of one that starts: less the time for which it waited for a processor.
+_SILENT_S, _SILENT_AT_FIRST_S = 5.0, 60.0
 
 
 def missing_package() -> str:
@@ -50,7 +52,8 @@ class Page:
         self._child: Child | None = None
         self._link: Link | None = None
         self._starts = 0
-        self._due_s = self._retry_s = 0.0
+        self._due_s = self._retry_s = self._heard_s = self._waited_s = 0.0
+        self._patience_s = _SILENT_AT_FIRST_S
 
     def __enter__(self) -> Self:
         if self._socket is not None:
@@ -58,7 +61,7 @@ class Page:
             write_page_file(self._file, address, token)
             self._supervisor.token_sha256 = hashlib.sha256(token.encode()).hexdigest()
             self._supervisor.page_address = f"{address}#token={token}"
-        self._start()
+        self._start(self._supervisor.started_s)
         return self
 
     def __exit__(
@@ -78,34 +81,46 @@ class Page:
         """Send the status when it is due, carry out commands, start the process again where it ended."""
         if self._link is None or self._child is None:
             if now_s >= self._retry_s and self._starts <= _RETRIES:
-                self._start()
+                self._start(now_s)
             return
         try:
             while (command := self._link.receive(Command)) is not None:
-                self._supervisor.commands.take(command, now_s)
+                self._heard_s, self._waited_s = now_s, self._child.waits().total_s
+                self._patience_s = _SILENT_S
+                if command.what != "beat":
+                    self._supervisor.commands.take(command, now_s)
+                elif command.line:
+                    self._supervisor.say("warning", f"supervisor: {command.line}")
         except ConnectionError:
             self._lost(self._link, self._child, now_s)
             return
+        if now_s - self._heard_s > self._patience_s:
+            silent_s = now_s - self._heard_s - (self._child.waits().total_s - self._waited_s)
+            if silent_s > self._patience_s:
+                self._lost(self._link, self._child, now_s, f"said nothing for {silent_s:.0f} s and")
+                return
         if now_s >= self._due_s:
             self._due_s = now_s + _TELL_S
             self._link.send(RigStatus.of(self._supervisor, now_s))
 
-    def _start(self) -> None:
+    def _start(self, now_s: float) -> None:
         self._starts += 1
+        self._heard_s, self._waited_s, self._patience_s = now_s, 0.0, _SILENT_AT_FIRST_S
         self._link, other = Link.pair()
         self._link.send(self._setup)
         descriptors = (other.fileno(), *((self._socket.fileno(),) if self._socket is not None else ()))
         self._child = Child.started(self._spec, [str(each) for each in descriptors], self._log_file, descriptors)
         other.close()
 
-    def _lost(self, link: Link, child: Child, now_s: float) -> None:
+    def _lost(self, link: Link, child: Child, now_s: float, why: str = "") -> None:
         link.close()
         status = child.kill()
         child.close()
         self._child = self._link = None
         self._retry_s = now_s + _RETRY_S
         again = "started again" if self._starts <= _RETRIES else "given up; the rig goes on without"
-        text = f"supervisor: the {self._spec.name}'s process ended with exit code {status}, {again}"
+        what = " ".join(filter(None, (f"the {self._spec.name}'s process", why, f"ended with exit code {status}")))
+        text = f"supervisor: {what}, {again}"
         self._supervisor.say("warning", f"{text} (see {self._log_file})")
 
 

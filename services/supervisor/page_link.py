@@ -8,7 +8,6 @@ from typing import TypeVar
 import msgspec
 
 import protocol.bodies as bodies
-from services.supervisor.commands import Command
 from services.supervisor.shown_recording import ReplayStatus
 from services.supervisor.supervisor import Event, Supervisor
 
@@ -58,7 +57,7 @@ class RigStatus(msgspec.Struct, frozen=True):
         return cls(now_s, started_s, body, broken, limits_us, events, replay, incarnation, answers)
 
 
-_T = TypeVar("_T", PageSetup, RigStatus, Command)
+_T = TypeVar("_T", bound=msgspec.Struct)
 
 
 class Link:
@@ -110,9 +109,9 @@ class Link:
             newest = message
         return newest
 
-    def wait(self, kind: type[_T]) -> _T | None:
-        """Return the next message, None where none came within ten seconds; raises as `receive` does."""
-        self._end.settimeout(_WAIT_S)
+    def wait(self, kind: type[_T], timeout_s: float = _WAIT_S) -> _T | None:
+        """Return the next message, None where none came within `timeout_s`; raises as `receive` does."""
+        self._end.settimeout(timeout_s)
         try:
             self._end.recv(1, socket.MSG_PEEK)
         except TimeoutError:

@@ -24,6 +24,7 @@ from services.runtime.autogroup import set_group_niceness
 from services.runtime.bus import Bus
 from services.runtime.process import listen_as
 from services.runtime.rig import Rig
+from services.runtime.stop_line import stop_gateway
 from services.supervisor import dashboard
 from services.supervisor.commands import Command
 from services.supervisor.metrics import Level, RigSource, registry
@@ -52,6 +53,7 @@ class Knowledge:
     status: RigStatus | None = None
     task: Task = field(default_factory=Task)
     heard: dict[str, dashboard.Heard] = field(default_factory=dict)
+    stopped: dict[int, bodies.Answer] = field(default_factory=dict)
 
     def hear(self, bus: Bus) -> None:
         """Take the newest report of every process."""
@@ -92,7 +94,7 @@ class Knowledge:
     def answer(self, order_id: int) -> bodies.Answer | None:
         """Return what came of a command, None as long as that is not known: of orders the training process tells."""
         orders = self.task.attempt.answers if self.task.attempt is not None else ()
-        answers = (*orders, *(self.status.answers if self.status is not None else ()))
+        answers = (*orders, *(self.status.answers if self.status is not None else ()), *self.stopped.values())
         return next((each for each in answers if each.order == order_id), None)
 
     def view_port(self) -> int:
@@ -124,7 +126,7 @@ def _run(knowledge: Knowledge, setup: PageSetup, link: Link, sock: socket.socket
         rig=knowledge.rig,
         scene=setup.scene,
         registries={level: registry(knowledge.source, level) for level in get_args(Level)},
-        ask=lambda command: _ask(knowledge.status, link, command),
+        ask=lambda command: _ask(knowledge, link, command),
         answer=knowledge.answer,
         replays=lambda: knowledge.status is not None and knowledge.status.replay is not None,
         switches=setup.switches,
@@ -136,9 +138,17 @@ def _run(knowledge: Knowledge, setup: PageSetup, link: Link, sock: socket.socket
         asyncio.run(_serve(context, knowledge, bus, link, sock))
 
 
-def _ask(status: RigStatus | None, link: Link, command: Command) -> None:
-    """Pass on what a person asked for, to be done while the page waits for it; what moves no arm has no other end."""
-    if status is None:
+def _ask(knowledge: Knowledge, link: Link, command: Command) -> None:
+    """Pass on what a person asked for, to be done while the page waits for it; what moves no arm has no other end.
+
+    Where the supervisor stands still, the gateway itself is asked to let go.
+    """
+    if (status := knowledge.status) is None:
+        return
+    is_silent = time.monotonic() - status.said_s > SILENT_S
+    if is_silent and command.what == "safe_stop" and stop_gateway(knowledge.rig.transport):
+        text = "the supervisor stands still: the gateway itself has let every hand go"
+        knowledge.stopped = {command.id: bodies.Answer(order=command.id, ok=True, text=text)}
         return
     ours_s = time.monotonic() + ANSWER_S - status.started_s
     if command.what == "replay":
@@ -170,6 +180,9 @@ async def _follow(context: PageContext, knowledge: Knowledge, bus: Bus, link: Li
         if status is not None:
             observers = knowledge.observers
             observers.sample(status, knowledge.reports())
+            link.send(
+                Command(what="beat", who=OURS, incarnation=status.incarnation, before_s=0.0, line=observers.said())
+            )
             report = observers.report()
             context.latest = _encoder.encode(
                 dashboard.snapshot(

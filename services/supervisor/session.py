@@ -21,6 +21,7 @@ from services.runtime.private_directory import make_private
 from services.runtime.process import Options, Process, load_process_config, open_process
 from services.runtime.rig import Rig
 from services.runtime.web_host import listen
+from services.supervisor.control import Control
 from services.supervisor.crew import Launch
 from services.supervisor.governor import Level
 from services.supervisor.loop_progress import LoopProgress
@@ -134,12 +135,17 @@ def run_session(process: Process, session: SessionOptions) -> None:
     supervisor.crew.has_heard_all = threads.are_idle
     rings = _rings(process.rig)
     loop_progress = supervisor.crew.loop_progress = LoopProgress(rings)
-    with closing(threads), closing(loop_progress), _page(sock, supervisor, process, session) as page:
+    with (
+        closing(threads),
+        closing(loop_progress),
+        _page(sock, supervisor, process, session) as page,
+        Control(supervisor) as control,
+    ):
         meter = supervisor.meter = LoopMeter(1.0 / _TURN_S, STAGES)
         process.ready(meter, starts_others=True)
         gc.enable()  # what is alive now is frozen; in a session of days a supervisor makes some garbage
         try:
-            interrupted = not _watch(process, supervisor, page, session, meter) and process.stop()
+            interrupted = not _watch(process, supervisor, (page, control), session, meter) and process.stop()
         finally:
             while not supervisor.stop_step(time.monotonic()):
                 supervisor.crew.wait(_TURN_S)
@@ -174,7 +180,9 @@ def _page(sock: socket.socket, supervisor: Supervisor, process: Process, session
     return Page(None if missing else sock, supervisor, setup, logs)
 
 
-def _watch(process: Process, supervisor: Supervisor, page: Page, session: SessionOptions, meter: LoopMeter) -> bool:
+def _watch(
+    process: Process, supervisor: Supervisor, lines: tuple[Page, Control], session: SessionOptions, meter: LoopMeter
+) -> bool:
     """Watch the rig until it is to end; return whether it ever ran."""
     due_ns, ran = time.monotonic_ns(), False
     while not process.stop() and supervisor.crew.fatal is None and not supervisor.crew.ended_by_person:
@@ -185,7 +193,8 @@ def _watch(process: Process, supervisor: Supervisor, page: Page, session: Sessio
         judged_ns = time.monotonic_ns()
         process.health.send_if_due()
         sent_ns = time.monotonic_ns()
-        page.turn(began_ns * 1e-9)
+        for line in lines:
+            line.turn(began_ns * 1e-9)
         ended_ns = time.monotonic_ns()
         meter.stages_ns = (judged_ns - began_ns, sent_ns - judged_ns, ended_ns - sent_ns)
         meter.finish(ended_ns)

@@ -238,6 +238,9 @@ class Supervisor:
 
     def _move(self) -> None:
         now_s = self._now_s
+        gateway = self.crew.members.get("gateway")
+        if gateway is not None and gateway.health is not None and gateway.health.gauges.get("safe_stop") == 2.0:
+            self._stop_safely("asked of the gateway itself")
         failed = [m for m in self.crew.members.values() if m.critical and m.state == "failed"]
         if failed:
             self._stop_safely(failed[0].reason)

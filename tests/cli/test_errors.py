@@ -165,7 +165,7 @@ def test_arm_where_nobody_answers(trocar: Trocar) -> None:
 def test_a_rig_is_looked_for_where_the_options_put_it(trocar: Trocar, tmp_path: Path, command: str) -> None:
     """As by the other verbs: these had no --set, and found no rig that was started with one."""
     ran = trocar(command, "--set", f"transport.directory={tmp_path}")
-    assert (ran.code, str(tmp_path / "page.json") in ran.sentence()) == (3, True)
+    assert (ran.code, str(tmp_path / "supervisor.control") in ran.sentence()) == (3, True)
 
 
 def test_address_that_is_none(trocar: Trocar) -> None:

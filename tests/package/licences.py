@@ -19,7 +19,10 @@ BY_HAND = {
     "openseespy": "free for research, education and internal use, not for redistribution; tests compare shells with it",
     "openseespylinux": "as openseespy, whose compiled part it is",
 }
-_SAME = {"Mozilla Public License 2.0 (MPL 2.0)": "Python Software Foundation License": "PSF-2.0"}
+_SAME = {
+    "Mozilla Public License 2.0 (MPL 2.0)": "MPL-2.0",
+    "Python Software Foundation License": "PSF-2.0",
+}
 _LEFT_OUT = re.compile(r" (?:Software )?License(?= AND| \(|$)| \(ISCL\)")
 
 

@@ -47,6 +47,7 @@ class Driver(OdriveGrasp):
 
     #: A process takes a while to start on a busy machine.
     found_timeout_s = 60.0
+    reopens = True
 
     def __init__(self, settings: DriverSettings, place: Place) -> None:
         self._own = driver.read_settings(SimulatedGraspSettings, settings, place)
@@ -58,6 +59,8 @@ class Driver(OdriveGrasp):
     def open_bus(self) -> can.BusABC:
         """Start the drive and return the bus that it is on."""
         motion = choose_motion(self._own, self._place)
+        if self._drives is not None:  # opened anew: it is dead, or hangs
+            self._drives.kill()
         self._drives = drives.find_process(self._own.core, self._own.priority)
         return self._drives.join(self.node, self.file.watchdog_s, motion)
 

@@ -26,6 +26,8 @@ LATE_NS = 1_000_000
 #: Over which shares are shown: at a hundred wake-ups a second, fewer seconds say little.
 WINDOW_S = 60.0
 _END_S = 1.0
+#: It writes a hundred times a second; started again so often at most.
+_SILENT_S, _STARTS = 10.0, 5
 #: A gateway that was started anew has another grid.
 _CHOOSE_EVERY_S = 2.0
 
@@ -70,11 +72,16 @@ class LatenessFloor:
         self._directory = directory
         self._phases = Phases(directory / PHASES, create=True)
         self._choose_s = 0.0
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "services.supervisor.observers.core_sleepers", str(directory)],
-            stdin=subprocess.DEVNULL,
-        )
         self._cores: dict[int, CoreLateness] = {}
+        self._seen: list[int] = []
+        self._seen_s = self._starts = 0.0
+        self.said = ""
+        self._process = self._started()
+
+    def _started(self) -> subprocess.Popen[bytes]:
+        self._starts += 1
+        command = [sys.executable, "-m", "services.supervisor.observers.core_sleepers", str(self._directory)]
+        return subprocess.Popen(command, stdin=subprocess.DEVNULL)
 
     def sample(self, sight: Sight) -> None:
         """Count what has come; now and then find out when a wake-up costs the rig least."""
@@ -85,6 +92,19 @@ class LatenessFloor:
         for path in sorted(self._directory.glob(f"{NAME}[0-9]*{SUFFIX}")):
             number = int(path.name.removeprefix(NAME).removesuffix(SUFFIX))
             self._cores.setdefault(number, CoreLateness()).take(path, sight.now_s, below_loops=below_loops)
+        self._watch(sight.now_s)
+
+    def _watch(self, now_s: float) -> None:
+        """Start the process again where it has ended or writes no more."""
+        seen = [core.seen_ns for core in self._cores.values()]
+        if seen != self._seen or not self._seen_s:
+            self._seen, self._seen_s = seen, now_s
+        elif now_s - self._seen_s > _SILENT_S and self._starts <= _STARTS:
+            ended = self._process.poll() is not None
+            self._process.kill()
+            self._process.wait()
+            self.said = f"the floor's watcher {'ended' if ended else 'hangs'}: started again"
+            self._process, self._seen_s = self._started(), now_s
 
     def report(self) -> dict[int, Row[Latencies, Latencies]]:
         """Return how late wake-ups were, by core."""

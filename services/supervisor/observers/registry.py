@@ -38,13 +38,14 @@ class Observers:
 
     def __init__(self, rig: Rig) -> None:
         threads = ThreadUsage()
+        self._floor: LatenessFloor | None = None
         self._table: dict[str, Observer] = {"threads": threads}
         try:
             run_directory = endpoints.run_directory(rig.transport)
             rings = flight_directory(run_directory)
             self._table["incidents"] = IncidentFiles(rings, run_directory / "flights", threads.busiest)
             if rig.supervisor.watch_floor:
-                self._table["floor"] = LatenessFloor(rings)
+                self._table["floor"] = self._floor = LatenessFloor(rings)
         except (BusError, OSError) as error:
             print(f"neither incident files nor the machine's lateness: {error}", file=sys.stderr)  # noqa: T201
 
@@ -57,6 +58,13 @@ class Observers:
         sight = Sight(time.monotonic(), pids, heard, down)
         for observer in self._table.values():
             observer.sample(sight)
+
+    def said(self) -> str:
+        """Return what is wrong with what they have started, once; mostly nothing."""
+        if self._floor is None:
+            return ""
+        said, self._floor.said = self._floor.said, ""
+        return said
 
     def report(self) -> Report:
         """Return the rows of all observers."""

@@ -1,0 +1,123 @@
+"""Commands without a page, and a safe stop where the supervisor stands still."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from services.cli.app import app
+from services.gateway.engagement import State
+from services.gateway.supervisor_commands import SupervisorCommands
+from services.runtime.rig import Transport
+from services.runtime.stop_line import StopLine, stop_gateway
+from services.supervisor.control import Control, control_path
+from services.supervisor.state_machine import RigState
+from tests.gateway.test_supervisor_commands import Stub, _frame
+from tests.supervisor.made_up import Bench, rig
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    tmp_path.chmod(0o700)
+    return tmp_path
+
+
+@pytest.fixture
+def bench(folder: Path) -> Bench:
+    made = Bench(rig(transport={"directory": folder}))
+    made.run(5.0, lambda: made.supervisor.state is RigState.RUNNING)
+    return made
+
+
+@pytest.fixture
+def control(bench: Bench) -> Iterator[Control]:
+    with Control(bench.supervisor) as opened:
+        yield opened
+
+
+def trocar(folder: Path, command: str, *turned: Any) -> tuple[int, str]:
+    """Run a command while others take turns; return its exit code and what it says."""
+    said: list[Any] = []
+    line = [command, "--set", f"transport.directory={folder}"]
+    asking = threading.Thread(target=lambda: said.append(CliRunner().invoke(app, line)))
+    asking.start()
+    while asking.is_alive():
+        for turn in turned:
+            turn()
+        time.sleep(0.001)
+    result = said[0]
+    return result.exit_code, f"{result.output}{result.exception or ''}"
+
+
+def turn_of(bench: Bench, control: Control, obeys: bool = True) -> Any:
+    def turn() -> None:
+        bench.run(0.01)
+        if obeys:
+            bench.peers["gateway"].gauges["safe_stop"] = float(bench.supervisor.body().safe_stop)
+        control.turn(bench.now_s)
+
+    return turn
+
+
+def test_commands_need_no_page(bench: Bench, control: Control, folder: Path) -> None:
+    code, said = trocar(folder, "safe-stop", turn_of(bench, control))
+    assert (code, said) == (0, "safe stop: every hand is let go\n")
+    assert bench.supervisor.state is RigState.SAFE_STOP
+    assert trocar(folder, "arm", turn_of(bench, control)) == (0, "armed: hands may be pushed\n")
+    assert bench.supervisor.body().armed == 1
+
+
+def test_a_safe_stop_that_nothing_came_of_is_no_success(bench: Bench, control: Control, folder: Path) -> None:
+    """It ended with 0 while the supervisor stood still."""
+    code, said = trocar(folder, "safe-stop")
+    assert (code != 0, "the supervisor does not answer" in said) == (True, True)
+    code, said = trocar(folder, "safe-stop", turn_of(bench, control, obeys=False))
+    assert (code != 0, "has not said that it obeys" in said) == (True, True)
+
+
+def test_where_the_supervisor_stands_still_the_gateway_itself_is_asked(
+    bench: Bench, control: Control, folder: Path
+) -> None:
+    hand = Stub()
+    orders = SupervisorCommands([hand], None)  # type: ignore[list-item]
+    orders.line = StopLine(Transport(directory=folder))
+    hand.engagement.state = State.ACTIVE
+    code, said = trocar(folder, "safe-stop", lambda: orders.obey([], 1))
+    assert (code, said) == (0, "the supervisor does not answer: the gateway itself has let every hand go\n")
+    assert (orders.stopped, orders.told, hand.engagement.gain) == (True, 2.0, 0.0)
+    orders.obey([_frame(False, armed=1), _frame(False, armed=2)], 1)
+    assert orders.stopped, "nobody has ended it"
+    bench.peers["gateway"].gauges["safe_stop"] = orders.told
+    bench.run(0.3)
+    assert bench.supervisor.reason == "asked of the gateway itself", "the supervisor that goes on makes it its own"
+    orders.obey([_frame(True), _frame(False)], 1)
+    assert (orders.told, hand.armed) == (0.0, 1)
+    orders.line.close()
+
+
+def test_garbage_on_the_line_is_hung_up_on(bench: Bench, control: Control, folder: Path) -> None:
+    callers = [socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) for _ in range(20)]
+    for caller in callers:
+        caller.settimeout(5.0)
+        with_room = True
+        try:
+            caller.connect(str(control_path(Transport(directory=folder))))
+            caller.send(b"\xff{" * 9)
+        except OSError:
+            with_room = False
+        control.turn(bench.now_s)
+        control.turn(bench.now_s)
+        assert with_room
+        caller.close()
+    assert trocar(folder, "arm", turn_of(bench, control))[0] == 0
+
+
+def test_nobody_is_asked_where_no_gateway_runs(folder: Path) -> None:
+    assert not stop_gateway(Transport(directory=folder))
