@@ -9,7 +9,7 @@ from pydantic import Field
 from services.gateway.driver import ArmLimits
 from services.runtime.rig import Settings, Vector3, at_most
 
-_FORCE = at_most(20.0, "N", "the servo gives a hand no more")
+_FORCE = at_most(50.0, "N", "the strongest arm for a hand, a Premium High Force, gives 37.5 N")
 _TORQUE = at_most(5.0, "N m", "the servo gives a handle no more")
 _CURRENT = at_most(40.0, "A", "an ODrive S1 bears no more for long")
 _A_BLINK = at_most(1.0, "s", "a drive that is silent for longer would go on pushing")

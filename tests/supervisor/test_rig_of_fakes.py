@@ -67,6 +67,7 @@ def test_who_dies_is_born_anew_and_started_anew_where_nobody_bears_any_more(
     fakes: Fakes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join((str(HERE), str(HERE.parents[1]))))
+    monkeypatch.setattr("services.supervisor.nursery._RETRIES", 0)  # a zygote that is gone stays gone
     born, pids = [], []
 
     def struck(supervisor: Supervisor) -> Scenario:

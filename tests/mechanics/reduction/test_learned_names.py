@@ -13,6 +13,7 @@ ROOT = Path(__file__).parents[3]
 IN_THE_RECIPE = ("services.mechanics.fem",)
 NOT_NUMBERS = (
     "services.cache_directory",
+    "services.trusted_path",
     "services.mechanics.arrays",
     "services.mechanics.compiled",
     *(
