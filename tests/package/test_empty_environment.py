@@ -12,9 +12,6 @@ import pytest
 
 from tests.with_us import with_us
 
-#: On a machine that does nothing else; most of it compiles kernels for the first time.
-MOST_S = 120.0
-
 
 @pytest.mark.long
 @pytest.mark.rig
@@ -48,4 +45,3 @@ def test_installed_it_runs_a_rig_and_a_script(wheel: Path, tmp_path: Path) -> No
     took_s = time.monotonic() - begin_s
     assert not [path for path in empty.iterdir() if path.name != "out"], "it writes into the user's folder"
     print(f"from the files to the last line of the script: {took_s:.0f} s")
-    assert took_s < MOST_S
