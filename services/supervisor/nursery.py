@@ -36,8 +36,6 @@ _READ_AT_START = ("PYTHON", *ENVIRONMENT)
 _PATIENCE_S = 10.0
 #: It is looked at so often whether a signal holds it; one that is gone is started again so often.
 _LOOK_S, _RETRIES = 1.0, 5
-
-
 #: Files that a process of a rig has open at once, at most; the supervisor had 98 with a rig that ran.
 _FILES = 256
 

@@ -63,8 +63,8 @@ def main() -> None:
 
 def _serve(link: socket.socket) -> Order | None:
     """Return the order that is to be carried out here, in the copy that was born for it; None at the end of all."""
-    link.send(READY)
-    while True:
+    said = READY
+    while _told(link, said):
         data, sinks, _, _ = socket.recv_fds(link, _ORDER_MAX, 1)
         if not data:
             return None
@@ -75,7 +75,17 @@ def _serve(link: socket.socket) -> Order | None:
             _stand_alone(sink)
             return msgspec.json.decode(data, type=Order)
         os.close(sink)
-        link.send(str(pid).encode())
+        said = str(pid).encode()
+    return None
+
+
+def _told(link: socket.socket, said: bytes) -> bool:
+    """Tell the supervisor; return whether it is still there."""
+    try:
+        link.send(said)
+    except (BrokenPipeError, ConnectionResetError):
+        return False
+    return True
 
 
 def _bear() -> int:

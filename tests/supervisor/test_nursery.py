@@ -6,6 +6,7 @@ import os
 import select
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -168,3 +169,14 @@ def test_too_few_descriptors_are_a_sentence_before_anything_starts(command: list
     assert ended.stderr.count("\n") == 1
     assert "only 64 files may be open at once, a rig needs 2" in ended.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_zygote_whose_supervisor_is_gone_before_it_is_ready_ends_without_a_word() -> None:
+    """A rig that is refused at its start closes the link while the zygote still imports."""
+    ours, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    command = [sys.executable, "-m", "services.supervisor.zygote", str(its.fileno())]
+    with subprocess.Popen(command, pass_fds=(its.fileno(),), stderr=subprocess.PIPE, text=True) as zygote:
+        its.close()
+        ours.close()
+        assert zygote.communicate(timeout=_PATIENCE_S) == (None, "")
+    assert zygote.returncode == 0
