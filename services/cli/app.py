@@ -139,19 +139,17 @@ def sniff(
 @app.command()
 def arm(rig: Rig = "stub", address: Address = None, token: Token = None, overrides: Overrides = None) -> None:
     """End a safe stop, and try again what is at fault: the arms may push again."""
-    from services.cli.arm import Access, run_command
+    from services.cli.arm import run_command
 
-    access = Access(address, token or "") if address else None
-    print(run_command("arm", rig, tuple(overrides or ()), access)["text"])
+    run_command("arm", rig, tuple(overrides or ()), address, token)
 
 
 @app.command("safe-stop")
 def safe_stop(rig: Rig = "stub", address: Address = None, token: Token = None, overrides: Overrides = None) -> None:
     """Let the arms go limp until the rig is armed anew."""
-    from services.cli.arm import Access, run_command
+    from services.cli.arm import run_command
 
-    access = Access(address, token or "") if address else None
-    print(run_command("safe_stop", rig, tuple(overrides or ()), access)["text"])
+    run_command("safe_stop", rig, tuple(overrides or ()), address, token)
 
 
 @app.command()

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import json
-import urllib.error
-import urllib.request
+import secrets
 from collections.abc import Iterator
 from typing import Any
 
-from services.cli.arm import find_access, run_command
+import protocol.bodies as bodies
+from services.cli.arm import WHO, page_address, print_answer, state_at
 from services.runtime import config
 from services.runtime.errors import BusError, ConfigError
+from services.supervisor.commands import Command
 from services.training.scenario import Scenario, load_scenario, scenario_names
-
-_PATIENCE_S = 3.0
 
 
 def made_of(name: str, scene: str | None, overrides: tuple[str, ...]) -> tuple[str, tuple[str, ...]]:
@@ -32,7 +31,8 @@ def made_of(name: str, scene: str | None, overrides: tuple[str, ...]) -> tuple[s
 
 def run_order(rig: str, overrides: tuple[str, ...], what: str, value: float = 0.0) -> None:
     """Send an order and print what became of it."""
-    print(run_command("attempt", rig, overrides, asked={"what": what, "value": value})["text"])
+    order = bodies.Order(id=secrets.randbits(53), what=what, value=value)
+    print_answer(config.load_rig(rig, overrides), Command(what="attempt", who=WHO, order=order))
 
 
 def run_status(rig: str, overrides: tuple[str, ...], as_json: bool) -> None:
@@ -43,14 +43,10 @@ def run_status(rig: str, overrides: tuple[str, ...], as_json: bool) -> None:
     BusError
         if there is no rig, or nothing in it follows attempts.
     """
-    access = find_access(config.load_rig(rig, overrides))
-    try:
-        with urllib.request.urlopen(f"{access.address.rstrip('/')}/api/state", timeout=_PATIENCE_S) as answer:
-            attempt = json.load(answer).get("attempt")
-    except (urllib.error.URLError, OSError, ValueError) as error:
-        raise BusError(f"no supervisor answers at {access.address}: {getattr(error, 'reason', error)}") from None
+    address = page_address(config.load_rig(rig, overrides))
+    attempt = state_at(address).get("attempt")
     if attempt is None:
-        raise BusError(f"the rig at {access.address} says of no attempt: has it a training process?")
+        raise BusError(f"the rig at {address} says of no attempt: has it a training process?")
     print(json.dumps(attempt) if as_json else "\n".join(_lines(attempt)))
 
 

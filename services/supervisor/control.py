@@ -1,7 +1,8 @@
-"""The supervisor's own line: who runs the rig commands it there without a page."""
+"""The supervisor's own line: command line and page ask it there, and where it stands still, the gateway itself."""
 
 from __future__ import annotations
 
+import math
 import socket
 from contextlib import suppress
 from pathlib import Path
@@ -12,13 +13,17 @@ import msgspec
 
 import protocol.bodies as bodies
 from services.runtime import endpoints
+from services.runtime.errors import BusError
 from services.runtime.rig import Transport
-from services.supervisor.commands import Command, What
+from services.runtime.stop_line import stop_gateway
+from services.supervisor.commands import Command
 from services.supervisor.page_link import Link
 from services.supervisor.supervisor import Supervisor
 
 _PEERS = 8
 _HELLO_S = 1.0
+#: So long the answer to a command is waited for: it is not carried out after that.
+ANSWER_S = 2.5
 
 
 class RigTime(msgspec.Struct, frozen=True):
@@ -43,7 +48,7 @@ class Control:
         self._line = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK)
         self._line.bind(str(self._path))
         self._line.listen(_PEERS)
-        self._asked: dict[Link, set[int]] = {}
+        self._callers: list[Link] = []
 
     def __enter__(self) -> Self:
         return self
@@ -53,45 +58,58 @@ class Control:
     ) -> None:
         self._path.unlink(missing_ok=True)
         self._line.close()
-        for link in self._asked:
-            link.close()
+        for caller in self._callers:
+            caller.close()
 
     def turn(self, now_s: float) -> None:
-        """Greet who calls, pass on what they ask for, and answer."""
-        if len(self._asked) < _PEERS:
+        """Greet who calls, and take what they ask for."""
+        if len(self._callers) < _PEERS:
             with suppress(BlockingIOError):
-                link = Link(self._line.accept()[0])
-                link.send(RigTime(self._rig.incarnation, now_s - self._rig.started_s))
-                self._asked[link] = set()
-        for link in tuple(self._asked):
+                caller = Link(self._line.accept()[0])
+                caller.send(RigTime(self._rig.incarnation, now_s - self._rig.started_s))
+                self._callers.append(caller)
+        for caller in tuple(self._callers):
             try:
-                self._serve(link, self._asked[link], now_s)
+                while (command := caller.receive(Command)) is not None:
+                    self._rig.commands.take(command, now_s, caller.send)
             except (ConnectionError, msgspec.DecodeError):
-                link.close()
-                del self._asked[link]
-
-    def _serve(self, link: Link, asked: set[int], now_s: float) -> None:
-        while (command := link.receive(Command)) is not None:
-            asked.add(command.id)
-            self._rig.commands.take(command, now_s)
-        for answer in self._rig.commands.answers:
-            if answer.order in asked and link.send(answer):
-                asked.remove(answer.order)
+                caller.close()
+                self._callers.remove(caller)
 
 
-def ask(transport: Transport, what: What, who: str, patience_s: float) -> bodies.Answer | None:
-    """Return what came of an arm or a safe stop, None where the supervisor does not answer.
+def ask(transport: Transport, command: Command, patience_s: float = ANSWER_S) -> bodies.Answer:
+    """Return what came of a command to the rig on this host.
+
+    One that does not name its run of the rig is for the one that runs. Where the supervisor does not carry out a safe
+    stop, the gateway itself is asked to let go.
 
     Raises
     ------
-    OSError
-        if no supervisor is there, or it ends.
+    BusError
+        if there is no supervisor, or it does not answer.
     """
+    try:
+        answer = _ask_supervisor(transport, command, patience_s)
+        why = "the supervisor does not answer" if answer is None else answer.text
+    except OSError:
+        answer, why = None, f"no supervisor is running here ({control_path(transport)}); name one with --address"
+    if answer is not None and answer.ok:
+        return answer
+    if command.what == "safe_stop" and stop_gateway(transport):
+        return bodies.Answer(order=0, ok=True, text=f"{why}: the gateway itself has let every hand go")
+    if answer is None:
+        raise BusError(why)
+    return answer
+
+
+def _ask_supervisor(transport: Transport, command: Command, patience_s: float) -> bodies.Answer | None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as end:
         end.settimeout(_HELLO_S)
         end.connect(str(control_path(transport)))
         link = Link(end)
         if (now := link.wait(RigTime, _HELLO_S)) is None:
             return None
-        link.send(Command(what=what, who=who, incarnation=now.incarnation, before_s=now.t + patience_s))
+        before_s = min(command.before_s if command.incarnation else math.inf, now.t + patience_s)
+        incarnation = command.incarnation or now.incarnation
+        link.send(msgspec.structs.replace(command, incarnation=incarnation, before_s=before_s))
         return link.wait(bodies.Answer, patience_s)

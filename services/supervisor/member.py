@@ -18,6 +18,8 @@ from services.supervisor.nursery import Birth
 from services.supervisor.processes import ProcessSpec
 from services.supervisor.window import Window
 
+#: The gateway's report is made in pieces: one that comes sooner may be older than a command.
+_REPORT_S = 0.2
 #: What a process says is wrong with it is told again so late where nothing but its numbers has changed.
 _AGAIN_S = 10.0
 _MINUTE_S = 60.0
@@ -139,6 +141,11 @@ class Member:
             self.waited = self.child.waits()
         self.window.add(health.pid, figures.contracted(health))
         return True
+
+    def safe_stop_said(self, asked_s: float) -> float | None:
+        """Return what the gateway says of its safe stop, None where it may not have heard of `asked_s` yet."""
+        is_newer = self.health is not None and self.heard_s >= asked_s + _REPORT_S
+        return self.health.gauges.get("safe_stop") if self.health is not None and is_newer else None
 
     def new_stalls(self) -> list[bodies.Stall]:
         """Return the stalls that its loop measured and that were not returned before; none of its time of starting."""

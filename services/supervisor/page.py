@@ -13,9 +13,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from services.supervisor.commands import Command
 from services.supervisor.launcher import Child
-from services.supervisor.page_link import Link, PageSetup, RigStatus
+from services.supervisor.page_link import Heartbeat, Link, PageSetup, RigStatus
 from services.supervisor.page_place import page_file, write_page_file
 from services.supervisor.processes import ProcessSpec
 from services.supervisor.supervisor import Supervisor
@@ -78,19 +77,17 @@ class Page:
             self._file.unlink(missing_ok=True)
 
     def turn(self, now_s: float) -> None:
-        """Send the status when it is due, carry out commands, start the process again where it ended."""
+        """Send the status when it is due; start the process again where it ended or hangs."""
         if self._link is None or self._child is None:
             if now_s >= self._retry_s and self._starts <= _RETRIES:
                 self._start(now_s)
             return
         try:
-            while (command := self._link.receive(Command)) is not None:
+            while (beat := self._link.receive(Heartbeat)) is not None:
                 self._heard_s, self._waited_s = now_s, self._child.waits().total_s
                 self._patience_s = _SILENT_S
-                if command.what != "beat":
-                    self._supervisor.commands.take(command, now_s)
-                elif command.line:
-                    self._supervisor.say("warning", f"supervisor: {command.line}")
+                if beat.fault:
+                    self._supervisor.say("warning", f"supervisor: {beat.fault}")
         except ConnectionError:
             self._lost(self._link, self._child, now_s)
             return

@@ -1,4 +1,4 @@
-"""Messages between the judging supervisor and the page's process, over a socket pair: status out, commands back."""
+"""Messages of the supervisor over Unix sockets: to its page's process, and with whoever commands it."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class RigStatus(msgspec.Struct, frozen=True):
     """The rig as the supervisor judges it. Times are seconds of the monotonic clock; `broken` are keys of breaches.
 
     `path_limits_us` are what the paths are judged against just now: no less than what the rig file says. `replay` is
-    the recording whose pictures are shown, None in a rig that works. `answers` are those to the last commands.
+    the recording whose pictures are shown, None in a rig that works.
     """
 
     said_s: float
@@ -43,7 +43,6 @@ class RigStatus(msgspec.Struct, frozen=True):
     events: tuple[Event, ...]
     replay: ReplayStatus | None = None
     incarnation: int = 0
-    answers: tuple[bodies.Answer, ...] = ()
 
     @classmethod
     def of(cls, supervisor: Supervisor, now_s: float) -> RigStatus:
@@ -52,9 +51,14 @@ class RigStatus(msgspec.Struct, frozen=True):
         events = tuple(supervisor.events)
         limits_us = supervisor.path_limits_us()
         replay = supervisor.shown.status() if supervisor.shown is not None else None
-        answers, incarnation = tuple(supervisor.commands.answers), supervisor.incarnation
         body, started_s = supervisor.body(), supervisor.started_s
-        return cls(now_s, started_s, body, broken, limits_us, events, replay, incarnation, answers)
+        return cls(now_s, started_s, body, broken, limits_us, events, replay, supervisor.incarnation)
+
+
+class Heartbeat(msgspec.Struct, frozen=True):
+    """What the page's process says while it lives; `fault` is what is wrong with what it has started."""
+
+    fault: str = ""
 
 
 _T = TypeVar("_T", bound=msgspec.Struct)
@@ -82,7 +86,7 @@ class Link:
         """Send a message unless the other end is slow or gone; return whether it was."""
         try:
             self._end.send(msgspec.json.encode(message), socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL)
-        except (BlockingIOError, ConnectionError):
+        except OSError:  # also of an end that is closed here
             return False
         return True
 

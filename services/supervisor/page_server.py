@@ -24,15 +24,13 @@ from services.runtime.autogroup import set_group_niceness
 from services.runtime.bus import Bus
 from services.runtime.process import listen_as
 from services.runtime.rig import Rig
-from services.runtime.stop_line import stop_gateway
-from services.supervisor import dashboard
-from services.supervisor.commands import Command
+from services.supervisor import control, dashboard
 from services.supervisor.metrics import Level, RigSource, registry
 from services.supervisor.observers.registry import Observers
-from services.supervisor.page_link import Link, PageSetup, RigStatus
+from services.supervisor.page_link import Heartbeat, Link, PageSetup, RigStatus
 from services.supervisor.state_machine import RigState
 from services.supervisor.task_metrics import Task
-from services.supervisor.web import ANSWER_S, EVENT_PERIOD_S, PageContext, build_app
+from services.supervisor.web import EVENT_PERIOD_S, PageContext, build_app
 
 _HEALTHY = (RigState.READY, RigState.RUNNING, RigState.DEGRADED)
 #: A supervisor that has said nothing for so long does not run: what is shown is old.
@@ -53,7 +51,6 @@ class Knowledge:
     status: RigStatus | None = None
     task: Task = field(default_factory=Task)
     heard: dict[str, dashboard.Heard] = field(default_factory=dict)
-    stopped: dict[int, bodies.Answer] = field(default_factory=dict)
 
     def hear(self, bus: Bus) -> None:
         """Take the newest report of every process."""
@@ -91,12 +88,6 @@ class Knowledge:
         """Return the newest report of every process that was heard."""
         return {name: one.health for name, one in self.heard.items() if one.health is not None}
 
-    def answer(self, order_id: int) -> bodies.Answer | None:
-        """Return what came of a command, None as long as that is not known: of orders the training process tells."""
-        orders = self.task.attempt.answers if self.task.attempt is not None else ()
-        answers = (*orders, *(self.status.answers if self.status is not None else ()), *self.stopped.values())
-        return next((each for each in answers if each.order == order_id), None)
-
     def view_port(self) -> int:
         """Return where the picture is served: as its process says, where it was left to choose."""
         heard = self.heard.get("visualization")
@@ -126,8 +117,7 @@ def _run(knowledge: Knowledge, setup: PageSetup, link: Link, sock: socket.socket
         rig=knowledge.rig,
         scene=setup.scene,
         registries={level: registry(knowledge.source, level) for level in get_args(Level)},
-        ask=lambda command: _ask(knowledge, link, command),
-        answer=knowledge.answer,
+        ask=lambda command: control.ask(knowledge.rig.transport, command),
         replays=lambda: knowledge.status is not None and knowledge.status.replay is not None,
         switches=setup.switches,
         healthy=knowledge.healthy,
@@ -136,24 +126,6 @@ def _run(knowledge: Knowledge, setup: PageSetup, link: Link, sock: socket.socket
     )
     with closing(listen_as(OURS, knowledge.rig)) as bus:
         asyncio.run(_serve(context, knowledge, bus, link, sock))
-
-
-def _ask(knowledge: Knowledge, link: Link, command: Command) -> None:
-    """Pass on what a person asked for, to be done while the page waits for it; what moves no arm has no other end.
-
-    Where the supervisor stands still, the gateway itself is asked to let go.
-    """
-    if (status := knowledge.status) is None:
-        return
-    is_silent = time.monotonic() - status.said_s > SILENT_S
-    if is_silent and command.what == "safe_stop" and stop_gateway(knowledge.rig.transport):
-        text = "the supervisor stands still: the gateway itself has let every hand go"
-        knowledge.stopped = {command.id: bodies.Answer(order=command.id, ok=True, text=text)}
-        return
-    ours_s = time.monotonic() + ANSWER_S - status.started_s
-    if command.what == "replay":
-        command = msgspec.structs.replace(command, incarnation=status.incarnation, before_s=ours_s)
-    link.send(msgspec.structs.replace(command, before_s=min(command.before_s, ours_s)))
 
 
 async def _serve(context: PageContext, knowledge: Knowledge, bus: Bus, link: Link, sock: socket.socket) -> None:
@@ -180,9 +152,7 @@ async def _follow(context: PageContext, knowledge: Knowledge, bus: Bus, link: Li
         if status is not None:
             observers = knowledge.observers
             observers.sample(status, knowledge.reports())
-            link.send(
-                Command(what="beat", who=OURS, incarnation=status.incarnation, before_s=0.0, line=observers.said())
-            )
+            link.send(Heartbeat(observers.said()))
             report = observers.report()
             context.latest = _encoder.encode(
                 dashboard.snapshot(

@@ -85,6 +85,7 @@ class Supervisor:
         self._safe_stop = self._remembered()
         self._armed = 0
         self._orders: deque[tuple[bodies.Order, float, float]] = deque(maxlen=8)
+        self._attempt_answers: tuple[bodies.Answer, ...] = ()
         self._now_s = now_s
         self._not_ready_s = self._trouble_s = now_s
         self._judged_s = self._told_s = float("-inf")
@@ -109,6 +110,12 @@ class Supervisor:
         """Pass on what somebody asked of the attempt, until `before_s` of the rig's time."""
         self.say("info", f"supervisor: attempt: {order.what} asked for by {who}")
         self._orders.append((order, self._now_s, self.started_s + before_s))
+
+    def attempt_answers(self) -> tuple[bodies.Answer, ...]:
+        """Return what the training process has answered last."""
+        if (frame := self._bus.latest("training.attempt")) is not None:
+            self._attempt_answers = frame.body.answers
+        return self._attempt_answers
 
     def switch(self, scenario: str, who: str) -> None:
         """Let whoever runs this session end it and begin one with another scenario; `who` asked for it."""

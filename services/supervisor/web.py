@@ -7,7 +7,6 @@ import contextlib
 import json
 import re
 import secrets
-import time
 from collections.abc import AsyncIterator, Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,7 +23,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import Receive, Scope, Send
 
 import protocol.bodies as bodies
-from services.runtime.errors import ConfigError
+from services.runtime.errors import BusError, ConfigError
 from services.runtime.rig import Rig
 from services.runtime.web_host import KnownHost, host_of
 from services.supervisor.commands import Command, What
@@ -32,8 +31,6 @@ from services.supervisor.page_place import DIST
 from services.training.scenario import scenario_names, scenario_of
 
 EVENT_PERIOD_S = 0.2
-#: So long the answer to a command is waited for: it is not carried out after that.
-ANSWER_S = 2.5
 _ORDER_BYTES, _LINE_BYTES = 1024, 32
 _REPLAY_HEADER = "X-Trocar-Replay"
 _BEFORE_HEADER, _BEFORE = "X-Trocar-Before", re.compile(r"([0-9]{1,15}) ([0-9]{1,9}(?:\.[0-9]{1,9})?)")
@@ -52,14 +49,13 @@ class PageContext:
 
     `registries` are the metrics by level; `healthy` tells whether the rig does what it is for, and in which words;
     `view_port` where the picture is served; `replays` whether a recording is shown that does what is asked of it;
-    `switches` whether another scenario can be begun; `ask` passes on a command, whose `answer` comes later.
+    `switches` whether another scenario can be begun; `ask` waits for what came of a command.
     """
 
     rig: Rig
     scene: str
     registries: Mapping[str, prometheus_client.CollectorRegistry]
-    ask: Callable[[Command], None]
-    answer: Callable[[int], bodies.Answer | None]
+    ask: Callable[[Command], bodies.Answer]
     healthy: Callable[[], tuple[bool, str]]
     view_port: Callable[[], int]
     replays: Callable[[], bool] = lambda: False
@@ -191,8 +187,6 @@ class _Endpoints:
         """Pass on an order, ``{"what": "slow", "value": 0.25}``, and wait for what the training process answers."""
         if (refusal := self._refusal(request)) is not None:
             return refusal
-        if not self._context.rig.process("training").enabled:
-            return JSONResponse({"error": "this rig has no training process"}, 503)
         try:
             asked = msgspec.json.decode(await _short(request), type=_Asked)
         except msgspec.DecodeError as error:
@@ -210,8 +204,7 @@ class _Endpoints:
         line = (await _short(request))[:_LINE_BYTES].decode("ascii", "replace")
         if not self._context.replays():
             return JSONResponse({"error": "no recording is shown here: `trocar replay FILE --pictures` shows one"}, 409)
-        self._context.ask(Command(what="replay", who=_who(request), incarnation=0, before_s=0.0, line=line))
-        return JSONResponse({"ok": True})
+        return await self._asked(Command(what="replay", who=_who(request), line=line))
 
     async def scenario(self, request: Request) -> Response:
         """End what runs and begin the scenario that the body names, at this address."""
@@ -229,22 +222,20 @@ class _Endpoints:
         if (before := _before(request)) is None:
             text = f"the header {_BEFORE_HEADER} must say of which run of the rig, and up to when: /api/state has both"
             return JSONResponse({"error": text}, 400)
-        number = secrets.randbits(53) if order is None else order.id
-        who, (incarnation, before_s) = _who(request), before
-        self._context.ask(
-            Command(what=what, who=who, incarnation=incarnation, before_s=before_s, id=number, order=order, line=line)
+        incarnation, before_s = before
+        return await self._asked(
+            Command(what=what, who=_who(request), incarnation=incarnation, before_s=before_s, order=order, line=line)
         )
-        if what == "switch":
-            return JSONResponse({"ok": True, "text": f"{line} begins: a few seconds."})
-        end_s = time.monotonic() + ANSWER_S
-        while (answer := self._context.answer(number)) is None:
-            if time.monotonic() > end_s:
-                whose = "supervisor" if order is None else "training process"
-                return JSONResponse({"error": f"the {whose} did not answer: nothing is done any more"}, 504)
-            await asyncio.sleep(EVENT_PERIOD_S / 4)
-        return JSONResponse(
-            {"ok": True, "text": answer.text} if answer.ok else {"error": answer.text}, 200 if answer.ok else 409
-        )
+
+    async def _asked(self, command: Command) -> Response:
+        """Return what came of a command."""
+        try:
+            answer = await asyncio.to_thread(self._context.ask, command)
+        except BusError as error:
+            return JSONResponse({"error": f"{error}: nothing is done any more"}, 504)
+        if answer.ok:
+            return JSONResponse({"ok": True, "text": answer.text})
+        return JSONResponse({"error": answer.text}, 409)
 
     def _refusal(self, request: Request) -> Response | None:
         given = request.headers.get("X-Trocar-Token", "")

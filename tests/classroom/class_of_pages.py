@@ -35,7 +35,7 @@ def page() -> PageContext:
     """Return what a rig's page server is made of; its `latest` is what it tells."""
     never: Callable[..., Any] = lambda *_: None  # noqa: E731
     return PageContext(
-        rig=rig(), scene="default", registries={}, ask=never, answer=never,
+        rig=rig(), scene="default", registries={}, ask=never,
         healthy=lambda: (True, "running"), view_port=lambda: 1, latest=state(),
     )  # fmt: skip
 

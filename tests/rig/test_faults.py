@@ -10,7 +10,7 @@ import signal
 
 import pytest
 
-from services.cli.arm import run_command
+from services.cli.attempt import run_order
 from services.recordings.reader import read_frames
 from tests.rig.conftest import Rig
 from tests.rig.faults import FAULTS, MENDED_S, engage, force_n, force_rates_n_s, rate_limit_n_s, strike
@@ -31,7 +31,7 @@ def test_an_attempt_begins_again_stands_and_goes_on_with_limp_arms_and_without_a
     observer, overrides = rig.observer, (f"transport.directory={rig.directory / 'bus'}",)
 
     def ask(what: str, value: float = 0.0) -> None:
-        assert run_command("attempt", "stub", overrides, asked={"what": what, "value": value})["ok"]
+        run_order("stub", overrides, what, value)
 
     engage(rig)
     del observer.samples[:-50]

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from protocol.bodies import Attempt
 from services.cli.app import app
-from services.cli.arm import Access, run_command
+from services.cli.arm import ask_at
 from services.runtime.rig import Transport
 from services.supervisor.page_place import page_file
 from tests import chromium
@@ -41,7 +41,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Attemp
         # Scripted hands wait for nobody: on a busy machine they are in before the training process follows them.
         rig.observer.until(lambda: bool(done() or told), LASTS_S, "somebody follows the attempt")
         page = json.loads(page_file(Transport(directory=folder / "bus")).read_text())
-        run_command("attempt", "stub", access=Access(page["address"], page["token"]), asked={"what": "new"})
+        ask_at(page["address"], page["token"], "attempt", {"what": "new"})
         told.clear()
         rig.observer.until(lambda: len(done()) >= 2, LASTS_S, "two attempts are done")
         ended = done()

@@ -137,10 +137,11 @@ class Bench:
     def __post_init__(self) -> None:
         hub = MemoryHub()
         for spec in TABLE:
-            publishes = [f"{spec.name}.health", *([spec.stream] if spec.stream else [])]
+            more = ["training.attempt"] if spec.name == "training" else [spec.stream] if spec.stream else []
+            publishes = [f"{spec.name}.health", *more]
             self.peers[spec.name] = Peer(spec, MemoryBus(hub, publishes=publishes), born_s=self.now_s)
         reads = [f"{spec.name}.health" for spec in TABLE] + [spec.stream for spec in TABLE if spec.stream]
-        bus = MemoryBus(hub, publishes=["supervisor.state"], reads=reads)
+        bus = MemoryBus(hub, publishes=["supervisor.state"], reads=[*reads, "training.attempt"])
         self.ears = MemoryBus(hub, reads_every=["supervisor.state"])
         levels = self.levels
         if isinstance(levels, int):

@@ -17,7 +17,7 @@ from typing import Any
 import httpx
 import pytest
 
-from services.cli.arm import Access, run_command
+from services.cli.arm import ask_at
 from services.runtime import config
 from services.runtime.zmq_bus import ZmqBus
 from services.supervisor import page, run_report
@@ -283,7 +283,7 @@ def test_a_command_that_was_given_up_is_not_carried_out_by_a_page_that_hung(fake
         os.kill(page_server, signal.SIGCONT)
         yield from until(lambda: any("given it up: nothing was done" in event.text for event in supervisor.events))
         assert supervisor.body().armed == 0
-        armed = asked(lambda: run_command("arm", "stub", access=Access(address, token))["text"])
+        armed = asked(lambda: ask_at(address, token, "arm"))
         yield from until(lambda: bool(armed))
         assert armed == ["armed: hands may be pushed"]
 

@@ -13,9 +13,8 @@ from contextlib import closing
 import protocol.bodies as bodies
 from services.runtime.process import listen_as
 from services.runtime.rig import Rig
-from services.supervisor.commands import Command
 from services.supervisor.observers.registry import Observers
-from services.supervisor.page_link import Link, PageSetup, RigStatus
+from services.supervisor.page_link import Heartbeat, Link, PageSetup, RigStatus
 
 _PERIOD_S = 0.2
 
@@ -41,8 +40,7 @@ def main(link_descriptor: int) -> int:
                     if frame is not None:
                         heard[process.name] = frame.body
                 observers.sample(status, heard)
-                rig_is = status.incarnation
-                link.send(Command(what="beat", who="", incarnation=rig_is, before_s=0.0, line=observers.said()))
+                link.send(Heartbeat(observers.said()))
             time.sleep(_PERIOD_S)
 
 
