@@ -61,13 +61,10 @@ def up(
     overrides: Overrides = None,
 ) -> None:
     """Start the whole rig and stay with it until Ctrl-C."""
-    from services.supervisor.nursery import Nursery
+    from services.cli.up import Request, run_up
 
-    with Nursery() as nursery:  # first: it imports on another core than all that follows
-        from services.cli.up import Request, run_up
-
-        shown = viewer and viewer.value
-        run_up(Request(rig, scene, seconds, json_file, shown, tuple(overrides or ()), scenario), nursery)
+    shown = viewer and viewer.value
+    run_up(Request(rig, scene, seconds, json_file, shown, tuple(overrides or ()), scenario))
 
 
 @app.command()
@@ -195,14 +192,11 @@ def replay(
         from services.cli.replay import run_check
 
         return run_check(file, json)
-    from services.supervisor.nursery import Nursery
+    from services.cli.replay import Replay, run_replay
 
-    with Nursery() as nursery:
-        from services.cli.replay import Replay, run_replay
-
-        shown = viewer and viewer.value
-        asked = Replay(file, rig, rate, from_s, until_s, loop, take_over, pictures, shown, tuple(overrides or ()))
-        return run_replay(asked, nursery)
+    shown = viewer and viewer.value
+    asked = Replay(file, rig, rate, from_s, until_s, loop, take_over, pictures, shown, tuple(overrides or ()))
+    return run_replay(asked)
 
 
 class Form(StrEnum):

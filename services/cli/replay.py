@@ -19,7 +19,6 @@ from services.recordings.inputs import read_inputs
 from services.recordings.reader import read_extras
 from services.runtime import config
 from services.runtime.zmq_bus import ZmqBus
-from services.supervisor.nursery import Nursery
 from services.supervisor.supervisor import Supervisor
 
 
@@ -66,7 +65,7 @@ class Replay:
     overrides: tuple[str, ...]
 
 
-def run_replay(asked: Replay, nursery: Nursery) -> None:
+def run_replay(asked: Replay) -> None:
     """Start a rig whose device frames are those of a recording, in the scene of the recording.
 
     Raises
@@ -75,7 +74,7 @@ def run_replay(asked: Replay, nursery: Nursery) -> None:
         if it cannot be run again, with the reason.
     """
     if asked.pictures:
-        return _show(asked, nursery)
+        return _show(asked)
     inputs = read_inputs(asked.file)
     inputs.check_mechanics()
     if inputs.ended:
@@ -89,10 +88,10 @@ def run_replay(asked: Replay, nursery: Nursery) -> None:
     ends_when = _never if asked.take_over else _is_over
     with tempfile.TemporaryDirectory() as folder:
         scene = _scene_file(Path(folder), inputs.metadata, inputs.attachments)
-        return run_up(Request(asked.rig, str(scene), None, None, asked.viewer, overrides, ends_when=ends_when), nursery)
+        return run_up(Request(asked.rig, str(scene), None, None, asked.viewer, overrides, ends_when=ends_when))
 
 
-def _show(asked: Replay, nursery: Nursery) -> None:
+def _show(asked: Replay) -> None:
     """Show what was recorded: only the picture runs."""
     metadata, attachments = read_extras(asked.file)
     if "scene.yaml" not in attachments:
@@ -110,7 +109,7 @@ def _show(asked: Replay, nursery: Nursery) -> None:
 
         print(pictures.HELP)
         shown = pictures.shown_by(open_player)
-        run_up(Request(asked.rig, str(scene), None, None, asked.viewer, overrides, ends_when=shown), nursery)
+        run_up(Request(asked.rig, str(scene), None, None, asked.viewer, overrides, ends_when=shown))
 
 
 def _scene_file(folder: Path, metadata: Mapping[str, str], attachments: Mapping[str, bytes]) -> Path:

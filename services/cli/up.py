@@ -15,7 +15,6 @@ from services.runtime import config
 from services.runtime.errors import DeviceError, UserError
 from services.runtime.process import Options
 from services.supervisor import run_report, session
-from services.supervisor.nursery import Nursery
 from services.supervisor.supervisor import Supervisor
 from services.training.scenario import scenario_of
 from services.visualization.web import build
@@ -74,7 +73,7 @@ class Run:
         return is_over or bool(self.next_scenario) or (request.ends_when is not None and request.ends_when(supervisor))
 
 
-def run_up(request: Request, nursery: Nursery) -> None:
+def run_up(request: Request) -> None:
     """Start the rig, stay until it ends, write the report whatever ended it.
 
     Where the page asks for another scenario that is run next, with the page's address and token as they are. A scenario
@@ -82,7 +81,7 @@ def run_up(request: Request, nursery: Nursery) -> None:
     """
     targets.look_at_file("--json", request.json_file)
     options, token, remarks = request.options(), secrets.token_urlsafe(16), tuple(filter(None, [build.reproach()]))
-    while name := (run := _run_session(request, options, token, remarks, nursery)).next_scenario:
+    while name := (run := _run_session(request, options, token, remarks)).next_scenario:
         other = replace(request, scene=None, scenario=name)
         try:
             options, request, remarks = other.options(), other, ()
@@ -91,12 +90,12 @@ def run_up(request: Request, nursery: Nursery) -> None:
         options = replace(options, overrides=(*options.overrides, f"supervisor.web.port={run.port}"))
 
 
-def _run_session(request: Request, options: Options, token: str, remarks: tuple[str, ...], nursery: Nursery) -> Run:
+def _run_session(request: Request, options: Options, token: str, remarks: tuple[str, ...]) -> Run:
     process = session.open_session(options)
     display = StatusDisplay()
     run = Run(request, display)
     asked = session.SessionOptions(
-        options, on_event=display.event, on_turn=run.turn, remarks=remarks, nursery=nursery,
+        options, on_event=display.event, on_turn=run.turn, remarks=remarks,
         switches=request.ends_when is None and process.rig.supervisor.mode == "launch", token=token,
     )  # fmt: skip
     try:

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from services import start_up
 from services.runtime.errors import UserError
 from services.runtime.process import parse
-from services.supervisor.nursery import Nursery
 from services.supervisor.session import SessionOptions, open_session, run_session
 from services.supervisor.state_machine import RigState
 from services.supervisor.supervisor import Event, Supervisor
@@ -19,13 +18,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     start_up.end()
     try:
         options = parse("supervisor", arguments)
-        with Nursery() as nursery:
-            process = open_session(options)
-            try:
-                greeting = _Greeting()
-                run_session(process, SessionOptions(options, on_event=_print, on_turn=greeting.turn, nursery=nursery))
-            finally:
-                process.bus.close()
+        process = open_session(options)
+        try:
+            run_session(process, SessionOptions(options, on_event=_print, on_turn=_Greeting().turn))
+        finally:
+            process.bus.close()
     except UserError as error:
         print(f"supervisor: {error}", file=sys.stderr)  # noqa: T201
         return error.exit_code

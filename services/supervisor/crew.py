@@ -17,10 +17,9 @@ from services.runtime.errors import EndOfRig
 from services.supervisor import hang_detection
 from services.supervisor.exit_messages import how_it_ended, level_of, start_sentence
 from services.supervisor.floods import Floods
-from services.supervisor.launcher import Child, open_sink
+from services.supervisor.launcher import Child
 from services.supervisor.loop_progress import LoopProgress
 from services.supervisor.member import Fault, Member, MemberState
-from services.supervisor.nursery import Nursery
 
 #: How long a process may take to end by itself.
 END_S = 5.0
@@ -38,11 +37,10 @@ PATIENCE_NS = 10_000_000
 
 @dataclass(frozen=True, slots=True)
 class Launch:
-    """How processes are started: their command line, where they write what they say, where they are born if at all."""
+    """How processes are started: their command line, and where they write what they say."""
 
     arguments: tuple[str, ...]
     log_directory: Path
-    nursery: Nursery | None = None
 
 
 @dataclass(slots=True)
@@ -73,7 +71,6 @@ class Crew:
         self._forgive_own_delay(now_s)
         hearing = self._is_hearing(now_s)  # before the reading: what arrives after this is heard in the next turn
         flowing = self._flowing()
-        self._take_newborn(now_s)
         self._warn(self._floods.seen("supervisor", os.getpid(), self.bus.floods(), now_s))
         for member in self.members.values():
             flows = member.name in flowing
@@ -94,9 +91,6 @@ class Crew:
         for member in self.members.values():
             if member.child is not None:
                 poll.register(member.child.descriptor, select.POLLIN)
-        nursery = self.launch.nursery if self.launch is not None else None
-        if nursery is not None and not nursery.lost:
-            poll.register(nursery.descriptor, select.POLLIN)
         poll.poll(timeout_s * 1e3)
 
     @property
@@ -145,7 +139,7 @@ class Crew:
             elif now_s - member.since_s > END_S and not member.killed:
                 self.say("warning", f"{member.name}: did not end within {END_S:.0f} s, killed")
                 member.kill()
-        return not mine and not any(member.birth is not None for member in self.members.values())
+        return not mine
 
     def _send_end(self, member: Member) -> None:
         assert member.child is not None
@@ -284,31 +278,8 @@ class Crew:
         return all(name in self._prepared for name in names if name in self.members)
 
     def _start(self, member: Member, now_s: float, launch: Launch) -> None:
-        nursery, log_file = launch.nursery, launch.log_directory / f"{member.name}.log"
-        if nursery is None or not nursery.bears(member.spec):
-            self._begin(member, Child.started(member.spec, launch.arguments, log_file), now_s)
-        elif nursery.ready and member.birth is None:
-            with open_sink(log_file) as sink:
-                member.birth = nursery.ask(member.spec, launch.arguments, sink.fileno())
-
-    def _take_newborn(self, now_s: float) -> None:
-        """Take over the processes that were asked for and have started."""
-        if self.launch is None or self.launch.nursery is None:
-            return
-        self.launch.nursery.hear()
-        if self.all_ready and not self.stopping and self.launch.nursery.revive():
-            self.say("warning", "supervisor: the process that others are born of was gone: started again")
-        for member in self.members.values():
-            if member.birth is None or member.birth.pid is None:
-                continue
-            pid, member.birth = member.birth.pid, None
-            if pid > 0:
-                log_file = self.launch.log_directory / f"{member.name}.log"
-                self._begin(member, Child(member.spec, pid, log_file), now_s)
-
-    def _begin(self, member: Member, child: Child, now_s: float) -> None:
         member.forget()
-        member.child = child
+        member.child = Child(member.spec, launch.arguments, launch.log_directory / f"{member.name}.log")
         member.enter(MemberState.STARTING, now_s)
         member.progress = ("loading", 0.0)  # until it says more itself
         self.say("debug", f"{member.name}: started as process {member.pid}")

@@ -15,7 +15,6 @@ import sys
 from collections.abc import Collection, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import IO, Self
 
 from services.runtime.private_directory import open_private
 from services.supervisor.kernel_word import KernelWord, Waits
@@ -28,30 +27,13 @@ _READ_BYTES = 1 << 16
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 
 
-def open_sink(log_file: Path) -> IO[bytes]:
-    """Return the emptied file that a process is to write into."""
-    return os.fdopen(open_private(log_file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), "wb")
-
-
 class Child:
-    """A running process of ours, a child of this one, with a descriptor that becomes readable when it ends."""
+    """A process that is started when this is made, with a descriptor that becomes readable when it ends."""
 
-    def __init__(self, spec: ProcessSpec, pid: int, log_file: Path) -> None:
-        self.spec = spec
-        self.pid = pid
-        self.log_file = log_file
-        self._status: int | None = None
-        self.descriptor = os.pidfd_open(self.pid)
-        self._kernel = KernelWord(self.pid)
-        self._log = os.fdopen(open_private(log_file, os.O_RDONLY), "rb")
-        self._rest = b""
-
-    @classmethod
-    def started(
-        cls, spec: ProcessSpec, arguments: Sequence[str], log_file: Path, pass_fds: Collection[int] = ()
-    ) -> Self:
-        """Start a process of its own; return it."""
-        with open_sink(log_file) as sink:
+    def __init__(
+        self, spec: ProcessSpec, arguments: Sequence[str], log_file: Path, pass_fds: Collection[int] = ()
+    ) -> None:
+        with os.fdopen(open_private(log_file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), "wb") as sink:
             popen = subprocess.Popen(
                 [sys.executable, "-m", spec.module, *arguments],
                 stdin=subprocess.DEVNULL,
@@ -62,8 +44,14 @@ class Child:
                 # A Ctrl-C at the terminal is ours alone, children are ended in order; and `services.runtime.autogroup`.
                 start_new_session=True,
             )
-        popen.returncode = 0  # `end` waits for it, as for processes that were forked elsewhere
-        return cls(spec, popen.pid, log_file)
+        popen.returncode = 0  # `end` waits for it
+        self.pid = popen.pid
+        self.log_file = log_file
+        self._status: int | None = None
+        self.descriptor = os.pidfd_open(self.pid)
+        self._kernel = KernelWord(self.pid)
+        self._log = os.fdopen(open_private(log_file, os.O_RDONLY), "rb")
+        self._rest = b""
 
     def end(self) -> int | None:
         """Return the exit status once the process has ended (negative: the signal), and end what it had started."""

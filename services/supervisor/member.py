@@ -14,7 +14,6 @@ from services.runtime.rig import Rig
 from services.supervisor import contracts, figures
 from services.supervisor.kernel_word import Waits
 from services.supervisor.launcher import Child
-from services.supervisor.nursery import Birth
 from services.supervisor.processes import ProcessSpec
 from services.supervisor.window import Window
 
@@ -90,7 +89,6 @@ class Member:
     state: MemberState = MemberState.WAITING
     reason: str = ""
     child: Child | None = None
-    birth: Birth | None = None  # of the next child, where one was asked for
     due_s: float = 0.0
     since_s: float = 0.0
     health: bodies.Health | None = None

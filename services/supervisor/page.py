@@ -106,7 +106,7 @@ class Page:
         self._link, other = Link.pair()
         self._link.send(self._setup)
         descriptors = (other.fileno(), *((self._socket.fileno(),) if self._socket is not None else ()))
-        self._child = Child.started(self._spec, [str(each) for each in descriptors], self._log_file, descriptors)
+        self._child = Child(self._spec, [str(each) for each in descriptors], self._log_file, descriptors)
         other.close()
 
     def _lost(self, link: Link, child: Child, now_s: float, why: str = "") -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import gc
+import os
+import resource
 import secrets
 import signal
 import socket
@@ -26,7 +28,6 @@ from services.supervisor.crew import Launch
 from services.supervisor.governor import Level
 from services.supervisor.loop_progress import LoopProgress
 from services.supervisor.member import Fault, MemberState
-from services.supervisor.nursery import Nursery
 from services.supervisor.page import Page, missing_package
 from services.supervisor.page_link import PageSetup
 from services.supervisor.processes import TABLE, ProcessSpec
@@ -35,6 +36,8 @@ from services.supervisor.state_machine import RigState
 from services.supervisor.supervisor import Event, Setup, Supervisor
 
 _TURN_S = 0.02
+#: Files that a process of a rig has open at once, at most; the supervisor had 98 with a rig that ran.
+_FILES = 256
 STAGES = ("judge", "report", "page")
 
 
@@ -72,8 +75,6 @@ class SessionOptions:
         Called after every turn, fifty times a second; True ends the session.
     remarks
         Warnings that are events from the beginning, so that the page shows them too.
-    nursery
-        Where processes are born; without one, each imports for itself.
     switches
         Whether `on_turn` ends the session when the supervisor has a `next_scenario`, and that is run next.
     token
@@ -85,7 +86,6 @@ class SessionOptions:
     on_event: Callable[[Event], None] | None = None
     on_turn: Callable[[Supervisor, float], bool] = field(default=lambda _supervisor, _now_s: False)
     remarks: tuple[str, ...] = ()
-    nursery: Nursery | None = None
     switches: bool = False
     token: str = field(default_factory=lambda: secrets.token_urlsafe(16))
 
@@ -96,12 +96,24 @@ def open_session(options: Options) -> Process:
     Raises
     ------
     UserError
-        if the configuration cannot be used, or a rig is running on this transport already.
+        if the configuration cannot be used, a rig is running on this transport already, or too few files may be open.
     """
+    _make_room()
     _refuse_second_rig(options)
     process = open_process(load_process_config("supervisor", options))
     signal.signal(signal.SIGHUP, signal.getsignal(signal.SIGTERM))  # the terminal was closed
     return process
+
+
+def _make_room() -> None:
+    """Raise the limit of open files as far as is needed, beside those that whoever started us has left open."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    needed = _FILES + len(os.listdir("/proc/self/fd"))
+    if soft >= needed or soft == resource.RLIM_INFINITY:
+        return
+    if hard != resource.RLIM_INFINITY and hard < needed:
+        raise UserError(f"only {hard} files may be open at once, a rig needs {needed}: `ulimit -n {needed}` allows it")
+    resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
 
 
 def _refuse_second_rig(options: Options) -> None:
@@ -209,11 +221,9 @@ def _setup(process: Process, session: SessionOptions) -> Setup:
     rig = process.rig
     levels = quality_levels(process.scene_name, process.scene_overrides)
     if rig.supervisor.mode == "attach":
-        if session.nursery is not None:
-            session.nursery.close()  # the processes are somebody else's
         memory = endpoints.run_directory(rig.transport) / "safe_stop"
         return Setup(rig, session.table, None, levels, safe_stop_file=memory)
-    return Setup(rig, session.table, Launch(arguments(session.options), log_directory(rig), session.nursery), levels)
+    return Setup(rig, session.table, Launch(arguments(session.options), log_directory(rig)), levels)
 
 
 def quality_levels(scene: str, overrides: Sequence[str] = ()) -> tuple[Level, ...]:

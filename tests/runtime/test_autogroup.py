@@ -91,7 +91,7 @@ def test_a_kernel_without_groups_and_one_that_refuses_are_no_error(
 
 def test_each_process_of_the_rig_leads_a_session(tmp_path: Path) -> None:
     tmp_path.chmod(0o700)
-    child = Child.started(
+    child = Child(
         ProcessSpec("timer", "timeit"), ["-n", "1", "-r", "1", "import time; time.sleep(60)"], tmp_path / "log"
     )
     try:

@@ -10,7 +10,6 @@ from pathlib import Path
 
 from services.runtime.process import Options
 from services.supervisor import session
-from services.supervisor.nursery import Nursery
 from services.supervisor.processes import TABLE, ProcessSpec
 from services.supervisor.state_machine import RigState
 from services.supervisor.supervisor import Supervisor
@@ -25,7 +24,6 @@ class Fakes:
     """A rig of fake processes in a folder of its own."""
 
     options: Options
-    nursery: Nursery | None = None
 
     def table(self, **words: str) -> tuple[ProcessSpec, ...]:
         path = os.pathsep.join((str(HERE), str(HERE.parents[1])))
@@ -54,9 +52,7 @@ class Fakes:
 
         process = session.open_session(self.options)
         try:
-            options = session.SessionOptions(
-                self.options, table, lambda event: events.append(event.text), turn, nursery=self.nursery
-            )
+            options = session.SessionOptions(self.options, table, lambda event: events.append(event.text), turn)
             session.run_session(process, options)
         finally:
             process.bus.close()

@@ -37,7 +37,7 @@ def test_its_own_sentence_is_told_whatever_a_library_says_after_it(lines: list[s
 def test_colours_of_a_library_are_not_repeated(tmp_path: Path) -> None:
     tmp_path.chmod(0o700)
     says = ["-n1", "-r1", r"print('\33[0m\33[33mbad server\33[0m')"]
-    child = Child.started(ProcessSpec("timer", "timeit"), says, tmp_path / "log")
+    child = Child(ProcessSpec("timer", "timeit"), says, tmp_path / "log")
     while child.wait(1.0) is None:
         pass
     lines = child.lines()

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,20 +14,10 @@ import pytest
 from services.runtime.errors import BusError
 from services.supervisor import session
 from services.supervisor.member import MemberState
-from services.supervisor.nursery import Nursery
 from services.supervisor.state_machine import RigState
 from services.supervisor.supervisor import Supervisor
 from tests.real_time import fifo_is_granted
-from tests.supervisor.fakes import HERE, Fakes, Scenario, children, gone, page_servers, until, until_running
-
-
-def test_who_looks_at_processes_that_others_start_keeps_no_zygote(fakes: Fakes) -> None:
-    fakes.options = replace(fakes.options, overrides=("supervisor.mode=attach",))
-    with Nursery() as nursery:
-        fakes.nursery = nursery
-        fakes.play(lambda _supervisor: iter([None]))
-        assert nursery.lost
-        assert gone(nursery.pid)
+from tests.supervisor.fakes import Fakes, Scenario, gone, page_servers, until, until_running
 
 
 def test_start_order_progress_no_second_rig_and_a_clean_end(fakes: Fakes) -> None:
@@ -52,6 +44,17 @@ def test_start_order_progress_no_second_rig_and_a_clean_end(fakes: Fakes) -> Non
     }  # they wait until haptics and physics say that they are ready
 
 
+@pytest.mark.parametrize("command", [["-m", "services.supervisor"], ["-m", "services.cli.app", "up"]])
+def test_too_few_descriptors_are_a_sentence_before_anything_starts(command: list[str], tmp_path: Path) -> None:
+    least = ["bash", "-c", 'ulimit -n 64; exec "$@"', "-", sys.executable, *command]
+    environment = os.environ | {"TMPDIR": str(tmp_path), "XDG_RUNTIME_DIR": str(tmp_path)}
+    ended = subprocess.run(least, env=environment, capture_output=True, text=True, timeout=100, check=False)
+    assert ended.returncode == 1
+    assert ended.stderr.count("\n") == 1
+    assert "only 64 files may be open at once, a rig needs 2" in ended.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_rig_whose_place_for_flights_is_taken_by_somebody_runs_and_ends_all_the_same(
     fakes: Fakes, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -61,56 +64,6 @@ def test_a_rig_whose_place_for_flights_is_taken_by_somebody_runs_and_ends_all_th
     monkeypatch.setattr("services.runtime.flight._MEMORY", tmp_path)
     monkeypatch.setattr("services.runtime.flight.is_memory", lambda _directory: False)
     fakes.play(until_running)
-
-
-def test_who_dies_is_born_anew_and_started_anew_where_nobody_bears_any_more(
-    fakes: Fakes, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join((str(HERE), str(HERE.parents[1]))))
-    monkeypatch.setattr("services.supervisor.nursery._RETRIES", 0)  # a zygote that is gone stays gone
-    born, pids = [], []
-
-    def struck(supervisor: Supervisor) -> Scenario:
-        member = supervisor.crew.members["haptics"]
-        first = member.pid
-        os.kill(first, signal.SIGKILL)
-        yield from until(lambda: member.up and member.pid != first)
-        yield from until_running(supervisor)
-        assert gone(first)
-        pids.append(member.pid)
-
-    def scenario(supervisor: Supervisor) -> Scenario:
-        yield from until_running(supervisor)
-        born.extend(_is_born(member.pid) for member in supervisor.crew.members.values())
-        yield from struck(supervisor)
-        born.append(_is_born(pids[-1]))
-        os.kill(nursery.pid, signal.SIGKILL)
-        yield from struck(supervisor)
-        born.append(_is_born(pids[-1]))
-        pids.extend(member.pid for member in supervisor.crew.members.values())
-
-    with Nursery() as nursery:
-        events = replace(fakes, nursery=nursery).play(scenario)
-    assert born == [True] * 7 + [False]
-    assert all(gone(pid) for pid in pids)
-    assert sum(event.startswith("haptics: ended by SIGKILL") for event in events) == 2
-
-
-def test_who_is_born_while_the_rig_ends_is_ended_too(fakes: Fakes, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join((str(HERE), str(HERE.parents[1]))))
-
-    def scenario(supervisor: Supervisor) -> Scenario:
-        yield from until(lambda: any(member.birth is not None for member in supervisor.crew.members.values()))
-
-    with Nursery() as nursery:
-        events = replace(fakes, nursery=nursery).play(scenario)
-    assert any("started as process" in event for event in events), "as was asked for before"
-    assert children("fake_process") == []
-
-
-def _is_born(pid: int) -> bool:
-    """Return whether a process is a copy of one that had more room for its command line."""
-    return Path(f"/proc/{pid}/cmdline").read_bytes().endswith(b"\0\0")
 
 
 def test_killed_or_stopped_is_noticed_and_started_again(fakes: Fakes) -> None:
