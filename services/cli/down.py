@@ -16,6 +16,7 @@ from services.runtime.endpoints import lock_holders
 from services.runtime.errors import UserError
 from services.runtime.flight import remove_rings
 from services.runtime.rig import Rig
+from services.supervisor import frozen_configuration
 from services.supervisor.page_place import page_file
 
 _SUPERVISOR_S = 15.0  # it ends five processes, each of which may take five seconds
@@ -51,6 +52,7 @@ def end_all(rig: Rig, found: dict[str, int]) -> list[str]:
     endpoints.remove_stale(rig.transport)
     remove_rings(endpoints.run_directory(rig.transport))  # a supervisor that is killed, or attached, leaves them
     page_file(rig.transport).unlink(missing_ok=True)
+    frozen_configuration.remove(rig.transport)
     return list(found)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from pathlib import Path
 
 import yaml
 
@@ -12,7 +11,6 @@ from services.mechanics.reduction import ReducedDuct
 from services.runtime import config
 from services.runtime.rig import Rig
 from services.scenes.duct_file import duct_file
-from services.scenes.load import scene_data
 
 YAML, NPZ = "application/yaml", "application/x-npz"
 Attached = tuple[str, str, bytes]
@@ -20,10 +18,7 @@ Attached = tuple[str, str, bytes]
 
 def settings(rig: Rig, scene: str, overrides: tuple[str, ...]) -> Iterator[Attached]:
     """Yield name, media type and content of what the rig was told."""
-    data = scene_data(scene, overrides)
-    if data.get("duct", {}).get("mesh_file"):
-        data["duct"]["mesh_file"] = str(Path(data["duct"]["mesh_file"]).resolve())
-    yield "scene.yaml", YAML, _yaml(data)
+    yield "scene.yaml", YAML, _yaml(config.read_scene(scene, overrides))
     yield "rig.yaml", YAML, _yaml(json.loads(rig.model_dump_json()))
     drivers = [driver for each in rig.gateway.instruments for driver in (each.arm, each.grasp) if driver is not None]
     for device in dict.fromkeys(driver.device for driver in drivers if driver.device is not None):

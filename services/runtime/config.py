@@ -131,17 +131,31 @@ def _place(number: str) -> int:
     return int(number)
 
 
-def read_scene(scene: str, overrides: Iterable[str] = ()) -> dict[str, Any]:
-    """Return what a scene file, or one's name in configs/scenes, says, unchecked: for those who run none of it.
+def read_scene(scene: str | Path, overrides: Iterable[str] = (), origins: Origins | None = None) -> dict[str, Any]:
+    """Return what a scene file, or one's name in configs/scenes, says with overrides on top, unchecked.
+
+    Another file of that is the same scene, wherever it lies: the path of a surface file does not count from anywhere.
 
     Raises
     ------
     ConfigError
         if there is no such scene, or the file is not YAML.
     """
-    data = read_yaml(find("scene", scene))
-    apply_overrides(data, overrides, {})
+    path = find("scene", scene)
+    data = read_yaml(path)
+    origins = {} if origins is None else origins
+    origins.update(origins_of(data, str(path)))
+    _anchor_mesh_file(data, path.parent)
+    apply_overrides(data, overrides, origins)
+    _anchor_mesh_file(data, Path.cwd())
     return data
+
+
+def _anchor_mesh_file(data: dict[str, Any], folder: Path) -> None:
+    """Make a relative surface file count from `folder`: that of the scene, or for an override the present one."""
+    duct = data.get("duct")
+    if isinstance(duct, dict) and isinstance(duct.get("mesh_file"), str):
+        duct["mesh_file"] = str(folder.absolute() / duct["mesh_file"])
 
 
 def build(kind: type[T], data: Mapping[str, Any], where: str) -> T:

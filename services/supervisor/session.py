@@ -11,7 +11,7 @@ import socket
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from services.runtime import config, endpoints
@@ -23,8 +23,10 @@ from services.runtime.private_directory import make_private
 from services.runtime.process import Options, Process, load_process_config, open_process
 from services.runtime.rig import Rig
 from services.runtime.web_host import listen
+from services.supervisor import frozen_configuration
 from services.supervisor.control import Control
 from services.supervisor.crew import Launch
+from services.supervisor.frozen_configuration import ChangedFiles
 from services.supervisor.governor import Level
 from services.supervisor.loop_progress import LoopProgress
 from services.supervisor.member import Fault, MemberState
@@ -145,6 +147,8 @@ def run_session(process: Process, session: SessionOptions) -> None:
         supervisor.say("warning", remark)
     threads = OwnIoThreads()
     supervisor.crew.has_heard_all = threads.are_idle
+    files = frozen_configuration.files_of(process.rig, session.options.rig, process.scene_name)
+    changed = frozen_configuration.ChangedFiles(files, supervisor.say)
     rings = _rings(process.rig)
     loop_progress = supervisor.crew.loop_progress = LoopProgress(rings)
     with (
@@ -157,12 +161,13 @@ def run_session(process: Process, session: SessionOptions) -> None:
         process.ready(meter, starts_others=True)
         gc.enable()  # what is alive now is frozen; in a session of days a supervisor makes some garbage
         try:
-            interrupted = not _watch(process, supervisor, (page, control), session, meter) and process.stop()
+            interrupted = not _watch(process, supervisor, (page, control, changed), session, meter) and process.stop()
         finally:
             while not supervisor.stop_step(time.monotonic()):
                 supervisor.crew.wait(_TURN_S)
     if process.rig.supervisor.mode == "launch" and rings is not None:
         remove_rings(endpoints.run_directory(process.rig.transport))
+    frozen_configuration.remove(process.rig.transport)
     if supervisor.crew.fatal is not None:
         raise StartError(supervisor.crew.fatal.sentence, supervisor.crew.fatal.exit_code)
     members = supervisor.crew.members.values()
@@ -193,7 +198,11 @@ def _page(sock: socket.socket, supervisor: Supervisor, process: Process, session
 
 
 def _watch(
-    process: Process, supervisor: Supervisor, lines: tuple[Page, Control], session: SessionOptions, meter: LoopMeter
+    process: Process,
+    supervisor: Supervisor,
+    lines: tuple[Page, Control, ChangedFiles],
+    session: SessionOptions,
+    meter: LoopMeter,
 ) -> bool:
     """Watch the rig until it is to end; return whether it ever ran."""
     due_ns, ran = time.monotonic_ns(), False
@@ -223,7 +232,9 @@ def _setup(process: Process, session: SessionOptions) -> Setup:
     if rig.supervisor.mode == "attach":
         memory = endpoints.run_directory(rig.transport) / "safe_stop"
         return Setup(rig, session.table, None, levels, safe_stop_file=memory)
-    return Setup(rig, session.table, Launch(arguments(session.options), log_directory(rig)), levels)
+    arguments, environment = frozen_configuration.freeze(process)
+    table = tuple(replace(spec, environment={**spec.environment, **environment}) for spec in session.table)
+    return Setup(rig, table, Launch(arguments, log_directory(rig)), levels)
 
 
 def quality_levels(scene: str, overrides: Sequence[str] = ()) -> tuple[Level, ...]:
@@ -243,13 +254,6 @@ def _level(rung: Mapping[str, object]) -> Level:
     measured = (rung.get(key) for key in ("cost_us", "force_error_percent", "motion_error_percent"))
     numbers = (float(each) if isinstance(each, int | float) else None for each in measured)
     return Level(str(rung.get("name", Level().name))[:64], *numbers)
-
-
-def arguments(options: Options) -> tuple[str, ...]:
-    """Return the command line that gives a process the same configuration."""
-    scene = () if options.scene is None else ("--scene", options.scene)
-    overrides = tuple(part for override in options.overrides for part in ("--set", override))
-    return ("--rig", options.rig, *scene, *overrides)
 
 
 def log_directory(rig: Rig) -> Path:

@@ -13,8 +13,7 @@ from protocol import Frame, topic
 from protocol.bodies import GatewayState, InstrumentState
 from services.recorder.recording import RecordingWriter
 from services.recordings.provenance import machine, mechanics_digest
-from services.runtime import bus
-from services.scenes.load import scene_data
+from services.runtime import bus, config
 from tests.memory_bus import MemoryBus
 from tests.physics.conftest import PORTS, SMALL, Rig
 
@@ -28,7 +27,7 @@ def record(path: Path, rig: Rig, ticks: int, seed: int = 0) -> Path:
     chance = np.random.default_rng(seed)
     metadata = {"mechanics": mechanics_digest(), "machine": machine(), "scene": "small"}
     writer = RecordingWriter(path, metadata)
-    writer.attach("scene.yaml", "application/yaml", yaml.safe_dump(scene_data(SMALL, [LADDER])).encode())
+    writer.attach("scene.yaml", "application/yaml", yaml.safe_dump(config.read_scene(SMALL, [LADDER])).encode())
     listener = MemoryBus(rig.hub, reads_every=RECORDED)
     out = bus.Outbox(topic("gateway.state"), 1)
     is_fresh = rig.haptics_process.bus.is_fresh

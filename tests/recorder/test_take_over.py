@@ -28,7 +28,6 @@ from services.recordings.provenance import machine, mechanics_digest
 from services.runtime import config, loop
 from services.runtime.loop import LoopMeter, TickClock
 from services.scenes import load_duct, load_scene
-from services.scenes.load import scene_data
 from tests.memory_bus import MemoryBus, MemoryHub
 from tests.memory_process import MemoryProcess, in_time_of
 from tests.physics.conftest import SMALL
@@ -135,7 +134,7 @@ def pressed(tmp_path_factory: pytest.TempPathFactory) -> Path:
         rig = WholeRig(folder, patch, load_scene(SMALL), (press, press))
         listener = MemoryBus(rig._listener._hub, reads_every=RECORDED)
         writer = RecordingWriter(folder / "a.mcap", {"mechanics": mechanics_digest(), "machine": machine()})
-        writer.attach("scene.yaml", "application/yaml", yaml.safe_dump(scene_data(SMALL, [])).encode())
+        writer.attach("scene.yaml", "application/yaml", yaml.safe_dump(config.read_scene(SMALL, [])).encode())
         for _ in range(round(PRESSED_S / STRETCH_S)):
             rig.run(STRETCH_S)
             for frame in listener.drain("gateway.state"):

@@ -1,0 +1,98 @@
+"""The configuration that a rig runs with, as it was read when the rig began.
+
+Processes that are started, or started again hours later, get copies of the files: rig and scene as one with all
+overrides, devices, scenarios and scores as they were. A file that has changed meanwhile is said, once, and changes
+nothing.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+
+import yaml
+
+from services.runtime import config, endpoints
+from services.runtime.private_directory import make_private
+from services.runtime.process import Process
+from services.runtime.rig import Rig, Transport
+
+_LOOK_S = 1.0
+
+
+def freeze(process: Process) -> tuple[tuple[str, ...], dict[str, str]]:
+    """Copy the configuration into the rig's private directory; return arguments and environment that lead to it.
+
+    A scene that was named stays named so; a scene, a rig or a device that was given as a file gets another place.
+    """
+    rig = process.rig
+    folder = make_private(_folder(rig.transport))
+    shutil.rmtree(folder)
+    shutil.copytree(config.config_directory(), folder)
+    given = folder / "given"
+    given.mkdir()
+    data = rig.model_dump(mode="json", exclude_defaults=True, exclude={"base"})
+    for instrument in data.get("gateway", {}).get("instruments", ()):
+        for driver in filter(None, (instrument["arm"], instrument.get("grasp"))):
+            if _is_file(driver.get("device")):
+                driver["device"] = str(shutil.copy(driver["device"], given))
+    scene = process.scene_name
+    is_file = _is_file(scene)
+    frozen_scene = (given if is_file else folder / "scenes") / f"{Path(scene).stem}.yaml"
+    _write(frozen_scene, config.read_scene(scene, process.scene_overrides))
+    _write(given / "rig.yaml", data)
+    arguments = ("--rig", str(given / "rig.yaml"), "--scene", str(frozen_scene) if is_file else scene)
+    return arguments, {"TROCAR_CONFIG_DIR": str(folder), "TROCAR_SET": ""}
+
+
+def remove(transport: Transport) -> None:
+    """Remove the copies of a rig that has ended."""
+    shutil.rmtree(_folder(transport), ignore_errors=True)
+
+
+def files_of(rig: Rig, rig_name: str, scene: str) -> set[Path]:
+    """Return the files that were read: of the rig with what it is based on, of the scene and of the devices."""
+    rig_files = {Path(origin) for origin in config.load(Rig, config.find("rig", rig_name))[1].values()}
+    drivers = [driver for row in rig.gateway.instruments for driver in (row.arm, row.grasp) if driver is not None]
+    devices = {config.find("device", driver.device) for driver in drivers if driver.device is not None}
+    return rig_files | devices | {config.find("scene", scene)}
+
+
+class ChangedFiles:
+    """Says once of each file that its content is not what was read."""
+
+    def __init__(self, files: Iterable[Path], say: Callable[[str, str], None]) -> None:
+        self._read = {path: _content(path) for path in files}
+        self._say = say
+        self._look_s = 0.0
+
+    def turn(self, now_s: float) -> None:
+        """Look, if it is time to."""
+        if now_s < self._look_s:
+            return
+        self._look_s = now_s + _LOOK_S
+        for path in [path for path, content in self._read.items() if _content(path) != content]:
+            del self._read[path]
+            text = "has changed since the rig began, which goes on as it was read; the next start takes the change"
+            self._say("warning", f"supervisor: {path} {text}")
+
+
+def _folder(transport: Transport) -> Path:
+    return endpoints.run_directory(transport) / "configuration"
+
+
+def _is_file(name: str | None) -> bool:
+    """Return whether a configuration is given by its file, and not by its name."""
+    return name is not None and Path(name).suffix in (".yaml", ".yml")
+
+
+def _content(path: Path) -> bytes | None:
+    try:
+        return path.read_bytes()
+    except OSError:
+        return None
+
+
+def _write(path: Path, data: Mapping[str, object]) -> None:
+    path.write_text(yaml.safe_dump(dict(data), sort_keys=False, allow_unicode=True), encoding="utf-8")

@@ -1,0 +1,122 @@
+"""The rig that runs is the one that was read, also where a process is started again after a file has changed."""
+
+from __future__ import annotations
+
+import os
+import signal
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import yaml
+
+from services.gateway.device_files import ArmFile
+from services.runtime import config
+from services.runtime.process import Options, load_process_config, parse
+from services.runtime.rig import Rig
+from services.supervisor import frozen_configuration
+from services.supervisor.supervisor import Supervisor
+from tests.supervisor.fakes import Fakes, Scenario, until, until_running
+
+SCENE = "catheter: {}\nduct: {mesh_file: wall.stl}\n"
+
+
+@pytest.fixture
+def written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a folder of configuration with a rig on a base, a device and a scene of its own."""
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    (folder / "rigs").mkdir()
+    (folder / "rigs" / "below.yaml").write_text((config.config_directory() / "rigs" / "stub.yaml").read_text())
+    for kind in ("scenes", "devices", "scenarios", "scores", "scripts"):
+        (folder / kind).symlink_to(config.config_directory() / kind)
+    arm = "{driver: phantom_simulated, device: my_arm.yaml}"
+    row = f"{{name: left, port_m: [0, 0, 0.1], arm: {arm}}}"
+    (tmp_path / "mine.yaml").write_text(
+        f"base: below\nname: mine\ntransport: {{directory: {tmp_path / 'run'}}}\ngateway: {{instruments: [{row}]}}\n"
+    )
+    arm_file = next(each for each in (folder / "devices").glob("*.yaml") if "kind: arm" in each.read_text())
+    (tmp_path / "my_arm.yaml").write_text(arm_file.read_text())
+    (tmp_path / "small.yaml").write_text(SCENE)
+    monkeypatch.setenv("TROCAR_CONFIG_DIR", str(folder))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_a_process_that_is_started_later_reads_what_was_read_first(
+    written: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TROCAR_SET", "gateway.engage_ramp_s=3")
+    options = Options("mine.yaml", "small.yaml", ("gateway.engage_ramp_s=2", "catheter.mass_kg=0.001"))
+    read = load_process_config("supervisor", options)
+    arguments, environment = frozen_configuration.freeze(read)
+    arm = config.load(ArmFile, written / "my_arm.yaml")[0]
+    for name in ("mine.yaml", "my_arm.yaml", "small.yaml", "mine/rigs/below.yaml"):
+        (written / name).write_text("it is: another")
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    again = load_process_config("gateway", parse("gateway", arguments))
+    device = again.rig.gateway.instruments[0].arm.device
+    assert device is not None
+    assert config.load(ArmFile, config.find("device", device))[0] == arm
+    assert again.rig.gateway.engage_ramp_s == 2.0
+    told = [rig.model_dump(mode="json", exclude={"base", "gateway"}) for rig in (read.rig, again.rig)]
+    assert told[0] == told[1]
+    scene = config.read_scene(again.scene_name, again.scene_overrides)
+    assert scene == {"catheter": {"mass_kg": 0.001}, "duct": {"mesh_file": str(written / "wall.stl")}}
+    frozen_configuration.remove(again.rig.transport)
+    assert not Path(environment["TROCAR_CONFIG_DIR"]).exists()
+
+
+def test_a_file_that_changed_is_said_once(written: Path) -> None:
+    rig = config.load_rig("mine.yaml")
+    files = frozen_configuration.files_of(rig, "mine.yaml", "small.yaml")
+    assert {path.name for path in files} == {
+        "mine.yaml",
+        "below.yaml",
+        "my_arm.yaml",
+        "grasp_odrive.yaml",
+        "small.yaml",
+    }
+    said: list[str] = []
+    changed = frozen_configuration.ChangedFiles(files, lambda _level, text: said.append(text))
+    changed.turn(1.0)
+    os.utime(written / "small.yaml")
+    changed.turn(3.0)
+    assert said == []
+    (written / "small.yaml").write_text(f"{SCENE}# and more\n")
+    for now_s in (3.5, 5.0, 7.0):
+        changed.turn(now_s)
+    assert said == [
+        "supervisor: small.yaml has changed since the rig began, which goes on as it was read; "
+        "the next start takes the change"
+    ]
+
+
+def _rig_of(pid: int) -> Rig:
+    """Return the rig that a process was told to be of, as it would read it now."""
+    environment = Path(f"/proc/{pid}/environ").read_bytes().decode().split("\0")
+    assert any(each.startswith("TROCAR_CONFIG_DIR=") for each in environment)
+    words = Path(f"/proc/{pid}/cmdline").read_bytes().decode().split("\0")
+    return config.load_rig(words[words.index("--rig") + 1])
+
+
+def test_who_is_started_again_runs_the_rig_that_began(fakes: Fakes) -> None:
+    file = Path(fakes.options.rig)
+    fakes = replace(fakes, options=replace(fakes.options, overrides=("gateway.engage_ramp_s=2",)))
+
+    def scenario(supervisor: Supervisor) -> Scenario:
+        yield from until_running(supervisor)
+        data = yaml.safe_load(file.read_text())
+        file.write_text(yaml.safe_dump({**data, "supervisor": {"heartbeat_timeout_s": 9}, "gateway": "nonsense"}))
+        member = supervisor.crew.members["haptics"]
+        first = member.pid
+        os.kill(first, signal.SIGKILL)
+        yield from until(lambda: member.up and member.pid != first)
+        rig = _rig_of(member.pid)
+        assert (rig.supervisor, rig.gateway.engage_ramp_s) == (supervisor.rig.supervisor, 2.0)
+        yield from until(lambda: any("has changed since the rig began" in event.text for event in supervisor.events))
+
+    events = fakes.play(scenario)
+    assert sum(f"{file} has changed since the rig began" in event for event in events) == 1
+    assert not (file.parent / "configuration").exists()
