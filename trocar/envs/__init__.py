@@ -1,0 +1,26 @@
+"""Environments for learning machines, by the interface of Gymnasium: insertion of the catheter into the duct.
+
+    import gymnasium
+    import trocar.envs
+
+    env = gymnasium.make("trocar/Insertion-v0")
+
+Success, errors and cost are those of the training procedure that judges people, and an episode can be recorded as a
+file of the rig. Needs the package gymnasium: ``pip install "trocar[envs]"``.
+"""
+
+from __future__ import annotations
+
+try:
+    import gymnasium
+except ModuleNotFoundError as error:
+    raise ModuleNotFoundError("trocar.envs needs the package 'gymnasium': install trocar[envs]", name=error.name) from None
+
+from trocar.envs.expert import Expert
+from trocar.envs.hands import HandLimits
+from trocar.envs.insertion import Insertion
+from trocar.envs.randomisation import Randomisation
+
+gymnasium.register("trocar/Insertion-v0", entry_point="trocar.envs.insertion:Insertion", max_episode_steps=750)
+
+__all__ = ["Expert", "HandLimits", "Insertion", "Randomisation"]

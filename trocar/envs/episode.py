@@ -1,0 +1,143 @@
+"""One episode: hands move, the scene follows, and the training procedure judges it as it judges people."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from protocol import Frame
+from services.mechanics.arrays import FloatArray
+from services.training.judge import Judge
+from services.training.scenario import Scenario
+from services.training.score import ScoreRules
+from services.training.situation import EVERY_TICKS, TICK_S
+from services.training.trainer import Trainer
+from trocar.envs.frames import TICK_NS, Framer
+from trocar.envs.hands import DeviceHands
+from trocar.envs.recording import EpisodeRecording
+from trocar.envs.stage import Stage
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """How an episode stands, by the procedure.
+
+    ``cost_s`` is the sum of the penalties of all errors so far, ``score`` the total of one that is done, -1 before.
+    """
+
+    outcome: str = ""
+    reason: str = ""
+    phase: str = ""
+    time_s: float = 0.0
+    depth_m: float = 0.0
+    cost_s: float = 0.0
+    errors: dict[str, int] = field(default_factory=dict)
+    score: float = -1.0
+
+    @property
+    def ended(self) -> bool:
+        """Whether it is done."""
+        return bool(self.outcome)
+
+
+class Episode:
+    """An attempt at a scenario from rest on.
+
+    Parameters
+    ----------
+    stage : Stage
+        Which has just begun.
+    hands : DeviceHands
+        Where they begin.
+    path : Path, optional
+        Recording to write.
+    """
+
+    def __init__(
+        self, stage: Stage, hands: DeviceHands, scenario: Scenario, rules: ScoreRules, path: Path | None = None
+    ) -> None:
+        self.simulation, self._hands, self._rules = stage.simulation, hands, rules
+        self._framer = Framer(self.simulation, hands)
+        self._recording = EpisodeRecording(path, stage, self._framer) if path is not None else None
+        self._trainer = Trainer(scenario, judges=lambda each: Judge(each, stage.site), rules=rules)
+        self._told: tuple[object, ...] = ()
+        self.tick = 0
+        self.frames: dict[str, Frame] = {}
+        self._look(self._framer.devices(0, hands.state))
+        self._follow()
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time since the beginning."""
+        return self.tick * TICK_S
+
+    def advance(self, ticks: int) -> None:
+        """Go on by ``ticks``, a multiple of `EVERY_TICKS`, with the hands at the rates that they have."""
+        length = self.simulation.rung.ticks_per_step
+        for _ in range(ticks // length):
+            before = self._hands.state.copy()
+            self._hands.move(length * TICK_S)
+            self.simulation.step(self._hands.inputs, length * TICK_S)
+            self.tick += length
+            is_seen = self.tick % EVERY_TICKS == 0
+            devices = self._tell_devices(before, length) if self._recording is not None else None
+            if is_seen:
+                self._look(devices or self._framer.devices(self.tick, self._hands.state))
+        self._follow()
+
+    def verdict(self) -> Verdict:
+        """Return how it stands."""
+        told, judge = self._trainer.body(), self._trainer.sight.judge
+        cost_s = sum(map(self._rules.penalty, judge.events)) if judge is not None else 0.0
+        return Verdict(
+            told.outcome, told.reason, told.phase, told.time_s, told.depth_m, cost_s, dict(told.errors), told.score
+        )
+
+    def close(self) -> None:
+        """End it where it is; one that is not done is abandoned."""
+        if self._recording is None:
+            return
+        if not self._trainer.attempt.ended:
+            self._trainer.attempt.abandon("the episode was left")
+            self._tell()
+        self._recording.close()
+        self._recording = None
+
+    def _tell_devices(self, before: FloatArray, length: int) -> Frame | None:
+        """Record the devices of each tick of a step; return the last frame."""
+        assert self._recording is not None
+        frame, after = None, self._hands.state
+        for k in range(1, length + 1):
+            at: FloatArray = after if k == length else before + k / length * (after - before)
+            frame = self._framer.devices(self.tick - length + k, at)
+            self._recording.take_tick(frame, length if k == length else 0)
+        return frame
+
+    def _look(self, devices: Frame) -> None:
+        """Let the procedure see this moment."""
+        contacts, state = self._framer.solved(self.tick)
+        self.frames = {each.topic: each for each in (devices, contacts, state)}
+        self._trainer.sight.take(self.frames, self.tick * TICK_NS)
+        if self._recording is not None:
+            self._recording.take(contacts)
+            self._recording.take(state)
+
+    def _follow(self) -> None:
+        self._trainer.follow(self.time_s)
+        if self._recording is not None:
+            if self._trainer.gist() != self._told:
+                self._tell()
+            self._recording.turn()
+
+    def _tell(self) -> None:
+        assert self._recording is not None
+        self._told = self._trainer.gist()
+        self._recording.take(self._framer.frame(self.tick, self._trainer.body(), "training.attempt"))
+
+
+def nearest_m(point_m: FloatArray, points_m: FloatArray) -> float:
+    """Return the distance of a point (3,) to the nearest of some (n, 3)."""
+    away: FloatArray = points_m - point_m
+    return float(np.sqrt(np.einsum("ij,ij->i", away, away).min()))

@@ -1,0 +1,40 @@
+"""Practised hands as a policy: what `trocar.expert` does in the scene, in the actions of the environment."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import trocar
+from services.mechanics.arrays import Float32Array
+from services.mechanics.scene.tools import ToolInputs
+
+if TYPE_CHECKING:
+    from trocar.envs.insertion import Insertion
+
+
+class Expert:
+    """Leads both hands to where the scripted ones are at the end of each step.
+
+    Parameters
+    ----------
+    env : Insertion
+        ``env.unwrapped`` of a made environment, after its reset.
+    pace : float
+        Of the script.
+    """
+
+    def __init__(self, env: Insertion, pace: float = 0.5) -> None:
+        self._env, self._pace = env, pace
+        self._motion = trocar.expert(env.simulation)
+        self._inputs = ToolInputs()
+
+    def action(self) -> Float32Array:
+        """Return the action (tools, 5) of now."""
+        env = self._env
+        time_s = min(self._pace * (env.time_s + env.step_s), self._motion.duration_s)
+        self._motion.write_inputs(time_s, self._inputs)
+        way = env.hands.state_of(self._inputs) - env.hands.state
+        action = way[: env.hands.n_tools] / (env.step_s * env.hands.limits.rates)
+        return np.clip(action, -1.0, 1.0).astype(np.float32)

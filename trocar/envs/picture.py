@@ -1,0 +1,47 @@
+"""The scene as an image, drawn off the screen: needs pyvista (``trocar[view]``)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from protocol import Frame
+from services.runtime.errors import ConfigError
+from trocar.envs.stage import Stage
+
+
+class _Newest:
+    """A bus on which the newest frames lie."""
+
+    def __init__(self) -> None:
+        self.frames: Mapping[str, Frame] = {}
+
+    def sample(self, _topics: Iterable[str], _until_ns: int) -> Mapping[str, Frame]:
+        return self.frames
+
+
+class Camera:
+    """The endoscope's view of a stage."""
+
+    def __init__(self, stage: Stage, size: tuple[int, int]) -> None:
+        try:
+            from services.visualization.composer import Composer
+            from services.visualization.render import Renderer
+        except ModuleNotFoundError as error:
+            raise ConfigError(f"an image needs the package {error.name!r}, install trocar[view]") from None
+        self._bus = _Newest()
+        self._composer = Composer(self._bus, stage.scene, str(stage.name), stage.duct)  # type: ignore[arg-type]
+        self._renderer = Renderer(off_screen=True, size=size)
+
+    def image(self, frames: Mapping[str, Frame]) -> npt.NDArray[np.uint8]:
+        """Return the picture (height, width, 3) of these frames."""
+        self._bus.frames = frames
+        picture = self._composer.compose()
+        self._renderer.update(self._composer.layout, picture)
+        return np.array(self._renderer.image())
+
+    def close(self) -> None:
+        """Give up the renderer."""
+        self._renderer.close()

@@ -1,0 +1,76 @@
+"""Domain randomisation: which keys of a scene are drawn anew for each episode, and between which values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from services.runtime.errors import ConfigError
+from services.scenes import load_scene
+
+Bound = int | float
+
+
+class Randomisation:
+    """Ranges of keys of a scene file, by the names that ``--set`` takes: evenly drawn, both ends included.
+
+    Two whole numbers are the ends of whole numbers. Every end, and all lower and all upper ends together, are checked
+    by the scene's own model when the ranges are declared.
+
+    Parameters
+    ----------
+    scene : str or Path
+        As for `trocar.load_scene`.
+    ranges : mapping
+        Key to (lowest, highest), as ``{"catheter.youngs_modulus_pa": (20e6, 60e6), "duct.n_modes": (40, 60)}``.
+    overrides : tuple of str
+        What is set in the scene first.
+
+    Raises
+    ------
+    ConfigError
+        one sentence that names the key, if a range is none or the scene refuses an end.
+    """
+
+    def __init__(self, scene: str | Path, ranges: Mapping[str, tuple[Bound, Bound]], overrides: tuple[str, ...] = ()) -> None:
+        self.ranges = {key: _checked(key, ends) for key, ends in ranges.items()}
+        for key, ends in self.ranges.items():
+            for end in ends:
+                _try(scene, (*overrides, _override(key, end)), f"randomise: {key}: {end:g} cannot be used")
+        for at, name in enumerate(("lower", "upper")):
+            together = tuple(_override(key, ends[at]) for key, ends in self.ranges.items())
+            _try(scene, (*overrides, *together), f"randomise: all {name} ends together cannot be used")
+
+    def draw(self, random: np.random.Generator) -> dict[str, Bound]:
+        """Return a value for each key, in the order of declaration."""
+        drawn: dict[str, Bound] = {}
+        for key, (low, high) in self.ranges.items():
+            whole = isinstance(low, int) and isinstance(high, int)
+            drawn[key] = int(random.integers(low, high, endpoint=True)) if whole else float(random.uniform(low, high))
+        return drawn
+
+    @staticmethod
+    def overrides(drawn: Mapping[str, Bound]) -> tuple[str, ...]:
+        """Return drawn values as overrides of a scene."""
+        return tuple(_override(key, value) for key, value in drawn.items())
+
+
+def _checked(key: str, ends: tuple[Bound, Bound]) -> tuple[Bound, Bound]:
+    numbers = isinstance(ends, list | tuple) and all(type(end) in (int, float) and math.isfinite(end) for end in ends)
+    if not numbers or len(ends) != 2 or not ends[0] <= ends[1]:
+        raise ConfigError(f"randomise: {key}: must be two numbers, the lower first, is {ends!r}")
+    return ends[0], ends[1]
+
+
+def _override(key: str, value: Bound) -> str:
+    return f"{key}={value!r}"
+
+
+def _try(scene: str | Path, overrides: tuple[str, ...], what: str) -> None:
+    try:
+        load_scene(scene, overrides)
+    except ConfigError as error:
+        raise ConfigError(f"{what}: {error}") from None

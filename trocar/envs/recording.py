@@ -1,0 +1,82 @@
+"""An episode as a file of the rig: `trocar score`, `trocar report`, `trocar replay` and Foxglove read it."""
+
+from __future__ import annotations
+
+import platform
+import time
+from importlib.metadata import version
+from pathlib import Path
+
+import msgspec
+import yaml
+
+from protocol import Frame
+from services.recorder.attachments import NPZ, YAML
+from services.recorder.picture import Picture
+from services.recorder.recording import RecordingWriter
+from services.recordings.provenance import machine, mechanics_digest
+from services.recordings.scene_update import SceneDrawing
+from services.runtime.journal import JournalWriter
+from services.scenes.load import scene_data
+from trocar.envs.frames import Framer
+from trocar.envs.stage import Stage
+
+_WAITING_BYTES = 1 << 20
+"""An episode waits for the disk where more than this is under way: it is faster than the clock, and loses nothing."""
+
+
+class EpisodeRecording:
+    """A file that is being written, with all that it takes to run the episode again."""
+
+    def __init__(self, path: Path, stage: Stage, framer: Framer) -> None:
+        about = {
+            "rig": "trocar.envs", "scene": Path(stage.name).stem, "host": platform.node(),
+            "trocar": version("trocar"), "mechanics": mechanics_digest(), "machine": machine(),
+        }  # fmt: skip
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self.path = path
+        self._framer, self._level = framer, stage.level
+        self._writer = RecordingWriter(path, about)
+        scene = yaml.safe_dump(scene_data(stage.name, stage.overrides), sort_keys=False, allow_unicode=True)
+        self._writer.attach("scene.yaml", YAML, scene.encode())
+        self._writer.attach("duct.npz", NPZ, stage.duct_file)
+        self._picture = Picture(self._writer.to_wall_ns)
+        self._picture.drawing = SceneDrawing(stage.scene, stage.duct)
+        self._haptics, self._physics = (JournalWriter(f"{name}.journal", self) for name in ("haptics", "physics"))  # type: ignore[arg-type]
+        self._tick = self._solved_tick = -1
+
+    def take(self, frame: Frame) -> None:
+        """Append a frame."""
+        self._writer.write(frame)
+        self._picture.see(frame)
+
+    def take_tick(self, devices: Frame, step_ticks: int) -> None:
+        """Append the devices of a tick, with the ``step_ticks`` that the simulation went on by at its end, 0 for none."""
+        self._tick = tick = devices.body.tick
+        self.take(devices)
+        is_known = self._solved_tick >= 0
+        self._haptics.note(tick, (tick - self._solved_tick if is_known else -1, int(is_known), 0))
+        if step_ticks:
+            self._physics.note(tick, (step_ticks, self._level, 0))
+            self._solved_tick = tick
+
+    def turn(self) -> None:
+        """Draw and hand over what is due."""
+        now_ns = max(self._tick, 0) * 1_000_000
+        for drawn in self._picture.draw(now_ns):
+            self._writer.draw(*drawn)
+        self._haptics.send_if_due()
+        self._physics.send_if_due()
+        self._writer.turn(now_ns)
+        while self._writer.pending_bytes > _WAITING_BYTES:
+            time.sleep(1e-3)
+
+    def publish(self, topic: str, body: msgspec.Struct) -> None:
+        """Append a journal: this is the bus on which they are published."""
+        self._writer.write(self._framer.frame(max(self._tick, 0), body, topic))
+
+    def close(self) -> None:
+        """Write what is left, and close the file."""
+        self._haptics.send()
+        self._physics.send()
+        self._writer.close()

@@ -1,0 +1,100 @@
+"""The scene of an episode at rest: built where it differs from the one before, else put back to its beginning."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from services.cache_directory import cache_directory
+from services.mechanics.beginning import Beginning
+from services.mechanics.reduction import ReducedDuct
+from services.mechanics.reduction.build import ignore_progress
+from services.mechanics.scene import SceneModel
+from services.mechanics.simulation import Simulation
+from services.runtime.errors import ConfigError
+from services.scenes import load_duct, load_scene
+from services.scenes.duct_file import duct_file
+from services.training.site import Site, read_site
+
+
+class Stage:
+    """A scene that is begun again and again.
+
+    Parameters
+    ----------
+    name, overrides
+        The scene as `trocar.load_scene` takes it.
+    quality : int, optional
+        Rung of the scene's ladder; None: the last.
+
+    Attributes
+    ----------
+    simulation : Simulation
+        At rest after `begin`.
+    site : Site
+        Of the duct, as a recording of it tells.
+    """
+
+    def __init__(self, name: str | Path, overrides: tuple[str, ...] = (), quality: int | None = None) -> None:
+        self.name, self._overrides, self._quality = name, overrides, quality
+        self._wall: tuple[object, ...] = ()
+        self._drawn: tuple[str, ...] | None = None
+        self.begin()
+
+    @property
+    def overrides(self) -> tuple[str, ...]:
+        """What is set in the scene now."""
+        return (*self._overrides, *(self._drawn or ()))
+
+    def begin(self, drawn: tuple[str, ...] = ()) -> Simulation:
+        """Return the simulation at rest, with ``drawn`` overrides on top.
+
+        Raises
+        ------
+        ConfigError
+            one sentence, if the scene cannot be used.
+        """
+        if drawn != self._drawn:
+            self._build(drawn)
+        else:
+            self._beginning.put_back()
+            self.simulation.set_quality(self.level)
+        return self.simulation
+
+    def _build(self, drawn: tuple[str, ...]) -> None:
+        scene = load_scene(self.name, (*self._overrides, *drawn))
+        self.level = len(scene.quality) - 1 if self._quality is None else self._quality
+        if not 0 <= self.level < len(scene.quality):
+            raise ConfigError(f"quality: scene {self.name} has rungs 0 to {len(scene.quality) - 1}, not {self.level}")
+        wall = scene.duct, scene.effects
+        if wall != self._wall:
+            self.duct = _load(scene)
+            self._attached = duct_file(self.duct)
+            self.site, self._wall = _site(self._attached), wall
+        self.scene, self._drawn = scene, drawn
+        self.simulation = Simulation(scene, self.duct)
+        self._beginning = Beginning(self.simulation, (scene, self.simulation.scene, self.duct, self.simulation.duct.reduced))
+        self.simulation.set_quality(self.level)
+
+    @property
+    def duct_file(self) -> bytes:
+        """The duct as a recording carries it."""
+        return self._attached
+
+
+def _load(scene: SceneModel) -> ReducedDuct:
+    return load_duct(scene, cache_directory(), ignore_progress)
+
+
+def _site(attached: bytes) -> Site:
+    try:
+        return read_site(attached)
+    except ValueError as error:
+        raise ConfigError(str(error)) from None
+
+
+def mouth_modes(duct: ReducedDuct) -> np.ndarray:
+    """Return the mean of the modes (3, r) over the rim of the mouth, in 1/sqrt(kg)."""
+    mean: np.ndarray = duct.basis.Phi[duct.mesh.vertex_sets["mouth"]].mean(axis=0)
+    return mean
