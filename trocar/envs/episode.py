@@ -12,7 +12,7 @@ from services.mechanics.arrays import FloatArray
 from services.training.judge import Judge
 from services.training.scenario import Scenario
 from services.training.score import ScoreRules
-from services.training.situation import EVERY_TICKS, TICK_S
+from services.training.situation import TICK_S
 from services.training.trainer import Trainer
 from trocar.envs.frames import TICK_NS, Framer
 from trocar.envs.hands import DeviceHands
@@ -74,17 +74,19 @@ class Episode:
         return self.tick * TICK_S
 
     def advance(self, ticks: int) -> None:
-        """Go on by ``ticks``, a multiple of `EVERY_TICKS`, with the hands at the rates that they have."""
+        """Go on by ``ticks``, with the hands at the rates that they have; the procedure sees how that ends."""
         length = self.simulation.rung.ticks_per_step
+        devices = None
         for _ in range(ticks // length):
-            before = self._hands.state.copy()
+            if self.tick:
+                self._framer.settle(self.tick)
+            before = self._hands.state.copy() if self._recording is not None else None
             self._hands.move(length * TICK_S)
             self.simulation.step(self._hands.inputs, length * TICK_S)
             self.tick += length
-            is_seen = self.tick % EVERY_TICKS == 0
-            devices = self._tell_devices(before, length) if self._recording is not None else None
-            if is_seen:
-                self._look(devices or self._framer.devices(self.tick, self._hands.state))
+            if before is not None:
+                devices = self._tell_devices(before, length)
+        self._look(devices or self._framer.devices(self.tick, self._hands.state))
         self._follow()
 
     def verdict(self) -> Verdict:

@@ -18,6 +18,8 @@ TICK_NS = 1_000_000
 NAMES = ("right", "left")
 _ORDER = ("gateway.state", "haptics.contacts", "physics.state", "training.attempt", "haptics.journal", "physics.journal")
 """Of what is said in one tick."""
+_MEASURED_EVERY = 16
+"""Ticks, as in `services.physics.outputs`."""
 
 
 class Framer:
@@ -30,6 +32,7 @@ class Framer:
         self._simulation, self._hands = simulation, hands
         self._outputs = Outputs(simulation, simulation.duct.reduced.basis.content_hash)
         self._sequences: dict[str, int] = {}
+        self._period = 0
 
     def frame(self, tick: int, body: msgspec.Struct, topic: str) -> Frame:
         """Return a frame of what is said at the end of a tick."""
@@ -59,11 +62,17 @@ class Framer:
         """Return the frames of the tools with what they hold, and of the state."""
         tools = self._tools()
         holds = tuple(hold_body(hold) for grasp in self._simulation.grasps for hold in grasp.holds)
-        self._outputs.forget()
-        self._outputs.settle()
         contacts = ToolContacts(tick=tick, tools=tools, holds=holds)
         state = self._outputs.state(tick, tools)
         return self.frame(tick, contacts, "haptics.contacts"), self.frame(tick, state, "physics.state")
+
+    def settle(self, tick: int) -> None:
+        """Measure the inserted length where physics does it after this tick: so frames are the same to the bit."""
+        period = max(1, tick // _MEASURED_EVERY)
+        if period != self._period:
+            self._period = period
+            self._outputs.forget()
+            self._outputs.settle()
 
     def _tools(self) -> Array:
         inputs, scene = self._hands.inputs, self._simulation.scene

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,9 +48,12 @@ class DeviceHands:
         jaws = [tool.jaws for tool in tools]
         self.limits = limits
         self.n_tools = len(tools)
-        self._mouth_m = mouth_m
+        self._mouth = mouth_m.tolist()
         self._jaw_ratio = np.array([each.jaw_ratio if each else 1.0 for each in jaws])
-        self._most_rad = np.array([each.jaw_max_angle_rad / each.jaw_ratio if each else 0.0 for each in jaws])
+        self._most = np.full((N_TOOLS, COLUMNS), np.inf)
+        self._most[:, 3] = np.pi
+        self._most[: self.n_tools, 4] = [each.jaw_max_angle_rad / each.jaw_ratio if each else 0.0 for each in jaws]
+        self._least = np.where(np.arange(COLUMNS) < 4, -self._most, 0.0)
         self.state, self.rate = np.zeros((2, N_TOOLS, COLUMNS))
         self.inputs = ToolInputs()
         self.inputs.present[:] = np.arange(N_TOOLS) < self.n_tools
@@ -74,13 +78,15 @@ class DeviceHands:
     def move(self, dt_s: float) -> None:
         """Move on at these rates, as far as workspace and handle let them."""
         n = self.n_tools
-        self.state[:n] += dt_s * self.rate[:n]
-        away_m = self.state[:n, :3] - self._mouth_m
-        distance_m = np.sqrt(np.einsum("ij,ij->i", away_m, away_m))
-        for tool in np.flatnonzero(distance_m > self.limits.reach_m):
-            self.state[tool, :3] = self._mouth_m + self.limits.reach_m / distance_m[tool] * away_m[tool]
-        np.clip(self.state[:n, 3], -np.pi, np.pi, out=self.state[:n, 3])
-        np.clip(self.state[:n, 4], 0.0, self._most_rad, out=self.state[:n, 4])
+        state = self.state[:n]
+        state += dt_s * self.rate[:n]
+        for tool, place_m in enumerate(state[:, :3].tolist()):
+            distance_m = math.dist(place_m, self._mouth)
+            if distance_m > self.limits.reach_m:
+                away_m = state[tool, :3] - self._mouth
+                state[tool, :3] = self._mouth + self.limits.reach_m / distance_m * away_m
+        np.maximum(state, self._least[:n], out=state)
+        np.minimum(state, self._most[:n], out=state)
         self._write()
 
     def _write(self) -> None:

@@ -25,6 +25,8 @@ from trocar.envs.stage import Stage, mouth_modes
 
 GRIP_BEYOND_J_M = 10e-3
 """Where jaws take what they hold."""
+_MOST_TICKS = 40
+"""Between two looks of the procedure: as in a recording at 25 Hz."""
 
 
 class Insertion(gymnasium.Env[Any, Any]):
@@ -50,7 +52,7 @@ class Insertion(gymnasium.Env[Any, Any]):
     record : str or Path, optional
         Folder for a recording of each episode.
     step_s : float
-        Time that an action holds, a multiple of 4 ms.
+        Time that an action holds, a multiple of 4 ms up to 40; the procedure looks once a step.
     limits : HandLimits
     image_size : tuple of int
         Width and height.
@@ -81,12 +83,12 @@ class Insertion(gymnasium.Env[Any, Any]):
         self.render_mode = render_mode
         self._ticks = _ticks_of(step_s)
         self.step_s = self._ticks * TICK_S
-        self._scenario, self._rules = load_scenario(scenario), load_rules()
-        fixed = (*self._scenario.set, *overrides)
-        self._randomisation = Randomisation(self._scenario.scene, randomise or {}, fixed)
-        self._stage = Stage(self._scenario.scene, fixed, quality)
+        self.scenario, self._rules = load_scenario(scenario), load_rules()
+        fixed = (*self.scenario.set, *overrides)
+        self._randomisation = Randomisation(self.scenario.scene, randomise or {}, fixed)
+        self._stage = Stage(self.scenario.scene, fixed, quality)
         if not self._stage.scene.forceps:
-            raise ConfigError(f"scenario {self._scenario.name}: its scene has no tool that an agent could move")
+            raise ConfigError(f"scenario {self.scenario.name}: its scene has no tool that an agent could move")
         self._limits, self._image_size = limits or HandLimits(), image_size
         self._record = Path(record) if record is not None else None
         self._camera: Camera | None = None
@@ -104,6 +106,11 @@ class Insertion(gymnasium.Env[Any, Any]):
     def simulation(self) -> trocar.Simulation:
         """What is simulated, to look at."""
         return self._stage.simulation
+
+    @property
+    def depth_m(self) -> float:
+        """Length of catheter in the lumen."""
+        return self._verdict.depth_m
 
     @property
     def time_s(self) -> float:
@@ -126,7 +133,7 @@ class Insertion(gymnasium.Env[Any, Any]):
         self.hands.begin(start)
         self._view = state.StateView(simulation, self.hands, mouth_m, mouth_modes(self._stage.duct))
         self._mouth_m = mouth_m
-        self._episode = Episode(self._stage, self.hands, self._scenario, self._rules, self._new_path())
+        self._episode = Episode(self._stage, self.hands, self.scenario, self._rules, self._new_path())
         self._verdict = self._episode.verdict()
         self._potential_m = self._way_m()
         return self._observe(), {"drawn": drawn}
@@ -140,7 +147,7 @@ class Insertion(gymnasium.Env[Any, Any]):
         before, self._verdict = self._verdict, self._episode.verdict()
         verdict, was_m, self._potential_m = self._verdict, self._potential_m, self._way_m()
         outcome = {"success": 1.0, "failure": -1.0}.get(verdict.outcome, 0.0)
-        reward = (self._potential_m - was_m) / self._scenario.goal.depth_m + outcome
+        reward = (self._potential_m - was_m) / self.scenario.goal.depth_m + outcome
         info = {
             "is_success": verdict.outcome == "success", "cost": verdict.cost_s - before.cost_s,
             "phase": verdict.phase, "depth_m": verdict.depth_m, "errors": verdict.errors, "time_s": verdict.time_s,
@@ -184,7 +191,7 @@ class Insertion(gymnasium.Env[Any, Any]):
         """Return what has been made of the way: less than nothing before the mouth, then the depth."""
         catheter_m, depth_m = self.simulation.catheter.state.position_m, self._verdict.depth_m
         to_mouth_m = 0.0 if depth_m > 0.0 else float(np.linalg.norm(catheter_m[-1] - self._mouth_m))
-        return min(depth_m, self._scenario.goal.depth_m) - to_mouth_m - self._to_catheter_m()
+        return min(depth_m, self.scenario.goal.depth_m) - to_mouth_m - self._to_catheter_m()
 
     def _to_catheter_m(self) -> float:
         """Return the distance of the nearest jaws from the catheter, 0 where some hold it."""
@@ -201,8 +208,8 @@ class Insertion(gymnasium.Env[Any, Any]):
 
 def _ticks_of(step_s: float) -> int:
     ticks = round(step_s / TICK_S)
-    if ticks < EVERY_TICKS or ticks % EVERY_TICKS or abs(ticks * TICK_S - step_s) > 1e-9:
-        raise ConfigError(f"step_s: must be a multiple of {EVERY_TICKS} ms, is {step_s:g} s")
+    if not 0 < ticks <= _MOST_TICKS or ticks % EVERY_TICKS or abs(ticks * TICK_S - step_s) > 1e-9:
+        raise ConfigError(f"step_s: must be a multiple of {EVERY_TICKS} ms up to {_MOST_TICKS}, is {step_s:g} s")
     return ticks
 
 
