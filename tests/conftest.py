@@ -47,6 +47,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--long", action="store_true", help="also run what is marked long: before a release")
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Where only rigs are run, files that start none are not imported: all of them together take a while."""
+    if config.option.markexpr != "rig" or not collection_path.match("test_*.py"):
+        return None
+    return "mark.rig" not in collection_path.read_text(encoding="utf-8") or None
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave out what is long, unless it is asked for; what waits for processes most of the time comes first."""
     items.sort(key=lambda item: "of_fakes" not in item.path.name)

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -26,10 +27,17 @@ def as_other_user(program: str, *arguments: str | Path) -> subprocess.CompletedP
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, cwd="/")
 
 
+@contextmanager
+def folder_of_everybody() -> Iterator[Path]:
+    """Make a folder like ``/tmp``: everybody may make files in it, and remove nobody else's."""
+    with tempfile.TemporaryDirectory(dir="/tmp") as name:
+        folder = Path(name)
+        folder.chmod(0o1777)
+        yield folder
+
+
 @pytest.fixture
 def everybodys() -> Iterator[Path]:
-    """Return a folder like ``/tmp``: everybody may make files in it, and remove nobody else's."""
-    folder = Path(tempfile.mkdtemp(dir="/tmp"))
-    folder.chmod(0o1777)
-    yield folder
-    shutil.rmtree(folder)
+    """Return a folder of everybody."""
+    with folder_of_everybody() as folder:
+        yield folder

@@ -13,8 +13,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import pytest
-
 from protocol.bodies import GatewayState, PhysicsState, SupervisorState
 from services.runtime.endpoints import lock_holders
 from services.runtime.rig import Transport
@@ -152,12 +150,3 @@ def running_rig(
             os.kill(pid, signal.SIGKILL)
         observer.bus.close()
         log.close()
-
-
-@pytest.fixture(scope="module")
-def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
-    """Return a running rig whose left hand presses on the duct. It ends with its module: two rigs starve each other."""
-    script = HERE / "press.yaml"
-    overrides = [f"gateway.instruments.{i}.arm.settings.script={script}" for i in (0, 1)]
-    with running_rig(tmp_path_factory.mktemp("rig"), str(SCENE), overrides) as rig:
-        yield rig

@@ -1,6 +1,6 @@
 """Processes killed and stopped, on the real bus: the hand feels a fade, the rig mends itself.
 
-Each process once by day; each with either signal in the long run, and by chance in `tests.rig.kills`.
+Those in the way of the force, and the recorder, once by day; each with either signal in the long run, and by chance in `tests.rig.kills`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ BY_DAY = [
     ("haptics", signal.SIGSTOP),
     ("physics", signal.SIGKILL),
     ("gateway", signal.SIGKILL),
-    ("visualization", signal.SIGSTOP),
     ("recorder", signal.SIGKILL),
 ]
 

@@ -1,4 +1,7 @@
-"""The supervisor stopped for a moment: the hand does not notice. Killed: it is let go, as nobody could stop the rig."""
+"""The supervisor stopped for a moment: the hand does not notice. Killed: it is let go, as nobody could stop the rig.
+
+The last file that uses the rig of this folder: nothing is left of it.
+"""
 
 from __future__ import annotations
 
@@ -13,40 +16,37 @@ from pathlib import Path
 import pytest
 
 from services.supervisor.processes import TABLE
-from tests.rig.conftest import HERE, SCENE, Rig, running_rig
+from tests.rig.conftest import Rig
 from tests.rig.faults import engage, force_n, force_rates_n_s, rate_limit_n_s
+from tests.rig.pressing.conftest import TIMEOUT_S
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(600)]
 
-PRESS = [f"gateway.instruments.{i}.arm.settings.script={HERE / 'press.yaml'}" for i in (0, 1)]
-#: How long the gateway waits for a word of its supervisor: far longer than it is kept from one, on any machine.
-TIMEOUT_S = 10.0
 HELD_TICKS = 1000
 TTL_S = 0.020
 SOON_S = 3.5
 
 
-def test_without_its_supervisor_the_rig_lets_go_and_waits_until_somebody_ends_it(tmp_path: Path) -> None:
-    with running_rig(tmp_path, str(SCENE), [*PRESS, f"gateway.supervisor_timeout_s={TIMEOUT_S}"]) as rig:
-        engage(rig)
-        before = rig.observer.pids()
-        assert len(before) == len(TABLE)
-        _stop_for_a_while(rig)
-        rig.observer.until(lambda: rig.observer.states[-1][0] > time.monotonic_ns() - 10**9, 60.0, "a word from it")
-        assert rig.observer.pids() == before, "its own stall counts against nobody"
+def test_without_its_supervisor_the_rig_lets_go_and_waits_until_somebody_ends_it(rig: Rig) -> None:
+    engage(rig)
+    before = rig.observer.pids()
+    assert len(before) == len(TABLE)
+    _stop_for_a_while(rig)
+    rig.observer.until(lambda: rig.observer.states[-1][0] > time.monotonic_ns() - 10**9, 60.0, "a word from it")
+    assert rig.observer.pids() == before, "its own stall counts against nobody"
 
-        rig.observer.samples.clear()
-        os.kill(rig.process.pid, signal.SIGKILL)
-        killed_ns = time.monotonic_ns()
-        rig.process.wait(60)
-        _assert_hands_are_let_go(rig, killed_ns)
-        assert all(Path(f"/proc/{pid}").exists() for pid in before.values())
+    rig.observer.samples.clear()
+    os.kill(rig.process.pid, signal.SIGKILL)
+    killed_ns = time.monotonic_ns()
+    rig.process.wait(60)
+    _assert_hands_are_let_go(rig, killed_ns)
+    assert all(Path(f"/proc/{pid}").exists() for pid in before.values())
 
-        down = [sys.executable, "-c", "from services.cli.app import main; main()", "down", "--json"]
-        command = [*down, "--set", f"transport.directory={rig.directory / 'bus'}"]
-        ended = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
-        assert all(name in ended.stdout for name in before)
-        assert not any(_lives(pid) for pid in before.values())
+    down = [sys.executable, "-c", "from services.cli.app import main; main()", "down", "--json"]
+    command = [*down, "--set", f"transport.directory={rig.directory / 'bus'}"]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
+    assert all(name in ended.stdout for name in before)
+    assert not any(_lives(pid) for pid in before.values())
 
 
 def _stop_for_a_while(rig: Rig) -> None:

@@ -22,7 +22,7 @@ LOOPS = ("gateway", "haptics", "physics")
 CALLS = ("brk", "mmap", "munmap", "madvise", "mremap", "mprotect")
 EVENTS = ("page-faults", *(f"syscalls:sys_enter_{call}" for call in CALLS))
 #: To run in, to be counted, and for the counter to begin and end in.
-WARM_S, SECONDS, BESIDE_S = 2.0, 10.0, 2.0
+WARM_S, SECONDS, BESIDE_S = 2.0, 4.0, 1.0
 
 
 def test_no_loop_takes_or_returns_memory_while_it_runs(rig: Rig) -> None:

@@ -10,10 +10,9 @@ from pathlib import Path
 import pytest
 
 from services.runtime.flight import flight_directory
-from tests.other_user import as_other_user, everybodys, needs_other_user
-from tests.rig.conftest import SCENE, Rig, running_rig
+from tests.other_user import as_other_user, needs_other_user
+from tests.rig.conftest import Rig
 
-__all__ = ["everybodys"]
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(600), needs_other_user]
 
 _ATTACK = """
@@ -58,21 +57,21 @@ def _children(pid: int) -> list[int]:
     return [int(each) for each in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
-def test_nothing_of_a_running_rig_is_to_be_had_by_another_user(everybodys: Path) -> None:
-    with running_rig(everybodys, str(SCENE), []) as rig:
-        rig.observer.until(lambda: any((everybodys / "recordings").glob("*.mcap")), 120.0, "a recording")
-        files, sockets, pids = _attacked(rig)
-        names = {Path(path).name for path in (*files, *sockets)}
-        assert {"page.json", "gateway.state.ipc", "gateway.log", "physics.flight"} <= names
-        assert any(name.endswith(".mcap") for name in names)
-        page = json.loads((everybodys / "bus" / "page.json").read_text())["address"]
-        before = rig.observer.pids()
-        done = as_other_user(_ATTACK, json.dumps((files, sockets, pids, page)))
-        assert done.stderr == ""
-        assert done.stdout == f"{len(files) + len(sockets) + 3 * len(pids) + 2} attempts\n"
-        rig.observer.until(lambda: rig.observer.is_up, 60.0, "running")
-        assert rig.observer.pids() == before
-        _assert_that_the_can_bus_is_nobody_elses(before["gateway"])
+def test_nothing_of_a_running_rig_is_to_be_had_by_another_user(rig: Rig) -> None:
+    rig.observer.until(lambda: any((rig.directory / "recordings").glob("*.mcap")), 120.0, "a recording")
+    rig.observer.until(lambda: rig.observer.is_up, 60.0, "running")
+    files, sockets, pids = _attacked(rig)
+    names = {Path(path).name for path in (*files, *sockets)}
+    assert {"page.json", "gateway.state.ipc", "gateway.log", "physics.flight"} <= names
+    assert any(name.endswith(".mcap") for name in names)
+    page = json.loads((rig.directory / "bus" / "page.json").read_text())["address"]
+    before = rig.observer.pids()
+    done = as_other_user(_ATTACK, json.dumps((files, sockets, pids, page)))
+    assert done.stderr == ""
+    assert done.stdout == f"{len(files) + len(sockets) + 3 * len(pids) + 2} attempts\n"
+    rig.observer.until(lambda: rig.observer.is_up, 60.0, "running")
+    assert rig.observer.pids() == before
+    _assert_that_the_can_bus_is_nobody_elses(before["gateway"])
 
 
 def _assert_that_the_can_bus_is_nobody_elses(gateway: int) -> None:
