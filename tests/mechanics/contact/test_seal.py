@@ -12,6 +12,7 @@ from services.mechanics.collision.pairs import CATHETER_SEGMENT
 from services.mechanics.contact.laws import number_of
 from services.mechanics.scene.tools import GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
+from tests.by_day import by_day
 
 SEAL_N = 20e-3
 PARTICLE = 15  # held by a grasp that never slips, 15 mm before the exit
@@ -47,8 +48,13 @@ class Pull:
         return tuple(along[rows.law[:n] == number_of(law)].sum() for law in ("grip", "seal"))
 
 
-@pytest.mark.parametrize("dt_s", [1e-3, 2.5e-4])
-@pytest.mark.parametrize("speed_m_s", [1e-3, 1e-2, 5e-2])
+@pytest.mark.parametrize(
+    ("speed_m_s", "dt_s"),
+    by_day(
+        [(1e-3, 1e-3), (1e-2, 2.5e-4), (5e-2, 2.5e-4)],
+        [(1e-3, 2.5e-4), (1e-2, 1e-3), (5e-2, 1e-3)],
+    ),
+)
 def test_breaking_away_takes_the_friction_of_the_seal_at_any_speed_and_step(with_effects, small_duct, speed_m_s, dt_s):
     simulation = in_introducer(with_effects, small_duct)
     pull, way_m = Pull(simulation, dt_s), 0.2e-3 + 10e-3 * speed_m_s
@@ -58,7 +64,7 @@ def test_breaking_away_takes_the_friction_of_the_seal_at_any_speed_and_step(with
     assert np.abs(seal_n[-n // 4 :]).mean() == pytest.approx(SEAL_N, rel=0.01)
 
 
-@pytest.mark.parametrize("dt_s", [1e-3, 2.5e-4])
+@pytest.mark.parametrize("dt_s", by_day([1e-3], [2.5e-4]))
 def test_the_hand_feels_no_more_than_the_friction_of_the_seal(with_effects, small_duct, dt_s):
     """So slowly that the mass of the catheter does not count; and what the seal takes is its force times the way."""
     simulation = in_introducer(with_effects, small_duct)
@@ -71,7 +77,7 @@ def test_the_hand_feels_no_more_than_the_friction_of_the_seal(with_effects, smal
     assert simulation.seal.dissipated_j == pytest.approx(SEAL_N * slid_m, rel=0.03)
 
 
-@pytest.mark.parametrize("dt_s", [1e-3, 2.5e-4, 1e-4])
+@pytest.mark.parametrize("dt_s", by_day([1e-3, 1e-4], [2.5e-4]))
 def test_a_seal_and_the_grip_that_pulls_at_it_hold_without_creeping(with_effects, small_duct, dt_s):
     """Drawn taut within its friction in thick oil, then watched at each step: not a thousandth is lost in a minute."""
     simulation = in_introducer(with_effects, small_duct, viscous_drag_n_s_m2=5.0)

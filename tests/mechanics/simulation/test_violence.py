@@ -8,6 +8,7 @@ from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.healing import FASTEST_M_S
 from services.mechanics.simulation.scene_duct import build_scene_duct
+from tests.by_day import by_day
 
 BEGIN_S, TICKS, LEAVE = 1.95, 1500, 400
 SCENARIO = scenarios.insertion()
@@ -62,10 +63,10 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
+@pytest.mark.parametrize("case", by_day(list(CASES)[:2], list(CASES)[2:]))
 def test_a_hand_that_jumps_leaves_nothing_in_the_wall_and_nothing_racing(inserted, case):
     """Before, the catheter was shot at 30 to 75 m/s and stayed millimetres deep in the wall."""
-    course = Course(inserted(), *case)
+    course = Course(inserted(), *CASES[case])
     assert max(course.speed_m_s) < FASTEST_M_S
     assert max(course.penetration_m) < 0.5 * SCENARIO.scene.duct.thickness_m
     assert course.stretch < 0.1

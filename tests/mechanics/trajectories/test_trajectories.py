@@ -48,14 +48,14 @@ TOLERANCE = {
 
 
 @pytest.fixture(scope="module", params=CASES)
-def both(request, tmp_path_factory):
+def both(request, own_cache):
     """A recorded run and the same of today, in a process of its own.
 
     A kernel that another test has compiled for strided arrays would serve here too, and sum in another order.
     """
     with ProcessPoolExecutor(1, get_context("spawn")) as apart:
         try:
-            today = apart.submit(_run, request.param, tmp_path_factory.mktemp("bases")).result()
+            today = apart.submit(_run, request.param, own_cache / "bases").result()
         except FileNotFoundError as missing:
             pytest.skip(f"needs the scan {missing}")
     return request.param, stored.load(request.param), today
