@@ -8,6 +8,7 @@ import yaml
 from services.runtime import config
 from services.runtime.rig import Rig
 from services.scenes import build_scene, load_scene
+from tests.by_day import by_day
 from tests.cli.conftest import Trocar
 
 
@@ -83,7 +84,7 @@ def test_schemas(trocar: Trocar) -> None:
         ),
     ],
 )
-@pytest.mark.parametrize("by", ["scene", "rig"])
+@pytest.mark.parametrize("by", by_day(["scene"], ["rig"]))
 def test_what_up_would_refuse_is_refused(trocar: Trocar, by: str, override: str, sentence: str) -> None:
     name = "default" if by == "scene" else "stub"
     ran = trocar("config", "show", f"--{by}", name, "--set", override)

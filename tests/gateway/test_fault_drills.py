@@ -20,6 +20,7 @@ from protocol.bodies import ContactModel
 from services.gateway import cansimple
 from services.gateway.cansimple import AxisError
 from services.gateway.servo_law import MOST_OWED_J
+from tests.by_day import by_day
 from tests.gateway.drill_bench import (
     ENDS_S,
     LIMIT_N,
@@ -137,8 +138,17 @@ STREAMS: dict[str, tuple[Callable[[], Stream], bool]] = {
 }
 
 
-@pytest.mark.parametrize("restarts", [False, True], ids=["goes on", "starts anew"])
-@pytest.mark.parametrize("what", STREAMS)
+#: By day haptics starts anew after what leaves the hand limp, pushes it hard, or is late.
+ANEW = "killed", "huge force", "delayed by 5 ms", "stale"
+
+
+@pytest.mark.parametrize(
+    ("what", "restarts"),
+    by_day(
+        [*((what, False) for what in STREAMS), *((what, True) for what in ANEW)],
+        [(what, True) for what in STREAMS if what not in ANEW],
+    ),
+)
 def test_whatever_comes_instead_of_models_the_hand_is_safe(drill: Drill, what: str, restarts: bool) -> None:
     make, fades = STREAMS[what]
     wrong = drill.run(WRONG_S, make())

@@ -18,6 +18,7 @@ from services.mechanics.simulation.scene_duct import scene_mesh
 from services.mechanics.surface.opening import mouth_opening
 from services.scenes import load_duct, load_scene
 from services.scenes.hands import STROKE_M, hands_of, roll_across, with_strokes
+from tests.by_day import by_day
 
 ANATOMY = Path(__file__).parents[2].parent / "shared" / "data" / "anatomy" / "aorta-surface-open-ends.stl"
 
@@ -145,7 +146,9 @@ def test_in_a_surface_from_any_file_the_catheter_finds_the_mouth_and_goes_in(tmp
 SMALLER = ["duct.n_around=16", "duct.n_along=20", "duct.n_modes=30"]
 
 
-@pytest.mark.parametrize("name", ["default", "insertion", "narrow", "stone", "stiff-wall", "everything", "paper"])
+@pytest.mark.parametrize(
+    "name", by_day(["narrow", "everything", "paper"], ["default", "insertion", "stone", "stiff-wall"])
+)
 def test_scenes_for_an_insertion_end_with_the_catheter_in_the_duct(name, own_cache):
     simulation, largest_n = played(load_scene(name, SMALLER), own_cache)
     assert simulation.inserted_length_m > 15e-3

@@ -14,7 +14,7 @@ import pytest
 
 from services.mechanics.effects import EFFECTS
 
-N_GROUPS = 4
+N_GROUPS = 2
 #: Deletes files, and what of the table names their classes, from what this process imports.
 HIDE = """
 import ast, importlib.abc, importlib.machinery

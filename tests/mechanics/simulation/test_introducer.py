@@ -164,6 +164,7 @@ def test_a_catheter_that_is_pulled_on_stops_with_its_end_in_the_introducer(duct)
     assert max(course.speed_m_s) < 10.0
 
 
+@pytest.mark.long
 def test_a_catheter_swept_round_behind_its_introducer_is_not_caught_by_it(duct):
     """The free end crosses the planes of the introducer 60 mm beside it; then the hand has its catheter as before."""
     round_it = (
@@ -183,6 +184,7 @@ def test_a_catheter_swept_round_behind_its_introducer_is_not_caught_by_it(duct):
     assert -0.1 < min(course.hub_m) <= max(course.hub_m) < 23e-3
 
 
+@pytest.mark.long
 def test_a_catheter_bent_round_the_edge_of_its_introducer_by_a_grasp_that_never_slips_stays_calm(duct):
     """To its stop and 10 mm further, at more than 60 degrees to the axis.
 

@@ -44,7 +44,7 @@ def test_a_study_is_found_by_the_name_of_its_file():
 
 
 #: By day the studies that are cheapest and furthest apart; each one in the long run.
-BY_DAY = {"catheter", "contact", "element", "modes", "timestep"}
+BY_DAY = {"catheter", "contact", "element"}
 
 
 @pytest.mark.parametrize(
