@@ -67,5 +67,6 @@ def _step_catheter(scene: SceneModel) -> None:
 def compile_for_physics(scene: SceneModel, duct: ReducedDuct) -> None:
     """Call what `services.physics.warm_up` calls last, and what it takes no steps with contacts for."""
     simulation = Simulation(scene, duct)
+    simulation.compile_report()
     simulation.catheter.predict(1e-3)
     compile_rare_kernels(simulation)
