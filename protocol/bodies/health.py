@@ -41,6 +41,7 @@ class LoopReport(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     work: Histogram
     period: Histogram
     stalls: Annotated[tuple[Stall, ...], Meta(max_length=8, description="the newest")] = ()
+    beyond_work: Annotated[int, Meta(ge=0, description="part of misses: less work would not have spared them")] = 0
 
 
 class TopicReport(msgspec.Struct, array_like=True, frozen=True, kw_only=True):

@@ -41,6 +41,9 @@ class LoopMeter:
         The last ticks, one by one.
     periods_allowed
         In how many periods after it was due a tick must be done: more than one where it does the work of several.
+    beyond_work
+        Of the misses those that less work would not have spared: their deadline passed while the thread was not run,
+        by the host or for somebody else, or while it had nothing to do yet.
     """
 
     def __init__(self, rate_hz: float, stages: Sequence[str] = ()) -> None:
@@ -55,6 +58,7 @@ class LoopMeter:
         self.ticks = 0
         self.misses = 0
         self.skipped = 0
+        self.beyond_work = 0
         self.lateness = LatencyHistogram(self.period_ns)
         self.work = LatencyHistogram(self.period_ns)
         self.period = LatencyHistogram(self.period_ns)
@@ -64,6 +68,8 @@ class LoopMeter:
         self._scheduled_ns = 0
         self._started_ns = 0
         self._alive_ns = 0
+        self._worked_ns = 0  # on a processor, from the end of the tick before the last to that of the last
+        self._away_ns = 0  # of what has passed lately, the time in which it was on none
 
     def change_rate(self, rate_hz: float) -> None:
         """Go on at another rate: from the next tick, that is the period which its work must keep."""
@@ -77,6 +83,7 @@ class LoopMeter:
         self.lateness.record(now_ns - scheduled_ns)
         if self._started_ns:
             self.period.record(now_ns - self._started_ns)
+            self._away_ns = now_ns - self._started_ns - self._worked_ns
             if now_ns - self._started_ns > self._stall_ns:
                 self._stalled(now_ns)
         else:
@@ -89,13 +96,12 @@ class LoopMeter:
         """Count the end of the tick: finished after the periods that it is allowed is a miss."""
         self.ticks += 1
         self.work.record(now_ns - self._started_ns)
-        if now_ns - self._scheduled_ns > self.periods_allowed * self.period_ns:
-            self.misses += 1
         ran_ns = time.thread_time_ns()
-        self.flight.write(
-            self.tick, self._scheduled_ns, self._started_ns, now_ns, ran_ns - self._ran_ns, self.stages_ns
-        )
-        self._ran_ns = ran_ns
+        self._worked_ns, self._ran_ns = ran_ns - self._ran_ns, ran_ns
+        self._away_ns = now_ns - self._scheduled_ns - self._worked_ns
+        if now_ns - self._scheduled_ns > self.periods_allowed * self.period_ns:
+            self._miss(1, self._away_ns // (self.periods_allowed * self.period_ns))
+        self.flight.write(self.tick, self._scheduled_ns, self._started_ns, now_ns, self._worked_ns, self.stages_ns)
 
     def idle(self, now_ns: int) -> None:
         """Note that the loop ran at `now_ns` with nothing to do: of a gap between ticks that part is not its own."""
@@ -112,12 +118,17 @@ class LoopMeter:
     def skip(self, ticks: int) -> None:
         """Count ticks that never ran."""
         self.skipped += ticks
-        self.misses += ticks
+        self._miss(ticks, self._away_ns // self.period_ns)
 
     def catch_up(self, ticks: int) -> None:
         """Count ticks that ran together with a later one: those beyond what it may do the work of ran only now."""
         self.ticks += ticks
-        self.misses += max(ticks + 1 - self.periods_allowed, 0)
+        self._miss(max(ticks + 1 - self.periods_allowed, 0), self._away_ns // self.period_ns)
+
+    def _miss(self, ticks: int, passed: int) -> None:
+        """Count misses; the deadlines of `passed` ticks went by whatever the work was."""
+        self.misses += ticks
+        self.beyond_work += max(0, min(ticks, passed))
 
     def body(self) -> bodies.LoopReport:
         """Return the counts as they travel."""
@@ -126,6 +137,7 @@ class LoopMeter:
             ticks=self.ticks,
             misses=self.misses,
             skipped=self.skipped,
+            beyond_work=self.beyond_work,
             lateness=self.lateness.body(),
             work=self.work.body(),
             period=self.period.body(),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from services.runtime.histogram import quantile_ns
 from services.runtime.rig import PATH_OWNERS, Contracts, LoopContract, PathContract
@@ -27,7 +27,8 @@ class Breach:
     """A contract that is not kept.
 
     `excess` is how many times over the limit (1 is just at it); `severe` says that it is past the limit from which a
-    restart, then a safe stop, is worth its price; `sudden` that the budget is spent within seconds.
+    restart, then a safe stop, is worth its price; `sudden` that the budget is spent within seconds; `by_work` that it
+    is broken even without the ticks whose deadline passed whatever their work was: lower quality mends only that.
     """
 
     process: str
@@ -36,6 +37,7 @@ class Breach:
     excess: float
     severe: bool
     sudden: bool = False
+    by_work: bool = True
 
 
 def judge(windows: Mapping[str, Window], contracts: Contracts) -> list[Breach]:
@@ -50,7 +52,7 @@ def judge(windows: Mapping[str, Window], contracts: Contracts) -> list[Breach]:
 
 
 def spent_s(windows: Mapping[str, Window], contracts: Contracts, of: Iterable[Breach]) -> float:
-    """Return what loops in breach have lost of late, in seconds that a loop's budget is for: the largest.
+    """Return what loops in breach have lost of late by their work, in seconds that a loop's budget is for: the largest.
 
     The losses are those of the last minute, or since the windows were cleared.
     """
@@ -59,17 +61,23 @@ def spent_s(windows: Mapping[str, Window], contracts: Contracts, of: Iterable[Br
         contract = contracts.loops[name]
         loss = _loss(windows[name], BUDGET_S, contract)
         if loss is not None and contract.miss_ratio > 0.0:
-            most_s = max(most_s, loss.ratio * loss.seconds / contract.miss_ratio)
+            most_s = max(most_s, loss.by_work.ratio * loss.seconds / contract.miss_ratio)
     return most_s
 
 
 @dataclass(frozen=True, slots=True)
 class _Loss:
-    """Ticks of a loop that were late or never ran, of those due."""
+    """Ticks of a loop that were late or never ran, of those due; `beyond_work` less work would not have spared."""
 
     lost: float
     due: float
     seconds: float
+    beyond_work: float = 0.0
+
+    @property
+    def by_work(self) -> _Loss:
+        """What is left without those."""
+        return _Loss(max(0.0, self.lost - self.beyond_work), self.due, self.seconds)
 
     @property
     def ratio(self) -> float:
@@ -85,16 +93,27 @@ def _loss(window: Window, seconds: float, contract: LoopContract) -> _Loss | Non
     due = min(contract.rate_hz, asked_hz) * counted_s
     # A loop that runs faster than it must counts its misses of more ticks than are due; a stall that began before the
     # window is counted when it ends.
-    missed = min(1.0, loop.misses / max(loop.target_hz * counted_s, due)) * due
-    # One tick is what a count over a window can be off by.
-    return _Loss(max(missed, due - loop.ticks - 1.0), due, counted_s)
+    share = due / max(loop.target_hz * counted_s, due)
+    missed = min(due, loop.misses * share)
+    # One tick is what a count over a window can be off by. What nobody has counted yet is no work's for now.
+    lost = max(missed, due - loop.ticks - 1.0)
+    return _Loss(lost, due, counted_s, loop.beyond_work * share + lost - missed)
 
 
 def _judge_loop(name: str, window: Window, contract: LoopContract) -> Breach | None:
     spans = (_BREAKDOWN_S, _BREAKDOWN_STILL_S, BUDGET_S, STILL_S)
-    burst, still, minute, lately = (_loss(window, seconds, contract) for seconds in spans)
-    if burst is None or still is None or minute is None or lately is None:
+    losses = [loss for seconds in spans if (loss := _loss(window, seconds, contract)) is not None]
+    if len(losses) < len(spans):
         return None
+    breach = _breach(name, contract, *losses)
+    if breach is None:
+        return None
+    return replace(breach, by_work=_breach(name, contract, *(loss.by_work for loss in losses)) is not None)
+
+
+def _breach(
+    name: str, contract: LoopContract, burst: _Loss, still: _Loss, minute: _Loss, lately: _Loss
+) -> Breach | None:
     limit = min(BREAKDOWN_RATE * contract.miss_ratio, contract.stop_miss_ratio)
     if min(burst.ratio, still.ratio) > limit:
         text = (

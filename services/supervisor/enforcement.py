@@ -4,7 +4,8 @@ Each step is given time to show its effect, and more than one window: a single s
 and climbs nothing. A breach that is only slight stays on the last quality level as DEGRADED with its reason: a restart
 would cost the hand more than it could gain. So does one that is severe for a moment on top of a slight one that stands,
 as on a machine that is too slow and then stalls: for a restart, severity itself has to stand. Which rung of quality is
-given up, and when it is taken back, is the governor's.
+given up, and when it is taken back, is the governor's. Where the host stood still, or somebody else had the processor,
+less work would have spared nothing, and no quality is given up.
 """
 
 from __future__ import annotations
@@ -121,8 +122,10 @@ class Enforcement:
         if now_s - self._standing_since_s < self._patience_s(now_s, standing):
             return None
         self._standing_since_s = now_s
-        self.governor.burns(now_s, spent_s)
-        return self._give_up(standing) if self.governor.can_lower else self._climb(now_s, standing)
+        by_work = [breach for breach in standing if breach.by_work]
+        if by_work:
+            self.governor.burns(now_s, spent_s)
+        return self._give_up(by_work) if by_work and self.governor.can_lower else self._climb(now_s, standing)
 
     def reset(self) -> None:
         """Begin at the first rung: a person has armed the rig anew. The quality level stays."""
@@ -131,7 +134,7 @@ class Enforcement:
         self._severity.clear()
 
     def _patience_s(self, now_s: float, standing: list[Breach]) -> float:
-        if not (self.governor.can_lower and any(breach.sudden for breach in standing)):
+        if not (self.governor.can_lower and any(breach.sudden and breach.by_work for breach in standing)):
             return self.ladder.patience_s
         sudden_s = self.ladder.try_s if self.governor.is_trying(now_s) else self.ladder.sudden_s
         return min(sudden_s, self.ladder.patience_s)

@@ -84,14 +84,14 @@ class Loop:
     skipped: int
     lateness: Latencies
     work: Latencies
-    period: Latencies
+    beyond_work: int = 0
 
     @classmethod
     def of(cls, body: bodies.LoopReport) -> Loop:
         """Return the counts of a loop body."""
         return cls(
             body.rate_hz, body.ticks, body.misses, body.skipped,
-            Latencies.of(body.lateness), Latencies.of(body.work), Latencies.of(body.period),
+            Latencies.of(body.lateness), Latencies.of(body.work), body.beyond_work,
         )  # fmt: skip
 
     @property
@@ -104,13 +104,13 @@ class Loop:
         return Loop(
             self.target_hz, max(0, self.ticks - older.ticks), max(0, self.misses - older.misses),
             max(0, self.skipped - older.skipped),
-            self.lateness - older.lateness, self.work - older.work, self.period - older.period,
+            self.lateness - older.lateness, self.work - older.work, max(0, self.beyond_work - older.beyond_work),
         )  # fmt: skip
 
     def __add__(self, other: Loop) -> Loop:
         return Loop(
             self.target_hz, self.ticks + other.ticks, self.misses + other.misses, self.skipped + other.skipped,
-            self.lateness + other.lateness, self.work + other.work, self.period + other.period,
+            self.lateness + other.lateness, self.work + other.work, self.beyond_work + other.beyond_work,
         )  # fmt: skip
 
 
@@ -231,7 +231,7 @@ def contracted(health: bodies.Health) -> Figures:
     loop, paths = health.loop, {path.name: Path.of(path) for path in health.paths}
     if loop is None:
         return Figures(health.uptime_s, None, paths)
-    ticks = Loop(loop.rate_hz, loop.ticks, loop.misses, loop.skipped, _NOTHING, _NOTHING, _NOTHING)
+    ticks = Loop(loop.rate_hz, loop.ticks, loop.misses, loop.skipped, _NOTHING, _NOTHING, loop.beyond_work)
     return Figures(health.uptime_s, ticks, paths)
 
 

@@ -239,3 +239,83 @@ def test_a_loop_goes_on_at_another_rate_from_the_next_tick(clock: Clock) -> None
     assert [b - a for a, b in itertools.pairwise(began)] == [1_000_000] * 2 + [2_000_000] * 3
     assert meter.body().rate_hz == 500.0
     assert meter.misses == 0
+
+
+class Processor(Clock):
+    """A clock beside one of the thread's own: time passes with and without work."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.worked = 0
+
+    def thread_time_ns(self) -> int:
+        return self.worked
+
+    def work(self, ms: float) -> None:
+        self.worked += round(ms * 1e6)
+        self.now += round(ms * 1e6)
+
+    def wait(self, ms: float) -> None:
+        self.now += round(ms * 1e6)
+
+
+@pytest.fixture
+def processor(monkeypatch: pytest.MonkeyPatch) -> Processor:
+    processor = Processor()
+    monkeypatch.setattr(loop, "time", processor)
+    return processor
+
+
+@pytest.mark.parametrize(
+    ("work_ms", "wait_ms", "lost", "beyond"),
+    [
+        (0.3, 0.0, 0, 0),
+        (5.4, 0.0, 5, 0),
+        (0.3, 49.0, 49, 49),
+        (0.6, 0.7, 1, 0),
+        (2.5, 2.2, 4, 2),
+    ],
+    ids=["in time", "own work", "the host stood still", "half of the core, where less work helps", "both"],
+)
+def test_a_lost_tick_is_the_works_where_less_of_it_would_have_spared_it(
+    processor: Processor, work_ms: float, wait_ms: float, lost: int, beyond: int
+) -> None:
+    """Of a tick on the grid: the host stands still before its work is done."""
+    meter, stop = LoopMeter(1000.0), after(40)
+    for tick in ticks(meter, lambda: next(stop)):
+        processor.work(work_ms if tick.index == 20 else 0.1)
+        processor.wait(wait_ms if tick.index == 20 else 0.0)
+    assert (meter.misses - meter.skipped, meter.misses) == (int(lost > 0), lost + int(lost > 0))
+    assert meter.beyond_work == beyond + int(wait_ms >= 1.0), "the tick itself, and those that never ran"
+
+
+@pytest.mark.parametrize("is_late", [True, False], ids=["the loop was not run", "nobody told it to"])
+def test_ticks_that_a_loop_slept_through_are_no_works(processor: Processor, is_late: bool) -> None:
+    """Of a loop that follows frames: 30 of them, or the time to make them, are lost between two of its ticks."""
+    meter = LoopMeter(1000.0)
+    clock = TickClock(meter)
+    for index in (0, 1, 2, 32, 33):
+        sent = 1_000_000_000 + index * 1_000_000
+        processor.now = sent
+        if index == 32 and is_late:
+            processor.wait(0.9)
+        meter.start(sent, processor.now)
+        clock.steps(index)
+        processor.work(0.4)
+        meter.finish(processor.now)
+    assert meter.skipped == 29
+    assert meter.beyond_work == meter.skipped
+    assert meter.misses == meter.skipped + is_late
+
+
+def test_a_loop_whose_work_takes_longer_than_its_period_loses_by_its_work(processor: Processor) -> None:
+    meter = LoopMeter(1000.0)
+    clock = TickClock(meter)
+    for _ in range(200):
+        index = (processor.now - 1_000_000_000) // 1_000_000
+        meter.start(1_000_000_000 + index * 1_000_000, processor.now)
+        clock.steps(index)
+        processor.work(1.3)
+        meter.finish(processor.now)
+    assert meter.misses > 200
+    assert meter.beyond_work == 0

@@ -40,7 +40,12 @@ def weighed(durations_ns: dict[int, int], deadline_ns: int = MS) -> bodies.Histo
 
 
 def loop_report(
-    ticks: int, misses: int = 0, skipped: int = 0, rate_hz: float = 1000.0, stalls: tuple[bodies.Stall, ...] = ()
+    ticks: int,
+    misses: int = 0,
+    skipped: int = 0,
+    rate_hz: float = 1000.0,
+    stalls: tuple[bodies.Stall, ...] = (),
+    beyond_work: int = 0,
 ) -> bodies.LoopReport:
     late = misses - skipped
     body = weighed({100_000: ticks - late, 2 * MS: late})
@@ -53,6 +58,7 @@ def loop_report(
         work=body,
         period=body,
         stalls=stalls,
+        beyond_work=beyond_work,
     )
 
 

@@ -7,7 +7,7 @@ import pytest
 import protocol.bodies as bodies
 from services.runtime.rig import Contracts
 from services.supervisor import figures
-from services.supervisor.contracts import Breach, Standing, judge, path_limits_us
+from services.supervisor.contracts import Breach, Standing, judge, path_limits_us, spent_s
 from services.supervisor.window import Window
 from tests.supervisor.made_up import health, histogram, loop_report
 
@@ -21,9 +21,9 @@ class Watched:
     def __init__(self) -> None:
         self.window = Window(60.0)
         self.seconds = 0.0
-        self.ticks = self.misses = self.skipped = 0
+        self.ticks = self.misses = self.skipped = self.beyond = 0
 
-    def run(self, seconds: float, late: int = 0, skipped: int = 0) -> list[Breach]:
+    def run(self, seconds: float, late: int = 0, skipped: int = 0, beyond: int = 0) -> list[Breach]:
         """Go on, of each tenth of a second so many ticks late, and so many that never ran; return the last word."""
         found: list[Breach] = []
         for _ in range(round(10 * seconds)):
@@ -31,7 +31,8 @@ class Watched:
             self.ticks += 100 - skipped
             self.misses += late + skipped
             self.skipped += skipped
-            loop = loop_report(self.ticks, self.misses, self.skipped)
+            self.beyond += beyond
+            loop = loop_report(self.ticks, self.misses, self.skipped, beyond_work=self.beyond)
             self.window.add(7, figures.of(health("physics", uptime_s=self.seconds, loop=loop)))
             found = judge({"physics": self.window}, BUDGET)
         return found
@@ -62,6 +63,16 @@ def test_an_overdrawn_budget_is_told_while_it_is_being_overdrawn() -> None:
     assert not breach.severe
     assert watched.run(6.0) == [], "five seconds without a loss: it is over, though the minute's budget is spent"
     assert watched.run(0.2, late=3) != []
+
+
+@pytest.mark.parametrize(("beyond", "by_work"), [(30, False), (2, True)])
+def test_a_breach_says_whether_less_work_would_have_kept_the_contract(beyond: int, by_work: bool) -> None:
+    watched = Watched()
+    watched.run(20.0)
+    (breach,) = watched.run(1.0, late=2, skipped=28, beyond=beyond)
+    assert breach.by_work is by_work
+    spent = spent_s({"physics": watched.window}, BUDGET, [breach])
+    assert spent == pytest.approx(10 * (30 - beyond), rel=0.02), "of the budget of a tick in a thousand"
 
 
 def test_a_loop_that_runs_too_seldom_loses_ticks_even_where_it_counts_none() -> None:

@@ -101,3 +101,17 @@ def test_severity_that_stands_restarts_though_a_window_now_and_then_is_not_sever
     slight = replace(SEVERE, severe=False)
     actions = [enforcement.decide(0.1 * step, [slight if step % 5 == 3 else SEVERE]) for step in range(40)]
     assert ActionKind.RESTART in [action.kind for action in actions if action is not None]
+
+
+def test_quality_is_not_given_up_for_what_less_work_would_not_have_spared() -> None:
+    """One stall of the host of 49 ms lowered the quality of a rig that had time enough."""
+    for by_work in (False, True):
+        breach = Breach("physics", "physics ticks", "ticks lost", 2.0, severe=False, sudden=True, by_work=by_work)
+        made = Enforcement(Ladder(levels=(Level("full"), Level("less")), patience_s=5.0))
+        acts = [act for k in range(200) if (act := made.decide(0.1 * k, [breach])) is not None]
+        assert [act.kind for act in acts[:1]] == [ActionKind.LOWER] * by_work
+        assert made.level == int(by_work)
+    severe = Breach("physics", "physics ticks", "ticks lost", 9.0, severe=True, sudden=True, by_work=False)
+    made = Enforcement(Ladder(levels=(Level("full"), Level("less")), patience_s=5.0))
+    kinds = [act.kind for k in range(200) if (act := made.decide(0.1 * k, [severe])) is not None]
+    assert kinds[:2] == [ActionKind.RESTART, ActionKind.SAFE_STOP], "hands that are not served are let go all the same"
