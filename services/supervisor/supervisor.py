@@ -83,7 +83,7 @@ class Supervisor:
         self._standing = contracts.Standing(_ENTER_S, SETTLE_S)
         self._safe_stop_file = setup.safe_stop_file
         self._safe_stop = self._remembered()
-        self._armed = 0
+        self._armed, self._armed_s = 0, float("-inf")
         self._orders: deque[tuple[bodies.Order, float, float]] = deque(maxlen=8)
         self._attempt_answers: tuple[bodies.Answer, ...] = ()
         self._now_s = now_s
@@ -95,7 +95,7 @@ class Supervisor:
     def arm(self, who: str) -> None:
         """End a safe stop, and try again what is at fault; `who` is the person who asked for it."""
         self.say("info", f"supervisor: armed by {who}")
-        self._armed += 1
+        self._armed, self._armed_s = self._armed + 1, self._now_s
         self._safe_stop = ""
         if self._safe_stop_file is not None:
             self._safe_stop_file.unlink(missing_ok=True)
@@ -246,7 +246,7 @@ class Supervisor:
     def _move(self) -> None:
         now_s = self._now_s
         gateway = self.crew.members.get("gateway")
-        if gateway is not None and gateway.health is not None and gateway.health.gauges.get("safe_stop") == 2.0:
+        if gateway is not None and gateway.safe_stop_said(self._armed_s) == 2.0:
             self._stop_safely("asked of the gateway itself")
         failed = [m for m in self.crew.members.values() if m.critical and m.state == "failed"]
         if failed:

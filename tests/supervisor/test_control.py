@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import asyncio
 import socket
 import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import httpx
 import pytest
 from typer.testing import CliRunner
 
@@ -17,8 +20,10 @@ from services.gateway.engagement import State
 from services.gateway.supervisor_commands import SupervisorCommands
 from services.runtime.rig import Transport
 from services.runtime.stop_line import StopLine, stop_gateway
-from services.supervisor.control import Control, control_path
+from services.supervisor.control import Control, ask, control_path
 from services.supervisor.state_machine import RigState
+from services.supervisor.web import PageContext, build_app
+from tests.classroom.class_of_pages import page
 from tests.gateway.test_supervisor_commands import Stub, _frame
 from tests.supervisor.made_up import Bench, rig
 
@@ -100,6 +105,49 @@ def test_where_the_supervisor_stands_still_the_gateway_itself_is_asked(
     orders.obey([_frame(True), _frame(False)], 1)
     assert (orders.told, hand.armed) == (0.0, 1)
     orders.line.close()
+
+
+def test_the_page_has_the_same_way_to_the_gateway(bench: Bench, control: Control, folder: Path) -> None:
+    orders = SupervisorCommands([Stub()], None)  # type: ignore[list-item]
+    transport = bench.supervisor.rig.transport
+    orders.line = StopLine(transport)
+    context = page()
+    context.ask = lambda command: ask(transport, command, patience_s=0.3)
+    with ThreadPoolExecutor(1) as pool:
+        asked = pool.submit(
+            _posted, context, "/api/safe_stop", {"X-Trocar-Before": f"{bench.supervisor.incarnation} 60"}
+        )
+        while not asked.done():
+            orders.obey([], 1)
+            time.sleep(0.001)
+    assert asked.result() == "the supervisor does not answer: the gateway itself has let every hand go"
+    assert orders.stopped
+    orders.line.close()
+
+
+def _posted(context: PageContext, path: str, headers: dict[str, str]) -> str:
+    async def once() -> str:
+        transport = httpx.ASGITransport(build_app(context))
+        async with httpx.AsyncClient(transport=transport, base_url="http://localhost:8080") as client:
+            answer = await client.post(path, headers={"X-Trocar-Token": context.token, **headers})
+            return str(answer.json()["text"])
+
+    return asyncio.run(once())
+
+
+def test_an_arm_is_not_undone_by_a_report_of_before_it(bench: Bench) -> None:
+    gauges = bench.peers["gateway"].gauges
+    gauges["safe_stop"] = 2.0
+    bench.run(0.3)
+    assert bench.supervisor.body().safe_stop
+    bench.supervisor.arm("a test")
+    bench.run(0.15)  # the report that is under way says what was
+    gauges["safe_stop"] = 0.0
+    bench.run(1.0)
+    assert not bench.supervisor.body().safe_stop
+    gauges["safe_stop"] = 2.0
+    bench.run(0.3)
+    assert bench.supervisor.body().safe_stop, "and one that comes after it holds"
 
 
 def test_garbage_on_the_line_is_hung_up_on(bench: Bench, control: Control, folder: Path) -> None:
