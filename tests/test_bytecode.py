@@ -27,7 +27,8 @@ def tree(tmp_path: Path) -> Path:
 
 
 def _run(tree: Path, cache: Path, **environment: str) -> str:
-    settings = {**os.environ, "PYTHONPATH": str(tree), "TROCAR_CACHE_DIR": str(cache), **environment}
+    settings = {**os.environ, "PYTHONPATH": str(tree), "TROCAR_CACHE_DIR": str(cache), "PYTHONPYCACHEPREFIX": ""}
+    settings |= environment
     done = subprocess.run(
         [sys.executable, "-c", _SHOW], capture_output=True, text=True, env=settings, check=True, cwd=tree
     )

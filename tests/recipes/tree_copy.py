@@ -119,7 +119,8 @@ class TreeCopy:
     def _environment(self) -> dict[str, str]:
         path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
         # Bytecode lies in the copy, as it goes with it.
-        return {**os.environ, "PATH": path, "PYTHONPATH": str(self.root), "PYTHONDONTWRITEBYTECODE": ""}
+        bytecode = {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": ""}
+        return {**os.environ, "PATH": path, "PYTHONPATH": str(self.root), **bytecode}
 
     def pytest(self, *arguments: str, **options: float) -> str:
         """Run tests of the copy, and return what pytest prints."""
