@@ -27,8 +27,7 @@ from services.runtime.log import progress
 def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
     """Look at what jaws in the wall touch, as where they close; then compile a share for physics.
 
-    That compiles the contact solve meanwhile, on the other core, and finds in the cache what was compiled here. The
-    share is so large that physics ends with the gateway, which compiles after this.
+    That compiles the contact solve meanwhile, on the other core, and finds in the cache what was compiled here.
     """
     with told(progress) as kernels:
         kernels.begin("collision detection")
@@ -67,6 +66,6 @@ def _step_catheter(scene: SceneModel) -> None:
 def compile_for_physics(scene: SceneModel, duct: ReducedDuct) -> None:
     """Call what `services.physics.warm_up` calls last, and what it takes no steps with contacts for."""
     simulation = Simulation(scene, duct)
-    simulation.compile_report()
+    simulation.write_report(1e-3)
     simulation.catheter.predict(1e-3)
     compile_rare_kernels(simulation)

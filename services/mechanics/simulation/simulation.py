@@ -177,7 +177,7 @@ class Simulation:
         marks = self._marks_ns
         self._correct(dt_s)
         marks[6] = perf_counter_ns()
-        self._report(dt_s)
+        self.write_report(dt_s)
         marks[7] = perf_counter_ns()
         self.cost_ns[5:] = map(add, self.cost_ns[5:], map(sub, marks[6:], marks[5:7]))
 
@@ -188,7 +188,7 @@ class Simulation:
             grasp.let_go()
         self._tool_force[:] = 0.0
         self._use_rung(self.quality_level)
-        self._report(dt_s)
+        self.write_report(dt_s)
 
     @property
     def duct_state(self) -> ModalState:
@@ -341,11 +341,7 @@ class Simulation:
         for effect in self._stages["after_solve"]:
             effect.after_solve(self.world, dt_s)
 
-    def compile_report(self) -> None:
-        """Compile what ends every step: a quarter of what contacts need, and nothing before it asks for it."""
-        self._report(LONGEST_STEP_S)
-
-    def _report(self, dt_s: float) -> None:
+    def write_report(self, dt_s: float) -> None:
         """Write what the tools feel."""
         addresses = (self.system.address, self.tools.address, self._report_arrays.address)
         self.max_penetration_m = report(*addresses, dt_s)
