@@ -11,8 +11,10 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from services.mechanics.arrays import Float32Array, FloatArray, IntArray
 from services.visualization import instruments
+from services.visualization.cast_shadow import darkened, hidden
 from services.visualization.picture import PictureLayout, ToolShape
 from services.visualization.scenery import Piece
+from services.visualization.strain import Strain, colours_of_strain
 from services.visualization.thick_wall import ThickWall
 from services.visualization.tissue import DUCT, Bytes, TissueLook, rgb, tissue_colours
 from services.visualization.tube import spline, sweep_tube, tube_triangles
@@ -25,6 +27,7 @@ _SIDES, _PER_SEGMENT = 12, 3
 _TIP = np.array([(0.3, 0.97), (0.55, 0.87), (0.72, 0.7), (0.8, 0.5), (0.2, 0.5)], np.float32)
 _ARROW_M = 0.022  # of 1 N; the length grows with the root, so that millinewtons are seen beside newtons
 _HEAD_M = 2e-3
+_SEEN = 45  # of 255: a colour in which a shadow shows
 
 
 class _Surface:
@@ -63,12 +66,24 @@ def _shade(actor: Any, *, per_pixel: bool) -> None:
         actor.prop.SetInterpolationToGouraud()
 
 
-def add_piece(plotter: pv.Plotter, piece: Piece, *, per_pixel: bool) -> None:
-    """Put a piece of scenery on the stage."""
-    surface = _Surface(plotter, len(piece.points_m), piece.triangles, wet=_shine(piece.look), per_pixel=per_pixel)
-    surface.points[:], surface.normals[:] = piece.points_m, piece.normals
-    surface.colour(piece.colours)
-    surface.changed()
+class DrawnPiece:
+    """A piece of scenery, on which shadows fall."""
+
+    def __init__(self, plotter: pv.Plotter, piece: Piece, *, per_pixel: bool) -> None:
+        self._piece = piece
+        self._surface = _Surface(
+            plotter, len(piece.points_m), piece.triangles, wet=_shine(piece.look), per_pixel=per_pixel
+        )
+        self._surface.points[:], self._surface.normals[:] = piece.points_m, piece.normals
+        self._surface.changed()
+        lit = piece.colours.max(axis=1) > _SEEN
+        self._near = np.flatnonzero(lit)
+        self._share = np.zeros(len(piece.points_m), np.float32)
+
+    def shade(self, *rods: Float32Array) -> None:
+        """Take the shadows of rods: starts and ends (k, 3), radii (k,)."""
+        self._share[self._near] = hidden(self._piece.points_m[self._near], *rods)
+        self._surface.colour(darkened(self._piece.colours, self._share))
 
 
 def _shine(look: TissueLook) -> float:
@@ -84,13 +99,21 @@ class DrawnDuct:
             plotter, self._wall.n_points, self._wall.triangles, wet=_shine(DUCT), per_pixel=per_pixel
         )
         self.actor = self._surface.actor
-        self.update(layout.rest_m)
-        self._surface.colour(tissue_colours(self._surface.points, DUCT))
+        self._strain = Strain(layout.rest_m, layout.triangles)
+        self._wall.update(layout.rest_m, self._surface.points, self._surface.normals)
+        self._flesh = tissue_colours(self._surface.points, DUCT)
+        self._share = np.zeros(len(self._flesh), np.float32)
 
-    def update(self, points_m: Float32Array) -> None:
-        """Follow the mid-surface (n, 3)."""
+    def update(self, points_m: Float32Array, *rods: Float32Array, strained: bool) -> None:
+        """Follow the mid-surface (n, 3) below rods, coloured by how far it is stretched or as flesh."""
         self._wall.update(points_m, self._surface.points, self._surface.normals)
         self._surface.changed()
+        outside = self._wall.n_middle
+        self._share[:outside] = hidden(self._surface.points[:outside], *rods)
+        colours = self._flesh
+        if strained:
+            colours = colours_of_strain(self._wall.of_nodes(self._strain.at(points_m)))
+        self._surface.colour(darkened(colours, self._share))
 
     def outer_face_m(self) -> Float32Array:
         """Return the corners (m, 3, 3) of the triangles of the outer face."""

@@ -11,7 +11,7 @@ from vtkmodules.vtkRenderingCore import vtkActor2D, vtkPolyDataMapper2D, vtkRend
 
 from services.visualization.picture import Picture, PictureLayout, ToolShape
 
-HELP = "1 scope 2 mouth 3 side 4 top 5 ports   M mirror F forces A aim L lens  drag turns, wheel zooms   H help  Q ends"
+HELP = "1 scope 2 mouth 3 side 4 top 5 ports  M mirror F forces A aim S strain L lens  drag turns  H help  Q ends"
 _LENS = ((0.56, 0), (0.61, 140), (0.66, 255), (4.0, 255))  # radius over the shorter side, opacity
 _STATES = {"running": "#67d1bd", "ready": "#67d1bd", "degraded": "#eab54d", "safe_stop": "#f0695a"}
 _QUIET = "#d9cdc8"

@@ -17,7 +17,8 @@ from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 from vtkmodules.vtkCommonTransforms import vtkTransform
 
 from services.visualization import cameras
-from services.visualization.drawn_bodies import DrawnCatheter, DrawnDuct, ForceArrow, Tool, add_piece, pose_matrix
+from services.visualization.cast_shadow import Rods
+from services.visualization.drawn_bodies import DrawnCatheter, DrawnDuct, DrawnPiece, ForceArrow, Tool, pose_matrix
 from services.visualization.meeting_ring import MeetingRing
 from services.visualization.picture import Picture, PictureLayout
 from services.visualization.scenery import scenery
@@ -53,6 +54,7 @@ class Renderer:
         self.plotter.set_background(_NIGHT)
         self.plotter.add_light(pv.Light(light_type="headlight", color="#fff4e6"))
         self.show_forces = self.show_aim = True
+        self.show_strain = False
         self._mirrored = False
         self.effects = effects or Effects()
         self.plotter.render_window.SetMultiSamples(self.effects.samples)
@@ -68,7 +70,10 @@ class Renderer:
             self._build(layout)
         if first:
             self.look_from("scope")
-        self._duct.update(picture.points_m)
+        instruments, duct = self._rods.instruments(picture), self._rods.duct(picture)
+        self._duct.update(picture.points_m, *instruments, strained=self.show_strain)
+        for piece in self._scenery:
+            piece.shade(*(np.concatenate(both) for both in zip(instruments, duct, strict=True)))
         if self._catheter is not None:
             self._catheter.update(picture.centreline_m)
         face_m = self._duct.outer_face_m()
@@ -134,8 +139,9 @@ class Renderer:
         effects, plotter = self.effects, self.plotter
         plotter.clear_actors()
         self._built, self._shapes = layout, layout.tools
-        for piece in scenery(layout, cells=90 if effects.fine else 45):
-            add_piece(plotter, piece, per_pixel=effects.per_pixel)
+        pieces = scenery(layout, cells=90 if effects.fine else 45)
+        self._scenery = [DrawnPiece(plotter, piece, per_pixel=effects.per_pixel) for piece in pieces]
+        self._rods = Rods(layout)
         self._duct = DrawnDuct(plotter, layout, fine=effects.fine, per_pixel=effects.per_pixel)
         self._catheter = DrawnCatheter(plotter, layout, per_pixel=effects.per_pixel) if layout.n_particles > 1 else None
         self._tools = [Tool(plotter, shape) for shape in layout.tools]

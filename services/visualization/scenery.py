@@ -40,7 +40,8 @@ def scenery(layout: PictureLayout, *, cells: int) -> list[Piece]:
 
 def _bed(rest_m: Float32Array, cells: int) -> Piece:
     low, high = rest_m.min(axis=0), rest_m.max(axis=0)
-    x, y = np.meshgrid(*2 * [np.linspace(-_BED_M, _BED_M, cells + 1)], indexing="ij")
+    share = np.linspace(-1.0, 1.0, cells + 1)
+    x, y = np.meshgrid(*2 * [_BED_M * (0.3 + 0.7 * share**2) * share], indexing="ij")  # finer where shadows fall
     away = np.hypot(x, y)
     z = low[2] - _BELOW_M + 5e-3 * _wave(1e3 * x, 1e3 * y) + 0.42 * np.maximum(0.0, away - 0.07)
     centre = 0.5 * (low + high)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import Float32Array, IntArray
+from services.mechanics.arrays import Float32Array, FloatArray, IntArray
 from services.visualization.normals import vertex_normals
 
 REFINED_UP_TO = 3_000
@@ -55,8 +55,8 @@ class ThickWall:
         Of the drawn surface, whose vertices `update` writes.
     outer : (v, 3) int32
         Of its outer face.
-    n_points : int
-        How many vertices that surface has.
+    n_middle, n_points : int
+        How many vertices the outer face has, the first, and the whole surface.
     """
 
     def __init__(self, rest_m: Float32Array, triangles: IntArray, thickness_m: float, *, fine: bool) -> None:
@@ -69,7 +69,7 @@ class ThickWall:
         count = len(rest_m) + len(self._edges)
         self._middle, self._normals = np.zeros((2, count, 3), np.float32)
         self._coarse_normals = np.zeros((len(rest_m), 3), np.float32)
-        self.n_points = 2 * count + 4 * len(self._rim)
+        self.n_middle, self.n_points = count, 2 * count + 4 * len(self._rim)
         self.outer = self._fine
         corner = 2 * count + 4 * np.arange(len(self._rim))[:, None]
         sides = np.concatenate([corner + np.array(three) for three in ((0, 2, 1), (1, 2, 3))])
@@ -85,6 +85,12 @@ class ThickWall:
         normals[:count] = away
         np.negative(away, out=normals[count : 2 * count])
         self._close_rim(out_m, normals)
+
+    def of_nodes(self, values: FloatArray) -> FloatArray:
+        """Return the value (`n_points`,) at each vertex of what is known at the nodes (n,)."""
+        middle = np.concatenate([values, values[self._edges].mean(axis=1)])
+        a, b = self._rim.T
+        return np.concatenate([middle, middle, middle[np.stack([a, b, a, b], axis=1)].ravel()])
 
     def _place_middle(self, points_m: Float32Array) -> None:
         """Put new vertices on the cubic of their edge (point-normal triangles, Vlachos 2001)."""

@@ -121,6 +121,8 @@ class Window:
             self._renderer.show_forces = not self._renderer.show_forces
         elif key == "a":
             self._renderer.show_aim = not self._renderer.show_aim
+        elif key == "s":
+            self._renderer.show_strain = not self._renderer.show_strain
         elif key == "l":
             self._overlay.shows_lens = not self._overlay.shows_lens
         elif key == "h":

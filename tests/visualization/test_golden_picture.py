@@ -47,6 +47,18 @@ def test_the_native_picture_is_like_its_golden_image_and_one_that_lacks_a_body_i
     assert [each for each in without if likeness(each, golden).min() > UNLIKE] == []
 
 
+def test_a_tool_casts_its_shadow_on_the_wall_and_the_bed() -> None:
+    """Places where a tool was not seen, and flesh was, are brighter once it is gone."""
+    layout, shown = _still()
+    gone = replace(shown, poses=shown.poses + np.array([0, 0, 1, 0, 0, 0, 0], np.float32), force_n=0.0 * shown.force_n)
+    with_tool, without = map(picture, _drawn(layout, shown, gone))
+    red, green, _ = np.moveaxis(with_tool, 2, 0)
+    shaded = (without[..., 0] - red > 8.0) & (red > 1.5 * green)
+    wall = without[..., 0] > 110.0
+    assert (shaded & wall).sum() > 20
+    assert (shaded & ~wall).sum() > 50
+
+
 if __name__ == "__main__":
     from PIL import Image
 

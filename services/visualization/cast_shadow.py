@@ -1,0 +1,86 @@
+"""Soft shadows of tools, catheter and duct on what lies below them, computed at its vertices.
+
+A distant lamp of a certain width is partly hidden by what is round and stands before it: sharply by what touches,
+palely by what is far above, so that the eye sees how far. A shadow map would take twice the processor.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from services.mechanics.arrays import Float32Array, FloatArray
+from services.visualization.picture import Picture, PictureLayout
+from services.visualization.tissue import Bytes
+
+_LAMP_AT = np.array([-60.0, 35.0, 110.0], np.float32)  # across both usual tools: neither hides its own shadow
+_SUN = _LAMP_AT / np.linalg.norm(_LAMP_AT)
+_ACROSS = np.linalg.qr(np.column_stack([_SUN, np.eye(3, dtype=np.float32)[:, :2]]))[0][:, 1:]
+_LAMP, _SHARPEST_M = 0.2, 0.5e-3
+"""Width of the lamp over its distance; least width of an edge, what the vertices resolve."""
+_DARK = 0.6
+_SECTIONS, _PIECES = 10, 12
+
+
+def hidden(points_m: Float32Array, starts_m: Float32Array, ends_m: Float32Array, radii_m: Float32Array) -> Float32Array:
+    """Return the share (n,) of the lamp that rods, from `starts_m` to `ends_m` (k, 3), hide from each point (n, 3).
+
+    Seen along the light a rod is a strip: where it is narrower than the lamp it hides the ratio of their widths.
+    """
+    foot, start, along = points_m @ _ACROSS, starts_m @ _ACROSS, (ends_m - starts_m) @ _ACROSS
+    from_start = foot[:, None] - start
+    share = np.clip(np.sum(from_start * along, axis=2) / np.maximum(np.sum(along**2, axis=1), 1e-12), 0.0, 1.0)
+    beside_m = np.linalg.norm(from_start - share[..., None] * along, axis=2)
+    above_m = starts_m @ _SUN + share * ((ends_m - starts_m) @ _SUN) - (points_m @ _SUN)[:, None]
+    edge_m = _SHARPEST_M + _LAMP * np.maximum(above_m, 0.0)
+    covered = np.clip((radii_m + 0.5 * edge_m - beside_m) / edge_m, 0.0, np.minimum(1.0, 2.0 * radii_m / edge_m))
+    return np.asarray(1.0 - np.prod(np.where(above_m > 0.0, 1.0 - covered, 1.0), axis=1), np.float32)
+
+
+def darkened(colours: Bytes, share: Float32Array) -> Bytes:
+    """Return colours (n, 3) from which that share (n,) of the lamp is hidden."""
+    return (colours * (1.0 - _DARK * share[:, None])).astype(np.uint8)
+
+
+RodArrays = tuple[Float32Array, Float32Array, Float32Array]
+
+
+class Rods:
+    """The rods that stand for what casts shadows in a layout: instruments first, the duct's last."""
+
+    def __init__(self, layout: PictureLayout) -> None:
+        self._layout = layout
+        centred = layout.rest_m - layout.rest_m.mean(axis=0)
+        axis = np.linalg.svd(centred, full_matrices=False)[2][0]
+        along = centred @ axis
+        place = (along - along.min()) / (np.ptp(along) + 1e-9)
+        member = np.minimum(_SECTIONS * place, _SECTIONS - 1).astype(int) == np.arange(_SECTIONS)[:, None]
+        member = member[member.any(axis=1)]
+        self._mean = member / member.sum(axis=1, keepdims=True)
+        off_axis_m = centred - along[:, None] * axis
+        self._duct_radius_m = float(np.sqrt(np.mean(np.sum(off_axis_m**2, axis=1))))
+
+    def instruments(self, picture: Picture) -> RodArrays:
+        """Return starts and ends (k, 3) and radii (k,) of tools and catheter."""
+        starts: list[FloatArray] = []
+        ends: list[FloatArray] = []
+        radii: list[float] = []
+        for shape, pose, opening_rad in zip(self._layout.tools, picture.poses, picture.jaw_rad, strict=True):
+            half, turn = 0.5 * float(opening_rad), Rotation.from_quat(pose[3:], scalar_first=True)
+            jaws = [(np.cos(half), side * np.sin(half), 0.0) for side in (1, -1) if shape.has_jaws]
+            starts += [np.array(shape.port_m), *[pose[:3]] * len(jaws)]
+            ends += [pose[:3], *(pose[:3] + shape.jaw_length_m * turn.apply(jaw) for jaw in jaws)]
+            radii += [shape.shaft_radius_m, *[1.3 * shape.jaw_radius_m] * len(jaws)]
+        line = picture.centreline_m[:: max(1, len(picture.centreline_m) // _PIECES)]
+        radii += [self._layout.catheter_radius_m] * (len(line) - 1)
+        return _single([*starts, *line[:-1]], [*ends, *line[1:]], radii)
+
+    def duct(self, picture: Picture) -> RodArrays:
+        """Return the same of the duct."""
+        middle_m = self._mean @ picture.points_m
+        return _single(middle_m[:-1], middle_m[1:], np.full(len(middle_m) - 1, self._duct_radius_m))
+
+
+def _single(*arrays: object) -> RodArrays:
+    starts_m, ends_m, radii_m = (np.asarray(array, np.float32) for array in arrays)
+    return starts_m, ends_m, radii_m
