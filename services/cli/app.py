@@ -84,9 +84,9 @@ def top(
     overrides: Overrides = None,
 ) -> None:
     """Show rates, lateness, paths and topics of a running rig."""
-    from services.cli.top import Request, run_top
+    from services.cli.top import run_top
 
-    run_top(Request(rig, once, json, seconds, tuple(overrides or ())))
+    run_top(rig, once, json, seconds, tuple(overrides or ()))
 
 
 @app.command()
@@ -101,9 +101,9 @@ def latency(
     overrides: Overrides = None,
 ) -> None:
     """Show the worst ticks of the last seconds on one time line, and what had the core meanwhile."""
-    from services.cli.latency import Request, run_latency
+    from services.cli.latency import run_latency
 
-    run_latency(Request(tuple(files or ()), rig, worst, trace, json, tuple(overrides or ())))
+    run_latency(tuple(files or ()), rig, worst, trace, json, tuple(overrides or ()))
 
 
 @app.command()
@@ -128,9 +128,9 @@ def sniff(
     overrides: Overrides = None,
 ) -> None:
     """Read the bus with plain msgpack: envelope and body of one topic, or the rates of all."""
-    from services.cli.sniff import Request, run_sniff
+    from services.cli.sniff import run_sniff
 
-    run_sniff(Request(rig, topic, count, seconds, hz, every, json, tuple(overrides or ())))
+    run_sniff(rig, topic, count, seconds, hz, every, json, tuple(overrides or ()))
 
 
 @app.command()
@@ -242,9 +242,9 @@ def score(
     json: Json = False,
 ) -> None:
     """Judge the attempts in a recording: phases, errors, metrics and score."""
-    from services.cli.score import Request, run_score
+    from services.cli.score import run_score
 
-    run_score(Request(file, scenario, rules, experts, trainee, database, json))
+    run_score(file, scenario, rules, experts, trainee, database, json)
 
 
 @app.command()
@@ -371,9 +371,9 @@ def config_show(
     overrides: Overrides = None,
 ) -> None:
     """Print a configuration with all its defaults."""
-    from services.cli.show_config import Request, run_show
+    from services.cli.show_config import run_show
 
-    run_show(Request(rig, scene, device, origin, json, tuple(overrides or ())))
+    run_show({"rig": rig, "scene": scene, "device": device}, origin, json, tuple(overrides or ()))
 
 
 @config_app.command("schema")

@@ -6,7 +6,7 @@ import json
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -38,19 +38,9 @@ _LEGEND = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Request:
-    """What to look at, and what to make of it."""
-
-    files: tuple[Path, ...]
-    rig: str
-    worst: int
-    trace: Path | None
-    json: bool
-    overrides: tuple[str, ...]
-
-
-def run_latency(request: Request) -> None:
+def run_latency(
+    files: Sequence[Path], rig: str, worst: int, trace_file: Path | None, as_json: bool, overrides: tuple[str, ...]
+) -> None:
     """Show the worst ticks.
 
     Raises
@@ -58,32 +48,32 @@ def run_latency(request: Request) -> None:
     UserError
         if there is nothing to look at, or a file cannot be read or written.
     """
-    targets.look_at_file("--trace", request.trace)
-    taken = [read_file(path) for path in request.files]
+    targets.look_at_file("--trace", trace_file)
+    taken = [read_file(path) for path in files]
     kept = None
     if not taken:
-        now, kept = _now(request)
+        now, kept = _now(rig, overrides)
         taken = [now]
-    if request.trace is not None:
+    if trace_file is not None:
         if len(taken) > 1:
             raise UserError(f"--trace: a trace is of one file, and {len(taken)} were given")
-        targets.write_text("--trace", request.trace, json.dumps(trace(taken[0]), allow_nan=False))
-        print(f"wrote {request.trace}: open it at https://ui.perfetto.dev", file=sys.stderr)
-    if request.json:
+        targets.write_text("--trace", trace_file, json.dumps(trace(taken[0]), allow_nan=False))
+        print(f"wrote {trace_file}: open it at https://ui.perfetto.dev", file=sys.stderr)
+    if as_json:
         source = {"file": str(kept)} if kept is not None else {}
-        print(json.dumps([_plain(each, request.worst) | source for each in taken]))
+        print(json.dumps([_plain(each, worst) | source for each in taken]))
         return
     console = Console(highlight=False, width=None if sys.stdout.isatty() else _WIDTH)
     if kept is not None:
-        rig = f"No rig runs as {request.rig}; this is the last that one kept, at {taken[0].taken_at}: {kept}"
-        console.print(rig, markup=False, soft_wrap=True)
+        said = f"No rig runs as {rig}; this is the last that one kept, at {taken[0].taken_at}: {kept}"
+        console.print(said, markup=False, soft_wrap=True)
     for each in taken:
-        _show(console, each, request.worst)
+        _show(console, each, worst)
 
 
-def _now(request: Request) -> tuple[Flights, Path | None]:
+def _now(rig: str, overrides: tuple[str, ...]) -> tuple[Flights, Path | None]:
     """Return the last seconds of the rig's loops, whether they run or died; else the newest file that it left."""
-    transport = config.load_rig(request.rig, request.overrides).transport
+    transport = config.load_rig(rig, overrides).transport
     directory = endpoints.run_directory(transport)
     rings = flight_directory(directory)
     pids = {flight.name: flight.pid for flight in read_rings(rings) if not is_floor(flight)}

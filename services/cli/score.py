@@ -2,34 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
 from rich.console import Console
 from rich.markup import escape
 
-from services.runtime.errors import ConfigError
 from services.training.assessment import Assessment
 from services.training.errors import ERRORS
 from services.training.recorded import assess_file
 from services.training.score import load_rules
 
 
-@dataclass(frozen=True, slots=True)
-class Request:
-    """What the command line asks for."""
-
-    file: Path
-    scenario: str | None
-    rules: str
-    experts: Path | None
-    trainee: str | None
-    database: str | None
-    json: bool
-
-
-def run_score(request: Request) -> None:
+def run_score(
+    file: Path,
+    scenario: str | None,
+    rules: str,
+    experts: Path | None,
+    trainee: str | None,
+    database: str | None,
+    as_json: bool,
+) -> None:
     """Judge a recording, and keep its attempts where a trainee is named.
 
     Raises
@@ -37,27 +30,25 @@ def run_score(request: Request) -> None:
     RecordingError, ConfigError, StoreError
         one sentence, if something of what is named cannot be used.
     """
-    found = assess_file(request.file, load_rules(request.rules), request.scenario, request.experts)
-    numbers = _kept(found, request) if request.trainee is not None else []
-    if request.json:
+    found = assess_file(file, load_rules(rules), scenario, experts)
+    numbers = [] if trainee is None else _kept(found, trainee, database, file)
+    if as_json:
         print(msgspec.json.format(msgspec.json.encode({"attempts": found, "numbers": numbers}), indent=1).decode())
         return
     console = Console(highlight=False, soft_wrap=True)
     if not found:
-        console.print(f"{escape(str(request.file))}: nobody makes an attempt in it")
+        console.print(f"{escape(str(file))}: nobody makes an attempt in it")
     for each in found:
         _print(each, console)
     if numbers:
         console.print(f"kept as {', '.join(map(str, numbers))}: `trocar report {numbers[-1]}` shows the last")
 
 
-def _kept(found: list[Assessment], request: Request) -> list[int]:
+def _kept(found: list[Assessment], trainee: str, database: str | None, file: Path) -> list[int]:
     from services.training.store.attempts import Store
 
-    if request.trainee is None:
-        raise ConfigError("--trainee: whose attempts are to be kept")
-    with Store(request.database) as store:
-        return [store.add(each, request.trainee, request.file) for each in found]
+    with Store(database) as store:
+        return [store.add(each, trainee, file) for each in found]
 
 
 def _print(found: Assessment, console: Console) -> None:

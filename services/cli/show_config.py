@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import yaml
@@ -20,43 +19,31 @@ from services.runtime.scene_requirements import BESIDE_THE_DUCT
 KINDS = ("rig", "scene", "device")
 
 
-@dataclass(frozen=True, slots=True)
-class Request:
-    """Which configuration to show: exactly one of the names is given."""
-
-    rig: str | None
-    scene: str | None
-    device: str | None
-    origin: bool
-    json: bool
-    overrides: tuple[str, ...]
-
-
-def run_show(request: Request) -> None:
-    """Print a configuration with its defaults, as YAML or JSON; with `origin`, where each value came from.
+def run_show(names: Mapping[str, str | None], origin: bool, as_json: bool, overrides: tuple[str, ...]) -> None:
+    """Print the configuration that has a name, by kind, as YAML or JSON; with `origin`, where each value came from.
 
     Raises
     ------
     UserError
         for whatever `trocar up` would refuse, as far as no device and no eigenvalue is needed to know.
     """
-    named = [kind for kind in KINDS if getattr(request, kind) is not None]
+    named = [kind for kind in KINDS if names[kind] is not None]
     if len(named) > 1:
         raise ConfigError(f"--{named[0]} and --{named[1]}: show one at a time")
     kind = named[0] if named else "rig"
-    value, origins = _load(kind, getattr(request, kind) if named else "stub", request.overrides)
+    value, origins = _load(kind, names[kind] or "stub", overrides)
     data = plain(value)
     for key in BESIDE_THE_DUCT if kind == "scene" and value.duct_alone else ():
         del data[key]  # whoever names it has more than a duct
-    if request.origin:
+    if origin:
         lines = {path: (leaf, _origin(path, origins)) for path, leaf in leaves(data).items()}
-        if request.json:
+        if as_json:
             print(json.dumps({path: {"value": v, "origin": o} for path, (v, o) in lines.items()}, indent=1))
             return
         width = max((len(path) for path in lines), default=0)
-        for path, (leaf, origin) in lines.items():
-            print(f"{path:{width}}  {json.dumps(leaf)}  [{origin}]")
-    elif request.json:
+        for path, (leaf, where) in lines.items():
+            print(f"{path:{width}}  {json.dumps(leaf)}  [{where}]")
+    elif as_json:
         print(json.dumps(data, indent=1))
     else:
         print(yaml.safe_dump(data, sort_keys=False, allow_unicode=True), end="")

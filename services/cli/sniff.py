@@ -25,20 +25,6 @@ from services.runtime.rig import Transport
 _PRINTED_HZ = 5.0
 
 
-@dataclass(frozen=True, slots=True)
-class Request:
-    """What to sniff."""
-
-    rig: str
-    topic: str | None
-    count: int | None
-    seconds: float | None
-    rates: bool
-    every: bool
-    json: bool
-    overrides: tuple[str, ...]
-
-
 @dataclass(slots=True)
 class TopicTally:
     """Counts of one topic. Its rate is the publisher's, from what it numbered and stamped, however many came here."""
@@ -81,7 +67,16 @@ class TopicTally:
         }
 
 
-def run_sniff(request: Request) -> None:
+def run_sniff(
+    rig: str,
+    topic: str | None,
+    count: int | None,
+    seconds: float | None,
+    rates: bool,
+    every: bool,
+    as_json: bool,
+    overrides: tuple[str, ...],
+) -> None:
     """Print the frames of one topic, or the rates of all.
 
     Raises
@@ -89,16 +84,16 @@ def run_sniff(request: Request) -> None:
     UserError
         for a topic that does not exist, or silence.
     """
-    transport = config.load_rig(request.rig, request.overrides).transport
-    if request.topic is not None and request.topic not in TOPICS:
-        near = did_you_mean(request.topic, TOPICS)
-        raise ConfigError(f"there is no topic {request.topic!r}; known: {', '.join(TOPICS)}{near}")
-    topics = list(TOPICS) if request.topic is None else [request.topic]
+    transport = config.load_rig(rig, overrides).transport
+    if topic is not None and topic not in TOPICS:
+        near = did_you_mean(topic, TOPICS)
+        raise ConfigError(f"there is no topic {topic!r}; known: {', '.join(TOPICS)}{near}")
+    topics = list(TOPICS) if topic is None else [topic]
     try:
-        if request.topic is None or request.rates:
-            _show_rates(request, transport, topics)
+        if topic is None or rates:
+            _show_rates(transport, topics, seconds or 2.0, as_json)
         else:
-            _show_frames(request, transport, topics)
+            _show_frames(transport, topics, seconds or (10.0 if count else 1e9), count, every, as_json)
     except KeyboardInterrupt:
         return
 
@@ -126,15 +121,14 @@ def frames(transport: Transport, topics: Iterable[str], until_s: float) -> Itera
         context.destroy(linger=0)
 
 
-def _show_rates(request: Request, transport: Transport, topics: list[str]) -> None:
-    seconds = request.seconds or 2.0
+def _show_rates(transport: Transport, topics: list[str], seconds: float, as_json: bool) -> None:
     tallies: defaultdict[str, TopicTally] = defaultdict(TopicTally)
     for topic, data, _now_s in frames(transport, topics, time.monotonic() + seconds):
         tallies[topic].add(data)
     if not tallies:
         raise BusError(f"nothing was heard for {seconds:g} s: is a rig running on this transport?")
     rows = [tallies[topic].row(topic) for topic in topics if topic in tallies]
-    if request.json:
+    if as_json:
         print(json.dumps(rows, indent=1))
         return
     table = Table(box=None)
@@ -148,17 +142,19 @@ def _show_rates(request: Request, transport: Transport, topics: list[str]) -> No
     Console(highlight=False).print(table)
 
 
-def _show_frames(request: Request, transport: Transport, topics: list[str]) -> None:
-    until_s = time.monotonic() + (request.seconds or (10.0 if request.count else 1e9))
-    every = request.every or request.count is not None
+def _show_frames(
+    transport: Transport, topics: list[str], seconds: float, count: int | None, every: bool, as_json: bool
+) -> None:
+    until_s = time.monotonic() + seconds
+    every = every or count is not None
     shown, due_s = 0, 0.0
     for _topic, data, now_s in frames(transport, topics, until_s):
         if not every and now_s < due_s:
             continue
         due_s = now_s + 1.0 / _PRINTED_HZ
-        print(_text(data, as_json=request.json), flush=True)
+        print(_text(data, as_json=as_json), flush=True)
         shown += 1
-        if request.count is not None and shown >= request.count:
+        if count is not None and shown >= count:
             return
     if shown == 0:
         raise BusError(f"nothing was heard on {topics[0]}: is a rig running on this transport?")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any
 
 import msgspec
@@ -31,17 +31,6 @@ _STALE_S = 1.0
 _QUANTILES = tuple(field.name for field in fields(Quantiles))
 #: Of a terminal as it is opened; all tables fit.
 _WIDTH = 80
-
-
-@dataclass(frozen=True, slots=True)
-class Request:
-    """What to show, and how."""
-
-    rig: str
-    once: bool
-    json: bool
-    seconds: float
-    overrides: tuple[str, ...]
 
 
 class Listener:
@@ -116,7 +105,7 @@ def _unheard_row(report: bodies.ProcessReport) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def run_top(request: Request) -> None:
+def run_top(rig: str, once: bool, as_json: bool, seconds: float, overrides: tuple[str, ...]) -> None:
     """Show the rig until Ctrl-C, or once.
 
     Raises
@@ -124,19 +113,19 @@ def run_top(request: Request) -> None:
     BusError
         if nobody is heard.
     """
-    transport = config.load_rig(request.rig, request.overrides).transport
+    transport = config.load_rig(rig, overrides).transport
     reads = [*(f"{name}.health" for name in protocol.PROCESSES), "supervisor.state"]
     bus = ZmqBus(transport, reads=reads)
     try:
-        listener = Listener(bus, request.seconds, lock_holders(transport))
-        if request.once or not listener.is_anybody():
-            _listen(listener, request.seconds if request.once else 0.5)
+        listener = Listener(bus, seconds, lock_holders(transport))
+        if once or not listener.is_anybody():
+            _listen(listener, seconds if once else 0.5)
         if not listener.is_anybody():
             raise BusError("nothing was heard: is a rig running on this transport?")
-        if request.once:
-            _print_once(listener, as_json=request.json)
+        if once:
+            _print_once(listener, as_json=as_json)
         else:
-            _follow(listener, as_json=request.json)
+            _follow(listener, as_json=as_json)
     except KeyboardInterrupt:
         return
     finally:

@@ -8,6 +8,8 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
+from services.runtime.machine import processor_name
+
 #: Whose sources decide what a step makes of its inputs.
 _PACKAGES = ("mechanics", "physics", "haptics")
 _LIBRARIES = ("numpy", "scipy", "numba", "llvmlite")
@@ -28,13 +30,4 @@ def machine() -> str:
     """Return the kind of this machine: processor and libraries. On another kind the last bits may differ."""
     libraries = ", ".join(f"{name} {version(name)}" for name in _LIBRARIES)
     python = ".".join(platform.python_version_tuple()[:2])
-    return f"{_processor()}, Python {python}, {libraries}"
-
-
-def _processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        lines = []
-    names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
-    return next(names, platform.machine())
+    return f"{processor_name()}, Python {python}, {libraries}"

@@ -3,41 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
-from typing import Protocol
-
-import msgspec
+from collections.abc import Collection, Mapping
 
 from protocol import Frame, bodies
 from protocol.bodies.physics import ToolReaction
 from services.training.attempt import Look
-from services.training.errors import ErrorEvent
+from services.training.judge import Judge
 
 TOPICS = ("gateway.state", "haptics.contacts", "physics.state")
 _CATHETER = 1
 LATE, STOPPED, ANEW = "the rig was late", "the rig was stopped", "a part of the rig began anew"
-
-
-class Judge(Protocol):
-    """Follows phases and errors of an attempt: every frame that is seen is given to it."""
-
-    @property
-    def phase(self) -> str:
-        """Return the phase now."""
-
-    @property
-    def errors(self) -> Mapping[str, int]:
-        """Return the number of errors so far, by code."""
-
-    @property
-    def events(self) -> Sequence[ErrorEvent]:
-        """Return the errors so far."""
-
-    def take(self, topic: str, time_ns: int, body: msgspec.Struct) -> object:
-        """Take a frame."""
-
-    def finish(self) -> None:
-        """Judge the end."""
 
 
 class Sight:

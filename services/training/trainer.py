@@ -10,9 +10,10 @@ from collections.abc import Callable, Collection, Sequence
 from protocol import bodies
 from services.training.attempt import Attempt, AttemptState
 from services.training.hints import hint
+from services.training.judge import Judge
 from services.training.scenario import Scenario
 from services.training.score import ScoreRules, score_of
-from services.training.sight import Judge, Sight
+from services.training.sight import Sight
 
 #: An order that is older is not carried out: who asked has given it up.
 ORDER_S = 2.0
