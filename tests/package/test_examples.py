@@ -26,7 +26,14 @@ def _numbers(line: str) -> list[float]:
 
 
 def test_these_are_the_examples() -> None:
-    assert EXAMPLES == ["accuracy_against_time", "insert_and_watch", "own_effect", "poke"]
+    assert EXAMPLES == [
+        "accuracy_against_time",
+        "clone_an_expert",
+        "insert_and_watch",
+        "own_effect",
+        "poke",
+        "ppo_baseline",
+    ]
 
 
 def test_a_poke_is_felt_and_plotted(tmp_path: Path) -> None:
@@ -38,6 +45,11 @@ def test_the_catheter_goes_in(tmp_path: Path) -> None:
     depth_mm = [_numbers(line)[1] for line in _run("insert_and_watch", tmp_path).splitlines() if " mm in " in line]
     assert depth_mm[0] == 0.0
     assert depth_mm[-1] == pytest.approx(20.0, abs=3.0)
+
+
+def test_what_is_cloned_from_an_expert_goes_in(tmp_path: Path) -> None:
+    depth_mm = _numbers(_run("clone_an_expert", tmp_path).splitlines()[-1])[-1]
+    assert depth_mm > 10.0
 
 
 def test_an_effect_of_ones_own_acts(tmp_path: Path) -> None:

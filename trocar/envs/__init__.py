@@ -14,7 +14,9 @@ from __future__ import annotations
 try:
     import gymnasium
 except ModuleNotFoundError as error:
-    raise ModuleNotFoundError("trocar.envs needs the package 'gymnasium': install trocar[envs]", name=error.name) from None
+    raise ModuleNotFoundError(
+        "trocar.envs needs the package 'gymnasium': install trocar[envs]", name=error.name
+    ) from None
 
 from trocar.envs.expert import Expert
 from trocar.envs.hands import HandLimits

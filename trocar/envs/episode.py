@@ -19,6 +19,9 @@ from trocar.envs.hands import DeviceHands
 from trocar.envs.recording import EpisodeRecording
 from trocar.envs.stage import Stage
 
+FAST = ("gateway.state", "haptics.contacts", "physics.state")
+"""What is seen of a moment."""
+
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
@@ -123,6 +126,8 @@ class Episode:
         self.frames = {each.topic: each for each in (devices, contacts, state)}
         self._trainer.sight.take(self.frames, self.tick * TICK_NS)
         if self._recording is not None:
+            if self.tick == 0:
+                self._recording.take_tick(devices, 0)
             self._recording.take(contacts)
             self._recording.take(state)
 

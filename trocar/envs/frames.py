@@ -16,7 +16,14 @@ from trocar.envs.hands import DeviceHands
 
 TICK_NS = 1_000_000
 NAMES = ("right", "left")
-_ORDER = ("gateway.state", "haptics.contacts", "physics.state", "training.attempt", "haptics.journal", "physics.journal")
+_ORDER = (
+    "gateway.state",
+    "haptics.contacts",
+    "physics.state",
+    "training.attempt",
+    "haptics.journal",
+    "physics.journal",
+)
 """Of what is said in one tick."""
 _MEASURED_EVERY = 16
 """Ticks, as in `services.physics.outputs`."""

@@ -42,13 +42,15 @@ class DeviceHands:
         J in m and m/s in scene axes, roll and handle in rad and rad/s.
     inputs : ToolInputs
         The same for a simulation.
+    mouth_m : list of float
+        Middle of the workspace, in scene axes.
     """
 
     def __init__(self, tools: tuple[ToolScene, ...], limits: HandLimits, mouth_m: FloatArray) -> None:
         jaws = [tool.jaws for tool in tools]
         self.limits = limits
         self.n_tools = len(tools)
-        self._mouth = mouth_m.tolist()
+        self.mouth_m: list[float] = mouth_m.tolist()
         self._jaw_ratio = np.array([each.jaw_ratio if each else 1.0 for each in jaws])
         self._most = np.full((N_TOOLS, COLUMNS), np.inf)
         self._most[:, 3] = np.pi
@@ -81,10 +83,10 @@ class DeviceHands:
         state = self.state[:n]
         state += dt_s * self.rate[:n]
         for tool, place_m in enumerate(state[:, :3].tolist()):
-            distance_m = math.dist(place_m, self._mouth)
+            distance_m = math.dist(place_m, self.mouth_m)
             if distance_m > self.limits.reach_m:
-                away_m = state[tool, :3] - self._mouth
-                state[tool, :3] = self._mouth + self.limits.reach_m / distance_m * away_m
+                away_m = state[tool, :3] - self.mouth_m
+                state[tool, :3] = self.mouth_m + self.limits.reach_m / distance_m * away_m
         np.maximum(state, self._least[:n], out=state)
         np.minimum(state, self._most[:n], out=state)
         self._write()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
@@ -17,11 +18,11 @@ from services.training.scenario import load_scenario
 from services.training.score import load_rules
 from services.training.situation import EVERY_TICKS, TICK_S
 from trocar.envs import state
-from trocar.envs.episode import Episode, Verdict, nearest_m
+from trocar.envs.episode import FAST, Episode, Verdict, nearest_m
 from trocar.envs.hands import COLUMNS, DeviceHands, HandLimits
 from trocar.envs.picture import Camera
 from trocar.envs.randomisation import Bound, Randomisation
-from trocar.envs.stage import Stage, mouth_modes
+from trocar.envs.stage import Stage
 
 GRIP_BEYOND_J_M = 10e-3
 """Where jaws take what they hold."""
@@ -131,7 +132,7 @@ class Insertion(gymnasium.Env[Any, Any]):
         start = ToolInputs()
         trocar.expert(simulation).write_inputs(0.0, start)
         self.hands.begin(start)
-        self._view = state.StateView(simulation, self.hands, mouth_m, mouth_modes(self._stage.duct))
+        self._view = state.StateView(self._stage.site, self._stage.duct_file)
         self._mouth_m = mouth_m
         self._episode = Episode(self._stage, self.hands, self.scenario, self._rules, self._new_path())
         self._verdict = self._episode.verdict()
@@ -155,6 +156,11 @@ class Insertion(gymnasium.Env[Any, Any]):
         }  # fmt: skip
         return self._observe(), reward, verdict.ended, False, info
 
+    def leave(self) -> None:
+        """End the episode where it is, and close its recording; the next begins with reset."""
+        if self._episode is not None:
+            self._episode.close()
+
     def render(self) -> Any:
         """Return the image (height, width, 3) uint8; None without a render mode."""
         return self._image() if self.render_mode == "rgb_array" else None
@@ -165,13 +171,15 @@ class Insertion(gymnasium.Env[Any, Any]):
         self._close_camera()
 
     def _new_path(self) -> Path | None:
-        self._episodes += 1
-        return self._record and self._record / f"episode-{self._episodes:05d}.mcap"
+        if self._record is None:
+            return None
+        while (path := self._record / f"episode-{os.getpid()}-{self._episodes:05d}.mcap").exists():
+            self._episodes += 1
+        return path
 
     def _end_episode(self) -> None:
-        if self._episode is not None:
-            self._episode.close()
-            self._episode = None
+        self.leave()
+        self._episode = None
 
     def _close_camera(self) -> None:
         if self._camera is not None:
@@ -179,7 +187,9 @@ class Insertion(gymnasium.Env[Any, Any]):
             self._camera = None
 
     def _observe(self) -> Any:
-        return self._image() if self._is_image else self._view.read(self.time_s, self._verdict.depth_m)
+        if self._is_image or self._episode is None:
+            return self._image()
+        return self._view.read(*(self._episode.frames[topic].body for topic in FAST))
 
     def _image(self) -> Any:
         if self._episode is None:

@@ -35,7 +35,9 @@ class Randomisation:
         one sentence that names the key, if a range is none or the scene refuses an end.
     """
 
-    def __init__(self, scene: str | Path, ranges: Mapping[str, tuple[Bound, Bound]], overrides: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self, scene: str | Path, ranges: Mapping[str, tuple[Bound, Bound]], overrides: tuple[str, ...] = ()
+    ) -> None:
         self.ranges = {key: _checked(key, ends) for key, ends in ranges.items()}
         for key, ends in self.ranges.items():
             for end in ends:

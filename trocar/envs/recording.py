@@ -51,7 +51,7 @@ class EpisodeRecording:
         self._picture.see(frame)
 
     def take_tick(self, devices: Frame, step_ticks: int) -> None:
-        """Append the devices of a tick, with the ``step_ticks`` that the simulation went on by at its end, 0 for none."""
+        """Append the devices of a tick, and by how many ticks the simulation went on at its end, 0 for none."""
         self._tick = tick = devices.body.tick
         self.take(devices)
         is_known = self._solved_tick >= 0

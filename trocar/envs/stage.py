@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
 from services.cache_directory import cache_directory
 from services.mechanics.beginning import Beginning
 from services.mechanics.reduction import ReducedDuct
@@ -74,7 +72,9 @@ class Stage:
             self.site, self._wall = _site(self._attached), wall
         self.scene, self._drawn = scene, drawn
         self.simulation = Simulation(scene, self.duct)
-        self._beginning = Beginning(self.simulation, (scene, self.simulation.scene, self.duct, self.simulation.duct.reduced))
+        self._beginning = Beginning(
+            self.simulation, (scene, self.simulation.scene, self.duct, self.simulation.duct.reduced)
+        )
         self.simulation.set_quality(self.level)
 
     @property
@@ -92,9 +92,3 @@ def _site(attached: bytes) -> Site:
         return read_site(attached)
     except ValueError as error:
         raise ConfigError(str(error)) from None
-
-
-def mouth_modes(duct: ReducedDuct) -> np.ndarray:
-    """Return the mean of the modes (3, r) over the rim of the mouth, in 1/sqrt(kg)."""
-    mean: np.ndarray = duct.basis.Phi[duct.mesh.vertex_sets["mouth"]].mean(axis=0)
-    return mean

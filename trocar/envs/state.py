@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import io
 from typing import NamedTuple
 
 import numpy as np
 
+from protocol.bodies import GatewayState, PhysicsState, ToolContacts
+from protocol.bodies.physics import REACTION_COLUMNS, REACTION_FORCE, REACTION_PROXY_OPENING
 from services.mechanics.arrays import Float32Array, FloatArray
 from services.mechanics.scene.tools import N_TOOLS
-from services.mechanics.simulation import Simulation
-from trocar.envs.hands import DeviceHands
+from services.training.site import Site
+from services.training.situation import TICK_S
 
 N_POINTS = 6
 SPACING_M = 8e-3
 _CATHETER = 1
+_RIM = 1.2
+"""Within so many radii of its middle lies the rim of the mouth."""
 
 
 class Field(NamedTuple):
@@ -55,36 +60,47 @@ def places() -> dict[str, slice]:
 
 
 class StateView:
-    """Reads the observation from a simulation.
+    """Reads the observation from the frames of a moment: of an episode that goes on, or of its recording.
 
     Parameters
     ----------
-    mouth_m : (3,) float64
-        Middle of the mouth at rest.
-    mouth_modes : (3, r) float64
-        By how much it moves with each mode, in 1/sqrt(kg).
+    site : Site
+        Where the mouth is.
+    duct_file : bytes
+        The duct as a recording carries it.
     """
 
-    def __init__(self, simulation: Simulation, hands: DeviceHands, mouth_m: FloatArray, mouth_modes: FloatArray) -> None:
-        self._simulation, self._hands = simulation, hands
-        self._mouth_m, self._mouth_modes = mouth_m, mouth_modes
-        catheter = simulation.catheter.properties
-        step = max(1, round(SPACING_M / catheter.segment_length_m))
-        self._points = np.maximum(catheter.n_particles - 1 - step * np.arange(N_POINTS), 0)
+    def __init__(self, site: Site, duct_file: bytes) -> None:
+        self._mouth_m = np.array(site.mouth_m)
+        with np.load(io.BytesIO(duct_file), allow_pickle=False) as duct:
+            near = np.linalg.norm(duct["vertices_m"] - self._mouth_m, axis=1) < _RIM * site.mouth_radius_m
+            self._mouth_modes: FloatArray = duct["modes"][near].mean(axis=0, dtype=np.float64)
 
-    def read(self, time_s: float, inserted_m: float) -> Float32Array:
+    def read(self, devices: GatewayState, contacts: ToolContacts, solved: PhysicsState) -> Float32Array:
         """Return the observation (`SIZE`,) as float32."""
-        s, hands = self._simulation, self._hands.state
+        hands = np.zeros((N_TOOLS, 5))
+        for row, each in zip(hands, devices.instruments, strict=False):
+            row[:3], row[3:] = np.subtract(each.position_m, self._mouth_m), (each.roll_rad, each.handle_angle_rad)
+        tools = np.zeros((N_TOOLS, REACTION_COLUMNS))
+        told = solved.tools.view()[:N_TOOLS]
+        tools[: len(told)] = told
         held = np.zeros((2, N_TOOLS))
-        for grasp in s.grasps:
-            for hold in grasp.holds:
-                held[0 if hold.target_kind == _CATHETER else 1, grasp.tool] = 1.0
-        here = np.arange(N_TOOLS)[:, None] < self._hands.n_tools
+        for hold in contacts.holds:
+            held[0 if hold.target_kind == _CATHETER else 1, hold.tool] = 1.0
+        q = solved.duct.q.view()
         parts = (
-            np.where(here, hands[:, :3] - self._mouth_m, 0.0), hands[:, 3], hands[:, 4],
-            s.tool_results.proxy_jaw_angle_rad, s.tool_results.force_n, held,
-            s.catheter.state.position_m[self._points] - self._mouth_m,
-            self._mouth_modes @ s.duct_state.q[: self._mouth_modes.shape[1]], (inserted_m, time_s),
+            hands[:, :3], hands[:, 3], hands[:, 4], tools[:, REACTION_PROXY_OPENING],
+            tools[:, REACTION_FORCE : REACTION_FORCE + 3], held, self._points_m(solved) - self._mouth_m,
+            self._mouth_modes[:, : len(q)] @ q, (solved.catheter.inserted_length_m, solved.tick * TICK_S),
         )  # fmt: skip
-        told = np.concatenate([np.ravel(part) for part in parts]).astype(np.float32)
-        return np.clip(told, -MOST, MOST, out=told)
+        read = np.concatenate([np.ravel(part) for part in parts]).astype(np.float32)
+        return np.clip(read, -MOST, MOST, out=read)
+
+    @staticmethod
+    def _points_m(solved: PhysicsState) -> FloatArray:
+        """Return points (`N_POINTS`, 3) of the catheter, tip first; where it is shorter, its end again and again."""
+        particles = solved.catheter.position_m.view()[::-1]
+        segment_m = float(np.linalg.norm(particles[0] - particles[1]))
+        step = max(1, round(SPACING_M / segment_m)) if segment_m > 0.0 else 1
+        points: FloatArray = particles[np.minimum(step * np.arange(N_POINTS), len(particles) - 1)]
+        return points

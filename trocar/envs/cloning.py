@@ -1,0 +1,101 @@
+"""Behaviour cloning: a policy fitted to what hands did in recordings, in closed form.
+
+Ridge regression on random Fourier features (Rahimi and Recht, Random Features for Large-Scale Kernel Machines,
+NIPS 2007) of the observation, scaled to unit spread.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from services.mechanics.arrays import Float32Array, FloatArray
+from services.recordings.reader import read_extras, read_messages
+from services.training.site import read_site
+from services.training.situation import TICK_S
+from trocar.envs.episode import FAST
+from trocar.envs.hands import COLUMNS, HandLimits
+from trocar.envs.state import StateView
+
+N_FEATURES = 600
+WIDTH = 4.0
+"""Of the kernel, in spreads of the observation."""
+RIDGE = 1e-3
+_SMALLEST = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class ClonedPolicy:
+    """Maps an observation (s,) to an action (tools, 5): picklable, without randomness."""
+
+    middle: FloatArray
+    spread: FloatArray
+    frequencies: FloatArray
+    phases: FloatArray
+    weights: FloatArray
+
+    def __call__(self, observation: Float32Array) -> Float32Array:
+        """Return the action."""
+        action = _features((observation - self.middle) / self.spread, self.frequencies, self.phases) @ self.weights
+        return np.clip(action, -1.0, 1.0).astype(np.float32).reshape(-1, COLUMNS)
+
+
+def clone(observations: FloatArray, actions: FloatArray, seed: int = 0) -> ClonedPolicy:
+    """Return the policy that does what was done.
+
+    Parameters
+    ----------
+    observations : (n, s) array
+    actions : (n, tools, 5) array
+    seed : int
+        Of the random features.
+    """
+    random = np.random.default_rng(seed)
+    middle, spread = observations.mean(axis=0), observations.std(axis=0)
+    spread = np.where(spread > _SMALLEST, spread, np.inf)  # what never differed says nothing
+    frequencies = random.normal(0.0, 1.0 / WIDTH, (observations.shape[1], N_FEATURES))
+    phases = random.uniform(0.0, 2.0 * np.pi, N_FEATURES)
+    features = _features((observations - middle) / spread, frequencies, phases)
+    normal = features.T @ features + RIDGE * len(features) / N_FEATURES * np.eye(features.shape[1])
+    weights = cho_solve(cho_factor(normal), features.T @ actions.reshape(len(actions), -1))
+    return ClonedPolicy(middle, spread, frequencies, phases, weights)
+
+
+def read_demonstrations(paths: Iterable[Path], limits: HandLimits | None = None) -> tuple[FloatArray, FloatArray]:
+    """Return observations (n, s) and actions (n, tools, 5) of recorded episodes.
+
+    Raises
+    ------
+    RecordingError, ValueError
+        a file is no recording, or carries no duct.
+    """
+    parts = [_read(path, limits or HandLimits()) for path in paths]
+    return np.concatenate([each[0] for each in parts]), np.concatenate([each[1] for each in parts])
+
+
+def _read(path: Path, limits: HandLimits) -> tuple[FloatArray, FloatArray]:
+    """Return what was seen at each moment, and how fast the hands went to the next."""
+    attachments = read_extras(path)[1]
+    view = StateView(read_site(attachments["duct.npz"]), attachments["duct.npz"])
+    newest: dict[str, object] = {}
+    observations, states, times_s = [], [], []
+    for topic, _, body in read_messages(path, FAST):
+        newest[topic] = body
+        if topic == FAST[-1]:
+            devices = newest[FAST[0]]
+            observations.append(view.read(devices, newest[FAST[1]], body))  # type: ignore[arg-type]
+            states.append([(*each.position_m, each.roll_rad, each.handle_angle_rad) for each in devices.instruments])  # type: ignore[attr-defined]
+            times_s.append(body.tick * TICK_S)  # type: ignore[attr-defined]
+    rates = np.diff(np.array(states), axis=0) / np.diff(times_s)[:, None, None]
+    return np.array(observations, np.float64)[:-1], rates / limits.rates
+
+
+def _features(scaled: FloatArray, frequencies: FloatArray, phases: FloatArray) -> FloatArray:
+    waves = np.sqrt(2.0 / len(phases)) * np.cos(scaled @ frequencies + phases)
+    ones = np.ones((*scaled.shape[:-1], 1))
+    features: FloatArray = np.concatenate([waves, scaled, ones], axis=-1)
+    return features

@@ -1,0 +1,101 @@
+"""Many episodes at once: in processes of this machine, or on a Dask cluster."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from services.mechanics.arrays import Float32Array
+from studies.accuracy.workers import open_workers
+from trocar.envs.expert import Expert
+
+Policy = Callable[[Float32Array], Float32Array]
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """Of one episode; ``processor_s`` is what its steps took, ``simulated_s`` how long it was."""
+
+    seed: int
+    success: bool
+    steps: int
+    reward: float
+    cost_s: float
+    depth_m: float
+    simulated_s: float
+    processor_s: float
+
+
+def rollouts(
+    policy: Policy | None,
+    seeds: Sequence[int],
+    *,
+    jobs: int = 1,
+    scheduler: str | None = None,
+    noise: float = 0.0,
+    **settings: Any,
+) -> Iterator[Outcome]:
+    """Yield an outcome for each seed, as they come.
+
+    Parameters
+    ----------
+    policy : callable or None
+        Maps an observation to an action; None: the expert.
+    jobs : int
+        Processes here.
+    scheduler : str, optional
+        Address of a Dask scheduler, whose workers have this package; then ``jobs`` says nothing.
+    noise : float
+        Standard deviation of what is added to each action, drawn from the episode's seed.
+    settings
+        As for `Insertion`.
+
+    Raises
+    ------
+    ConnectionError
+        There is no scheduler at that address.
+    """
+    with open_workers(jobs, scheduler) as workers:
+        kept = tuple(sorted((name, _frozen(value)) for name, value in settings.items()))
+        calls = [(policy, seed, noise, kept) for seed in seeds]
+        for _, outcome in workers.run(play, calls):
+            yield outcome
+
+
+def play(policy: Policy | None, seed: int, noise: float, settings: tuple[tuple[str, Any], ...]) -> Outcome:
+    """Return what comes of one episode."""
+    env = _env(settings)
+    random = np.random.default_rng(seed)
+    observation, _ = env.reset(seed=seed)
+    inside: Any = env.unwrapped
+    expert = Expert(inside)
+    steps, reward, cost_s, ended, info = 0, 0.0, 0.0, False, {"is_success": False}
+    began_s = time.process_time()
+    while not ended:
+        action = policy(observation) if policy is not None else expert.action()
+        if noise:
+            action = np.clip(action + random.normal(0.0, noise, action.shape), -1.0, 1.0).astype(np.float32)
+        observation, gained, terminated, truncated, info = env.step(action)
+        steps, reward, cost_s = steps + 1, reward + float(gained), cost_s + info["cost"]
+        ended = terminated or truncated
+    took_s = time.process_time() - began_s
+    simulated_s, depth_m = inside.time_s, inside.depth_m
+    inside.leave()
+    return Outcome(seed, bool(info["is_success"]), steps, reward, cost_s, depth_m, simulated_s, took_s)
+
+
+def _frozen(value: Any) -> Any:
+    return tuple(sorted(value.items())) if isinstance(value, dict) else value
+
+
+@cache
+def _env(settings: tuple[tuple[str, Any], ...]) -> gymnasium.Env[Any, Any]:
+    """Return an environment that is kept for the next episode with these settings."""
+    known = {name: dict(value) if name == "randomise" else value for name, value in settings}
+    return gymnasium.make("trocar/Insertion-v0", **known)
