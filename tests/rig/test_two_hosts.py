@@ -91,6 +91,6 @@ def test_too_far_away_the_arm_is_limp_without_a_kick_and_that_is_said(rig: FarRi
 def test_lost_packets_make_no_force_step_beyond_the_limit(rig: FarRig) -> None:
     _feels(rig)
     rig.hosts.set(1.0, 1.0, 0.05)
-    rig.look_for(5.0)
+    rig.look_for(3.0)
     assert max(force_rates_n_s(rig.observer.samples)) <= rate_limit_n_s()
     assert not rig.ended()
