@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +52,20 @@ def test_every_container_says_whether_it_is_well_and_has_limits_that_a_host_may_
         assert all(re.fullmatch(r"127\.0\.0\.1:\$\{\w+:-\d+\}:\d+", port) for port in ports), name
     for name, each in _services("docker-compose.yml").items():
         assert re.fullmatch(r"\$\{\w+:-\d+\}", each["pids_limit"]), name
+
+
+def test_a_look_at_a_process_that_is_not_ready_starts_no_python(tmp_path: Path) -> None:
+    """It cost each container half a second, again and again, while all were starting on two cores."""
+    (tmp_path / "python").write_text("#!/bin/sh\necho python was started\n")
+    (tmp_path / "python").chmod(0o755)
+    for name, each in _services("docker-compose.yml").items():
+        assert each["healthcheck"]["test"] == ["CMD", "as-trocar", "--check", name.partition("-")[0]]
+    environment = {"PATH": f"{tmp_path}:{os.environ['PATH']}", "TROCAR_AS_ROOT": "1"}
+    done = subprocess.run(
+        ["sh", ROOT / "deploy" / "as-trocar", "--check", "of_no_rig"],
+        env=environment, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", "of_no_rig: not ready yet\n")
 
 
 def test_the_rig_starts_on_a_host_without_the_device() -> None:
