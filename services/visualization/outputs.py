@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import time
-from typing import Protocol
 
 from services.runtime.errors import UserError
 from services.runtime.health import LatencyPath
@@ -18,60 +17,40 @@ from services.visualization.page_hands import PageHands
 from services.visualization.picture import Picture, PictureLayout
 
 
-class Output(Protocol):
-    """A place where pictures go."""
+class Output:
+    """A place where pictures go; by itself nowhere: what a headless run without a page costs.
 
-    closed: bool
-
-    def show(self, layout: PictureLayout, picture: Picture, notice: str) -> None:
-        """Show the newest picture; `notice` is the text message that tells the state of the rig."""
-        ...
-
-    def wait_until(self, deadline_ns: int) -> None:
-        """Do what must be done between pictures; return at `deadline_ns`."""
-        ...
-
-    def wanted_hz(self) -> float | None:
-        """Return how many pictures a second whoever looks can take; None: all."""
-        ...
-
-    def gauges(self) -> dict[str, float]:
-        """Return figures for the health report."""
-        ...
-
-    def close(self) -> None:
-        """Give everything up."""
-        ...
-
-
-class NoOutput:
-    """Composes for nobody: what a headless run without a page costs."""
+    Attributes
+    ----------
+    closed : bool
+        Whether a person has closed it.
+    """
 
     def __init__(self, painted: LatencyPath) -> None:
         self.closed = False
         self._painted = painted
 
     def show(self, layout: PictureLayout, picture: Picture, notice: str) -> None:
-        """Count the picture as seen."""
+        """Show the newest picture; `notice` is the text message that tells the state of the rig."""
         record(self._painted, picture)
 
     def wait_until(self, deadline_ns: int) -> None:
-        """Sleep."""
+        """Do what must be done between pictures; return at `deadline_ns`."""
         sleep_until(deadline_ns)
 
     def wanted_hz(self) -> float | None:
-        """Return nothing: all."""
+        """Return how many pictures a second whoever looks can take; None: all."""
         return None
 
     def gauges(self) -> dict[str, float]:
-        """Return nothing."""
+        """Return figures for the health report."""
         return {}
 
     def close(self) -> None:
-        """Do nothing."""
+        """Give everything up."""
 
 
-class WebOutput:
+class WebOutput(Output):
     """Streams pictures to browsers, which draw them.
 
     Raises
@@ -81,8 +60,7 @@ class WebOutput:
     """
 
     def __init__(self, settings: ViewSettings, painted: LatencyPath, log: logging.Logger, hands: PageHands) -> None:
-        self.closed = False
-        self._painted = painted
+        super().__init__(painted)
         self._hands = hands
         self._feeds = Feeds(painted)
         self._camera = CameraFeed()
@@ -144,7 +122,7 @@ def open_output(settings: ViewSettings, painted: LatencyPath, log: logging.Logge
     if viewer == "auto":
         viewer = "native" if display_name() else "web"
     if viewer == "none":
-        return NoOutput(painted)
+        return Output(painted)
     if viewer == "web":
         return WebOutput(settings, painted, log, hands)
     from services.visualization.window import WindowOutput

@@ -17,6 +17,7 @@ from services.runtime.loop import sleep_until
 from services.visualization import codec
 from services.visualization.display import display_name
 from services.visualization.feed import Feed, FeedMessage
+from services.visualization.outputs import Output
 from services.visualization.picture import Picture, PictureLayout
 from services.visualization.render_governor import Demand
 from services.visualization.render_pipe import CLOSED, FRAME, HELLO, NOTICE, OPEN, PAINTED, pack, read_message
@@ -29,13 +30,8 @@ _TRIES, _SOON_S = 3, 0.5
 _MARGIN_NS = 1_500_000  # asyncio rounds its waits up to milliseconds; the rest is slept precisely
 
 
-class WindowOutput:
+class WindowOutput(Output):
     """A pyvista window that the trainee's monitor shows.
-
-    Attributes
-    ----------
-    closed : bool
-        Whether a person has closed it.
 
     Raises
     ------
@@ -50,14 +46,14 @@ class WindowOutput:
             )
         if importlib.util.find_spec("pyvista") is None:
             raise UserError("visualization.viewer: native needs pyvista (pip install trocar[view])")
-        self.closed = False
+        super().__init__(painted)
         self._log = log
         self._loop = asyncio.new_event_loop()
         self._feed = Feed(painted, in_flight=_IN_FLIGHT)
         self._layout: PictureLayout | None = None
         self._hello = self._notice = ""
         self._open = False
-        self._painted = 0
+        self._pictures = 0
         self._demand = Demand()
         self._showing = self._loop.create_task(self._show_until_closed())
         try:
@@ -84,11 +80,11 @@ class WindowOutput:
 
     def wanted_hz(self) -> float | None:
         """Return somewhat more than the window lately painted; None, all, before it has."""
-        return self._demand.count(time.monotonic(), self._painted)
+        return self._demand.count(time.monotonic(), self._pictures)
 
     def gauges(self) -> dict[str, float]:
         """Return whether the window is open, and how many pictures it has drawn."""
-        return {"window_open": float(self._open), "window_pictures": float(self._painted)}
+        return {"window_open": float(self._open), "window_pictures": float(self._pictures)}
 
     def close(self) -> None:
         """Close the window."""
@@ -162,7 +158,7 @@ class WindowOutput:
             while True:
                 kind, data = await read_message(worker.stdout)
                 if kind == PAINTED:
-                    self._painted += 1
+                    self._pictures += 1
                     self._feed.acknowledge(int.from_bytes(data, "little"))
                 self._open = self._open or kind == OPEN
                 self.closed = self.closed or kind == CLOSED
