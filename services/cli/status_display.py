@@ -77,8 +77,8 @@ class StatusDisplay:
     def _announce(self, supervisor: Supervisor) -> None:
         self._announced = True
         page = supervisor.page_address
-        where = f"open {page}" if page else "the web page is off"
-        self._console.print(f"the rig {supervisor.rig.name!r} is running: {where} (Ctrl-C ends it)", markup=False)
+        said = f"the rig {supervisor.rig.name!r} is running: open {page} (Ctrl-C ends it)"
+        self._console.print(said, markup=False)
         sys.stderr.flush()
 
     def _show_progress(self, supervisor: Supervisor) -> None:

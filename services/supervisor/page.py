@@ -7,7 +7,6 @@ busy or not run. It hears the processes for itself; its end of a socket pair is 
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 import socket
 from pathlib import Path
 from types import TracebackType
@@ -19,10 +18,7 @@ from services.supervisor.page_place import page_file, write_page_file
 from services.supervisor.processes import ProcessSpec
 from services.supervisor.supervisor import Supervisor
 
-#: What the page needs beyond the rest of the rig.
-PACKAGES = ("uvicorn", "starlette", "prometheus_client")
 _PAGE = ProcessSpec("page", "services.supervisor.page_server")
-_OBSERVERS = ProcessSpec("observers", "services.supervisor.observers")
 _TELL_S = 0.2
 #: One that ended is started again after so long, so often.
 _RETRY_S, _RETRIES = 2.0, 5
@@ -31,22 +27,14 @@ _END_S = 3.0
 _SILENT_S, _SILENT_AT_FIRST_S = 5.0, 60.0
 
 
-def missing_package() -> str:
-    """Return a package that the page needs and that is not installed, empty for none."""
-    return next((name for name in PACKAGES if importlib.util.find_spec(name) is None), "")
-
-
 class Page:
-    """Serves while it is open. Without a socket it only runs the observers, which keep incident files."""
+    """Serves while it is open."""
 
-    def __init__(
-        self, sock: socket.socket | None, supervisor: Supervisor, setup: PageSetup, log_directory: Path
-    ) -> None:
+    def __init__(self, sock: socket.socket, supervisor: Supervisor, setup: PageSetup, log_directory: Path) -> None:
         self._supervisor = supervisor
         self._socket = sock
-        self._spec = _OBSERVERS if sock is None else _PAGE
         self._setup = setup
-        self._log_file = log_directory / f"{self._spec.name}.log"
+        self._log_file = log_directory / "page.log"
         self._file = page_file(supervisor.rig.transport)
         self._child: Child | None = None
         self._link: Link | None = None
@@ -55,11 +43,10 @@ class Page:
         self._patience_s = _SILENT_AT_FIRST_S
 
     def __enter__(self) -> Self:
-        if self._socket is not None:
-            address, token = _address(self._socket), self._setup.token
-            write_page_file(self._file, address, token)
-            self._supervisor.token_sha256 = hashlib.sha256(token.encode()).hexdigest()
-            self._supervisor.page_address = f"{address}#token={token}"
+        address, token = _address(self._socket), self._setup.token
+        write_page_file(self._file, address, token)
+        self._supervisor.token_sha256 = hashlib.sha256(token.encode()).hexdigest()
+        self._supervisor.page_address = f"{address}#token={token}"
         self._start(self._supervisor.started_s)
         return self
 
@@ -72,9 +59,8 @@ class Page:
             self._child.wait(_END_S)
             self._child.kill()
             self._child.close()
-        if self._socket is not None:
-            self._socket.close()
-            self._file.unlink(missing_ok=True)
+        self._socket.close()
+        self._file.unlink(missing_ok=True)
 
     def turn(self, now_s: float) -> None:
         """Send the status when it is due; start the process again where it ended or hangs."""
@@ -105,8 +91,8 @@ class Page:
         self._heard_s, self._waited_s, self._patience_s = now_s, 0.0, _SILENT_AT_FIRST_S
         self._link, other = Link.pair()
         self._link.send(self._setup)
-        descriptors = (other.fileno(), *((self._socket.fileno(),) if self._socket is not None else ()))
-        self._child = Child(self._spec, [str(each) for each in descriptors], self._log_file, descriptors)
+        descriptors = other.fileno(), self._socket.fileno()
+        self._child = Child(_PAGE, [str(each) for each in descriptors], self._log_file, descriptors)
         other.close()
 
     def _lost(self, link: Link, child: Child, now_s: float, why: str = "") -> None:
@@ -116,7 +102,7 @@ class Page:
         self._child = self._link = None
         self._retry_s = now_s + _RETRY_S
         again = "started again" if self._starts <= _RETRIES else "given up; the rig goes on without"
-        what = " ".join(filter(None, (f"the {self._spec.name}'s process", why, f"ended with exit code {status}")))
+        what = " ".join(filter(None, ("the page's process", why, f"ended with exit code {status}")))
         text = f"supervisor: {what}, {again}"
         self._supervisor.say("warning", f"{text} (see {self._log_file})")
 

@@ -7,7 +7,6 @@ import os
 import resource
 import secrets
 import signal
-import socket
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
@@ -30,7 +29,7 @@ from services.supervisor.frozen_configuration import ChangedFiles
 from services.supervisor.governor import Level
 from services.supervisor.loop_progress import LoopProgress
 from services.supervisor.member import Fault, MemberState
-from services.supervisor.page import Page, missing_package
+from services.supervisor.page import Page
 from services.supervisor.page_link import PageSetup
 from services.supervisor.processes import TABLE, ProcessSpec
 from services.supervisor.runqueue_waits import OwnIoThreads
@@ -150,11 +149,13 @@ def run_session(process: Process, session: SessionOptions) -> None:
     files = frozen_configuration.files_of(process.rig, session.options.rig, process.scene_name)
     changed = frozen_configuration.ChangedFiles(files, supervisor.say)
     rings = _rings(process.rig)
+    rig = process.rig.model_dump_json()
+    page_setup = PageSetup(rig, process.scene_name, session.token, session.switches)
     loop_progress = supervisor.crew.loop_progress = LoopProgress(rings)
     with (
         closing(threads),
         closing(loop_progress),
-        _page(sock, supervisor, process, session) as page,
+        Page(sock, supervisor, page_setup, log_directory(process.rig)) as page,
         Control(supervisor) as control,
     ):
         meter = supervisor.meter = LoopMeter(1.0 / _TURN_S, STAGES)
@@ -185,16 +186,6 @@ def _rings(rig: Rig) -> Path | None:
         return flight_directory(endpoints.run_directory(rig.transport))
     except (BusError, OSError):
         return None
-
-
-def _page(sock: socket.socket, supervisor: Supervisor, process: Process, session: SessionOptions) -> Page:
-    """Return the page; where the packages that serve it are not installed, one without a socket."""
-    missing, logs = missing_package(), log_directory(supervisor.rig)
-    if missing:
-        sock.close()
-        supervisor.say("warning", f"no web page: {missing} is not installed (pip install 'trocar[web]')")
-    setup = PageSetup(supervisor.rig.model_dump_json(), process.scene_name, session.token, session.switches)
-    return Page(None if missing else sock, supervisor, setup, logs)
 
 
 def _watch(

@@ -23,8 +23,6 @@ class Situation:
 
     Parameters
     ----------
-    stopping
-        The rig is asked to end.
     all_ready
         Every process that the rig waits for is ready.
     trouble
@@ -40,7 +38,6 @@ class Situation:
         and waiting for it to settle would be in vain.
     """
 
-    stopping: bool = False
     all_ready: bool = False
     trouble: bool = False
     settled: bool = False
@@ -52,12 +49,10 @@ class Situation:
 def next_state(state: RigState, now: Situation) -> RigState:
     """Return the state that follows `state`.
 
-    A safe stop wins over everything but the end of the rig. It is left only through STARTING, so a rig that is armed
+    A safe stop wins over everything. It is left only through STARTING, so a rig that is armed
     anew passes READY again. READY becomes RUNNING when it has settled; contracts are judged from then on. A rig that
     cannot settle is DEGRADED, where enforcement may still help it.
     """
-    if now.stopping:
-        return RigState.OFF
     if now.safe_stop:
         return RigState.SAFE_STOP
     match state:

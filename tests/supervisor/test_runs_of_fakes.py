@@ -20,10 +20,10 @@ import pytest
 from services.cli.arm import ask_at
 from services.runtime import config
 from services.runtime.zmq_bus import ZmqBus
-from services.supervisor import page, run_report
+from services.supervisor import run_report
 from services.supervisor.supervisor import Supervisor
 from tests.by_day import by_day
-from tests.supervisor.fakes import HERE, PATIENCE_S, Fakes, Scenario, children, gone, page_servers, until, until_running
+from tests.supervisor.fakes import HERE, PATIENCE_S, Fakes, Scenario, gone, page_servers, until, until_running
 from tests.with_us import with_us
 
 
@@ -201,26 +201,6 @@ def test_others_live_on_without_their_supervisor_and_down_ends_them(fakes: Fakes
     ended = {"gateway", "haptics", "physics", "visualization", "recorder", "training"}
     assert set(json.loads(down.stdout)["ended"]) == ended
     assert json.loads(_trocar(fakes, "down", "--json").stdout) == {"ended": []}
-
-
-def test_without_the_web_packages_there_is_no_page_and_flights_are_kept_all_the_same(
-    fakes: Fakes, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(page, "PACKAGES", ("a_package_that_nobody_has",))
-    flights = Path(fakes.options.rig).parent / "flights"
-    pids: list[int] = []
-
-    def scenario(supervisor: Supervisor) -> Scenario:
-        yield from until_running(supervisor)
-        pids.extend(children("services.supervisor.observers"))
-        yield from until(flights.is_dir)  # the observers keep them
-        os.kill(supervisor.crew.members["haptics"].pid, signal.SIGKILL)
-        yield from until(lambda: any(flights.iterdir()))
-
-    events = fakes.play(scenario)
-    assert len(pids) == 1
-    assert gone(pids[0])
-    assert any(event.startswith("no web page: a_package_that_nobody_has is not installed") for event in events)
 
 
 def ask(supervisor: Supervisor, path: str) -> httpx.Response:
