@@ -68,6 +68,8 @@ class Episode:
         self._told: tuple[object, ...] = ()
         self.tick = 0
         self.frames: dict[str, Frame] = {}
+        if self._recording is not None:
+            self._tell(-1)  # before any hand is seen: or what a reader sees is an attempt that nobody told of
         self._look(self._framer.devices(0, hands.state))
         self._follow()
 
@@ -106,7 +108,7 @@ class Episode:
             return
         if not self._trainer.attempt.ended:
             self._trainer.attempt.abandon("the episode was left")
-            self._tell()
+            self._tell(self.tick)
         self._recording.close()
         self._recording = None
 
@@ -135,13 +137,13 @@ class Episode:
         self._trainer.follow(self.time_s)
         if self._recording is not None:
             if self._trainer.gist() != self._told:
-                self._tell()
+                self._tell(self.tick)
             self._recording.turn()
 
-    def _tell(self) -> None:
+    def _tell(self, tick: int) -> None:
         assert self._recording is not None
         self._told = self._trainer.gist()
-        self._recording.take(self._framer.frame(self.tick, self._trainer.body(), "training.attempt"))
+        self._recording.take(self._framer.frame(tick, self._trainer.body(), "training.attempt"))
 
 
 def nearest_m(point_m: FloatArray, points_m: FloatArray) -> float:
