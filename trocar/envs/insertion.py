@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -65,7 +65,8 @@ class Insertion(gymnasium.Env[Any, Any]):
         one sentence, if something of this cannot be used.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 50}
+    metadata = {  # noqa: RUF012
+        "render_modes": ["rgb_array"], "render_fps": 50}
 
     def __init__(
         self,

@@ -50,8 +50,10 @@ class Randomisation:
         """Return a value for each key, in the order of declaration."""
         drawn: dict[str, Bound] = {}
         for key, (low, high) in self.ranges.items():
-            whole = isinstance(low, int) and isinstance(high, int)
-            drawn[key] = int(random.integers(low, high, endpoint=True)) if whole else float(random.uniform(low, high))
+            if isinstance(low, int) and isinstance(high, int):
+                drawn[key] = int(random.integers(low, high, endpoint=True))
+            else:
+                drawn[key] = float(random.uniform(low, high))
         return drawn
 
     @staticmethod

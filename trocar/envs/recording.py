@@ -17,7 +17,7 @@ from services.recorder.recording import RecordingWriter
 from services.recordings.provenance import machine, mechanics_digest
 from services.recordings.scene_update import SceneDrawing
 from services.runtime.journal import JournalWriter
-from services.scenes.load import scene_data
+from services.runtime import config
 from trocar.envs.frames import Framer
 from trocar.envs.stage import Stage
 
@@ -37,7 +37,7 @@ class EpisodeRecording:
         self.path = path
         self._framer, self._level = framer, stage.level
         self._writer = RecordingWriter(path, about)
-        scene = yaml.safe_dump(scene_data(stage.name, stage.overrides), sort_keys=False, allow_unicode=True)
+        scene = yaml.safe_dump(config.read_scene(str(stage.name), stage.overrides), sort_keys=False, allow_unicode=True)
         self._writer.attach("scene.yaml", YAML, scene.encode())
         self._writer.attach("duct.npz", NPZ, stage.duct_file)
         self._picture = Picture(self._writer.to_wall_ns)

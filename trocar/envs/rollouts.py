@@ -97,5 +97,5 @@ def _frozen(value: Any) -> Any:
 @cache
 def _env(settings: tuple[tuple[str, Any], ...]) -> gymnasium.Env[Any, Any]:
     """Return an environment that is kept for the next episode with these settings."""
-    known = {name: dict(value) if name == "randomise" else value for name, value in settings}
+    known: dict[str, Any] = {name: dict(value) if name == "randomise" else value for name, value in settings}
     return gymnasium.make("trocar/Insertion-v0", **known)
