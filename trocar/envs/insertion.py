@@ -66,7 +66,9 @@ class Insertion(gymnasium.Env[Any, Any]):
     """
 
     metadata = {  # noqa: RUF012
-        "render_modes": ["rgb_array"], "render_fps": 50}
+        "render_modes": ["rgb_array"],
+        "render_fps": 50,
+    }
 
     def __init__(
         self,

@@ -16,8 +16,8 @@ from services.recorder.picture import Picture
 from services.recorder.recording import RecordingWriter
 from services.recordings.provenance import machine, mechanics_digest
 from services.recordings.scene_update import SceneDrawing
-from services.runtime.journal import JournalWriter
 from services.runtime import config
+from services.runtime.journal import JournalWriter
 from trocar.envs.frames import Framer
 from trocar.envs.stage import Stage
 
