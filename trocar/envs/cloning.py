@@ -89,7 +89,7 @@ def _read(path: Path, limits: HandLimits) -> tuple[FloatArray, FloatArray]:
             devices = newest[FAST[0]]
             observations.append(view.read(devices, newest[FAST[1]], body))  # type: ignore[arg-type]
             states.append([(*each.position_m, each.roll_rad, each.handle_angle_rad) for each in devices.instruments])  # type: ignore[attr-defined]
-            times_s.append(body.tick * TICK_S)  # type: ignore[attr-defined]
+            times_s.append(body.tick * TICK_S)
     rates = np.diff(np.array(states), axis=0) / np.diff(times_s)[:, None, None]
     return np.array(observations, np.float64)[:-1], rates / limits.rates
 
