@@ -47,11 +47,6 @@ def test_the_catheter_goes_in(tmp_path: Path) -> None:
     assert depth_mm[-1] == pytest.approx(20.0, abs=3.0)
 
 
-def test_what_is_cloned_from_an_expert_goes_in(tmp_path: Path) -> None:
-    depth_mm = _numbers(_run("clone_an_expert", tmp_path).splitlines()[-1])[-1]
-    assert depth_mm > 10.0
-
-
 def test_an_effect_of_ones_own_acts(tmp_path: Path) -> None:
     without, along = (_numbers(line) for line in _run("own_effect", tmp_path).splitlines())
     assert abs(without[1]) < 0.1
