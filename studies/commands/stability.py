@@ -7,7 +7,7 @@ import math
 import os
 import sys
 import tempfile
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +37,7 @@ class Request:
     minutes: float | None
     out: Path | None
     report: Path | None
+    others: tuple[Path, ...]
     against: Path | None
     json: bool
 
@@ -66,6 +67,7 @@ def run_stability(request: Request) -> None:
         except ValueError as error:
             raise ConfigError(f"--out {error}") from None
         longest_s = math.inf if request.minutes is None else 60.0 * request.minutes
+        others = _others(request.others, order, code)
         results = _run(order, request.jobs or os.cpu_count() or 1, log, longest_s)
     if request.json:
         told = [asdict(result) | {"failed": result.failed} for result in results]
@@ -75,10 +77,22 @@ def run_stability(request: Request) -> None:
     if before is not None:
         print(changes(before, results), file=sys.stderr if request.json else sys.stdout)
     if request.report is not None:
-        targets.write_text("--report", request.report, page(order, results, code))
+        targets.write_text("--report", request.report, page(order, results, code, others))
     failed = sum(bool(result.failed) for result in results)
     if failed:
         raise UserError(f"{failed} of {len(results)} hard cases failed")
+
+
+def _others(folders: tuple[Path, ...], order: Order, code: str) -> dict[int, list[Result]]:
+    """Read what the same order has left with other seeds, by seed."""
+    found: dict[int, list[Result]] = {}
+    for folder in folders:
+        try:
+            seed = int(json.loads((folder / "order.json").read_text())["seed"])
+            found[seed] = Log(folder, replace(order, seed=seed), code).results
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise ConfigError(f"--and {folder}: holds no results of this order and code ({error})") from None
+    return found
 
 
 def _results_of(file: Path) -> list[dict[str, Any]]:

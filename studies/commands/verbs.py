@@ -64,6 +64,12 @@ def stability(
     report: Annotated[
         Path | None, typer.Option(help="Write the table as a page, as docs/results/stability.md.")
     ] = None,
+    others: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--and", metavar="FOLDER", help="Also on the page: what another seed has left in --out."
+        ),
+    ] = None,
     against: Annotated[
         Path | None, typer.Option(help="What another revision wrote with --json: tell which cases differ.")
     ] = None,
@@ -72,7 +78,8 @@ def stability(
     """Run the hard cases: nothing blows up, nothing stays wrong, nothing lies quietly."""
     from studies.commands.stability import Request, run_stability
 
-    run_stability(Request(long, tuple(families or ()), seed, most, jobs, minutes, out, report, against, json))
+    files = out, report, tuple(others or ()), against
+    run_stability(Request(long, tuple(families or ()), seed, most, jobs, minutes, *files, json))
 
 
 def study(

@@ -7,9 +7,10 @@ import os
 import platform
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
+from itertools import chain
 from typing import Any
 
 from services.runtime.machine import processor_name
@@ -68,8 +69,12 @@ def shown(name: str, value: float) -> str:
     return f"{value:.3g} {unit}".strip()
 
 
-def page(order: Order, results: Sequence[Result], code: str) -> str:
-    """Return the page in Markdown."""
+def page(
+    order: Order, results: Sequence[Result], code: str, others: Mapping[int, Sequence[Result]] | None = None
+) -> str:
+    """Return the page in Markdown, with what ``others`` has of the same order, by seed."""
+    others = others or {}
+    results, seeds = [*results, *chain(*others.values())], (order.seed, *others)
     failed = [result for result in results if result.failed]
     most = "" if order.most is None else f" --most {order.most}"
     lines = [
@@ -80,7 +85,7 @@ def page(order: Order, results: Sequence[Result], code: str) -> str:
         "The suite drives scenes with hard input, such as jumps, lost ticks and thin walls. Every run is judged by the",
         "criteria of the first table; a case fails if one figure exceeds its limit. A family is a kind of input.",
         "",
-        *_head(order, results, len(failed), code),
+        *_head(order, results, len(failed), (code, seeds)),
         "",
         "## Worst figures",
         "",
@@ -95,16 +100,18 @@ def page(order: Order, results: Sequence[Result], code: str) -> str:
     return "\n".join(lines).rstrip() + "\n"
 
 
-def _head(order: Order, results: Sequence[Result], failed: int, code: str) -> list[str]:
+def _head(order: Order, results: Sequence[Result], failed: int, of: tuple[str, tuple[int, ...]]) -> list[str]:
     steps, seconds = sum(result.steps for result in results), sum(result.seconds for result in results)
     packages = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
-    every = len(list_cases(order))
+    code, seeds = of
+    told = f"{'seeds' if len(seeds) > 1 else 'seed'} {', '.join(map(str, seeds))}"
+    every = sum(len(list_cases(replace(order, seed=seed))) for seed in seeds)
     machine = f"{os.cpu_count()} cores of {processor_name()}, {platform.system()} {platform.machine()}"
     count = f"{len(results)} cases" if len(results) == every else f"{len(results)} of {every} cases run"
     return [
         f"- **{count}, {failed} failed**: {rate(failed, len(results))} of such cases fail, with 95 % confidence",
         f"- {steps:,} steps, {seconds / 60:.0f} minutes of processor time",
-        f"- code {code}, seed {order.seed}, {datetime.now(UTC):%Y-%m-%d}",
+        f"- code {code}, {told}, {datetime.now(UTC):%Y-%m-%d}",
         f"- {machine}, Python {platform.python_version()}, {packages}",
     ]
 

@@ -28,6 +28,9 @@ LEAST_ENERGY_J = 1e-6
 """A catheter of this length at 0.1 m/s; less is noise of what the books are taken from."""
 FASTEST_SWEEP_M_S = 2.0
 """No hand is faster; a tool's target that jumps is swept at no more."""
+LEAST_FORCE_N_2 = 1e-24
+FALL_N_S = 250.0
+"""So fast a force that is gone at once may go on being felt to fall."""
 
 
 class Watch:
@@ -48,7 +51,7 @@ class Watch:
         self._half_limit_m = 0.5 * min(limits_m)
         self._healed_states = simulation.healed_states
         self._contact_n = self._contact_forces_n(is_healed=False)
-        self._force_n = simulation.tool_results.force_n.copy()
+        self._force_n, self._gone_n = simulation.tool_results.force_n.copy(), np.zeros((N_TOOLS, 3))
         self._hand = simulation.tools.hand.copy()
         self._present = simulation.tools.present.copy()
         self._largest_force_n = 0.0
@@ -57,7 +60,7 @@ class Watch:
         self.worst: Figures = dict.fromkeys(
             (
                 *("raised", "not_finite", "speed", "stretch", "penetration", "tool_penetration", "crossings"),
-                *("force_step", "felt_step", "felt_error"),
+                *("force_step", "force_fall", "felt_step", "felt_error"),
             ),
             0.0,
         )
@@ -113,9 +116,13 @@ class Watch:
         ticks, given_j = max(dt_s / 1e-3, 1.0), 0.0
         for tool in np.flatnonzero(self._present & tools.present):
             error_n = felt_n[tool] - contact_n[tool]
-            self._keep("force_step", _size(contact_n[tool] - self._contact_n[tool]) / ticks)
+            fallen_n = _fall(self._contact_n[tool], contact_n[tool]) * (not is_healed)
+            gone_n = self._gone_n[tool] + fallen_n
+            self._gone_n[tool] = gone_n * max(1.0 - FALL_N_S * dt_s / max(_size(gone_n), 1e-12), 0.0)
+            self._keep("force_step", _size(contact_n[tool] + fallen_n - self._contact_n[tool]) / ticks)
+            self._keep("force_fall", _size(fallen_n) / ticks)
             self._keep("felt_step", _size(felt_n[tool] - self._force_n[tool]) / ticks)
-            self._keep("felt_error", _size(error_n))
+            self._keep("felt_error", _size(error_n - self._gone_n[tool] + _fall(self._gone_n[tool], error_n)))
             given_j += float(error_n @ way_m[tool])
         self._energy.give(given_j)
         self._force_n[:], self._present[:], self._hand[:] = felt_n, tools.present, tools.hand
@@ -262,6 +269,13 @@ class _Energy:
     def figures(self) -> Figures:
         figures = {"gain": self._fall_j, "imbalance": self._imbalance_j, "felt_gain": self._most_given_j}
         return {name: value / self._largest_j for name, value in figures.items()}
+
+
+def _fall(before: FloatArray, now: FloatArray) -> FloatArray:
+    """Return by how much a force fell towards zero on its way to another one: what is left of it, it keeps."""
+    kept = float(before @ now) / max(float(before @ before), LEAST_FORCE_N_2)
+    fallen: FloatArray = before * (1.0 - min(max(kept, 0.0), 1.0))
+    return fallen
 
 
 def _size(vector: FloatArray) -> float:

@@ -33,6 +33,7 @@ from services.mechanics.contact.working_set import (
     set_at,
     sort_by_key,
 )
+from services.mechanics.contact.writer import room_for_rows
 
 #: A violation whose points and normal are those of a row is that row's: it knows the step's start only to first order.
 _SAME_ROW = 0.999
@@ -58,6 +59,7 @@ def write_violations(
     """
     listed, found, working = list_at(addresses[0]), candidates_at(addresses[1][1]), set_at(addresses[2])
     state, pairs = state_at(addresses[3]), pairs_at(pairs_address)
+    most = min(MOST_NEW_ROWS, room_for_rows(state.rows))
     n = _find_violations(listed, (candidates_at(addresses[1][0]), found), state, start, tolerance_m)
     for i in range(n):
         corner = listed.clusters.triangles
@@ -68,13 +70,13 @@ def write_violations(
     for place in range(n):
         i = working.order[place]
         near = ONE_VIOLATION * listed.thickness[found.piece[i]]
-        if working.n_chosen < MOST_NEW_ROWS and not (
+        if working.n_chosen < most and not (
             has_chosen_near(found, working, i, near) or _has_row(listed, found, working, state.rows, i)
         ):
             working.chosen[working.n_chosen] = i
             working.n_chosen += 1
             _write_violation(listed, found, i, start, pairs)
-    return int(working.n_chosen)
+    return int(working.n_chosen if most > 0 else n)
 
 
 @kernel

@@ -98,6 +98,11 @@ class ContactRows(Struct):
         return len(self.gap_m)
 
     @property
+    def has_room(self) -> bool:
+        """Whether there is room for another contact."""
+        return self.n_contacts + self.reserved < self.capacity
+
+    @property
     def on_duct(self) -> tuple[IntArray, FloatArray]:
         """Nodes and weights (k, 3) of the contacts in use."""
         return self.duct_node[: self.n_contacts], self.duct_weight[: self.n_contacts]

@@ -24,6 +24,12 @@ _ON_CURVE = 1
 
 
 @kernel
+def room_for_rows(rows: ContactRows) -> int:
+    """Return how many more rows there is room for."""
+    return int(max(rows.gap_m.shape[0] - rows.reserved - rows.n_contacts, 0))
+
+
+@kernel
 def append_row(rows: ContactRows, law: int, identity: int) -> int:
     """Begin a row under a law, without bodies, gap or slip, and return its number.
 

@@ -108,6 +108,11 @@ class RodProperties:
         half = 0.5 * self.segment_length_m * per_length
         return np.concatenate((half[:1], half[:-1] + half[1:], half[-1:]))
 
+    def sound_m_s(self) -> float:
+        """Fastest speed of sound along it, sqrt(EA / rho A)."""
+        stiffness, density = self.per_segment("axial_stiffness_n"), self.per_segment("linear_density_kg_m")
+        return float(np.sqrt(np.max(stiffness / density)))
+
     def joint_stiffness_n_m(self, name: str = "bending_stiffness_n_m2") -> FloatArray:
         """(n_segments - 1,) moment per radian of each inner joint, EI/l: two half segments in series."""
         stiffness = self.per_segment(name)

@@ -23,9 +23,8 @@ from services.mechanics.simulation.body_energy import body_energies_j
 from services.mechanics.simulation.copies import Copies
 from services.mechanics.world import World
 
-# A bent catheter that is let go reaches 6 m/s at its tip; a duct pulled 20 mm aside comes back at 11 m/s.
-FASTEST_M_S = 30.0
-# A polymer yields at a few per cent; the strongest pull of both grips stretches a catheter by two.
+# A polymer yields at a few per cent; the strongest pull of both grips stretches a catheter by two. What stores that
+# strain, let go, moves by it times the speed of sound.
 MOST_STRETCH = 0.25
 # Copies are made so many steps apart; the newest may already be on its way to what is not sound.
 APART = 16
@@ -63,7 +62,7 @@ class LiveState(Struct):
             proxy=tools.proxy,
             hand=tools.hand,
             longest_m=world.catheter.properties.segment_length_m * (1.0 + MOST_STRETCH),
-            fastest_m_s=FASTEST_M_S,
+            fastest_m_s=MOST_STRETCH * world.catheter.properties.sound_m_s(),
         )
 
 

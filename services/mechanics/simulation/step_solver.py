@@ -73,6 +73,8 @@ class StepSolver:
         for _ in range(MOST_PRICES):
             if not pricing.finds_violations():
                 return True
+            if not system.rows.has_room:  # who finds none is solved for in shorter steps
+                return False
             pricing.take_back()
             pricing.append_rows()
             self._solve_with_new_rows(dt_s)

@@ -7,11 +7,16 @@ from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.copies import FIRST as FIRST_PLACE
 from services.mechanics.simulation.copies import PLACES, Copies
-from services.mechanics.simulation.healing import CALM_STEPS, FASTEST_M_S, FIRST, RESTING
+from services.mechanics.simulation.healing import CALM_STEPS, FIRST, MOST_STRETCH, RESTING
 from studies.energy_book import EnergyBook
 
 PRESSING_M = (20e-3, 0.0, 15e-3 + 1.5e-3)
 AWAY_M = (60e-3, 0.0, 60e-3)
+
+
+def too_fast_m_s(simulation):
+    """Twice what the largest strain, let go, makes of it."""
+    return 2.0 * MOST_STRETCH * simulation.catheter.properties.sound_m_s()
 
 
 class Spoiler:
@@ -26,7 +31,7 @@ class Spoiler:
 
     def end(self, dt_s):
         if self.is_bad(self.simulation):
-            self.simulation.catheter.state.velocity_m_s[-1, 2] = 2.0 * FASTEST_M_S
+            self.simulation.catheter.state.velocity_m_s[-1, 2] = too_fast_m_s(self.simulation)
 
 
 def state(simulation):
@@ -149,7 +154,7 @@ def test_a_heal_brings_back_no_energy_that_was_gone(pressed, spoilt):
     original = book.end
 
     def end(dt_s):
-        getattr(simulation.catheter.state, spoilt)[-1] = np.nan if spoilt == "position_m" else 2.0 * FASTEST_M_S
+        getattr(simulation.catheter.state, spoilt)[-1] = np.nan if spoilt == "position_m" else too_fast_m_s(simulation)
         original(dt_s)
         book.end = original
 

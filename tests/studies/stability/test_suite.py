@@ -62,6 +62,9 @@ def test_the_page_names_what_failed_and_the_worst_of_each_criterion():
     assert "No failure in 2 cases, the most of a family, still means a rate of 0.0 to 65.8 %." in written
     assert "| theory | rest (1, never), theory (1, 1) |" in written
     assert "| rest | 2 s | never | theory: bad | 2 | 1 |" in written
+    both = page(THEORY, results, "abc", {7: results[:1]})
+    assert "3 of 8 cases run, 1 failed" in both
+    assert f"code abc, seeds {THEORY.seed}, 7, " in both
 
 
 def test_two_runs_are_compared_case_by_case():

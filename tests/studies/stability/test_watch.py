@@ -92,6 +92,30 @@ def test_the_figure_of_a_fault_fails_and_that_of_a_sound_state_does_not(spoil, c
     assert watch.worst[criterion] > CRITERIA[criterion].limit
 
 
+def test_a_force_that_springs_away_is_a_fall_and_its_reversal_a_step():
+    """A fall is felt to take its time; what is shown beside its way is an error."""
+    start, tools = beside(), ToolInputs()
+    simulation = Simulation(start.scene, reduced_duct(start.scene))
+    start.hands.write(0, tools)
+    simulation.step(tools)
+    watch, felt_n = Watch(simulation, 0.1), simulation.tool_results.force_n
+    push_a_contact(simulation)
+    felt_n[0] = 0.4, 0.0, 0.0
+    assert watch.look(1e-3, None)
+    assert watch.worst["force_fall"] == 0.0
+    watch.worst["force_step"] = 0.0
+    simulation.contact_force_n[0] = 0.1, 0.0, 0.0
+    felt_n[0] = 0.15, 0.0, 0.0
+    watch.look(1e-3, None)
+    assert watch.worst["force_fall"] == pytest.approx(0.3)
+    assert max(watch.worst["force_step"], watch.worst["felt_error"]) < 1e-12
+    simulation.contact_force_n[0] = -0.2, 0.0, 0.0
+    felt_n[0] = -0.2, 0.05, 0.0
+    watch.look(1e-3, None)
+    assert watch.worst["force_step"] == pytest.approx(0.2)
+    assert watch.worst["felt_error"] == pytest.approx(0.05)
+
+
 def squeezing():
     """Jaws that have closed on wall and catheter."""
     start, tools = threaded(), ToolInputs()
