@@ -66,9 +66,7 @@ def stability(
     ] = None,
     others: Annotated[
         list[Path] | None,
-        typer.Option(
-            "--and", metavar="FOLDER", help="Also on the page: what another seed has left in --out."
-        ),
+        typer.Option("--and", metavar="FOLDER", help="Also on the page: what another seed has left in --out."),
     ] = None,
     against: Annotated[
         Path | None, typer.Option(help="What another revision wrote with --json: tell which cases differ.")

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
+from typing import Annotated
 
-from services.mechanics.arrays import FloatArray
+from services.mechanics.arrays import BoolArray, ByteArray, FloatArray, IntArray, LongArray
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, SHAFT
 from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address
+from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import along, cross, dot, put_row_of, row_of, unit
 from services.mechanics.contact.frames import tangents
 from services.mechanics.contact.geometry import ContactGeometry, ToolGeometry, WallGeometry
-from services.mechanics.contact.hold_arrays import HoldArrays, holds_at
 from services.mechanics.contact.identity import hold_identity
 from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.rows import ContactRows
@@ -25,6 +25,7 @@ from services.mechanics.contact.writer import (
     put_on_tool,
 )
 from services.mechanics.rod.curve import point_on_curve
+from services.mechanics.scene.tools import N_TOOLS
 
 _HOLD, _GRIP = number_of("hold"), number_of("grip")
 # The axis of a catheter's row that lies along it; the first one is across the jaws.
@@ -33,6 +34,24 @@ _ALONG = 1
 LOOSE_SOFTNESS_M_N = 1.0
 # Sine between catheter and opening below which jaws round it are not across it.
 LEAST_ACROSS = 0.1
+
+
+class HoldArrays(Struct):
+    """Holds by slot; ``order`` lists the slots in use, in the order of their rows."""
+
+    order: Annotated[IntArray, "h"]
+    number: Annotated[LongArray, "h"]  # the request's
+    tool: Annotated[ByteArray, "h"]
+    target_kind: Annotated[ByteArray, "h"]
+    target: Annotated[IntArray, "h"]
+    weights: Annotated[FloatArray, "h", 3]
+    anchor: Annotated[FloatArray, "h", 3]  # along b, h and d of the tool from J, in m
+    slipped_m: Annotated[FloatArray, "h"]
+    lost: Annotated[BoolArray, "h"]
+    reach: Annotated[FloatArray, N_TOOLS, 2]  # of each tool's jaws beyond J: across, and along d
+
+
+holds_at = reader(HoldArrays)
 
 
 @kernel

@@ -10,8 +10,7 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A
 from services.mechanics.compiled.struct import Address
-from services.mechanics.contact.hold_arrays import HoldArrays
-from services.mechanics.contact.hold_rows import append_holds, slide_holds
+from services.mechanics.contact.hold_rows import HoldArrays, append_holds, slide_holds
 from services.mechanics.contact.system import ContactSystem
 from services.mechanics.rod.curve import point_on_curve
 from services.mechanics.scene import ToolScene

@@ -6,8 +6,8 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.contact.laws.law import ContactProblem
 from services.mechanics.contact.newton import add_step, list_unknowns, newton_step, room_for_step
-from services.mechanics.contact.rubbing import solve_in_turns
 from services.mechanics.contact.solver_steps import SolverScratch, copy_forces, go_down, sweep, update_motion
+from services.mechanics.contact.tresca import solve_in_turns
 
 # Times the tolerance: a first sweep that changes less is followed by another, which costs less than a Newton step.
 NEARLY_THERE = 100.0
@@ -42,7 +42,7 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
     little. If they do not, it goes only as far as nobody opens or slips. After a step that was not kept whole twice as
     many sweeps as before pass until the next: one that changes a contact at a time costs more than it brings.
     Where neither comes to an end soon, Newton steps go on until one is left whole (`go_down`), between single sweeps.
-    What has not ended after `MOST_SWEEPS` while bodies are in each other is solved in turns (`rubbing`). Forces are
+    What has not ended after `MOST_SWEEPS` while bodies are in each other is solved in turns (`tresca`). Forces are
     inside their cones, converged or not.
 
     Parameters

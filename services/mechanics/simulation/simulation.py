@@ -15,8 +15,8 @@ from services.mechanics.bodies.forceps import Grasp, JawState
 from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
 from services.mechanics.bodies.mouth import Mouth
 from services.mechanics.collision.pairs import ContactPairs
+from services.mechanics.contact.engagement import take_pads
 from services.mechanics.contact.local_stiffness import LocalStiffness
-from services.mechanics.contact.pads import take_pads
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.search import ContactSearch
 from services.mechanics.contact.system import DroppedContacts

@@ -79,7 +79,7 @@ class ToolBody:
     held : (2, 2) bool
         Whether the jaws of each tool hold wall (`DUCT_TRIANGLE`) or catheter (`CATHETER_SEGMENT`).
     pad_m : (2, 2) float64
-        How deep what they hold, wall or catheter, may be in them before they push it, see `contact.pads`.
+        How deep what they hold, wall or catheter, may be in them before they push it, see `contact.engagement`.
     thinned_m : (2, N_CELLS) float64
         How much nearer the middle of a wall is to jaws that squeeze it, cell by cell along them.
     thinning_m_rad : (2, N_CELLS) float64

@@ -6,10 +6,10 @@ import pytest
 from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.laws.law import ContactProblem
 from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.rubbing import MOST_BLOCKS, MOST_SWEEPS_A_TURN
 from services.mechanics.contact.solver import MOST_SWEEPS, solve_contacts
 from services.mechanics.contact.solver_steps import MOST_ON_THE_WAY, SolverScratch
 from services.mechanics.contact.stages import mark_sliding
+from services.mechanics.contact.tresca import MOST_BLOCKS, MOST_SWEEPS_A_TURN
 from services.mechanics.contact.writer import append_row
 
 TOLERANCE_N, TOLERANCE_M = 1e-8, 1e-9
