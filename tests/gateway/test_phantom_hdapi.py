@@ -194,6 +194,15 @@ def test_a_device_that_cannot_be_opened_is_one_sentence(arms: HdapiBench, code: 
         arms.open()
 
 
+def test_a_device_that_is_opened_with_an_error_is_given_back(arms: HdapiBench) -> None:
+    """A handle and an error: it stayed open, and was said to be in use ever after."""
+    arms.c.standin_complain_init(0x0302)
+    with pytest.raises(DeviceError, match="device 'Left' cannot be opened: HD_COMM_ERROR"):
+        arms.left.open()
+    arms.c.standin_complain_init(0)
+    arms.left.open()
+
+
 def test_a_scheduler_that_does_not_start_or_does_not_call_is_one_sentence(arms: HdapiBench) -> None:
     arms.c.standin_refuse_start(0x0304)
     with pytest.raises(DeviceError, match="the scheduler of OpenHaptics does not start: HD_TIMER_ERROR"):

@@ -89,6 +89,9 @@ class Library:
         handle = int(self.c.hdInitDevice(None if name is None else name.encode()))
         error = self.take_error()
         if error or handle == INVALID_HANDLE:
+            if handle != INVALID_HANDLE:  # it was opened all the same: nobody else could have it
+                self.c.hdDisableDevice(handle)
+                self.take_error()
             shown = "the default device" if name is None else f"device {name!r}"
             raise DeviceError(f"{where}: {shown} cannot be opened: {describe(error)}; `trocar doctor` says more")
         return handle

@@ -97,7 +97,7 @@ def _serve(servo: ServoCell, arm: ArmCell, now_ns: int) -> None:
     if dt_ns > LATE_NS:
         arm.late += 1
     if not (unreachable(arm.error) and not arm.motors_on):
-        _frame(servo, arm, now_ns, min(1e-9 * dt_ns, MAX_STEP_S))
+        _frame(servo, arm, now_ns, min(max(1e-9 * dt_ns, 0.0), MAX_STEP_S))  # a clock may go back
     _report(servo, arm)
 
 

@@ -23,7 +23,7 @@ StandInArm arms[ARMS];
 static ErrorInfo errors[ERRORS];
 static int n_errors;
 static unsigned current; /* a handle */
-unsigned refuse_init;
+unsigned refuse_init, complain_init;
 atomic_int init_ms; /* how long a device takes to be opened: until then, or until it is less */
 int running; /* the scheduler: devices are added while it stands */
 
@@ -74,6 +74,8 @@ unsigned hdInitDevice(const char *name)
     arm->calibration = arm->style == INKWELL && !arm->in_inkwell ? NEEDS_MANUAL_INPUT : NEEDS_UPDATE;
     memset(arm->force, 0, sizeof arm->force);
     arm->handle = FIRST_HANDLE + k + ARMS * arm->openings++; /* never that of one that is dead */
+    if (complain_init)
+        raise_error(complain_init, arm->handle);
     return current = arm->handle;
 }
 

@@ -10,7 +10,7 @@
 
 enum { CALLBACK_CONTINUE = 1, KEPT = 1 << 16, TICK_NS = 1000000 };
 
-extern unsigned refuse_init;
+extern unsigned refuse_init, complain_init;
 extern atomic_int init_ms;
 extern int running;
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER; /* a test's hook waits for the end of a tick */
@@ -172,6 +172,7 @@ HOOK(standin_place, (int k, const double *at), memcpy(arms[k].position, at, size
 HOOK(standin_stall, (int ticks), stalled = ticks)
 HOOK(standin_overrun, (int us), overrun_us = us)
 HOOK(standin_refuse_init, (unsigned code), refuse_init = code)
+HOOK(standin_complain_init, (unsigned code), complain_init = code)
 HOOK(standin_init_ms, (int ms), init_ms = ms)
 HOOK(standin_refuse_start, (unsigned code), refuse_start = code)
 

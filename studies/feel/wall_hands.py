@@ -1,0 +1,247 @@
+"""Hands at a wall, each a run of one kernel: an arm that is a mass with encoders and friction, and the servo's law.
+
+A hand is a row of numbers from 0 to 1; `RANGES` says what they stand for, so that a search moves in a cube. It presses,
+rests, draws back and does so again, then leaves. What the arm's viscous friction takes is left out.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from protocol.bodies.haptics import MODEL_B, MODEL_COLUMNS, MODEL_CONTACT, MODEL_F0, MODEL_K, MODEL_X0
+from services.gateway.device_files import ArmFile
+from services.gateway.servo_arrays import (
+    LIMIT_COUNT,
+    LIMIT_FRICTION,
+    LIMIT_SIZE,
+    MEMORY_FORCE,
+    MEMORY_SIZE,
+    NOW_AGE,
+    NOW_DT,
+    NOW_GAIN,
+    NOW_SIZE,
+    NOW_TTL,
+)
+from services.gateway.servo_law import servo_force
+from services.gateway.velocity_filter import butterworth, low_pass
+from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import building_kernel, kernel
+
+TICK_S, TTL_S = 1e-3, 0.02
+#: Largest force and its rate: those of the stub rig.
+FORCE_N, RATE_N_S = 3.0, 200.0
+_SUBSTEPS, _LATEST, _GRIP_N = 4, 20, 15.0
+_TICKS, _LEAVING = 1200, 150
+_START_M, _LEAVES_M_S = 0.1e-3, 0.2
+
+
+@dataclass(frozen=True)
+class Range:
+    """What one number of a hand means, and between which values it lies: over decades, or evenly."""
+
+    name: str
+    low: float
+    high: float
+    decades: bool = True
+
+
+RANGES = (
+    Range("wall, N/m", 30.0, 2500.0),
+    Range("the wall's stiffness along itself, of that across", 0.0, 1.0, False),
+    Range("stiffness of the local model, of the wall's", 0.3, 3.0),
+    Range("damping of the wall, N s/m", 1e-3, 2.0),
+    Range("answers late, ms", 1.0, 19.99, False),
+    Range("answers lost", 0.0, 0.5, False),
+    Range("hand, N/m", 50.0, 5000.0),
+    Range("damping of the hand, N s/m", 0.2, 10.0),
+    Range("hand while it presses, of its stiffness", 0.02, 1.0),
+    Range("presses to, m", 0.05e-3, 10e-3),
+    Range("presses at, m/s", 0.005, 1.0),
+    Range("rests for, s", 0.5e-3, 0.1),
+    Range("draws back at, m/s", 0.005, 1.2),
+    Range("draws back to, m", -5e-3, 5e-3, False),
+    Range("along the wall, of the way across", -2.0, 2.0, False),
+    Range("place of the wall, counts", 0.0, 1.0, False),
+)
+(
+    WALL, TANGENTIAL, MODEL, DAMPING, LATE, LOST, HAND, HAND_LOSS, SOFT, DEPTH, PRESS, REST, DRAW, OUT, ALONG, PLACE,
+) = range(len(RANGES))  # fmt: skip
+_LOW, _HIGH = np.array([each.low for each in RANGES]), np.array([each.high for each in RANGES])
+_DECADES = np.array([each.decades for each in RANGES])
+
+# What comes of a hand: the most that it had got out at a moment at which no force was on; the same once it has left;
+# what the servo alone had given then; all that went to and fro; the largest force.
+GAINED, LEFT_WITH, SERVO, MOVED, LARGEST, BOOK_SIZE = range(6)
+
+
+def decode(shares: FloatArray) -> FloatArray:
+    """Return what hands (..., n) of numbers from 0 to 1 stand for, in the units of `RANGES`."""
+    even = _LOW + shares * (_HIGH - _LOW)
+    return np.where(_DECADES, np.where(_DECADES, _LOW, 1.0) * (_HIGH / np.where(_DECADES, _LOW, 1.0)) ** shares, even)
+
+
+@dataclass(frozen=True)
+class ArmAtWall:
+    """An arm of a device file, as a mass."""
+
+    limits: FloatArray
+    now: FloatArray
+    coefficients: FloatArray
+    mass_kg: float
+
+
+def arm_at_wall(file: ArmFile, mass_kg: float, *, controller: bool = True) -> ArmAtWall:
+    """Return what a run needs of an arm; without `controller` nothing is damped or bounded by energy."""
+    limits, now = np.zeros(LIMIT_SIZE), np.zeros(NOW_SIZE)
+    damping = file.max_damping_n_s_m if controller else 0.0
+    limits[:] = (FORCE_N, FORCE_N, RATE_N_S, damping, 0.3, 30.0, file.count_m, file.friction_n)
+    now[NOW_DT], now[NOW_TTL], now[NOW_GAIN] = TICK_S, TTL_S, 1.0
+    return ArmAtWall(limits, now, butterworth(file.velocity_filter_hz), mass_kg)
+
+
+def books_of(hands: FloatArray, arm: ArmAtWall) -> FloatArray:
+    """Return what comes of hands (n, len(RANGES)) in the units of `RANGES`: (n, BOOK_SIZE), in J and N."""
+    books = np.zeros((len(hands), BOOK_SIZE))
+    _run_all(np.ascontiguousarray(hands), arm.limits, arm.now.copy(), arm.coefficients, arm.mass_kg, books)
+    return books
+
+
+@building_kernel
+def _run_all(
+    hands: FloatArray, limits: FloatArray, now: FloatArray, coefficients: FloatArray, mass_kg: float, books: FloatArray
+) -> None:
+    models = np.zeros((_LATEST, MODEL_COLUMNS))
+    model, motion, memory = np.zeros(MODEL_COLUMNS), np.zeros(6), np.zeros(MEMORY_SIZE)
+    filtered, target, state, read = np.zeros((2, 3)), np.zeros(8), np.zeros(4), np.zeros(2)
+    for k in range(hands.shape[0]):
+        models[:], model[:], motion[:], memory[:] = 0.0, 0.0, 0.0, 0.0
+        filtered[:], target[:], state[:], read[:] = 0.0, 0.0, 0.0, 0.0
+        _run(
+            hands[k],
+            limits,
+            now,
+            coefficients,
+            mass_kg,
+            models,
+            model,
+            motion,
+            memory,
+            filtered,
+            target,
+            state,
+            read,
+            books[k],
+        )
+
+
+@kernel
+def _run(
+    hand: FloatArray,
+    limits: FloatArray,
+    now: FloatArray,
+    coefficients: FloatArray,
+    mass_kg: float,
+    models: FloatArray,
+    model: FloatArray,
+    motion: FloatArray,
+    memory: FloatArray,
+    filtered: FloatArray,
+    target: FloatArray,
+    state: FloatArray,
+    read: FloatArray,
+    book: FloatArray,
+) -> None:
+    count_m, friction_n = limits[LIMIT_COUNT], limits[LIMIT_FRICTION]
+    state[0] = target[0] = _START_M
+    place = hand[PLACE] * count_m
+    given = lost = 0.0
+    age, anchor, touched, felt = 1000, 0.0, False, False
+    book[GAINED] = -1.0
+    for k in range(_TICKS + _LEAVING):
+        for axis in range(2):
+            seen = math.floor((state[axis] + place) / count_m) * count_m - place
+            motion[3 + axis] = low_pass((seen - read[axis]) / TICK_S, filtered, axis, coefficients)
+            motion[axis] = read[axis] = seen
+        # the wall answers what was seen, some ticks late
+        answer = models[k % _LATEST]
+        answer[:] = 0.0
+        if motion[0] < 0.0:
+            if not touched:
+                anchor = motion[1]
+            answer[MODEL_CONTACT] = 1.0
+            answer[MODEL_F0] = -hand[WALL] * motion[0]
+            answer[MODEL_F0 + 1] = -hand[WALL] * hand[TANGENTIAL] * (motion[1] - anchor)
+            answer[MODEL_K] = hand[MODEL] * hand[WALL]
+            answer[MODEL_K + 4] = hand[MODEL] * hand[WALL] * hand[TANGENTIAL]
+            answer[MODEL_B] = answer[MODEL_B + 4] = hand[DAMPING]
+            answer[MODEL_X0], answer[MODEL_X0 + 1] = motion[0], motion[1]
+        touched = motion[0] < 0.0
+        late = int(hand[LATE])
+        age += 1
+        if k >= late and _drawn(k) >= hand[LOST]:
+            model[:] = models[(k - late) % _LATEST]
+            age = late
+        now[NOW_AGE] = min(age, 1000) * TICK_S
+        servo_force(model, motion, limits, now, memory)
+        fx, fy = memory[MEMORY_FORCE], memory[MEMORY_FORCE + 1]
+        force = math.sqrt(fx * fx + fy * fy)
+        book[LARGEST] = max(book[LARGEST], force)
+        felt = felt or force > 0.0
+        if felt and force == 0.0:
+            book[GAINED] = max(book[GAINED], given - lost)
+        stiffness = _move_target(hand, target, state, k)
+        x, y = state[0], state[1]
+        dt = TICK_S / _SUBSTEPS
+        for _ in range(_SUBSTEPS):
+            hx = stiffness * (target[0] - state[0]) + hand[HAND_LOSS] * (target[2] - state[2])
+            hy = stiffness * (target[1] - state[1]) + hand[HAND_LOSS] * (target[3] - state[3])
+            pull = math.sqrt(hx * hx + hy * hy)
+            if pull > _GRIP_N:
+                hx, hy = hx * _GRIP_N / pull, hy * _GRIP_N / pull
+            vx, vy = state[2] + dt / mass_kg * (fx + hx), state[3] + dt / mass_kg * (fy + hy)
+            speed = math.sqrt(vx * vx + vy * vy)
+            left = max(0.0, speed - dt / mass_kg * friction_n)
+            if speed > 0.0:
+                vx, vy = vx * left / speed, vy * left / speed
+            lost += mass_kg * (speed - left) * left
+            state[2], state[3] = vx, vy
+            state[0] += dt * vx
+            state[1] += dt * vy
+            for axis in range(2):
+                target[axis] += dt * target[2 + axis]
+        gave = fx * (state[0] - x) + fy * (state[1] - y)
+        given += gave
+        book[MOVED] += abs(gave)
+    book[LEFT_WITH], book[SERVO] = given - lost, given
+    book[GAINED] = max(book[GAINED], given - lost)
+
+
+@kernel
+def _drawn(k: int) -> float:
+    """Return a number from 0 to 1 that looks like a draw, for tick `k`."""
+    return (k * 2654435761 % 4294967296) / 4294967296.0
+
+
+@kernel
+def _move_target(hand: FloatArray, target: FloatArray, state: FloatArray, k: int) -> float:
+    """Set how fast the point goes to which the hand pulls: phases in [4], time of rest in [5]; return its stiffness."""
+    if k >= _TICKS:
+        target[2], target[3] = _LEAVES_M_S, 0.0
+        return 200.0
+    phase = target[4]
+    if phase == 0.0 and target[0] <= -hand[DEPTH]:
+        phase = 1.0
+    elif phase == 2.0 and target[0] >= max(hand[OUT], -0.9 * hand[DEPTH]):
+        phase = 3.0
+    if phase == 1.0 or phase == 3.0:
+        target[5] += TICK_S
+        if target[5] > hand[REST]:
+            target[5] = 0.0
+            phase = 2.0 if phase == 1.0 else 0.0
+    target[4] = phase
+    speed = -hand[PRESS] if phase == 0.0 else hand[DRAW] if phase == 2.0 else 0.0
+    target[2], target[3] = speed, speed * hand[ALONG]
+    return float(hand[HAND] * (hand[SOFT] if phase == 0.0 else 1.0))
