@@ -13,8 +13,6 @@ What may reach a hand is bounded here and nowhere else, in this order: model, pa
   Premium's jaws that closed on a wall, or slipped on it, were kicked by 25 and 50 mN for 0.3 and 0.6 uJ, as a count in
   each of three joints reads as 12 mm/s. So much stays owed, at any time, and the friction takes it. Count and friction
   are those of the device file.
-* Force rises, and turns, by no more than the rate limit. It falls as fast as the spring that the hand unloads: a force
-  that outlives its contact would push the hand that leaves, with 5 mJ of a wall of 2,000 N/m.
 * Force and damping both come late where the rate limit holds them, and a force that is late may push. So a servo that
   owes energy is bounded beforehand: the largest force falls with what is owed, to zero at 2 mJ. What is owed outlives
   the contact, and is forgiven within a second or so.
@@ -55,7 +53,6 @@ from services.gateway.servo_arrays import (
     MEMORY_POSITION,
     MEMORY_REFUSED,
     MEMORY_SCALE,
-    MEMORY_STIFFNESS,
     MEMORY_TORQUE,
     NOW_AGE,
     NOW_DT,
@@ -67,7 +64,7 @@ from services.gateway.servo_arrays import (
 from services.gateway.slew import slew, slew_vector
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
-from services.mechanics.compiled.vectors import Vector, dot, scaled
+from services.mechanics.compiled.vectors import scaled
 
 #: A model is used as it is up to this age, and up to this share of its life.
 HOLD_S, HOLD_SHARE = 0.005, 0.25
@@ -128,7 +125,7 @@ def servo_force(model: FloatArray, motion: FloatArray, limits: FloatArray, now: 
         Carries the last force, position and energy; changed in place. A force that is not finite counts in
         ``MEMORY_REFUSED`` and is taken as zero.
     """
-    way = _observe(model, motion, now, memory)
+    _observe(model, motion, now, memory)
     elastic = elastic_share(now[NOW_AGE], now[NOW_TTL])
     damping = damping_share(now[NOW_AGE], now[NOW_TTL])
     x = _model_force(model, motion, 0, elastic, damping)
@@ -143,7 +140,6 @@ def servo_force(model: FloatArray, motion: FloatArray, limits: FloatArray, now: 
     wanted = (gain * x - alpha * motion[3], gain * y - alpha * motion[4], gain * z - alpha * motion[5])
     memory[MEMORY_DEMAND] = demand
     memory[MEMORY_SCALE] = gain * elastic
-    _unload(model, way, wanted, memory)
     _approach(wanted, _largest_force(limits, now, memory), limits[LIMIT_RATE] * min(now[NOW_DT], MAX_STEP_S), memory)
 
 
@@ -178,15 +174,9 @@ def _model_force(model: FloatArray, motion: FloatArray, axis: int, elastic: floa
 
 
 @kernel
-def _observe(model: FloatArray, motion: FloatArray, now: FloatArray, memory: FloatArray) -> Vector:
-    """Count the work of the force that was written; return the way since then."""
-    way = (
-        motion[0] - memory[MEMORY_POSITION],
-        motion[1] - memory[MEMORY_POSITION + 1],
-        motion[2] - memory[MEMORY_POSITION + 2],
-    )
+def _observe(model: FloatArray, motion: FloatArray, now: FloatArray, memory: FloatArray) -> None:
     for i in range(3):
-        memory[MEMORY_ENERGY] -= memory[MEMORY_FORCE + i] * way[i]
+        memory[MEMORY_ENERGY] -= memory[MEMORY_FORCE + i] * (motion[i] - memory[MEMORY_POSITION + i])
         memory[MEMORY_POSITION + i] = motion[i]
     if not math.isfinite(memory[MEMORY_ENERGY]) or now[NOW_GAIN] == 0.0:
         memory[MEMORY_ENERGY] = 0.0
@@ -195,28 +185,6 @@ def _observe(model: FloatArray, motion: FloatArray, now: FloatArray, memory: Flo
     if memory[MEMORY_ENERGY] < 0.0:
         memory[MEMORY_ENERGY] *= max(0.0, 1.0 - now[NOW_DT] / FORGIVEN_S)
     memory[MEMORY_ENERGY] = min(memory[MEMORY_ENERGY], MAX_STORED_J)
-    return way
-
-
-@kernel
-def _unload(model: FloatArray, way: Vector, wanted: Vector, memory: FloatArray) -> None:
-    """Let the force fall to what is wanted along it, as fast as the spring does that the hand unloads."""
-    force = (memory[MEMORY_FORCE], memory[MEMORY_FORCE + 1], memory[MEMORY_FORCE + 2])
-    held = math.sqrt(dot(force, force))
-    if held == 0.0:
-        memory[MEMORY_STIFFNESS] = 0.0
-        return
-    if model[MODEL_CONTACT] != 0.0:
-        stiffness = 0.0
-        for i in range(3):
-            for j in range(3):
-                stiffness += force[i] * model[MODEL_K + 3 * i + j] * force[j]
-        memory[MEMORY_STIFFNESS] = stiffness / (held * held)
-    unloaded = memory[MEMORY_STIFFNESS] * dot(way, force) / held
-    fall = min(unloaded, held - max(0.0, dot(wanted, force) / held))
-    if fall > 0.0:
-        for i in range(3):
-            memory[MEMORY_FORCE + i] = force[i] * (held - fall) / held
 
 
 @kernel

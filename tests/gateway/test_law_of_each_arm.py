@@ -105,4 +105,4 @@ class Rubbing:
 @pytest.mark.parametrize("name", ["touch", "touch_x"])
 def test_no_hand_gets_energy_out_of_an_arm_with_a_count_and_friction_of_its_own(name: str) -> None:
     assert max(Rubbing(name, seed, controller=True).run(600) for seed in range(24)) <= 0.0
-    assert max(Rubbing(name, seed, controller=False).run(600) for seed in range(24)) > 1e-4
+    assert max(Rubbing(name, seed, controller=False).run(600) for seed in range(24)) > 1e-3

@@ -145,8 +145,7 @@ def test_no_sequence_of_models_steps_above_the_rate_limit_or_beyond_what_can_be_
         law.now[servo_arrays.NOW_GAIN] = gain
         force = law.force(age_s)
         assert np.isfinite(force).all()
-        along = min(1.0, max(0.0, float(force @ last) / max(float(last @ last), 1e-30)))
-        assert _norm(force - along * last) <= STEP_N * (1 + 1e-9), "it may fall along itself, as the spring does"
+        assert _norm(force - last) <= STEP_N * (1 + 1e-9)
         allowed = min(3.0, RATE_N_S * max(0.0, TTL_S - age_s))
         assert _norm(force) <= max(allowed, _norm(last) - STEP_N) * (1 + 1e-9) + 1e-12
         last = force
@@ -289,31 +288,3 @@ def test_what_the_arms_own_friction_takes_over_a_count_brakes_nobody(ways: float
     way_m = ways * FRICTION_N * COUNT_M / 0.02
     law.motion[0], law.motion[3] = way_m, 0.02
     assert 0.02 - law.force()[0] == pytest.approx(braked_n, abs=1e-9)
-
-
-def test_a_force_falls_as_fast_as_the_spring_that_is_let_go_and_no_faster() -> None:
-    """4 mm deep in 500 N/m, left at 0.7 m/s: 0.35 N a tick, where the rate limit is 0.2."""
-    law, k = Law(), 500.0
-    law.load(stiffness_n_m=(k, 0, 0, 0, k, 0, 0, 0, k), in_contact=True)
-    for step in range(1, 201):
-        law.motion[0] = -4e-3 * step / 200
-        law.force()
-    falls = [law.force()[0]]
-    for step in range(1, 5):
-        law.motion[0] = -4e-3 + 0.7e-3 * step
-        falls.append(law.force()[0])
-        assert falls[-1] == pytest.approx(-k * law.motion[0], rel=0.25)
-        assert falls[-2] - falls[-1] <= 2.0 * k * 0.7e-3
-
-
-def test_a_force_that_is_gone_upstream_fades_from_a_hand_that_rests() -> None:
-    law = Law()
-    law.load(stiffness_n_m=(500.0, 0, 0, 0, 500.0, 0, 0, 0, 500.0), in_contact=True)
-    for step in range(1, 201):
-        law.motion[0] = -4e-3 * step / 200
-        last = law.force()[0]
-    law.load()
-    for _ in range(10):
-        force = law.force()[0]
-        assert last - force == pytest.approx(STEP_N)
-        last = force

@@ -63,8 +63,7 @@ def apply_order(servo: ServoCell, arm: ArmCell, now_ns: int, dt_s: float) -> Non
     motors = sound and arm.order[ORDER_ENABLED] != 0.0
     trusted = motors and young and _is_believable(arm, now_ns)
     arm.trust = min(1.0, arm.trust + dt_s / TRUST_S) if trusted else 0.0
-    lawful = trusted and arm.order[ORDER_LAW] != 0.0
-    _approach(arm, math.inf if lawful else arm.max_force_rate_n_s * dt_s)
+    _approach(arm, arm.max_force_rate_n_s * dt_s)
     _remember(arm)
     _push(servo.functions, arm, motors)
 
@@ -132,7 +131,7 @@ def _remember(arm: ArmCell) -> None:
 
 @kernel
 def _approach(arm: ArmCell, step_n: float) -> None:
-    """Move the applied force towards what is trusted of the wanted one, by at most `step_n`; the law bounds its own."""
+    """Move the applied force towards what is trusted of the wanted one, by at most `step_n`."""
     if arm.trust == 0.0:
         target = (0.0, 0.0, 0.0)
     else:
@@ -147,8 +146,6 @@ def _approach(arm: ArmCell, step_n: float) -> None:
 
 @kernel
 def _push(functions: Functions, arm: ArmCell, motors: bool) -> None:
-    if not math.isfinite(_norm(arm.force_n)):
-        arm.force_n[0] = arm.force_n[1] = arm.force_n[2] = 0.0
     limp = arm.force_n[0] == 0.0 and arm.force_n[1] == 0.0 and arm.force_n[2] == 0.0
     if motors and not arm.motors_on:
         native.call_unsigned(functions.enable, FORCE_OUTPUT)
