@@ -28,18 +28,18 @@ class Hunted:
     """What came of all hands at one arm: how many, how many gained, and the most that one had, J."""
 
     arm: str
-    bounded: bool
+    controller: bool
     hands: int
     gaining: int
     most_j: float
 
 
-def hunt(name: str, searches: int, *, bounded: bool = True, first_seed: int = 0) -> Hunted:
-    """Search for hands that gain at one arm; not ``bounded`` is the law without its observer."""
+def hunt(name: str, searches: int, *, controller: bool = True, first_seed: int = 0) -> Hunted:
+    """Search for hands that gain at one arm; without ``controller`` the law has no passivity controller."""
     file = config.load(ArmFile, config.find("device", name))[0]
-    arm = arm_at_wall(file, MASSES_KG[name], controller=bounded)
+    arm = arm_at_wall(file, MASSES_KG[name], controller=controller)
     gained = np.concatenate(list(_gained(arm, searches, first_seed)))
-    return Hunted(name, bounded, len(gained), int(np.sum(gained > 0.0)), float(gained.max()))
+    return Hunted(name, controller, len(gained), int(np.sum(gained > 0.0)), float(gained.max()))
 
 
 def _gained(arm: ArmAtWall, searches: int, first_seed: int) -> Iterator[FloatArray]:
@@ -56,19 +56,19 @@ def _gained(arm: ArmAtWall, searches: int, first_seed: int) -> Iterator[FloatArr
 
 
 def main() -> None:
-    """Print a row for each arm, with the bound and without."""
+    """Print a row for each arm, with the passivity controller and without."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--searches", type=int, default=40, help="at each arm")
     parser.add_argument("--seed", type=int, default=0, help="of the first")
     asked = parser.parse_args()
-    _say("| arm | energy bounded | hands | gained | most, mJ |")
+    _say("| arm | controller | hands | gained | most, mJ |")
     _say("| --- | --- | --- | --- | --- |")
-    for bounded in (True, False):
+    for controller in (True, False):
         for name in MASSES_KG:
-            searches = asked.searches if bounded else max(1, asked.searches // 10)
-            row = hunt(name, searches, bounded=bounded, first_seed=asked.seed)
+            searches = asked.searches if controller else max(1, asked.searches // 10)
+            row = hunt(name, searches, controller=controller, first_seed=asked.seed)
             most = f"{1e3 * row.most_j:.3f}" if row.most_j > 0.0 else "nothing"
-            yes = "yes" if bounded else "no"
+            yes = "yes" if controller else "no"
             _say(f"| {row.arm} | {yes} | {row.hands:,} | {row.gaining:,} | {most} |")
 
 

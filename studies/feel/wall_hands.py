@@ -26,13 +26,12 @@ from services.gateway.servo_arrays import (
     NOW_TTL,
 )
 from services.gateway.servo_law import servo_force
+from services.gateway.simulated_arm import TICK_S
 from services.gateway.velocity_filter import butterworth, low_pass
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import building_kernel, kernel
+from studies.feel.hands import FORCE_N, RATE_N_S, TTL_S
 
-TICK_S, TTL_S = 1e-3, 0.02
-#: Largest force and its rate: those of the stub rig.
-FORCE_N, RATE_N_S = 3.0, 200.0
 _SUBSTEPS, _LATEST, _GRIP_N = 4, 20, 15.0
 _TICKS, _LEAVING = 1200, 150
 _START_M, _LEAVES_M_S = 0.1e-3, 0.2
@@ -94,7 +93,7 @@ class ArmAtWall:
 
 
 def arm_at_wall(file: ArmFile, mass_kg: float, *, controller: bool = True) -> ArmAtWall:
-    """Return what a run needs of an arm; without `controller` nothing is damped or bounded by energy."""
+    """Return what a run needs of an arm; without `controller` nothing is damped."""
     limits, now = np.zeros(LIMIT_SIZE), np.zeros(NOW_SIZE)
     damping = file.max_damping_n_s_m if controller else 0.0
     limits[:] = (FORCE_N, FORCE_N, RATE_N_S, damping, 0.3, 30.0, file.count_m, file.friction_n)

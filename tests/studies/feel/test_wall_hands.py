@@ -8,10 +8,9 @@ import pytest
 from services.gateway.device_files import ArmFile
 from services.mechanics.arrays import FloatArray
 from services.runtime import config
+from studies.feel.hunt import MASSES_KG
 from studies.feel.search import search
 from studies.feel.wall_hands import GAINED, LARGEST, MOVED, RANGES, ArmAtWall, arm_at_wall, books_of, decode
-
-MASSES_KG = {"phantom_premium_1_5": 0.1, "touch": 0.06, "touch_x": 0.07}
 
 
 def arm(name: str, *, controller: bool = True) -> ArmAtWall:
