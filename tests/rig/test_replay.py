@@ -21,7 +21,7 @@ from tests.rig.conftest import free_port
 from tests.with_us import with_us
 
 __all__ = ["recorded"]
-pytestmark = [pytest.mark.rig, pytest.mark.timeout(1800)]
+pytestmark = [pytest.mark.rig, pytest.mark.timeout(900)]
 
 SAMPLES = Path(__file__).parents[2] / "docs" / "examples" / "recordings"
 UNTIL_S = 2.5
