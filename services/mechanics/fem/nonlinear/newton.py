@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import SuperLU, splu
 
 from services.mechanics.arrays import FloatArray
@@ -15,7 +16,8 @@ from services.mechanics.fem.nonlinear.follower_loads import NonlinearLoad
 MOST_ITERATIONS = 25
 PIVOT_THRESHOLD = 1e-3
 """Pivots from the diagonal unless they are tiny: the tangent is nearly symmetric, and definite on stable paths. Without
-symmetric mode the factors of a duct have sixteen times as many entries."""
+symmetric mode the factors of a duct have sixteen times as many entries, and as many again where newtons and newton
+metres stand side by side: against a diagonal of 1 only what is nearly singular is tiny."""
 LARGEST_SPIN_RAD = 0.5
 """Of a node in one iteration: beyond it the logarithm of a triangle's rotations may jump."""
 
@@ -32,6 +34,27 @@ class Equilibrium:
     reaction: FloatArray
     iterations: int
     residual: float
+
+
+@dataclass(frozen=True)
+class Factors:
+    """Factors of K over the free dofs, scaled from both sides to a diagonal of 1."""
+
+    lu: SuperLU
+    scale: FloatArray
+
+    @classmethod
+    def of(cls, K: csr_array[np.float64]) -> Self:
+        """Factorise; raises RuntimeError where K is singular."""
+        diagonal = np.abs(K.diagonal())
+        scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+        scaled = (diags_array(scale) @ K @ diags_array(scale)).tocsc()
+        options = {"SymmetricMode": True}
+        return cls(splu(scaled, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=PIVOT_THRESHOLD, options=options), scale)
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        """(n,) x with K x = ``right``."""
+        return self.scale * self.lu.solve(self.scale * right)
 
 
 class Newton:
@@ -85,7 +108,7 @@ class Newton:
             tangent = tangent + part * self.load.stiffness(self.shell.model.mesh, at.position_m)
         return tangent.tocsr()
 
-    def factorise(self, K: csr_array[np.float64]) -> SuperLU:
+    def factorise(self, K: csr_array[np.float64]) -> Factors:
         """Factors over the free dofs: the tangent may be neither symmetric nor definite.
 
         Raises
@@ -94,12 +117,7 @@ class Newton:
             It is singular.
         """
         try:
-            return splu(
-                K[self.free][:, self.free].tocsc(),
-                permc_spec="MMD_AT_PLUS_A",
-                diag_pivot_thresh=PIVOT_THRESHOLD,
-                options={"SymmetricMode": True},
-            )
+            return Factors.of(K[self.free][:, self.free])
         except RuntimeError as error:
             raise NotConvergedError("the tangent is singular") from error
 

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_array, diags_array
 
 from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
 from services.mechanics.fem.nonlinear import Configuration, CorotationalShell, NonlinearLoad
+from services.mechanics.fem.nonlinear.newton import Factors
 from services.mechanics.fem.nonlinear.rotations import exponential, logarithm, moment_correction, vector_rate
 from services.mechanics.surface.mesh import TriangleMesh
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
@@ -91,3 +93,13 @@ def test_rates_of_a_rotation_vector_against_differences(angle):
     turned = np.array([(vector_rate(a).T @ moment - vector_rate(b).T @ moment) / (2.0 * h) for a, b in ends]).T
     assert np.allclose(vector_rate(theta), rate, atol=1e-8)
     assert np.allclose(moment_correction(theta, moment), turned, atol=1e-8)
+
+
+def test_factors_of_a_tangent_are_as_many_in_any_unit_of_length(model):
+    """Newtons beside newton metres must not look like tiny pivots, which are exchanged at the price of the sparsity."""
+    K = csr_array(model.K_free)
+    to_unit = diags_array(np.tile(UNIT**-2, K.shape[0] // 6))
+    plain, other = Factors.of(K), Factors.of((to_unit @ K @ to_unit).tocsr())
+    assert other.lu.L.nnz == plain.lu.L.nnz
+    right = np.random.default_rng(1).normal(size=K.shape[0])
+    np.testing.assert_allclose(K @ plain.solve(right), right, atol=1e-8)
