@@ -12,8 +12,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import os
-import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -23,6 +21,8 @@ from report import Row, write_report
 from scipy import stats
 from watched_rig import WatchedRig, print_alarms
 
+from tests.virtual_display import VirtualDisplay
+
 SETTLE_S = 5.0
 FAST = ("gateway", "haptics", "physics")
 _PICTURES = 'trocar_gauge{name="window_pictures",service="visualization"}'
@@ -31,16 +31,11 @@ _PICTURES = 'trocar_gauge{name="window_pictures",service="visualization"}'
 @contextmanager
 def virtual_display() -> Iterator[str]:
     """Yield the name of a display that nobody sees."""
-    read, write = os.pipe()
-    command = ["Xvfb", "-displayfd", str(write), "-screen", "0", "1300x820x24", "-nolisten", "tcp"]
-    server = subprocess.Popen(command, pass_fds=[write], stderr=subprocess.DEVNULL)
-    os.close(write)
+    display = VirtualDisplay()
     try:
-        with os.fdopen(read) as ready:
-            yield f":{ready.readline().strip()}"
+        yield display.name
     finally:
-        server.terminate()
-        server.wait()
+        display.end()
 
 
 def without(seconds: float, options: list[str]) -> list[Row]:

@@ -26,6 +26,7 @@ from services.visualization import cameras, tool_pose
 from services.visualization.picture import Picture, PictureLayout, ToolShape
 from services.visualization.window import WindowOutput
 from tests.autogroups import may_be_set
+from tests.virtual_display import VirtualDisplay
 
 _MISSING = [name for name in ("Xvfb", "xdotool") if shutil.which(name) is None]
 pytestmark = [
@@ -52,19 +53,11 @@ class Display:
 
     def start(self) -> None:
         """Start it; it serves when this returns."""
-        read, write = os.pipe()
-        screen = ["-screen", "0", "1300x820x24", "-fbdir", str(self.folder), "-nolisten", "tcp"]
-        self._server = subprocess.Popen(
-            ["Xvfb", self.name, "-displayfd", str(write), *screen], pass_fds=[write], stderr=subprocess.DEVNULL
-        )
-        os.close(write)
-        with os.fdopen(read) as ready:
-            assert f":{ready.readline().strip()}" == self.name, "Xvfb did not start"
+        self._server = VirtualDisplay(self.name, ["-fbdir", str(self.folder)])
 
     def end(self) -> None:
-        """End it as its user would: it takes its socket and its lock with it."""
-        self._server.terminate()
-        self._server.wait(PATIENCE_S)
+        """End it as its user would."""
+        self._server.end()
 
     def pixels(self) -> np.ndarray:
         """Return the screen (height, width, 3), from the server's own memory (an XWD file)."""
@@ -93,15 +86,19 @@ class Display:
 def display(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Display]:
     found = Display(tmp_path)
     monkeypatch.setenv("DISPLAY", found.name)
-    yield found
-    found.end()
+    try:
+        yield found
+    finally:
+        found.end()
 
 
 @pytest.fixture
 def window(display: Display) -> Iterator[WindowOutput]:
     output = open_window()
-    yield output
-    output.close()
+    try:
+        yield output
+    finally:
+        output.close()
 
 
 def open_window() -> WindowOutput:
