@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from operator import attrgetter
@@ -65,12 +65,29 @@ def read_frames(path: Path, topics: Collection[str] = (), from_ns: int = 0) -> I
     wanted = {channel_name(name): name for name in topics or TOPICS}
     with opened(path) as file:
         for channel, message in _messages(file, wanted, from_ns):
-            name = wanted[channel.topic]
-            try:
-                frame = to_frame(name, message.data)
-            except (ValueError, DecodeError) as error:
-                raise RecordingError(f"{path}: a message of {name} cannot be read: {error}") from None
-            yield RecordedFrame(message.log_time, frame)
+            yield RecordedFrame(message.log_time, _frame(path, wanted[channel.topic], message.data))
+
+
+def read_moments(path: Path, topics: Sequence[str]) -> Iterator[tuple[Any, ...]]:
+    """Yield the newest body of each topic at each message of the last one, from where there is one of each.
+
+    Only what is seen then is decoded: reading devices that spoke between two states costs next to nothing.
+    Raises as `read_frames` does.
+    """
+    wanted = {channel_name(name): name for name in topics}
+    newest: dict[str, bytes] = {}
+    with opened(path) as file:
+        for channel, message in _messages(file, wanted):
+            newest[wanted[channel.topic]] = message.data
+            if wanted[channel.topic] == topics[-1] and len(newest) == len(wanted):
+                yield tuple(_frame(path, name, newest[name]).body for name in topics)
+
+
+def _frame(path: Path, topic: str, data: bytes) -> Frame:
+    try:
+        return to_frame(topic, data)
+    except (ValueError, DecodeError) as error:
+        raise RecordingError(f"{path}: a message of {topic} cannot be read: {error}") from None
 
 
 def channel_name(topic: str) -> str:

@@ -19,7 +19,8 @@ from protocol.arrays import Array, Spec, pack
 from protocol.fields import arrays, fields
 from protocol.table import columns
 from services.recorder.recording import RecordingWriter
-from services.recordings.reader import read_frames, read_messages
+from services.recordings import reader
+from services.recordings.reader import read_frames, read_messages, read_moments
 from services.recordings.schema import PACKAGE, file_descriptor
 from services.recordings.transcode import to_frame, to_protobuf
 from tests.protocol import samples, strategies
@@ -176,6 +177,23 @@ def test_a_file_torn_anywhere_is_read_up_to_there(tmp_path: Path, cut: int) -> N
     ticks = [each.frame.body.tick for each in read_frames(torn)]
     assert ticks == list(range(len(ticks)))
     assert len(ticks) > 300
+
+
+def test_a_moment_is_the_newest_of_each_and_no_more_than_that_is_decoded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    topics, writer = ("gateway.state", "haptics.contacts", "physics.state"), RecordingWriter(tmp_path / "a.mcap", {})
+    for tick in range(100):
+        for k, name in enumerate(topics if tick % 10 == 3 else topics[:1]):
+            frame = samples.frame(name)
+            body = msgspec.structs.replace(frame.body, tick=tick)
+            writer.write(msgspec.structs.replace(frame, sent_ns=(tick + 1) * 1_000_000 + k, body=body))
+    writer.close()
+    decoded = []
+    monkeypatch.setattr(reader, "to_frame", lambda name, data: decoded.append(name) or to_frame(name, data))
+    moments = list(read_moments(writer.path, topics))
+    assert [tuple(body.tick for body in each) for each in moments] == [(tick,) * 3 for tick in range(3, 100, 10)]
+    assert decoded == [*topics] * 10
 
 
 def test_the_file_says_what_it_is(tmp_path: Path) -> None:

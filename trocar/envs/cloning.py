@@ -6,15 +6,16 @@ NIPS 2007) of the observation, scaled to unit spread.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from services.mechanics.arrays import Float32Array, FloatArray
-from services.recordings.reader import read_extras, read_messages
+from services.recordings.reader import read_extras, read_moments
 from services.training.site import read_site
 from services.training.situation import TICK_S
 from trocar.envs.episode import FAST
@@ -73,23 +74,23 @@ def read_demonstrations(paths: Iterable[Path], limits: HandLimits | None = None)
     RecordingError, ValueError
         a file is no recording, or carries no duct.
     """
-    parts = [_read(path, limits or HandLimits()) for path in paths]
+    view_of = cache(_view)
+    parts = [_read(path, view_of, limits or HandLimits()) for path in paths]
     return np.concatenate([each[0] for each in parts]), np.concatenate([each[1] for each in parts])
 
 
-def _read(path: Path, limits: HandLimits) -> tuple[FloatArray, FloatArray]:
+def _view(duct_file: bytes) -> StateView:
+    return StateView(read_site(duct_file), duct_file)
+
+
+def _read(path: Path, view_of: Callable[[bytes], StateView], limits: HandLimits) -> tuple[FloatArray, FloatArray]:
     """Return what was seen at each moment, and how fast the hands went to the next."""
-    attachments = read_extras(path)[1]
-    view = StateView(read_site(attachments["duct.npz"]), attachments["duct.npz"])
-    newest: dict[str, object] = {}
+    view = view_of(read_extras(path)[1]["duct.npz"])
     observations, states, times_s = [], [], []
-    for topic, _, body in read_messages(path, FAST):
-        newest[topic] = body
-        if topic == FAST[-1]:
-            devices = newest[FAST[0]]
-            observations.append(view.read(devices, newest[FAST[1]], body))  # type: ignore[arg-type]
-            states.append([(*each.position_m, each.roll_rad, each.handle_angle_rad) for each in devices.instruments])  # type: ignore[attr-defined]
-            times_s.append(body.tick * TICK_S)
+    for devices, contacts, solved in read_moments(path, FAST):
+        observations.append(view.read(devices, contacts, solved))
+        states.append([(*each.position_m, each.roll_rad, each.handle_angle_rad) for each in devices.instruments])
+        times_s.append(solved.tick * TICK_S)
     rates = np.diff(np.array(states), axis=0) / np.diff(times_s)[:, None, None]
     return np.array(observations, np.float64)[:-1], rates / limits.rates
 
