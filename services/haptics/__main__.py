@@ -9,16 +9,12 @@ from typing import TYPE_CHECKING
 from protocol import Frame
 from protocol.bodies import ContactModel, GatewayState, PhysicsState, ToolContacts
 from services.cache_directory import cache_directory
-from services.haptics.deformed_scene import DeformedScene
+from services.haptics.grasping import Grasping
 from services.haptics.instruments import InstrumentTable
-from services.haptics.jaw_touches import JawTouches
 from services.haptics.local_model import LocalModels
 from services.haptics.outputs import hold_body
 from services.haptics.reactions import Reactions
-from services.haptics.tool_tracker import ToolTracker
 from services.haptics.warm_up import warm_up
-from services.mechanics.beginning import Beginning
-from services.mechanics.bodies.forceps.grasp import Grasp
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.runtime.journal import JournalWriter
@@ -47,21 +43,15 @@ class Haptics:
         self._bus, self._meter, self._health = process.bus, meter, process.health
         self._journal = JournalWriter("haptics.journal", process.bus)
         self._seen_tick = -1
-        self.scene = DeformedScene(scene, duct)
         self._reactions, self._instruments = Reactions(), InstrumentTable(len(scene.forceps))
         tables = self._reactions.rows, self._instruments.rows
         self._models = LocalModels(scene.forceps, *tables)
-        self.tools = ToolTracker(scene, *tables)
-        self._touches = JawTouches(scene, duct, self.tools.radius_m)
-        segment_m = scene.catheter.length_m / scene.catheter.n_segments
-        jaws = [(i, each.jaws) for i, each in enumerate(scene.forceps)]
-        self._grasps = [Grasp(i, each, duct.mesh, segment_m) for i, each in jaws if each is not None]
+        self.grasping = Grasping(scene, duct, *tables)
         self._ttl_s = 0.02
         self._solved: PhysicsState | None = None
         self._told_tick, self.ticks_per_step = 0, 1
         self._begins: int | None = None
         self._began_tick = 0
-        self._beginning = Beginning(self._grasps, (scene, duct))
         process.health.counts = self._counts
 
     def answer(self, frame: Frame) -> None:
@@ -88,9 +78,7 @@ class Haptics:
     def _follow_begins(self, state: GatewayState) -> None:
         """Begin again where the scene does: what physics says of earlier ticks is of another scene."""
         if self._begins is not None and state.begins > self._begins:
-            self._beginning.put_back()
-            self.scene.forget()
-            self._touches.forget()
+            self.grasping.begin_again()
             self._solved = None
             self._began_tick, self._told_tick = state.tick, 0
         elif state.tick < self._began_tick:  # the gateway has started anew
@@ -102,16 +90,11 @@ class Haptics:
         state: GatewayState = frame.body
         self._told_tick = state.tick
         if self._solved is not None:
-            self._take_shapes(self._solved)
+            self.grasping.take_shapes(self._solved)
             self._solved = None
-        n_tools = self._instruments.count
-        hands = self.tools.take_hands(n_tools)
-        grasps = [(each, self.tools.jaws(each.tool)) for each in self._grasps if each.tool < n_tools]
-        closing = [grasp.tool for grasp, jaws in grasps if grasp.may_close(jaws)]
-        self._touches.find(closing, self.tools.segments_m, self.scene)
+        hands, held = self.grasping.follow(self._instruments.count), self.grasping.update()
         detected = time.monotonic_ns()
-        holds = [hold_body(hold) for grasp, jaws in grasps for hold in grasp.update(self._touches.pairs, jaws)]
-        body = ToolContacts(tick=state.tick, tools=hands, holds=tuple(holds), begins=state.begins)
+        body = ToolContacts(tick=state.tick, tools=hands, holds=tuple(map(hold_body, held)), begins=state.begins)
         self._bus.publish("haptics.contacts", body, origin_ns=frame.origin_ns, valid=frame.valid)
         return detected - began_ns, time.monotonic_ns() - detected
 
@@ -136,13 +119,9 @@ class Haptics:
         if not self._journal.send_if_due():
             self._health.do_a_piece()
 
-    def _take_shapes(self, state: PhysicsState) -> None:
-        self.scene.take_duct(state.duct)
-        self.scene.take_catheter(state.catheter)
-
     def _counts(self) -> dict[str, float]:
-        refused = {f"refused_{what}": float(n) for what, n in self.scene.refused.items()}
-        return {"dropped_pairs": float(self._touches.dropped), **refused}
+        refused = {f"refused_{what}": float(n) for what, n in self.grasping.scene.refused.items()}
+        return {"dropped_pairs": float(self.grasping.touches.dropped), **refused}
 
 
 def prepare(process_config: ProcessConfig) -> tuple[SceneModel, ReducedDuct]:

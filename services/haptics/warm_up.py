@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.haptics.deformed_scene import DeformedScene, nodes_are_there
+from services.haptics.deformed_scene import nodes_are_there
+from services.haptics.grasping import Grasping
 from services.haptics.instruments import InstrumentTable
-from services.haptics.jaw_touches import JawTouches
 from services.haptics.local_model import LocalModels
 from services.haptics.reactions import Reactions
-from services.haptics.tool_tracker import ToolTracker
 from services.kernel_progress import told
 from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.bodies.forceps.grasp import deepest_touch, touched_apart_m
@@ -32,13 +31,14 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
     with told(progress) as kernels:
         kernels.begin("collision detection")
         instruments, reactions = InstrumentTable(len(scene.forceps)), Reactions()
-        deformed, tools = DeformedScene(scene, duct), ToolTracker(scene, reactions.rows, instruments.rows)
+        grasping = Grasping(scene, duct, reactions.rows, instruments.rows)
+        deformed, tools, touches = grasping.scene, grasping.tools, grasping.touches
         LocalModels(scene.forceps, reactions.rows, instruments.rows).table(N_TOOLS, touching=True)
         tools.take_hands(N_TOOLS)
         tools.segments_m[:] = duct.mesh.vertices_m[0]
         tools.segments_m[:, :, 1] += 0.01
         nodes_are_there(deformed.loads[0], 0)
-        deformed.has_catheter, touches = True, JawTouches(scene, duct, tools.radius_m)
+        deformed.has_catheter = True
         for _ in range(2):
             touches.find((0,), tools.segments_m, deformed)
             tools.segments_m[:, :, 1] += 1e-5

@@ -68,7 +68,7 @@ class Outputs:
     def __init__(self, simulation: Simulation, basis_hash: str) -> None:
         self._simulation = simulation
         self._basis_hash = basis_hash
-        self._inserted_m = 0.0
+        self._inserted_m, self._n_contacts = 0.0, 0
         self._inserted_is_old, self._inserted_period = False, -1
         self._kinds = np.zeros(simulation.contacts.capacity, np.int8)
         self._table = np.zeros((N_TOOLS, REACTION_COLUMNS))
@@ -111,17 +111,23 @@ class Outputs:
 
     def state(self, tick: int, tools: Array) -> PhysicsState:
         """Return all that is known after a step, and what each of `tools`, which it was solved for, feels."""
-        hands = tools.data if len(tools.data) <= len(self._hands) else tools.data[: len(self._hands)]
-        self._hands[: len(hands)] = hands
-        contacts = self._contacts()
+        reactions, contacts = self.reactions(tools), self._contacts()
         return PhysicsState(
             tick=tick,
-            tools=wired(self._table[: len(hands) // _TOOL_BYTES]),
+            tools=wired(reactions),
             duct=self._duct(),
             catheter=self._catheter(),
             contacts=contacts,
             ticks_per_step=self._simulation.rung.ticks_per_step,
         )
+
+    def reactions(self, tools: Array) -> FloatArray:
+        """Return the live rows (n, REACTION_COLUMNS) of what each of `tools` feels."""
+        hands = tools.data[: len(self._hands)]
+        self._hands[: len(hands)] = hands
+        rows, holds = self._simulation.contacts, self._simulation.holds.rows
+        self._n_contacts = tabulate(rows.address, self._sent.address, holds.start, holds.stop)
+        return self._table[: len(hands) // _TOOL_BYTES]
 
     def _duct(self) -> Duct:
         duct = self._simulation.duct
@@ -144,13 +150,10 @@ class Outputs:
         )
 
     def _contacts(self) -> ContactForces:
-        """Return the solved contacts, with the table of reactions brought up to date."""
-        s = self._simulation
-        rows, holds = s.contacts, s.holds.rows
-        n = tabulate(rows.address, self._sent.address, holds.start, holds.stop)
+        s, n = self._simulation, self._n_contacts
         return ContactForces(
             kind=wired(self._kinds[:n], "|i1"),
-            point_m=wired(rows.point_m[:n]),
+            point_m=wired(s.contacts.point_m[:n]),
             force_n=wired(s.system.force_n[:n]),
             max_penetration_m=s.max_penetration_m,
         )

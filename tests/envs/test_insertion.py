@@ -22,6 +22,7 @@ from services.cli.rerun import compare
 from services.recordings.inputs import read_inputs
 from services.training.recorded import assess_file
 from services.training.score import load_rules
+from tests.by_day import by_day
 from trocar.envs import Expert, Insertion, state
 from trocar.envs.cloning import read_demonstrations
 from trocar.envs.rollouts import rollouts
@@ -151,6 +152,28 @@ def test_an_experts_episode_succeeds_and_its_recording_is_judged_and_run_again_a
     observations, actions = read_demonstrations([path])
     np.testing.assert_array_equal(observations.astype(np.float32), np.array(seen)[:-1])
     np.testing.assert_allclose(actions, np.array(did), atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", by_day((0, 1), range(2, 12)))
+def test_jaws_that_open_and_close_on_a_catheter_that_moves_hold_it_where_haptics_would(
+    tmp_path: Path, seed: int
+) -> None:
+    """Seed 1 closes on the tip: what is held there must be on the catheter, or physics refuses the tools."""
+    made, random = Insertion(overrides=SMALL, record=tmp_path), np.random.default_rng(seed)
+    made.reset(seed=0)
+    expert, length, held = Expert(made, pace=1.0), random.integers(6, 14), set()
+    for k in range(110):
+        action = expert.action() + random.normal(0.0, 0.1, (2, 5))
+        if k > 25:
+            action[:, 4] = 1.0 if (k - 26) // length % 2 == 0 else -1.0
+        made.step(np.clip(action, -1.0, 1.0))
+        held |= {hold.hold_id for hold in made.held}
+    made.close()
+    assert len(held) > 4
+    (path,) = tmp_path.glob("*.mcap")
+    again = compare(read_inputs(path))
+    assert again.compared > 200
+    assert again.alike == again.compared, again.first_difference
 
 
 def test_an_episode_that_is_left_is_judged_as_abandoned(tmp_path: Path) -> None:

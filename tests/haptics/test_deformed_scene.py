@@ -14,5 +14,5 @@ def test_haptics_has_the_particles_of_the_newest_frame(rig: Rig) -> None:
         rig.turn(FAR, FAR)
     told = rig.physics.simulation.catheter.state.position_m.copy()
     rig.turn(FAR, FAR)  # takes what physics said last, then physics goes on
-    np.testing.assert_array_equal(rig.haptics.scene.particles_m, told)
+    np.testing.assert_array_equal(rig.haptics.grasping.scene.particles_m, told)
     assert not np.array_equal(told, rig.physics.simulation.catheter.state.position_m)

@@ -25,13 +25,13 @@ def round_catheter(rig: Rig) -> tuple[float, float, float]:
 
 def test_jaws_that_close_round_the_catheter_hold_it_until_they_open(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     spy, looked = type(rig.gateway)(rig.hub, reads=["haptics.contacts"]), []
-    find = rig.haptics._touches.find
+    find = rig.haptics.grasping.touches.find
 
     def watched(tools: list[int], *arguments: object) -> None:
         looked.append(list(tools))
         find(tools, *arguments)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(rig.haptics._touches, "find", watched)
+    monkeypatch.setattr(rig.haptics.grasping.touches, "find", watched)
     junction, held = round_catheter(rig), list[tuple[GraspHold, ...]]()
     for k in range(CLOSING_TICKS + 60):
         handle_rad = OPEN_RAD * max(0.0, 1.0 - k / CLOSING_TICKS) if k < CLOSING_TICKS + 50 else OPEN_RAD

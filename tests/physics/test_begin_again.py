@@ -58,14 +58,14 @@ def test_haptics_holds_nothing_of_the_scene_that_was(rig: Rig) -> None:
     """Jaws that are still shut must not go on holding a catheter that is elsewhere now."""
     _press(rig, 20)
     held = GraspHold(1, 0, CATHETER_SEGMENT, 10, np.array([0.5, 0.5, 0.0]), 1.0, 0.1)
-    rig.haptics._grasps[0].holds.append(held)
+    rig.haptics.grasping.grasps[0].holds.append(held)
     rig.begins += 1
     rig.turn(FAR, FAR, handle_rad=0.0)
-    assert not rig.haptics.scene.has_catheter, "what physics said of the scene before is not of this one"
-    assert not any(grasp.holds for grasp in rig.haptics._grasps)
+    assert not rig.haptics.grasping.scene.has_catheter, "what physics said of the scene before is not of this one"
+    assert not any(grasp.holds for grasp in rig.haptics.grasping.grasps)
     assert not rig.physics.simulation.holds.active
     rig.turn(FAR, FAR, handle_rad=0.0)
-    assert rig.haptics.scene.has_catheter
+    assert rig.haptics.grasping.scene.has_catheter
 
 
 def test_a_gateway_that_starts_anew_begins_nothing(rig: Rig) -> None:
@@ -75,7 +75,7 @@ def test_a_gateway_that_starts_anew_begins_nothing(rig: Rig) -> None:
     rig.begins = rig.tick = 0
     rig.turn((0.02, 0.0, 0.005), FAR)
     assert np.abs(rig.physics.simulation.catheter.state.position_m - pressed).max() < 1e-4
-    assert rig.haptics.scene.has_catheter
+    assert rig.haptics.grasping.scene.has_catheter
 
 
 def test_where_time_stands_the_state_is_told_again_and_nothing_moves(rig: Rig) -> None:

@@ -187,7 +187,7 @@ def test_a_state_that_is_no_number_is_written_down_and_replaced(
 def test_frames_that_do_not_fit_the_scene_are_refused(rig: Rig) -> None:
     for _ in range(3):
         rig.turn(FAR, FAR)
-    scene = rig.haptics.scene
+    scene = rig.haptics.grasping.scene
     spy = type(rig.gateway)(rig.hub, reads=["physics.state"])
     rig.turn(FAR, FAR)
     frame = spy.latest("physics.state")

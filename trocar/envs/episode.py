@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -62,7 +63,8 @@ class Episode:
         self, stage: Stage, hands: DeviceHands, scenario: Scenario, rules: ScoreRules, path: Path | None = None
     ) -> None:
         self.simulation, self._hands, self._rules = stage.simulation, hands, rules
-        self._framer = Framer(self.simulation, hands)
+        self._grips = stage.grips
+        self._framer = Framer(self.simulation, self._grips, hands)
         self._recording = EpisodeRecording(path, stage, self._framer) if path is not None else None
         self._trainer = Trainer(scenario, judges=lambda each: Judge(each, stage.site), rules=rules)
         self._told: tuple[object, ...] = ()
@@ -70,6 +72,7 @@ class Episode:
         self.frames: dict[str, Frame] = {}
         if self._recording is not None:
             self._tell(-1)  # before any hand is seen: or what a reader sees is an attempt that nobody told of
+        self._grips.look(hands.state, None)
         self._look(self._framer.devices(0, hands.state))
         self._follow()
 
@@ -87,12 +90,19 @@ class Episode:
                 self._framer.settle(self.tick)
             before = self._hands.state.copy() if self._recording is not None else None
             self._hands.move(length * TICK_S)
-            self.simulation.step(self._hands.inputs, length * TICK_S)
-            self.tick += length
+            self._step(length)
             if before is not None:
                 devices = self._tell_devices(before, length)
         self._look(devices or self._framer.devices(self.tick, self._hands.state))
         self._follow()
+
+    def _step(self, length: int) -> None:
+        """Let jaws take hold by what was solved last, as haptics does on a rig, and go on by a step."""
+        newest = partial(self._framer.state, self.tick) if self.tick else None
+        self._hands.inputs.holds = self._grips.look(self._hands.state, newest)
+        self.simulation.step(self._hands.inputs, length * TICK_S)
+        self.tick += length
+        self._grips.take(self._framer.reactions())
 
     def verdict(self) -> Verdict:
         """Return how it stands."""

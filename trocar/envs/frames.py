@@ -5,13 +5,12 @@ from __future__ import annotations
 import msgspec
 
 from protocol import PROTOCOL_VERSION, TOPICS, Frame
-from protocol.arrays import Array
-from protocol.bodies import GatewayState, InstrumentState, ToolContacts
-from protocol.bodies.haptics import ToolState, tool_table
+from protocol.bodies import GatewayState, InstrumentState, PhysicsState, ToolContacts
 from services.haptics.outputs import hold_body
 from services.mechanics.arrays import FloatArray
 from services.mechanics.simulation import Simulation
 from services.physics.outputs import Outputs
+from trocar.envs.grips import Grips
 from trocar.envs.hands import DeviceHands
 
 TICK_NS = 1_000_000
@@ -35,8 +34,8 @@ class Framer:
     A body is of the tick at whose end the hands are where it says.
     """
 
-    def __init__(self, simulation: Simulation, hands: DeviceHands) -> None:
-        self._simulation, self._hands = simulation, hands
+    def __init__(self, simulation: Simulation, grips: Grips, hands: DeviceHands) -> None:
+        self._simulation, self._grips, self._hands = simulation, grips, hands
         self._outputs = Outputs(simulation, simulation.duct.reduced.basis.content_hash)
         self._sequences: dict[str, int] = {}
         self._period = 0
@@ -67,11 +66,17 @@ class Framer:
 
     def solved(self, tick: int) -> tuple[Frame, Frame]:
         """Return the frames of the tools with what they hold, and of the state."""
-        tools = self._tools()
-        holds = tuple(hold_body(hold) for grasp in self._simulation.grasps for hold in grasp.holds)
-        contacts = ToolContacts(tick=tick, tools=tools, holds=holds)
-        state = self._outputs.state(tick, tools)
-        return self.frame(tick, contacts, "haptics.contacts"), self.frame(tick, state, "physics.state")
+        holds = tuple(map(hold_body, self._grips.holds))
+        contacts = ToolContacts(tick=tick, tools=self._grips.hands, holds=holds)
+        return self.frame(tick, contacts, "haptics.contacts"), self.frame(tick, self.state(tick), "physics.state")
+
+    def state(self, tick: int) -> PhysicsState:
+        """Return all that is known after a step."""
+        return self._outputs.state(tick, self._grips.hands)
+
+    def reactions(self) -> FloatArray:
+        """Return the live rows (n, REACTION_COLUMNS) of what the tools feel."""
+        return self._outputs.reactions(self._grips.hands)
 
     def settle(self, tick: int) -> None:
         """Measure the inserted length where physics does it after this tick: so frames are the same to the bit."""
@@ -80,16 +85,3 @@ class Framer:
             self._period = period
             self._outputs.forget()
             self._outputs.settle()
-
-    def _tools(self) -> Array:
-        inputs, scene = self._hands.inputs, self._simulation.scene
-        rows = [
-            ToolState(
-                position_m=tuple(inputs.position_m[k].tolist()),
-                port_m=scene.forceps[k].port_position_m,
-                roll_rad=float(inputs.roll_rad[k]),
-                jaw_angle_rad=float(inputs.jaw_angle_rad[k]),
-            )
-            for k in range(self._hands.n_tools)
-        ]
-        return tool_table(rows)

@@ -54,7 +54,8 @@ class DeviceHands:
         self._jaw_ratio = np.array([each.jaw_ratio if each else 1.0 for each in jaws])
         self._most = np.full((N_TOOLS, COLUMNS), np.inf)
         self._most[:, 3] = np.pi
-        self._most[: self.n_tools, 4] = [each.jaw_max_angle_rad / each.jaw_ratio if each else 0.0 for each in jaws]
+        self._jaw_most = np.array([each.jaw_max_angle_rad if each else 0.0 for each in jaws])
+        self._most[: self.n_tools, 4] = self._jaw_most / self._jaw_ratio
         self._least = np.where(np.arange(COLUMNS) < 4, -self._most, 0.0)
         self.state, self.rate = np.zeros((2, N_TOOLS, COLUMNS))
         self.inputs = ToolInputs()
@@ -94,4 +95,4 @@ class DeviceHands:
     def _write(self) -> None:
         n = self.n_tools
         self.inputs.position_m[:], self.inputs.roll_rad[:] = self.state[:, :3], self.state[:, 3]
-        self.inputs.jaw_angle_rad[:n] = self._jaw_ratio * self.state[:n, 4]
+        np.minimum(self._jaw_ratio * self.state[:n, 4], self._jaw_most, out=self.inputs.jaw_angle_rad[:n])

@@ -117,6 +117,11 @@ class Insertion(gymnasium.Env[Any, Any]):
         return self._verdict.depth_m
 
     @property
+    def held(self) -> list[trocar.GraspHold]:
+        """What the tools hold."""
+        return self._stage.grips.holds
+
+    @property
     def time_s(self) -> float:
         """Simulated time of the episode."""
         return self._episode.time_s if self._episode is not None else 0.0
@@ -208,7 +213,7 @@ class Insertion(gymnasium.Env[Any, Any]):
 
     def _to_catheter_m(self) -> float:
         """Return the distance of the nearest jaws from the catheter, 0 where some hold it."""
-        if any(hold.target_kind == 1 for grasp in self.simulation.grasps for hold in grasp.holds):
+        if self._stage.grips.has_catheter:
             return 0.0
         ways = []
         for tool, forceps in enumerate(self._stage.scene.forceps):

@@ -14,6 +14,7 @@ from services.runtime.errors import ConfigError
 from services.scenes import load_duct, load_scene
 from services.scenes.duct_file import duct_file
 from services.training.site import Site, read_site
+from trocar.envs.grips import Grips
 
 
 class Stage:
@@ -30,6 +31,8 @@ class Stage:
     ----------
     simulation : Simulation
         At rest after `begin`.
+    grips : Grips
+        What its tools hold.
     site : Site
         Of the duct, as a recording of it tells.
     """
@@ -58,6 +61,7 @@ class Stage:
         else:
             self._beginning.put_back()
             self.simulation.set_quality(self.level)
+            self.grips.begin_again()
         return self.simulation
 
     def _build(self, drawn: tuple[str, ...]) -> None:
@@ -76,6 +80,7 @@ class Stage:
             self.simulation, (scene, self.simulation.scene, self.duct, self.simulation.duct.reduced)
         )
         self.simulation.set_quality(self.level)
+        self.grips = Grips(scene, self.duct)
 
     @property
     def duct_file(self) -> bytes:

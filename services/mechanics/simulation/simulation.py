@@ -72,9 +72,8 @@ class Simulation:
         self.duct, self.catheter, self.tools = self._moving = world.duct, world.catheter, world.tools
         self.system, self.holds, self.search = world.system, world.holds, world.search
         self.seal, self.squeeze = world.seal, world.squeeze
-        segment_length_m = self.catheter.properties.segment_length_m
         self.grasps = tuple(
-            Grasp(tool, each.jaws, duct.mesh, segment_length_m)
+            Grasp(tool, each.jaws, duct.mesh, scene.catheter)
             for tool, each in enumerate(scene.forceps)
             if each.jaws is not None
         )

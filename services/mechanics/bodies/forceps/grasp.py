@@ -11,7 +11,7 @@ from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, JAW_B, ContactPairs, pairs_at
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
-from services.mechanics.scene import ForcepsScene
+from services.mechanics.scene import CatheterScene, ForcepsScene
 from services.mechanics.scene.tools import N_TOOLS, GraspHold
 from services.mechanics.surface.mesh import TriangleMesh
 
@@ -41,7 +41,7 @@ class Grasp:
     tool: int
     forceps: ForcepsScene
     mesh: TriangleMesh
-    segment_length_m: float
+    catheter: CatheterScene
     holds: list[GraspHold] = field(default_factory=list)
     _lever_m: float = 0.0
     _next_id: int = 0
@@ -103,16 +103,17 @@ class Grasp:
         """Two points of the catheter a jaw's width apart, round the middle of what both jaws touch."""
         at_a = float(pairs.target[a] + pairs.target_weights[a, 1])
         at_b = float(pairs.target[b] + pairs.target_weights[b, 1])
-        width = self.forceps.jaw_radius_m / self.segment_length_m
+        width = self.forceps.jaw_radius_m / (self.catheter.length_m / self.catheter.n_segments)
         if abs(at_a - at_b) > 2.0 * width + 1.0:
             return []
         middle = 0.5 * (at_a + at_b)
         return [self._catheter_point(middle - 0.5 * width), self._catheter_point(middle + 0.5 * width)]
 
-    @staticmethod
-    def _catheter_point(at: float) -> tuple[int, FloatArray]:
-        at = max(at, 0.0)
-        segment = int(at)
+    def _catheter_point(self, at: float) -> tuple[int, FloatArray]:
+        """Return segment and weights of a place counted in segments, at an end where it lies beyond that."""
+        n_segments = self.catheter.n_segments
+        at = min(max(at, 0.0), float(n_segments))
+        segment = min(int(at), n_segments - 1)
         return segment, np.array([1.0 - (at - segment), at - segment, 0.0])
 
     def _wall_points(self, pairs: ContactPairs, a: int, b: int) -> list[tuple[int, FloatArray]]:

@@ -12,7 +12,7 @@ from services.mechanics.bodies.forceps import (
 from services.mechanics.bodies.forceps import grasp as grasp_module
 from services.mechanics.bodies.forceps.kinematics import tool_segments
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, JAW_B, SHAFT, ContactPairs
-from services.mechanics.scene import ForcepsScene
+from services.mechanics.scene import CatheterScene, ForcepsScene
 from services.mechanics.scene.tools import ToolInputs
 
 PORT = np.array([0.07, -0.06, 0.12])
@@ -95,8 +95,11 @@ def touching_pairs(kind, target_a, target_b):
     return pairs
 
 
+CATHETER = CatheterScene(length_m=80e-3, n_segments=40)
+
+
 def new_grasp(small_duct):
-    return Grasp(0, ForcepsScene(), small_duct.mesh, 2e-3)
+    return Grasp(0, ForcepsScene(), small_duct.mesh, CATHETER)
 
 
 def test_grasp_takes_hold_when_both_jaws_touch_and_the_handle_squeezes(small_duct):
@@ -114,6 +117,21 @@ def test_grasp_takes_hold_when_both_jaws_touch_and_the_handle_squeezes(small_duc
     assert holds[0].limit_n == pytest.approx(0.5 * 0.2 * 0.10 / 9e-3)
 
 
+@pytest.mark.parametrize("segment", [0, 39])
+@pytest.mark.parametrize("weight", [0.0, 0.1, 0.9, 1.0])
+def test_what_is_held_at_an_end_of_the_catheter_is_there(small_duct, segment, weight):
+    """Physics refuses tools that hold what is not there, and then stands still."""
+    pairs = touching_pairs(CATHETER_SEGMENT, segment, segment)
+    pairs.target_weights[:2] = (1.0 - weight, weight, 0.0)
+    holds = new_grasp(small_duct).update(pairs, JawState(0.40, 0.35))
+    assert len(holds) == 2
+    for hold in holds:
+        assert 0 <= hold.target < CATHETER.n_segments
+        assert hold.target_weights.min() >= 0.0
+        assert hold.target_weights.sum() == 1.0
+        assert abs(hold.target + hold.target_weights[1] - segment - weight) <= 0.25 + 1e-12
+
+
 def test_grasp_lets_go_when_the_handle_opens_past_where_it_closed(small_duct):
     grasp = new_grasp(small_duct)
     pairs = touching_pairs(CATHETER_SEGMENT, 7, 7)
@@ -128,7 +146,7 @@ def test_holds_of_different_tools_never_share_a_number_however_many_tools_there_
     monkeypatch.setattr(grasp_module, "N_TOOLS", 3)
     numbers = []
     for tool in range(3):
-        grasp = Grasp(tool, ForcepsScene(), small_duct.mesh, 2e-3)
+        grasp = Grasp(tool, ForcepsScene(), small_duct.mesh, CATHETER)
         pairs = touching_pairs(CATHETER_SEGMENT, 7, 7)
         pairs.tool[:] = tool
         for _ in range(3):

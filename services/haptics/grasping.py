@@ -1,0 +1,60 @@
+"""Which jaws hold what: hands are followed, and what jaws touch is looked at only where they close."""
+
+from __future__ import annotations
+
+from protocol.arrays import Array
+from protocol.bodies import PhysicsState
+from services.haptics.deformed_scene import DeformedScene
+from services.haptics.jaw_touches import JawTouches
+from services.haptics.tool_tracker import ToolTracker
+from services.mechanics.arrays import FloatArray
+from services.mechanics.beginning import Beginning
+from services.mechanics.bodies.forceps.grasp import Grasp, JawState
+from services.mechanics.reduction.reduced_duct import ReducedDuct
+from services.mechanics.scene import SceneModel
+from services.mechanics.scene.tools import GraspHold
+
+
+class Grasping:
+    """The grasps of a scene's tools, wherever its hands come from: a rig's devices or an agent.
+
+    Parameters
+    ----------
+    scene, duct
+        As physics has them.
+    reactions : (2, REACTION_COLUMNS), instruments : (2, INSTRUMENT_COLUMNS)
+        Live tables of what was solved and of what the hands do.
+    """
+
+    def __init__(self, scene: SceneModel, duct: ReducedDuct, reactions: FloatArray, instruments: FloatArray) -> None:
+        self.scene = DeformedScene(scene, duct)
+        self.tools = ToolTracker(scene, reactions, instruments)
+        self.touches = JawTouches(scene, duct, self.tools.radius_m)
+        jaws = [(tool, each.jaws) for tool, each in enumerate(scene.forceps)]
+        self.grasps = [Grasp(tool, each, duct.mesh, scene.catheter) for tool, each in jaws if each is not None]
+        self.closing: list[int] = []
+        self._jaws: list[tuple[Grasp, JawState]] = []
+        self._beginning = Beginning(self.grasps, (scene, duct))
+
+    def take_shapes(self, state: PhysicsState) -> None:
+        """Take over where wall and catheter are: what closing jaws are held against."""
+        self.scene.take_duct(state.duct)
+        self.scene.take_catheter(state.catheter)
+
+    def follow(self, n_tools: int) -> Array:
+        """Follow the first hands, and return them as physics needs them; `closing` are those whose jaws may close."""
+        hands = self.tools.take_hands(n_tools)
+        self._jaws = [(each, self.tools.jaws(each.tool)) for each in self.grasps if each.tool < n_tools]
+        self.closing = [grasp.tool for grasp, jaws in self._jaws if grasp.may_close(jaws)]
+        return hands
+
+    def update(self) -> list[GraspHold]:
+        """Return what the hands that were followed hold, live until the next call."""
+        self.touches.find(self.closing, self.tools.segments_m, self.scene)
+        return [hold for grasp, jaws in self._jaws for hold in grasp.update(self.touches.pairs, jaws)]
+
+    def begin_again(self) -> None:
+        """Hold nothing, and know nothing of the scene: it begins again."""
+        self._beginning.put_back()
+        self.scene.forget()
+        self.touches.forget()
