@@ -35,7 +35,7 @@ STEPS = 10
 MESHES = ((24, 36), (12, 24)), ((48, 60), (24, 40))
 RADIUS_M, LENGTH_M, JAW_M, CLOSED_M = 0.004, 0.04, 0.004, 0.002
 NOTES = """The reference duct, clamped at one end, is closed by half at its mouth by jaws 4 mm wide, in ten equal steps.
-CalculiX has elements of eight nodes (S8R), ours are triangles: at 888 nodes the jaws' width is not the same to a node."""
+CalculiX has elements of eight nodes (S8R), ours are triangles: at 888 nodes the jaws are not as wide to a node."""
 _DECK = """*NODE, NSET=ALL
 {nodes}
 *ELEMENT, TYPE=S8R, ELSET=DUCT

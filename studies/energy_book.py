@@ -30,7 +30,8 @@ class EnergyFlow:
     Attributes
     ----------
     input_j
-        Work of the hands on the couplings and jaws, and by rolling them against the moment of contacts about the shaft.
+        Work of the hands on the couplings and jaws, by rolling them against the moment of contacts about the shaft, and
+        of a drive that twists and steers.
     stored_j
         Change of everything stored: kinetic, elastic, in couplings and grips, and by effects.
     coupling_j
@@ -172,7 +173,9 @@ class EnergyBook:
         self.flow.rod_j -= float(np.sum(viscous * motion))
         self.flow.numerical_j += float(np.sum(impulse * (mean - start.velocity_m_s - 0.5 * change)))
         self.flow.numerical_j -= float(np.sum((own - viscous) * motion))
-        self.flow.numerical_j -= self._rod.elastic_j - before.rod_elastic_j
+        driven_j = _driven_j(self.simulation) - before.driven_j
+        self.flow.input_j += driven_j
+        self.flow.numerical_j -= self._rod.elastic_j - before.rod_elastic_j - driven_j
 
     def _enter_duct(self, before: _Snapshot, dt_s: float) -> None:
         duct = self.simulation.duct
@@ -231,6 +234,7 @@ class _Snapshot:
     loads: FloatArray
     anchors_j: float
     kicks_j: float
+    driven_j: float
     grips: Grips
 
     @classmethod
@@ -247,6 +251,7 @@ class _Snapshot:
             nodal_loads(simulation),
             _anchor_energy_j(simulation),
             _kick_energy_j(simulation),
+            _driven_j(simulation),
             stored_in_grips(simulation),
         )
 
@@ -275,6 +280,11 @@ def _dissipated_by_effects_j(simulation: Simulation) -> float:
 def _kick_energy_j(simulation: Simulation) -> float:
     """Energy that the kicks of the wall are the gradient of."""
     return sum(effect.potential_energy_j(simulation.world) for effect in simulation.effects.values() if effect.kicks)
+
+
+def _driven_j(simulation: Simulation) -> float:
+    """What a drive has put in by twisting and steering."""
+    return simulation.drive.work_j if simulation.drive is not None else 0.0
 
 
 def _anchor_energy_j(simulation: Simulation) -> float:

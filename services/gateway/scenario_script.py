@@ -24,8 +24,7 @@ def scenario_player(name: str, index: int, port_m: Vector3, pace: float = 1.0) -
     motion = scenario.motions[index] if index < len(scenario.motions) else None
     if motion is None:
         raise ConfigError(f"scenario {name!r} has no motion for instrument number {index}")
-    jaws = scenario.scene.forceps[index].jaws
-    ratio = jaws.jaw_ratio if jaws else 1.0
+    ratio, _ = scenario.scene.forceps[index].handle_range
     rows = zip(motion.time_s, motion.grip_point_m, motion.roll_rad, motion.jaw_angle_rad, strict=True)
     breakpoints = tuple(
         Breakpoint(time_s=time_s, hip_m=point, roll_rad=roll, handle_rad=jaw / ratio)

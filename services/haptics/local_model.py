@@ -76,16 +76,16 @@ class LocalModels:
 
     def __init__(self, tools: tuple[ToolScene, ...], reactions: FloatArray, instruments: FloatArray) -> None:
         each = (*tools, *(ProbeScene(),) * (N_TOOLS - len(tools)))
-        jaws = [tool.jaws for tool in each]  # of a tool that has none, the opening is always zero
+        ranges = np.array([tool.handle_range for tool in each])
         self._n_tools = len(tools)
         self._felt = ModelInputs(
             reactions=reactions,
             instruments=instruments,
             coupling_stiffness=np.array([f.coupling_stiffness_n_m for f in each]),
             coupling_damping=np.array([f.coupling_damping_n_s_m for f in each]),
-            jaw_damping=np.array([j.jaw_damping_nm_s_rad if j else 0.0 for j in jaws]),
-            jaw_ratio=np.array([j.jaw_ratio if j else 1.0 for j in jaws]),
-            jaw_max_angle=np.array([j.jaw_max_angle_rad if j else 0.0 for j in jaws]),
+            jaw_damping=np.array([tool.jaws.jaw_damping_nm_s_rad if tool.jaws else 0.0 for tool in each]),
+            jaw_ratio=ranges[:, 0].copy(),
+            jaw_max_angle=ranges[:, 1].copy(),
             models=np.zeros((_MOST, MODEL_COLUMNS)),
         )
         self._models = self._felt.models

@@ -54,7 +54,7 @@ class ToolTracker:
 
     def __init__(self, scene: SceneModel, reactions: FloatArray, instruments: FloatArray) -> None:
         self._body = ToolBody(scene.forceps)
-        jaws = [tool.jaws for tool in self._body.forceps]  # of a tool that has none, the opening is always zero
+        ranges = np.array([tool.handle_range for tool in self._body.forceps])
         self.segments_m = self._body.segments
         self.radius_m = self._body.radius_m
         self.present = np.zeros(N_TOOLS, np.bool_)
@@ -62,8 +62,8 @@ class ToolTracker:
         self._hands = HandTables(
             reactions=reactions,
             instruments=instruments,
-            jaw_ratio=np.array([j.jaw_ratio if j else 1.0 for j in jaws]),
-            jaw_max_angle=np.array([j.jaw_max_angle_rad if j else 0.0 for j in jaws]),
+            jaw_ratio=ranges[:, 0].copy(),
+            jaw_max_angle=ranges[:, 1].copy(),
             present=self.present,
             told=self._told,
         )

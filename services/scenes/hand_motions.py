@@ -43,7 +43,7 @@ def hand_motions(scene_name: str, overrides: Iterable[str] = ()) -> list[dict[st
 
 def _written(tool: ToolScene, motion: ToolMotion) -> dict[str, Any]:
     rows = zip(motion.time_s, motion.grip_point_m, motion.roll_rad, motion.jaw_angle_rad, strict=True)
-    ratio = tool.jaws.jaw_ratio if tool.jaws else 1.0
+    ratio, _ = tool.handle_range
     breakpoints = [
         {"time_s": time_s, "hip_m": point, "roll_rad": roll, "handle_rad": jaw / ratio}
         for time_s, point, roll, jaw in rows

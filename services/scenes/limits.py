@@ -63,6 +63,8 @@ def fault(scene: SceneModel) -> str:
                 return f"{path}.{name}: must not be above {LENGTH_MAX_M:g} m, is {value:g}; is it in another unit?"
     if not len(scene.forceps) <= N_TOOLS:
         return f"forceps: at most {N_TOOLS}, are {len(scene.forceps)}"
+    if sum(tool.drives_catheter for tool in scene.forceps) > 1:
+        return "forceps: one drive holds the catheter's end, are 2"
     return _hands_fault(scene) or _catheter_fault(scene.catheter) or _ladder_fault(scene.quality)
 
 
@@ -87,6 +89,13 @@ def _catheter_fault(catheter: CatheterScene) -> str:
     """Return what of a catheter does not go together."""
     if not any(catheter.direction):
         return "catheter.direction: must not be zero"
+    for k, section in enumerate(catheter.sections):
+        for name in ("length_m", "youngs_modulus_pa"):
+            value = getattr(section, name)
+            if value is not None and not 0.0 < value <= LARGEST:
+                return f"catheter.sections.{k}.{name}: must be positive, is {value}"
+    if (sections_m := sum(section.length_m for section in catheter.sections)) > catheter.length_m:
+        return f"catheter.sections: are {sections_m:g} m long together, the catheter {catheter.length_m:g} m"
     if not -1.0 < catheter.poisson_ratio <= 0.5:
         return f"catheter.poisson_ratio: must lie above -1 and not above 0.5, is {catheter.poisson_ratio}"
     if not catheter.inner_diameter_m < catheter.outer_diameter_m:

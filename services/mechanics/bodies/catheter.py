@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
 
 from services.mechanics.arrays import AnyArray, FloatArray, IntArray
+from services.mechanics.bodies.sections import softness
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Struct, reader
 from services.mechanics.rod import (
@@ -238,11 +240,17 @@ def round_tube(scene: CatheterScene) -> RoundTube:
 
 def rod_properties(scene: CatheterScene) -> RodProperties:
     """Stiffness and mass of a scene's catheter, without torsion."""
-    return round_tube(scene).rod(
+    rod = round_tube(scene).rod(
         scene.n_segments,
         scene.length_m,
         internal_damping_s=scene.internal_damping_s,
         viscous_drag_n_s_m2=scene.viscous_drag_n_s_m2,
+    )
+    if not scene.sections:
+        return rod
+    stiff = {name: softness(scene) * getattr(rod, name) for name in ("axial_stiffness_n", "bending_stiffness_n_m2")}
+    return replace(
+        rod, axial_stiffness_n=stiff["axial_stiffness_n"], bending_stiffness_n_m2=stiff["bending_stiffness_n_m2"]
     )
 
 

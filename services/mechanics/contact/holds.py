@@ -73,6 +73,8 @@ class HoldRegistry:
     refused : int
         Requests since the start that name nothing that is there, jaws included, or hold it with a NaN; counted in
         every step.
+    lost : set of int
+        Numbers of holds that were lost and are still asked for.
     took_up : bool
         Whether a hold was taken up in this step.
     dissipated_j : float
@@ -86,7 +88,7 @@ class HoldRegistry:
         self.refused = 0
         self.dissipated_j = 0.0
         self.took_up = False
-        self._lost: set[int] = set()
+        self.lost: set[int] = set()
         self._arrays = HoldArrays.zeros(h=CAPACITY)
         self._free = list(range(CAPACITY))
         self._stops: list[tuple[int, int, float, bool]] = []
@@ -96,7 +98,9 @@ class HoldRegistry:
             DUCT_TRIANGLE: geometry.wall.triangles.shape[0],
             CATHETER_SEGMENT: geometry.rod.position.shape[0] - 1,
         }
-        self._without_jaws = {tool for tool, each in enumerate(forceps) if each.jaws is None}
+        self._holding_nothing = {
+            tool for tool, each in enumerate(forceps) if each.jaws is None and not each.drives_catheter
+        }
         for tool, jaws in enumerate(each.jaws for each in forceps):
             if jaws is not None:
                 width_m = 3.0 * jaws.jaw_radius_m
@@ -116,17 +120,17 @@ class HoldRegistry:
         if asked != self.active.keys():
             for gone in [hold_id for hold_id in self.active if hold_id not in asked]:
                 self._drop(gone)
-        self._lost &= asked
+        self.lost &= asked
         for request in requests:
             if request.hold_id in self.active:
                 self.active[request.hold_id].request = request
-            elif request.hold_id not in self._lost:
+            elif request.hold_id not in self.lost:
                 self._take_up(request)
         self._free_jaws()
 
     def lose(self) -> None:
         """Let go of everything; who goes on asking for the same holds does not get them."""
-        self._lost |= set(self.active)
+        self.lost |= set(self.active)
         for hold_id in list(self.active):
             self._drop(hold_id)
         self.rows = range(0)
@@ -186,7 +190,7 @@ class HoldRegistry:
         if is_lost:
             for hold_id in [hold_id for hold_id, hold in self.active.items() if hold.lost]:
                 self._drop(hold_id)
-                self._lost.add(hold_id)
+                self.lost.add(hold_id)
 
     def _take_up(self, request: GraspHold) -> None:
         if not self._free:
@@ -207,7 +211,7 @@ class HoldRegistry:
         """Whether a request means something; what does not is counted."""
         is_sound = (
             0 <= request.tool < N_TOOLS
-            and request.tool not in self._without_jaws
+            and request.tool not in self._holding_nothing
             and 0 <= request.target < self._n_targets.get(request.target_kind, 0)
             and math.isfinite(request.jaw_angle_rad)
             and request.limit_n >= 0.0

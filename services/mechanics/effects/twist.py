@@ -6,7 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.catheter import round_tube
+from services.mechanics.bodies.sections import joint_curvature, softness
 from services.mechanics.effects.base import Effect
 from services.mechanics.rod import RodProperties
 
@@ -21,5 +23,9 @@ class Twist(Effect):
         """Return the rod with GJ and the scene's rest curvature."""
         catheter = self.scene.catheter
         curvature = np.array(catheter.rest_curvature_1_m) if catheter.rest_curvature_1_m else None
-        stiffness = round_tube(catheter).torsional_stiffness_n_m2()
+        stiffness: float | FloatArray = round_tube(catheter).torsional_stiffness_n_m2()
+        if catheter.sections:
+            stiffness = stiffness * softness(catheter)
+            bent = joint_curvature(catheter, "rest_curvature_1_m")
+            curvature = bent if curvature is None else curvature + (0.0 if bent is None else bent)
         return replace(rod, torsional_stiffness_n_m2=stiffness, rest_curvature_1_m=curvature)

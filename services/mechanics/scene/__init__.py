@@ -7,9 +7,10 @@ that only needs the motion of a hand starts half a second earlier without these.
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from services.mechanics.scene.instruments import ForcepsScene, ProbeScene, ToolScene
+from services.mechanics.scene.instruments import DriveScene, ForcepsScene, ProbeScene, ToolScene
 
 if TYPE_CHECKING:
+    from services.mechanics.scene.catheter_section import CatheterSection
     from services.mechanics.scene.scene_model import (
         CatheterScene,
         ContactSettings,
@@ -27,7 +28,9 @@ else:
 
 __all__ = [
     "CatheterScene",
+    "CatheterSection",
     "ContactSettings",
+    "DriveScene",
     "DuctScene",
     "ForcepsScene",
     "ProbeScene",

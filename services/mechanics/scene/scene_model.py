@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from services.mechanics.fem.elements import BendingName, MembraneName
+from services.mechanics.scene.catheter_section import CatheterSection
 from services.mechanics.scene.instruments import ForcepsScene, ToolScene
 from services.mechanics.surface.units import LengthUnit
 
@@ -82,6 +83,7 @@ class CatheterScene:
     internal_damping_s: float = 2e-4
     viscous_drag_n_s_m2: float = 0.05
     rest_curvature_1_m: tuple[Vector3, ...] = ()
+    sections: tuple[CatheterSection, ...] = ()
     tip_position_m: Vector3 = (46e-3, 0.0, 0.0)
     direction: Vector3 = (-1.0, 0.0, 0.0)
     before_mouth_m: float | None = None

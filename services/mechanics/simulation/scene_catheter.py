@@ -27,9 +27,20 @@ def scene_rod(scene: SceneModel, effects: Iterable[Effect]) -> RodProperties:
             rod = effect.modify_rod(rod)
     except ValueError as error:
         raise ValueError(f"catheter: {error}") from None
-    if scene.catheter.rest_curvature_1_m and rod.rest_curvature_1_m is None:
-        raise ValueError("catheter.rest_curvature_1_m: turns with the material, name the effect 'twist' too")
+    if rod.torsional_stiffness_n_m2 is None and (key := _turns_with_material(scene)):
+        raise ValueError(f"{key}: turns with the material, name the effect 'twist' too")
     return rod
+
+
+def _turns_with_material(scene: SceneModel) -> str:
+    """Return the first key of a scene's catheter that needs a material frame; empty for none."""
+    if scene.catheter.rest_curvature_1_m:
+        return "catheter.rest_curvature_1_m"
+    for k, section in enumerate(scene.catheter.sections):
+        for name in ("rest_curvature_1_m", "steering_1_m_rad"):
+            if any(getattr(section, name)):
+                return f"catheter.sections.{k}.{name}"
+    return ""
 
 
 def place_catheter(scene: SceneModel, mesh: TriangleMesh) -> SceneModel:

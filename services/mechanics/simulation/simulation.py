@@ -26,6 +26,7 @@ from services.mechanics.reduction import ModalState, ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs, ToolResults
 from services.mechanics.simulation.calls import CallCheck
+from services.mechanics.simulation.drive import build_drive
 from services.mechanics.simulation.healing import Healer
 from services.mechanics.simulation.loads import begin_loads
 from services.mechanics.simulation.pace import LONGEST_STEP_S, Pace, steps_of
@@ -77,6 +78,7 @@ class Simulation:
             for tool, each in enumerate(scene.forceps)
             if each.jaws is not None
         )
+        self.drive = build_drive(scene, world)
         self.tool_results = ToolResults()
         self.max_penetration_m = 0.0
         self._mouth = Mouth(duct, self.catheter.properties.n_particles)
@@ -158,6 +160,8 @@ class Simulation:
         self._add_loads(dt_s)
         marks[1] = perf_counter_ns()
         self.duct.predict(dt_s)
+        if self.drive is not None:
+            self.drive.turn()
         self.catheter.predict(dt_s)
         self._predict_tools(tools, dt_s)
         marks[2] = perf_counter_ns()
@@ -307,7 +311,8 @@ class Simulation:
         search.catheter_pairs(catheter_pairs)
         if self.tools.have_come:
             search.engage(found, system.geometry.address)
-        self.holds.follow(self._grasp(tools, found) if tools.holds is None else tools.holds)
+        wanted = self._grasp(tools, found) if tools.holds is None else tools.holds
+        self.holds.follow(wanted if self.drive is None else [*wanted, *self.drive.holds()])
         if self.holds.took_up:
             take_pads(found.address, system.geometry.address, tools.holds is not None)
         for effect in self._stages["add_pairs"]:

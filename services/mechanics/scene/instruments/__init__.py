@@ -6,6 +6,7 @@ see `ToolScene`. Nothing here needs numpy, so that a process can read cheaply wh
 
 from __future__ import annotations
 
+from services.mechanics.scene.instruments.drive import DriveScene
 from services.mechanics.scene.instruments.forceps import ForcepsScene
 from services.mechanics.scene.instruments.probe import ProbeScene
 from services.mechanics.scene.instruments.tool import DrawnPart, ToolScene
@@ -13,8 +14,9 @@ from services.mechanics.scene.instruments.tool import DrawnPart, ToolScene
 TOOLS: dict[str, type[ToolScene]] = {
     "forceps": ForcepsScene,
     "probe": ProbeScene,
+    "drive": DriveScene,
 }
 USUAL = "forceps"
 """Kind of a tool whose scene file names none."""
 
-__all__ = ["TOOLS", "USUAL", "DrawnPart", "ForcepsScene", "ProbeScene", "ToolScene"]
+__all__ = ["TOOLS", "USUAL", "DrawnPart", "DriveScene", "ForcepsScene", "ProbeScene", "ToolScene"]

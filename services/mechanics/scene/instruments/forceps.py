@@ -40,6 +40,11 @@ class ForcepsScene(ToolScene):
         """Return itself."""
         return self
 
+    @property
+    def handle_range(self) -> tuple[float, float]:
+        """The handle turns the jaws."""
+        return self.jaw_ratio, self.jaw_max_angle_rad
+
     def drawn(self) -> tuple[DrawnPart, ...]:
         """Return the dark shaft and the steel between it and the jaws."""
         r, j = self.shaft_radius_m, self.jaw_radius_m

@@ -41,6 +41,8 @@ class ToolScene:
 
     has_handle: ClassVar[bool] = False
     """Whether a hand moves anything of it but the whole: else there is no drive to a handle."""
+    drives_catheter: ClassVar[bool] = False
+    """Whether it holds the catheter's proximal end."""
     touches_along_shaft: ClassVar[bool] = True
     """Whether all of the shaft inside the port touches, or only a sphere about J."""
     positive: ClassVar[tuple[str, ...]] = ("shaft_radius_m", "coupling_stiffness_n_m")
@@ -52,8 +54,13 @@ class ToolScene:
         return None
 
     @property
+    def handle_range(self) -> tuple[float, float]:
+        """Return how far its handle turns what it moves, per radian, and how far that goes; here nothing."""
+        return 1.0, 0.0
+
+    @property
     def body_radius_m(self) -> float:
-        """Radius of what touches besides jaws: of the shaft, or of the sphere about J."""
+        """Radius of what touches besides jaws: of the shaft, or of the sphere about J; 0 where nothing does."""
         return self.shaft_radius_m
 
     def drawn(self) -> tuple[DrawnPart, ...]:

@@ -1,0 +1,37 @@
+"""What the sections of a scene's catheter make of its segments and joints."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.scene import CatheterScene
+
+_BEHIND = -1
+
+
+def softness(scene: CatheterScene) -> FloatArray:
+    """(n_segments,) modulus of each segment over the catheter's own."""
+    moduli = [section.youngs_modulus_pa or scene.youngs_modulus_pa for section in scene.sections]
+    ratios: FloatArray = np.array([*moduli, scene.youngs_modulus_pa])[_section_of_segments(scene)]
+    return ratios / scene.youngs_modulus_pa
+
+
+def joint_curvature(scene: CatheterScene, name: Literal["rest_curvature_1_m", "steering_1_m_rad"]) -> FloatArray | None:
+    """(n_segments - 1, 3) that the sections say, the mean of both segments at a joint; None where they say nothing."""
+    said = np.array([*(getattr(section, name) for section in scene.sections), (0.0, 0.0, 0.0)])
+    if not said.any():
+        return None
+    per_segment = said[_section_of_segments(scene)]
+    means: FloatArray = 0.5 * (per_segment[:-1] + per_segment[1:])
+    return means
+
+
+def _section_of_segments(scene: CatheterScene) -> IntArray:
+    """(n_segments,) in which section the middle of each segment lies; -1 behind the last one."""
+    ends_m = np.cumsum([section.length_m for section in scene.sections])
+    middles_m = (np.arange(scene.n_segments)[::-1] + 0.5) * (scene.length_m / scene.n_segments)
+    sections = np.searchsorted(ends_m, middles_m)
+    return np.where(sections < len(ends_m), sections, _BEHIND).astype(np.int32)

@@ -1,0 +1,34 @@
+"""A drive that pushes and twists a catheter from behind, with a handle that steers its tip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from services.mechanics.scene.instruments.tool import ToolScene
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveScene(ToolScene):
+    """A holder of the catheter's proximal end: it touches nothing else, and holds on while it is there.
+
+    Its port lies on the catheter's axis behind the proximal end, so that moving J along the shaft pushes, rolling it
+    twists, and the angle of the handle steers the sections that can be. Twist and steering need the effect ``twist``.
+    """
+
+    kind: Literal["drive"] = "drive"
+    handle_max_angle_rad: float = 1.0
+
+    has_handle: ClassVar[bool] = True
+    drives_catheter: ClassVar[bool] = True
+    positive: ClassVar[tuple[str, ...]] = ("shaft_radius_m", "coupling_stiffness_n_m", "handle_max_angle_rad")
+
+    @property
+    def body_radius_m(self) -> float:
+        """Nothing of it touches."""
+        return 0.0
+
+    @property
+    def handle_range(self) -> tuple[float, float]:
+        """The handle's own angle steers."""
+        return 1.0, self.handle_max_angle_rad

@@ -1,0 +1,94 @@
+"""A drive that holds the catheter's proximal end: it pushes through a hold, twists the material and steers the tip."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.bodies.sections import joint_curvature
+from services.mechanics.collision.pairs import CATHETER_SEGMENT
+from services.mechanics.compiled.vectors import cross, dot, row
+from services.mechanics.rod.material_frame import initial_frame, roll
+from services.mechanics.rod.twist import TwistModel, energy_at
+from services.mechanics.scene import SceneModel
+from services.mechanics.scene.tools import GraspHold
+from services.mechanics.world import World
+
+# Nothing that it holds moves jaws.
+_NO_JAWS_RAD = -1e9
+# Of a handle or a wrist: less is neither felt nor seen.
+_UNTURNED_RAD = 1e-9
+
+
+class CatheterDrive:
+    """The tool of a scene that drives its catheter.
+
+    Attributes
+    ----------
+    work_j : float
+        What twisting and steering have put into the catheter: a change of the material's state at a given shape.
+    """
+
+    def __init__(self, world: World, tool: int) -> None:
+        self._tools, self._state, self._tool = world.tools, world.catheter.state, tool
+        self._twist: TwistModel | None = world.catheter.integrator.twist
+        self._hold_id, self._is_held, self._offset_rad, self._steered_rad = -1, False, 0.0, 0.0
+        self._lost = world.holds.lost
+        self.work_j = 0.0
+        if self._twist is not None:
+            self._state.frame = initial_frame(self._state.position_m, walls=self._twist.walls)
+            self._rest = self._twist.rest_rotation.copy()
+            curvature = joint_curvature(world.scene.catheter, "steering_1_m_rad")
+            self._steering = np.zeros_like(self._rest)
+            if curvature is not None:
+                at = self._twist.first
+                self._steering[at : at + len(curvature)] = world.catheter.properties.segment_length_m * curvature
+
+    def turn(self) -> None:
+        """Turn the catheter's first director as the tool is rolled, and bend its sections as the handle says."""
+        if self._twist is None or not self._is_held:
+            return
+        turned_rad, handle_rad = self._turned_rad() - self._offset_rad, float(self._tools.proxy[self._tool, 3])
+        turned_rad -= 2.0 * math.pi * round(turned_rad / (2.0 * math.pi))
+        if abs(turned_rad) < _UNTURNED_RAD and abs(handle_rad - self._steered_rad) < _UNTURNED_RAD:
+            return
+        assert self._state.frame is not None
+        before_j = self._stored_j(self._twist)
+        roll(self._state.frame, 0, -turned_rad)
+        self._steered_rad = handle_rad
+        np.multiply(self._steering, handle_rad, out=self._twist.rest_rotation)
+        self._twist.rest_rotation += self._rest
+        self.work_j += self._stored_j(self._twist) - before_j
+
+    def holds(self) -> list[GraspHold]:
+        """Return its hold of the first particle: while it is there, and anew where one was lost."""
+        tool, was_held = self._tool, self._is_held
+        self._is_held = bool(self._tools.present[tool] and not self._tools.waiting[tool])
+        if not self._is_held:
+            return []
+        if not was_held or self._hold_id in self._lost:
+            self._hold_id -= 1
+            self._offset_rad = self._turned_rad() if self._twist is not None else 0.0
+        weights = np.array([1.0, 0.0, 0.0])
+        return [GraspHold(self._hold_id, tool, CATHETER_SEGMENT, 0, weights, math.inf, _NO_JAWS_RAD)]
+
+    def _turned_rad(self) -> float:
+        """Return the angle of the first director from the tool's b, about the tool's axis."""
+        assert self._state.frame is not None
+        frame, first = self._tools.frame[self._tool], row(self._state.frame.m1, 0)
+        b, along = row(frame, 0), row(frame, 2)
+        return math.atan2(dot(cross(b, first), along), dot(b, first))
+
+    def _stored_j(self, twist: TwistModel) -> float:
+        frame = self._state.frame
+        assert frame is not None
+        arrays: tuple[FloatArray, FloatArray, FloatArray] = (frame.tangent, frame.m1, frame.twist_rad)
+        return float(energy_at((twist.address, arrays, frame.end_is_held), self._state.position_m))
+
+
+def build_drive(scene: SceneModel, world: World) -> CatheterDrive | None:
+    """Return the drive of a scene, None where no tool is one."""
+    driving = [tool for tool, each in enumerate(scene.forceps) if each.drives_catheter]
+    return CatheterDrive(world, driving[0]) if driving else None
