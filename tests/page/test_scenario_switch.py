@@ -26,7 +26,8 @@ PATIENCE_S = 170.0
 _HEAR = """
 {
     const said = document.getElementById("instructor-said");
-    const keep = () => sessionStorage.setItem("heard", `${sessionStorage.getItem("heard") ?? ""}${said.textContent}\\n`);
+    const before = () => sessionStorage.getItem("heard") ?? "";
+    const keep = () => sessionStorage.setItem("heard", `${before()}${said.textContent}\\n`);
     new MutationObserver(keep).observe(said, { childList: true, characterData: true, subtree: true });
 }
 """
