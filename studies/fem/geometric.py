@@ -44,15 +44,15 @@ def membrane_forces(model: ShellModel, solution: StaticSolution) -> FloatArray:
     mesh = model.mesh
     frames = local_frames(mesh)
     xy = local_coordinates(mesh, frames)
-    rigidity = plane_stress_matrices(model.section, frames)
-    rigidity *= model.section.per_triangle("thickness_m", mesh.n_triangles)[:, None, None]
+    D = plane_stress_matrices(model.section, frames)
+    thickness = model.section.per_triangle("thickness_m", mesh.n_triangles)
     nodal = np.stack([solution.displacement_m, solution.rotation_rad], axis=1)[mesh.triangles]
     local = (nodal @ frames[:, None].transpose(0, 1, 3, 2)).reshape(-1, 18)[:, MEMBRANE_DOFS]
     stiffness = choose(MEMBRANE_ELEMENTS, model.elements.membrane, "membrane").stiffness
     forces = np.empty((mesh.n_triangles, 3))
     for start in range(0, mesh.n_triangles, CHUNK):
         part = slice(start, start + CHUNK)
-        nodal_forces = stiffness(xy[part], rigidity[part]) @ local[part, :, None]
+        nodal_forces = stiffness(xy[part], D[part], thickness[part]) @ local[part, :, None]
         work = _constant_strains(xy[part]).transpose(0, 2, 1) @ nodal_forces
         forces[part] = work[..., 0] / signed_areas(xy[part])[:, None]
     return forces

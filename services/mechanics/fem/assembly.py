@@ -45,10 +45,9 @@ def local_stiffness(xy: FloatArray, D: FloatArray, thickness: FloatArray, choice
     """
     membrane = choose(MEMBRANE_ELEMENTS, choice.membrane, "membrane")
     bending = choose(BENDING_ELEMENTS, choice.bending, "bending")
-    h = thickness[:, None, None]
     K = np.zeros((len(xy), 18, 18))
-    K[:, MEMBRANE_DOFS[:, None], MEMBRANE_DOFS] = membrane.stiffness(xy, h * D)
-    K[:, BENDING_DOFS[:, None], BENDING_DOFS] = bending.stiffness(xy, h**3 / 12.0 * D)
+    K[:, MEMBRANE_DOFS[:, None], MEMBRANE_DOFS] = membrane.stiffness(xy, D, thickness)
+    K[:, BENDING_DOFS[:, None], BENDING_DOFS] = bending.stiffness(xy, D, thickness)
     return K
 
 

@@ -17,10 +17,10 @@ EVERY = [*GOOD, ElementChoice("cst", "tocher"), ElementChoice("andes", "tocher")
 def test_tocher_triangle_depends_on_which_node_is_first():
     xy = np.array([[[0.0, 0.0], [0.0, 1.0], [-0.8, 0.3]]])
     rigidity = np.eye(3)[None]
-    K = tocher.stiffness(xy, rigidity)[0]
+    K = tocher.stiffness(xy, rigidity, np.ones(1))[0]
     order = np.array([1, 2, 0])
     dofs = (3 * order[:, None] + np.arange(3)).ravel()
-    turned = tocher.stiffness(xy[:, order], rigidity)[0]
+    turned = tocher.stiffness(xy[:, order], rigidity, np.ones(1))[0]
     assert np.abs(turned - K[np.ix_(dofs, dofs)]).max() > 1e-3 * np.abs(K).max()
 
 
@@ -28,7 +28,7 @@ def test_tocher_triangle_renames_nodes_where_it_is_singular():
     """A right isosceles triangle with its legs on the local axes has a singular coefficient matrix."""
     xy = np.array([[[0.0, 0.0], [0.0, 1.0], [-1.0, 0.0]]])
     assert tocher.singularity(xy)[0, 0] == pytest.approx(0.0, abs=1e-15)
-    K = tocher.stiffness(xy, np.eye(3)[None])[0]
+    K = tocher.stiffness(xy, np.eye(3)[None], np.ones(1))[0]
     eigenvalues = np.linalg.eigvalsh(K)
     assert np.abs(eigenvalues[:3]).max() < 1e-12 * eigenvalues[-1]
     assert eigenvalues[3] > 1e-6 * eigenvalues[-1]
@@ -37,7 +37,7 @@ def test_tocher_triangle_renames_nodes_where_it_is_singular():
 def test_tocher_triangle_is_refused_where_every_node_is_singular(monkeypatch):
     monkeypatch.setattr(tocher, "SINGULAR_RATIO", 0.9)
     with pytest.raises(ValueError, match="singular on triangle 0"):
-        tocher.stiffness(np.array([[[0.0, 0.0], [0.0, 1.0], [-0.866, 0.5]]]), np.eye(3)[None])
+        tocher.stiffness(np.array([[[0.0, 0.0], [0.0, 1.0], [-0.866, 0.5]]]), np.eye(3)[None], np.ones(1))
 
 
 def test_optimal_triangle_bends_a_slender_strip_exactly():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Literal
 
-from services.mechanics.fem.elements import andes, cst, dkt, tocher
+from services.mechanics.fem.elements import andes, cst, dkmt, dkt, tocher
 from services.mechanics.fem.elements.element import Element
 
 MEMBRANE_ELEMENTS: dict[str, Element] = {
@@ -14,6 +14,7 @@ MEMBRANE_ELEMENTS: dict[str, Element] = {
 }
 BENDING_ELEMENTS: dict[str, Element] = {
     "dkt": Element(dkt.stiffness),
+    "dkmt": Element(dkmt.stiffness),
     "tocher": Element(tocher.stiffness, is_reference_only=True),
 }
 

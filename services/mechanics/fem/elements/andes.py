@@ -26,8 +26,9 @@ Q2_PATTERN = np.array([[BETA[8], BETA[6], BETA[7]], [BETA[2], BETA[0], BETA[1]],
 Q3_PATTERN = np.array([[BETA[4], BETA[5], BETA[3]], [BETA[7], BETA[8], BETA[6]], [BETA[1], BETA[2], BETA[0]]])
 
 
-def stiffness(xy: FloatArray, rigidity: FloatArray) -> FloatArray:
+def stiffness(xy: FloatArray, D: FloatArray, thickness: FloatArray) -> FloatArray:
     """(m, 9, 9) membrane stiffness with true drilling freedoms; see `element.StiffnessKernel`."""
+    rigidity = thickness[:, None, None] * D
     area = signed_areas(xy)[:, None, None]
     L = _force_lumping(xy)
     basic = L @ rigidity @ L.transpose(0, 2, 1) / area

@@ -27,8 +27,9 @@ def strain_displacement(xy: FloatArray) -> FloatArray:
     return B
 
 
-def stiffness(xy: FloatArray, rigidity: FloatArray) -> FloatArray:
+def stiffness(xy: FloatArray, D: FloatArray, thickness: FloatArray) -> FloatArray:
     """(m, 9, 9) membrane stiffness with the drilling penalty; see `element.StiffnessKernel`."""
+    rigidity = thickness[:, None, None] * D
     area = signed_areas(xy)[:, None, None]
     B = strain_displacement(xy)
     K: FloatArray = area * (B.transpose(0, 2, 1) @ rigidity @ B)

@@ -18,21 +18,21 @@ MIDSIDE_POINTS = np.array([[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5]])
 SIDES = ((0, 1), (1, 2), (2, 0))
 
 
-def stiffness(xy: FloatArray, rigidity: FloatArray) -> FloatArray:
+def stiffness(xy: FloatArray, D: FloatArray, thickness: FloatArray) -> FloatArray:
     """(m, 9, 9) bending stiffness; see `element.StiffnessKernel`.
 
     The curvature is linear over the triangle, so the three mid-side points integrate its energy exactly.
     """
+    rigidity = thickness[:, None, None] ** 3 / 12.0 * D
     weight = signed_areas(xy)[:, None, None] / 3.0
     K = np.zeros((len(xy), 9, 9))
-    for B in curvature_displacement(xy):
+    for B in curvature_displacement(xy, normal_rotations(xy)):
         K += weight * (B.transpose(0, 2, 1) @ rigidity @ B)
     return K
 
 
-def curvature_displacement(xy: FloatArray) -> list[FloatArray]:
-    """Three (m, 3, 9) matrices, one a mid-side: (-w,xx, -w,yy, -2 w,xy) from (w, theta_x, theta_y)."""
-    beta = normal_rotations(xy)
+def curvature_displacement(xy: FloatArray, beta: FloatArray) -> list[FloatArray]:
+    """Three (m, 3, 9) matrices, one a mid-side: the curvature (xx, yy, 2 xy) of the rotations `normal_rotations`."""
     gradient = shape_gradients(xy)
     matrices = []
     for point in MIDSIDE_POINTS:

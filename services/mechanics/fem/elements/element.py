@@ -15,11 +15,9 @@ class StiffnessKernel(Protocol):
     theta_x = dw/dy and theta_y = -dw/dx are components of the rotation vector.
     """
 
-    def __call__(self, xy: FloatArray, rigidity: FloatArray) -> FloatArray:
-        """(m, 9, 9) from (m, 3, 2) counter-clockwise local nodes and (m, 3, 3) rigidity.
-
-        The rigidity is the plane-stress matrix times the thickness for a membrane (N/m), times
-        thickness³ / 12 for bending (N m).
+    def __call__(self, xy: FloatArray, D: FloatArray, thickness: FloatArray) -> FloatArray:
+        """(m, 9, 9) from (m, 3, 2) counter-clockwise local nodes in m, (m, 3, 3) plane stress per strain in Pa (xx, yy,
+        engineering xy), and (m,) thickness in m.
         """
         ...
 

@@ -22,7 +22,7 @@ SINGULAR_RATIO = 0.05
 MIDSIDE_POINTS = np.array([[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5]])
 
 
-def stiffness(xy: FloatArray, rigidity: FloatArray) -> FloatArray:
+def stiffness(xy: FloatArray, D: FloatArray, thickness: FloatArray) -> FloatArray:
     """(m, 9, 9) bending stiffness; see `element.StiffnessKernel`.
 
     Raises
@@ -30,6 +30,7 @@ def stiffness(xy: FloatArray, rigidity: FloatArray) -> FloatArray:
     ValueError
         A triangle is singular whichever node comes first.
     """
+    rigidity = thickness[:, None, None] ** 3 / 12.0 * D
     first = _first_node(xy)
     K = np.empty((len(xy), 9, 9))
     for shift in range(3):
