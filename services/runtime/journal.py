@@ -19,7 +19,7 @@ class JournalWriter:
         self._topic, self._bus = topic, bus
         self._runs: list[list[int]] = []
         self._facts: tuple[int, int, int] | None = None
-        self._tick = self._stride = self._sent = self._waiting = 0
+        self._tick = self._sent = self._waiting = 0
 
     def note(self, tick: int, facts: tuple[int, int, int]) -> None:
         """Note a tick of the rig's clock, and what was taken in; where the clock stands, of one tick the first only."""

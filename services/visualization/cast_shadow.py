@@ -6,16 +6,21 @@ palely by what is far above, so that the eye sees how far. A shadow map would ta
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from services.mechanics.arrays import Float32Array, FloatArray
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.vectors import row, subtract
 from services.visualization.picture import Picture, PictureLayout
 from services.visualization.tissue import Bytes
 
 _LAMP_AT = np.array([-60.0, 35.0, 110.0], np.float32)  # across both usual tools: neither hides its own shadow
 _SUN = _LAMP_AT / np.linalg.norm(_LAMP_AT)
 _ACROSS = np.linalg.qr(np.column_stack([_SUN, np.eye(3, dtype=np.float32)[:, :2]]))[0][:, 1:]
+_SEEN = np.column_stack([_ACROSS, _SUN])
 _LAMP, _SHARPEST_M = 0.2, 0.5e-3
 """Width of the lamp over its distance; least width of an edge, what the vertices resolve."""
 _DARK = 0.6
@@ -27,14 +32,30 @@ def hidden(points_m: Float32Array, starts_m: Float32Array, ends_m: Float32Array,
 
     Seen along the light a rod is a strip: where it is narrower than the lamp it hides the ratio of their widths.
     """
-    foot, start, along = points_m @ _ACROSS, starts_m @ _ACROSS, (ends_m - starts_m) @ _ACROSS
-    from_start = foot[:, None] - start
-    share = np.clip(np.sum(from_start * along, axis=2) / np.maximum(np.sum(along**2, axis=1), 1e-12), 0.0, 1.0)
-    beside_m = np.linalg.norm(from_start - share[..., None] * along, axis=2)
-    above_m = starts_m @ _SUN + share * ((ends_m - starts_m) @ _SUN) - (points_m @ _SUN)[:, None]
-    edge_m = _SHARPEST_M + _LAMP * np.maximum(above_m, 0.0)
-    covered = np.clip((radii_m + 0.5 * edge_m - beside_m) / edge_m, 0.0, np.minimum(1.0, 2.0 * radii_m / edge_m))
-    return np.asarray(1.0 - np.prod(np.where(above_m > 0.0, 1.0 - covered, 1.0), axis=1), np.float32)
+    share = np.empty(len(points_m), np.float32)
+    _hide(points_m @ _SEEN, starts_m @ _SEEN, (ends_m - starts_m) @ _SEEN, radii_m, share)
+    return share
+
+
+@kernel
+def _hide(
+    points: Float32Array, starts: Float32Array, along: Float32Array, radii: Float32Array, out: Float32Array
+) -> None:
+    """Write the shares (n,); of points (n, 3) and rods (k, 3) two coordinates are across the light, the third along."""
+    for i in range(points.shape[0]):
+        seen = 1.0
+        for k in range(starts.shape[0]):
+            x, y, height = subtract(row(points, i), row(starts, k))
+            u, v, rise = row(along, k)
+            at = min(max((x * u + y * v) / max(u * u + v * v, 1e-12), 0.0), 1.0)
+            above = at * rise - height
+            if above <= 0.0:
+                continue
+            edge = _SHARPEST_M + _LAMP * above
+            inside = radii[k] + 0.5 * edge - math.hypot(x - at * u, y - at * v)
+            if inside > 0.0:
+                seen *= 1.0 - min(inside / edge, 1.0, 2.0 * radii[k] / edge)
+        out[i] = 1.0 - seen
 
 
 def darkened(colours: Bytes, share: Float32Array) -> Bytes:

@@ -33,7 +33,7 @@ _SEEN = 45  # of 255: a colour in which a shadow shows
 class _Surface:
     """A mesh of fixed topology whose points and normals change; colours (n, 3) may."""
 
-    def __init__(self, plotter: pv.Plotter, n_points: int, triangles: IntArray, *, wet: float, per_pixel: bool) -> None:
+    def __init__(self, plotter: pv.Plotter, n_points: int, triangles: IntArray, *, wet: float) -> None:
         faces = np.hstack([np.full((len(triangles), 1), 3, np.int64), triangles]).ravel()
         self.mesh = pv.PolyData(np.zeros((n_points, 3), np.float32), faces)
         self.mesh.point_data["Normals"] = np.zeros((n_points, 3), np.float32)
@@ -42,16 +42,18 @@ class _Surface:
         self.actor = plotter.add_mesh(
             self.mesh, scalars="colours", rgb=True, smooth_shading=False, specular=wet, specular_power=40, ambient=0.12
         )
-        _shade(self.actor, per_pixel=per_pixel)
+        self.actor.prop.interpolation = "Phong"
         self._vtk_points = self.mesh.GetPoints().GetData()
         self._vtk_normals = self.mesh.GetPointData().GetNormals()
         self.points: Float32Array = vtk_to_numpy(self._vtk_points)
         self.normals: Float32Array = vtk_to_numpy(self._vtk_normals)
+        self._vtk_colours = self.mesh.GetPointData().GetArray("colours")
+        self._colours: Bytes = vtk_to_numpy(self._vtk_colours)
 
     def colour(self, colours: Bytes) -> None:
         """Take a colour for each point."""
-        self.mesh.point_data["colours"][:] = colours
-        self.mesh.GetPointData().GetArray("colours").Modified()
+        self._colours[:] = colours
+        self._vtk_colours.Modified()
 
     def changed(self) -> None:
         """Tell VTK that points and normals are new."""
@@ -59,21 +61,13 @@ class _Surface:
             part.Modified()
 
 
-def _shade(actor: Any, *, per_pixel: bool) -> None:
-    if per_pixel:
-        actor.prop.SetInterpolationToPhong()
-    else:
-        actor.prop.SetInterpolationToGouraud()
-
-
 class DrawnPiece:
     """A piece of scenery, on which shadows fall."""
 
-    def __init__(self, plotter: pv.Plotter, piece: Piece, *, per_pixel: bool) -> None:
+    def __init__(self, plotter: pv.Plotter, piece: Piece) -> None:
         self._piece = piece
-        self._surface = _Surface(
-            plotter, len(piece.points_m), piece.triangles, wet=_shine(piece.look), per_pixel=per_pixel
-        )
+        self._surface = _Surface(plotter, len(piece.points_m), piece.triangles, wet=_shine(piece.look))
+        self.actor = self._surface.actor
         self._surface.points[:], self._surface.normals[:] = piece.points_m, piece.normals
         self._surface.changed()
         lit = piece.colours.max(axis=1) > _SEEN
@@ -93,11 +87,9 @@ def _shine(look: TissueLook) -> float:
 class DrawnDuct:
     """The duct's wall."""
 
-    def __init__(self, plotter: pv.Plotter, layout: PictureLayout, *, fine: bool, per_pixel: bool) -> None:
+    def __init__(self, plotter: pv.Plotter, layout: PictureLayout, *, fine: bool) -> None:
         self._wall = ThickWall(layout.rest_m, layout.triangles, layout.thickness_m, fine=fine)
-        self._surface = _Surface(
-            plotter, self._wall.n_points, self._wall.triangles, wet=_shine(DUCT), per_pixel=per_pixel
-        )
+        self._surface = _Surface(plotter, self._wall.n_points, self._wall.triangles, wet=_shine(DUCT))
         self.actor = self._surface.actor
         self._strain = Strain(layout.rest_m, layout.triangles)
         self._wall.update(layout.rest_m, self._surface.points, self._surface.normals)
@@ -123,15 +115,14 @@ class DrawnDuct:
 class DrawnCatheter:
     """The catheter, with a ring every centimetre from its tip, as surgeons count the depth."""
 
-    def __init__(self, plotter: pv.Plotter, layout: PictureLayout, *, per_pixel: bool) -> None:
+    def __init__(self, plotter: pv.Plotter, layout: PictureLayout) -> None:
         self._radius_m = layout.catheter_radius_m
         self._along = (layout.n_particles - 1) * _PER_SEGMENT + 1
         rings = self._along + len(_TIP)
         self._radii_m = np.full(rings, self._radius_m, np.float32)
         self._radii_m[self._along :] *= _TIP[:, 1]
         triangles = tube_triangles(rings, _SIDES)
-        self._surface = _Surface(plotter, rings * _SIDES, triangles, wet=0.5, per_pixel=per_pixel)
-        self.actor = self._surface.actor
+        self._surface = _Surface(plotter, rings * _SIDES, triangles, wet=0.5)
         self._marked = False
 
     def update(self, centreline_m: Float32Array) -> None:
@@ -164,7 +155,6 @@ class Tool:
         self._shaft = [_solid(plotter, instruments.round_part(part), _METAL[part.material]) for part in shape.parts]
         self._jaws = [_solid(plotter, instruments.jaw(shape), _STEEL) for _ in range(2 * shape.has_jaws)]
         self._cannula = _solid(plotter, instruments.cannula(shape), _CANNULA)
-        self.actors = [*self._shaft, *self._jaws, self._cannula]
 
     def place(self, pose: Float32Array, opening_rad: float) -> None:
         """Move to a pose (7,), with the jaws, if there are any, `opening_rad` apart."""
@@ -230,5 +220,5 @@ def _turn(axis: str, angle_rad: float) -> FloatArray:
 
 def _solid(plotter: pv.Plotter, mesh: pv.PolyData, colour: str) -> Any:
     actor = plotter.add_mesh(mesh, color=colour, smooth_shading=False, specular=0.8, specular_power=30, ambient=0.12)
-    _shade(actor, per_pixel=False)
+    actor.prop.interpolation = "Phong"
     return actor

@@ -29,6 +29,15 @@ class Output:
     def __init__(self, painted: LatencyPath) -> None:
         self.closed = False
         self._painted = painted
+        self._layout: PictureLayout | None = None
+        self._hello = ""
+
+    def _message(self, layout: PictureLayout, picture: Picture) -> FeedMessage:
+        """Return the picture as it is sent."""
+        if layout is not self._layout:
+            self._layout, self._hello = layout, codec.encode_hello(layout)
+        data = codec.encode(picture, time.monotonic_ns())
+        return FeedMessage(picture.epoch, self._hello, picture.sequence, picture.origin_ns, data)
 
     def show(self, layout: PictureLayout, picture: Picture, notice: str) -> None:
         """Show the newest picture; `notice` is the text message that tells the state of the rig."""
@@ -69,19 +78,14 @@ class WebOutput(Output):
         except ImportError as error:
             raise UserError(f"visualization.viewer: web needs starlette (pip install trocar[web]): {error}") from None
         self._server = ViewServer(settings, self._feeds, self._camera, hands)
-        self._layout: PictureLayout | None = None
-        self._hello = ""
         self._bytes = 0
         log.info("view on ws://%s:%d/ws", settings.host, self._server.port)
 
     def show(self, layout: PictureLayout, picture: Picture, notice: str) -> None:
         """Hand the picture to every client; without one, sending is where the path ends."""
         self._feeds.tell(notice)
-        if layout is not self._layout:
-            self._layout, self._hello = layout, codec.encode_hello(layout)
-        data = codec.encode(picture, time.monotonic_ns())
-        self._bytes = len(data)
-        message = FeedMessage(picture.epoch, self._hello, picture.sequence, picture.origin_ns, data)
+        message = self._message(layout, picture)
+        self._bytes = len(message.data)
         self._camera.offer(message)
         if len(self._feeds):
             self._feeds.offer(message)

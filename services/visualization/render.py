@@ -1,13 +1,13 @@
 """The picture drawn on this host with pyvista: in a window, or off the screen for snapshots, video and MJPEG.
 
-Software rendering is fast enough only without what costs it most: no multisampling, one light at the lens, no mipmaps.
+Software rendering is fast enough only without what costs it most: no multisampling, one light at the lens, no mipmaps,
+no sorting of what is seen through (a third of a picture, for a ring), no inner faces of what is closed.
 Points and normals of what moves are written in place into the arrays that VTK draws from.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -29,10 +29,9 @@ _NIGHT = "#0a0505"
 
 @dataclass(frozen=True, slots=True)
 class Effects:
-    """What the picture is worth: samples a pixel, light computed for each pixel, finer surfaces."""
+    """What the picture is worth: samples a pixel, finer surfaces."""
 
     samples: int = 0
-    per_pixel: bool = True
     fine: bool = True
 
 
@@ -52,6 +51,7 @@ class Renderer:
     def __init__(self, *, off_screen: bool, size: tuple[int, int] = (800, 600), effects: Effects | None = None) -> None:
         self.plotter = pv.Plotter(off_screen=off_screen, window_size=list(size), lighting="none", title="Trocar")
         self.plotter.set_background(_NIGHT)
+        self.plotter.renderer.SetUseOIT(False)
         self.plotter.add_light(pv.Light(light_type="headlight", color="#fff4e6"))
         self.show_forces = self.show_aim = True
         self.show_strain = False
@@ -106,6 +106,7 @@ class Renderer:
         transform = vtkTransform()
         transform.Scale(-1.0 if self._mirrored else 1.0, 1.0, 1.0)
         self.plotter.camera.SetUserTransform(transform)
+        self._face()
 
     def draw(self) -> None:
         """Draw."""
@@ -128,22 +129,28 @@ class Renderer:
         """Give up window and context."""
         self.plotter.close()
 
-    @property
-    def bodies(self) -> dict[str, list[Any]]:
-        """The actors of what moves, by name: for whoever asks where in the picture something is."""
-        tools = [(f"tool {shape.name}", tool.actors) for shape, tool in zip(self._shapes, self._tools, strict=True)]
-        catheter = [] if self._catheter is None else [("catheter", [self._catheter.actor])]
-        return dict([("duct", [self._duct.actor]), *catheter, *tools])
-
     def _build(self, layout: PictureLayout) -> None:
         effects, plotter = self.effects, self.plotter
         plotter.clear_actors()
-        self._built, self._shapes = layout, layout.tools
-        pieces = scenery(layout, cells=90 if effects.fine else 45)
-        self._scenery = [DrawnPiece(plotter, piece, per_pixel=effects.per_pixel) for piece in pieces]
+        self._built = layout
         self._rods = Rods(layout)
-        self._duct = DrawnDuct(plotter, layout, fine=effects.fine, per_pixel=effects.per_pixel)
-        self._catheter = DrawnCatheter(plotter, layout, per_pixel=effects.per_pixel) if layout.n_particles > 1 else None
+        self._duct = DrawnDuct(plotter, layout, fine=effects.fine)
+        self._catheter = DrawnCatheter(plotter, layout) if layout.n_particles > 1 else None
         self._tools = [Tool(plotter, shape) for shape in layout.tools]
         self._arrows = [ForceArrow(plotter) for _ in layout.tools]
+        self._scenery = [DrawnPiece(plotter, piece) for piece in scenery(layout, cells=90 if effects.fine else 45)]
         self._rings = [MeetingRing(plotter, shape) for shape in layout.tools]
+        self._face()
+
+    def _face(self) -> None:
+        """Draw the outer faces of what is closed, and light everything as it faces the lens.
+
+        A mirrored triangle runs the other way round, and VTK would take its front for its back and leave it dark.
+        """
+        for actor in self.plotter.renderer.actors.values():
+            shader = actor.GetShaderProperty()
+            shader.ClearAllFragmentShaderReplacements()
+            if self._mirrored:
+                shader.AddFragmentShaderReplacement("gl_FrontFacing == false", False, "gl_FrontFacing == true", True)
+        for closed in (self._duct.actor, *(piece.actor for piece in self._scenery)):
+            closed.prop.culling = "front" if self._mirrored else "back"

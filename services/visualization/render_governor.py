@@ -9,7 +9,7 @@ from services.runtime.quality_governor import Hysteresis, Load, QualityGovernor
 from services.visualization.render import Effects
 
 #: Pictures a second below which something is given up: with a graphics processor, and in software.
-WANTED_HZ, WANTED_IN_SOFTWARE_HZ = 24.0, 15.0
+WANTED_HZ, WANTED_IN_SOFTWARE_HZ = 24.0, 12.0
 _JUDGE_S = 1.0
 #: A picture that takes less of the time that there is for it leaves room for a better rung.
 _SPARE = 0.45
@@ -27,10 +27,10 @@ class Quality:
     scale: float = 1.0
 
 
-_PLAIN = Effects(0, per_pixel=False, fine=False)
+_PLAIN = Effects(fine=False)
 RUNGS = (
     Quality(Effects(4)),
-    Quality(Effects(0)),
+    Quality(Effects()),
     Quality(_PLAIN),
     Quality(_PLAIN, 0.8),
     Quality(_PLAIN, 0.64),

@@ -14,9 +14,8 @@ import time
 from services.runtime.errors import DeviceError, UserError
 from services.runtime.health import LatencyPath
 from services.runtime.loop import sleep_until
-from services.visualization import codec
 from services.visualization.display import display_name
-from services.visualization.feed import Feed, FeedMessage
+from services.visualization.feed import Feed
 from services.visualization.outputs import Output
 from services.visualization.picture import Picture, PictureLayout
 from services.visualization.render_governor import Demand
@@ -50,8 +49,7 @@ class WindowOutput(Output):
         self._log = log
         self._loop = asyncio.new_event_loop()
         self._feed = Feed(painted, in_flight=_IN_FLIGHT)
-        self._layout: PictureLayout | None = None
-        self._hello = self._notice = ""
+        self._notice = ""
         self._open = False
         self._pictures = 0
         self._demand = Demand()
@@ -67,10 +65,7 @@ class WindowOutput(Output):
         if notice != self._notice:
             self._notice = notice
             self._feed.tell(notice)
-        if layout is not self._layout:
-            self._layout, self._hello = layout, codec.encode_hello(layout)
-        data = codec.encode(picture, time.monotonic_ns())
-        self._feed.offer(FeedMessage(picture.epoch, self._hello, picture.sequence, picture.origin_ns, data))
+        self._feed.offer(self._message(layout, picture))
 
     def wait_until(self, deadline_ns: int) -> None:
         """Talk with the window."""

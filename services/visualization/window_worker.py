@@ -24,7 +24,7 @@ from services.visualization.render import Renderer
 from services.visualization.render_governor import RUNGS, RenderGovernor
 from services.visualization.render_pipe import CLOSED, FRAME, HELLO, NOTICE, OPEN, PAINTED, Splitter, pack
 
-_SIZE, _SOFTWARE_SIZE = (1280, 800), (960, 600)
+_SIZE = (1280, 720)
 _EVENTS_EVERY_S, _TELL_EVERY_S = 0.01, 0.25
 #: Once something is seen, pictures come after the rest of the rig, not after everything on the machine: at 19 they get
 #: a 68th of whoever else computes.
@@ -35,19 +35,17 @@ class Window:
     """The window: what came last on the pipe is what it shows."""
 
     def __init__(self) -> None:
-        self._renderer = Renderer(off_screen=False, size=_SOFTWARE_SIZE)
+        self._renderer = Renderer(off_screen=False, size=_SIZE)
         plotter = self._renderer.plotter
         if "EGL" in plotter.render_window.GetClassName():  # what VTK takes where it reaches no display
             sys.exit(f"no display {display_name()}")
         plotter.show(auto_close=False, interactive_update=True)
         plotter.suppress_rendering = True  # pyvista draws for every actor that comes: half a scene, thirty times
-        software = self._renderer.is_software()
-        self._size = _SOFTWARE_SIZE if software else _SIZE
-        self._governor = RenderGovernor(software=software)
+        self._governor = RenderGovernor(software=self._renderer.is_software())
         self._overlay = Overlay(plotter)
         self._interactor = plotter.iren.interactor
         self.closed = False
-        self._own_size = _SOFTWARE_SIZE
+        self._own_size = _SIZE
         self._layout: PictureLayout | None = None
         self._shown: Picture | None = None
         self._told_s = 0.0
@@ -95,7 +93,7 @@ class Window:
         rung = RUNGS[self._governor.rung]
         self._renderer.take(rung.effects)
         window = self._renderer.plotter.render_window
-        size = (round(rung.scale * self._size[0]), round(rung.scale * self._size[1]))
+        size = (round(rung.scale * _SIZE[0]), round(rung.scale * _SIZE[1]))
         if tuple(window.GetSize()) != size and not self._was_resized:
             window.SetSize(*size)
             self._own_size = size

@@ -23,13 +23,13 @@ class Drawing:
 def test_software_begins_plain_and_a_graphics_processor_with_everything():
     assert RenderGovernor(software=True).rung == SOFTWARE_RUNG
     assert RenderGovernor(software=False).rung == 0
-    assert not RUNGS[SOFTWARE_RUNG].effects.per_pixel
+    assert not RUNGS[SOFTWARE_RUNG].effects.fine
 
 
 def test_pixels_are_given_up_until_there_are_enough_pictures_and_no_further():
     drawing = Drawing(software=True)
     drawing.run(10.0, lambda rung: 0.1 * rung.scale**2)
-    assert RUNGS[drawing.governor.rung].scale == 0.8, "0.64 of 100 ms is less than the 67 ms that are wanted"
+    assert RUNGS[drawing.governor.rung].scale == 0.8, "0.64 of 100 ms is less than the 83 ms that are wanted"
     assert drawing.governor.rate_hz >= WANTED_IN_SOFTWARE_HZ
     drawing.run(60.0, lambda rung: 0.1 * rung.scale**2)
     assert RUNGS[drawing.governor.rung].scale == 0.8

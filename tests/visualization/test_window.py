@@ -208,6 +208,21 @@ def test_the_lens_darkens_what_is_beside_it_and_keys_move_the_camera(window: Win
     until(window, lambda: not missing(layout, display.window()), picture, layout)
 
 
+def test_the_mirrored_picture_is_as_bright_as_the_other(window: WindowOutput, display: Display) -> None:
+    layout, picture = a_scene()
+    until(window, lambda: window.gauges()["window_pictures"] > 0, picture, layout)
+    display.press("l")
+    until(window, lambda: not missing(layout, display.window()), picture, layout)
+    display.press("m")
+
+    def in_the_mirror() -> np.ndarray:
+        return display.window()[:, ::-1]
+
+    until(window, lambda: not missing(layout, in_the_mirror()), picture, layout)
+    display.press("m")
+    until(window, lambda: not missing(layout, display.window()), picture, layout)
+
+
 def test_a_window_that_stands_still_holds_up_nobody(window: WindowOutput, display: Display) -> None:
     layout, picture = a_scene()
     until(window, lambda: window.gauges()["window_pictures"] > 0, picture, layout)
