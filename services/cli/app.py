@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from enum import StrEnum
 from importlib.metadata import entry_points
 from importlib.util import find_spec
@@ -61,10 +62,13 @@ def up(
     overrides: Overrides = None,
 ) -> None:
     """Start the whole rig and stay with it until Ctrl-C."""
-    from services.cli.up import Request, run_up
+    from services.supervisor.fork_link import ForkServer
 
-    shown = viewer and viewer.value
-    run_up(Request(rig, scene, seconds, json_file, shown, tuple(overrides or ()), scenario))
+    with closing(ForkServer()) as fork_server:  # first: it imports on another core than all that follows
+        from services.cli.up import Request, run_up
+
+        shown = viewer and viewer.value
+        run_up(Request(rig, scene, seconds, json_file, shown, tuple(overrides or ()), scenario), fork_server)
 
 
 @app.command()
@@ -192,11 +196,14 @@ def replay(
         from services.cli.replay import run_check
 
         return run_check(file, json)
-    from services.cli.replay import Replay, run_replay
+    from services.supervisor.fork_link import ForkServer
 
-    shown = viewer and viewer.value
-    asked = Replay(file, rig, rate, from_s, until_s, loop, take_over, pictures, shown, tuple(overrides or ()))
-    return run_replay(asked)
+    with closing(ForkServer()) as fork_server:
+        from services.cli.replay import Replay, run_replay
+
+        shown = viewer and viewer.value
+        asked = Replay(file, rig, rate, from_s, until_s, loop, take_over, pictures, shown, tuple(overrides or ()))
+        return run_replay(asked, fork_server)
 
 
 class Form(StrEnum):

@@ -19,6 +19,7 @@ from services.recordings.inputs import read_inputs
 from services.recordings.reader import read_extras
 from services.runtime import config
 from services.runtime.zmq_bus import ZmqBus
+from services.supervisor.fork_link import ForkServer
 from services.supervisor.supervisor import Supervisor
 
 
@@ -65,7 +66,7 @@ class Replay:
     overrides: tuple[str, ...]
 
 
-def run_replay(asked: Replay) -> None:
+def run_replay(asked: Replay, fork_server: ForkServer) -> None:
     """Start a rig whose device frames are those of a recording, in the scene of the recording.
 
     Raises
@@ -74,7 +75,7 @@ def run_replay(asked: Replay) -> None:
         if it cannot be run again, with the reason.
     """
     if asked.pictures:
-        return _show(asked)
+        return _show(asked, fork_server)
     inputs = read_inputs(asked.file)
     inputs.check_mechanics()
     if inputs.ended:
@@ -88,10 +89,11 @@ def run_replay(asked: Replay) -> None:
     ends_when = _never if asked.take_over else _is_over
     with tempfile.TemporaryDirectory() as folder:
         scene = _scene_file(Path(folder), inputs.metadata, inputs.attachments)
-        return run_up(Request(asked.rig, str(scene), None, None, asked.viewer, overrides, ends_when=ends_when))
+        request = Request(asked.rig, str(scene), None, None, asked.viewer, overrides, ends_when=ends_when)
+        return run_up(request, fork_server)
 
 
-def _show(asked: Replay) -> None:
+def _show(asked: Replay, fork_server: ForkServer) -> None:
     """Show what was recorded: only the picture runs."""
     metadata, attachments = read_extras(asked.file)
     if "scene.yaml" not in attachments:
@@ -109,7 +111,8 @@ def _show(asked: Replay) -> None:
 
         print(pictures.HELP)
         shown = pictures.shown_by(open_player)
-        run_up(Request(asked.rig, str(scene), None, None, asked.viewer, overrides, ends_when=shown))
+        request = Request(asked.rig, str(scene), None, None, asked.viewer, overrides, ends_when=shown)
+        run_up(request, fork_server)
 
 
 def _scene_file(folder: Path, metadata: Mapping[str, str], attachments: Mapping[str, bytes]) -> Path:

@@ -15,6 +15,7 @@ from services.runtime import config
 from services.runtime.errors import DeviceError, UserError
 from services.runtime.process import Options
 from services.supervisor import run_report, session
+from services.supervisor.fork_link import ForkServer
 from services.supervisor.supervisor import Supervisor
 from services.training.scenario import scenario_of
 from services.visualization.web import build
@@ -73,7 +74,7 @@ class Run:
         return is_over or bool(self.next_scenario) or (request.ends_when is not None and request.ends_when(supervisor))
 
 
-def run_up(request: Request) -> None:
+def run_up(request: Request, fork_server: ForkServer) -> None:
     """Start the rig, stay until it ends, write the report whatever ended it.
 
     Where the page asks for another scenario that is run next, with the page's address and token as they are. A scenario
@@ -81,7 +82,8 @@ def run_up(request: Request) -> None:
     """
     targets.look_at_file("--json", request.json_file)
     options, token, remarks = request.options(), secrets.token_urlsafe(16), tuple(filter(None, [build.reproach()]))
-    while name := (run := _run_session(request, options, token, remarks)).next_scenario:
+    while name := (run := _run_session(request, options, token, remarks, fork_server)).next_scenario:
+        fork_server.begin()
         other = replace(request, scene=None, scenario=name)
         try:
             options, request, remarks = other.options(), other, ()
@@ -90,12 +92,14 @@ def run_up(request: Request) -> None:
         options = replace(options, overrides=(*options.overrides, f"supervisor.web.port={run.port}"))
 
 
-def _run_session(request: Request, options: Options, token: str, remarks: tuple[str, ...]) -> Run:
+def _run_session(
+    request: Request, options: Options, token: str, remarks: tuple[str, ...], fork_server: ForkServer
+) -> Run:
     process = session.open_session(options)
     display = StatusDisplay()
     run = Run(request, display)
     asked = session.SessionOptions(
-        options, on_event=display.event, on_turn=run.turn, remarks=remarks,
+        options, on_event=display.event, on_turn=run.turn, remarks=remarks, fork_server=fork_server,
         switches=request.ends_when is None and process.rig.supervisor.mode == "launch", token=token,
     )  # fmt: skip
     try:

@@ -1,18 +1,14 @@
-"""The duct of a scene as arrays, for who runs none of the mechanics: its surface and its modes.
-
-``python -m services.scenes.duct_file SCENE [KEY=VALUE ...]`` writes it to standard output.
-"""
+"""The duct of a scene as arrays, for who runs none of the mechanics: its surface and its modes."""
 
 from __future__ import annotations
 
 import io
-import sys
+from collections.abc import Sequence
 
 import numpy as np
 
 from services.cache_directory import cache_directory
 from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.runtime.errors import UserError
 from services.scenes.load import load_scene
 from services.scenes.ready import load_duct
 
@@ -33,11 +29,13 @@ def duct_file(duct: ReducedDuct) -> bytes:
     return file.getvalue()
 
 
-if __name__ == "__main__":
-    if len(sys.argv) < 2:
-        sys.exit("usage: python -m services.scenes.duct_file SCENE [KEY=VALUE ...]")
-    try:
-        scene = load_scene(sys.argv[1], sys.argv[2:])
-        sys.stdout.buffer.write(duct_file(load_duct(scene, cache_directory(), lambda stage, fraction: None)))
-    except UserError as error:
-        sys.exit(str(error))
+def read_duct(scene: str, overrides: Sequence[str]) -> bytes:
+    """Return the file of the duct of a scene.
+
+    Raises
+    ------
+    UserError
+        if the scene cannot be used.
+    """
+    duct = load_duct(load_scene(scene, overrides), cache_directory(), lambda stage, fraction: None)
+    return duct_file(duct)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from contextlib import closing
 
 from services import start_up
 from services.runtime.errors import UserError
 from services.runtime.process import parse
+from services.supervisor.fork_link import ForkServer
 from services.supervisor.session import SessionOptions, open_session, run_session
 from services.supervisor.state_machine import RigState
 from services.supervisor.supervisor import Event, Supervisor
@@ -18,11 +20,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     start_up.end()
     try:
         options = parse("supervisor", arguments)
-        process = open_session(options)
-        try:
-            run_session(process, SessionOptions(options, on_event=_print, on_turn=_Greeting().turn))
-        finally:
-            process.bus.close()
+        with closing(ForkServer()) as fork_server:
+            process = open_session(options)
+            try:
+                turn = _Greeting().turn
+                run_session(process, SessionOptions(options, on_event=_print, on_turn=turn, fork_server=fork_server))
+            finally:
+                process.bus.close()
     except UserError as error:
         print(f"supervisor: {error}", file=sys.stderr)  # noqa: T201
         return error.exit_code

@@ -17,6 +17,7 @@ from services.runtime.errors import EndOfRig
 from services.supervisor import hang_detection
 from services.supervisor.exit_messages import how_it_ended, level_of, start_sentence
 from services.supervisor.floods import Floods
+from services.supervisor.fork_link import ForkServer
 from services.supervisor.launcher import Child
 from services.supervisor.loop_progress import LoopProgress
 from services.supervisor.member import Fault, Member, MemberState
@@ -37,10 +38,11 @@ PATIENCE_NS = 10_000_000
 
 @dataclass(frozen=True, slots=True)
 class Launch:
-    """How processes are started: their command line, and where they write what they say."""
+    """How processes are started: their command line, where they write what they say, who forks them if anybody."""
 
     arguments: tuple[str, ...]
     log_directory: Path
+    fork_server: ForkServer | None = None
 
 
 @dataclass(slots=True)
@@ -278,8 +280,12 @@ class Crew:
         return all(name in self._prepared for name in names if name in self.members)
 
     def _start(self, member: Member, now_s: float, launch: Launch) -> None:
+        server = launch.fork_server
+        if server is not None and server.imports():
+            return
         member.forget()
-        member.child = Child(member.spec, launch.arguments, launch.log_directory / f"{member.name}.log")
+        log_file = launch.log_directory / f"{member.name}.log"
+        member.child = Child(member.spec, launch.arguments, log_file, fork_server=server)
         member.enter(MemberState.STARTING, now_s)
         member.progress = ("loading", 0.0)  # until it says more itself
         self.say("debug", f"{member.name}: started as process {member.pid}")

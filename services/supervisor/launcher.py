@@ -15,8 +15,10 @@ import sys
 from collections.abc import Collection, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import IO
 
 from services.runtime.private_directory import open_private
+from services.supervisor.fork_link import ForkServer
 from services.supervisor.kernel_word import KernelWord, Waits
 from services.supervisor.processes import ProcessSpec
 
@@ -27,25 +29,36 @@ _READ_BYTES = 1 << 16
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 
 
+def _start(spec: ProcessSpec, arguments: Sequence[str], sink: IO[bytes], pass_fds: Collection[int]) -> int:
+    """Return the process id of a process of its own."""
+    popen = subprocess.Popen(
+        [sys.executable, "-m", spec.module, *arguments],
+        stdin=subprocess.DEVNULL,
+        stdout=sink,
+        stderr=sink,
+        env={**os.environ, **spec.environment},
+        pass_fds=pass_fds,
+        # A Ctrl-C at the terminal is ours alone, children are ended in order; and `services.runtime.autogroup`.
+        start_new_session=True,
+    )
+    popen.returncode = 0  # `Child.end` waits for it
+    return popen.pid
+
+
 class Child:
     """A process that is started when this is made, with a descriptor that becomes readable when it ends."""
 
     def __init__(
-        self, spec: ProcessSpec, arguments: Sequence[str], log_file: Path, pass_fds: Collection[int] = ()
+        self,
+        spec: ProcessSpec,
+        arguments: Sequence[str],
+        log_file: Path,
+        pass_fds: Collection[int] = (),
+        fork_server: ForkServer | None = None,
     ) -> None:
         with os.fdopen(open_private(log_file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), "wb") as sink:
-            popen = subprocess.Popen(
-                [sys.executable, "-m", spec.module, *arguments],
-                stdin=subprocess.DEVNULL,
-                stdout=sink,
-                stderr=sink,
-                env={**os.environ, **spec.environment},
-                pass_fds=pass_fds,
-                # A Ctrl-C at the terminal is ours alone, children are ended in order; and `services.runtime.autogroup`.
-                start_new_session=True,
-            )
-        popen.returncode = 0  # `end` waits for it
-        self.pid = popen.pid
+            pid = fork_server.fork(spec.module, arguments, spec.environment, sink.fileno()) if fork_server else 0
+            self.pid = pid or _start(spec, arguments, sink, pass_fds)
         self.log_file = log_file
         self._status: int | None = None
         self.descriptor = os.pidfd_open(self.pid)

@@ -41,13 +41,13 @@ class ProcessSpec:
     environment: Mapping[str, str] = field(default_factory=lambda: ENVIRONMENT)
 
 
-#: Visualization and training need the modal basis that physics builds; beside it they would wait for it. The gateway
+#: Visualization and training need the modal basis that haptics builds; beside it they would wait for it. The gateway
 #: ticks from its first second: on two cores it would take a quarter of the time in which physics and haptics compile.
 TABLE = (
     ProcessSpec("gateway", "services.gateway", starts_after=("haptics",), stream="gateway.state"),
     ProcessSpec("physics", "services.physics", stream="physics.state"),
     ProcessSpec("haptics", "services.haptics", stream="haptics.contact_model"),
-    ProcessSpec("visualization", "services.visualization", critical=False, starts_after=("physics",)),
+    ProcessSpec("visualization", "services.visualization", critical=False, starts_after=("haptics",)),
     ProcessSpec("recorder", "services.recorder", critical=False),
-    ProcessSpec("training", "services.training", critical=False, starts_after=("physics",)),
+    ProcessSpec("training", "services.training", critical=False, starts_after=("haptics",)),
 )

@@ -25,6 +25,7 @@ from services.runtime.web_host import listen
 from services.supervisor import frozen_configuration
 from services.supervisor.control import Control
 from services.supervisor.crew import Launch
+from services.supervisor.fork_link import ForkServer
 from services.supervisor.frozen_configuration import ChangedFiles
 from services.supervisor.governor import Level
 from services.supervisor.loop_progress import LoopProgress
@@ -76,6 +77,8 @@ class SessionOptions:
         Called after every turn, fifty times a second; True ends the session.
     remarks
         Warnings that are events from the beginning, so that the page shows them too.
+    fork_server
+        What starts the processes while the rig starts; without one, each imports for itself.
     switches
         Whether `on_turn` ends the session when the supervisor has a `next_scenario`, and that is run next.
     token
@@ -87,6 +90,7 @@ class SessionOptions:
     on_event: Callable[[Event], None] | None = None
     on_turn: Callable[[Supervisor, float], bool] = field(default=lambda _supervisor, _now_s: False)
     remarks: tuple[str, ...] = ()
+    fork_server: ForkServer | None = None
     switches: bool = False
     token: str = field(default_factory=lambda: secrets.token_urlsafe(16))
 
@@ -202,6 +206,8 @@ def _watch(
         meter.start(min(due_ns, began_ns), began_ns)  # the end of a process wakes it before its time
         supervisor.step(began_ns * 1e-9)
         ran = ran or supervisor.state in (RigState.RUNNING, RigState.DEGRADED)
+        if ran and session.fork_server is not None:
+            session.fork_server.close()  # the rig has started
         judged_ns = time.monotonic_ns()
         process.health.send_if_due()
         sent_ns = time.monotonic_ns()
@@ -221,11 +227,13 @@ def _setup(process: Process, session: SessionOptions) -> Setup:
     rig = process.rig
     levels = quality_levels(process.scene_name, process.scene_overrides)
     if rig.supervisor.mode == "attach":
+        if session.fork_server is not None:
+            session.fork_server.close()  # the processes are somebody else's
         memory = endpoints.run_directory(rig.transport) / "safe_stop"
         return Setup(rig, session.table, None, levels, safe_stop_file=memory)
     arguments, environment = frozen_configuration.freeze(process)
     table = tuple(replace(spec, environment={**spec.environment, **environment}) for spec in session.table)
-    return Setup(rig, table, Launch(arguments, log_directory(rig)), levels)
+    return Setup(rig, table, Launch(arguments, log_directory(rig), session.fork_server), levels)
 
 
 def quality_levels(scene: str, overrides: Sequence[str] = ()) -> tuple[Level, ...]:

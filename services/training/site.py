@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import importlib
 import io
-import subprocess
-import sys
+import multiprocessing
 import zipfile
 from collections.abc import Iterable
+from contextlib import suppress
+from multiprocessing.connection import Connection
 from typing import Any
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from services.runtime.errors import ConfigError
+from services.runtime.errors import ConfigError, UserError
 
 Values = NDArray[np.float64]
 Indices = NDArray[np.integer[Any]]
@@ -117,21 +119,37 @@ def read_site(attachment: bytes) -> Site:
 
 
 def find_site(scene: str, overrides: Iterable[str] = ()) -> Site:
-    """Return the site of a scene, found by a process of its own: what is judged live runs none of the mechanics.
+    """Return the site of a scene, found by a fork of this process: what is judged live runs none of the mechanics.
+
+    A fork, as most of the time goes into imports that a process of the rig may have made already.
 
     Raises
     ------
     ConfigError
         one sentence, if the scene cannot be used.
     """
-    command = [sys.executable, "-m", "services.scenes.duct_file", scene, *overrides]
-    done = subprocess.run(command, capture_output=True, check=False)
+    here, there = multiprocessing.Pipe(duplex=False)
+    reader = multiprocessing.get_context("fork").Process(target=_send_duct, args=(there, scene, tuple(overrides)))
+    reader.start()
+    there.close()
+    said: bytes | str = f"{scene}: no duct"
+    with here, suppress(EOFError):
+        said = here.recv()
+    reader.join()
+    if isinstance(said, str):
+        raise ConfigError(said)
     try:
-        if done.returncode == 0:
-            return read_site(done.stdout)
-        raise ConfigError((done.stderr.decode(errors="replace").strip().splitlines() or [f"{scene}: no duct"])[-1])
+        return read_site(said)
     except ValueError as error:
         raise ConfigError(f"{scene}: {error}") from None
+
+
+def _send_duct(to: Connection, scene: str, overrides: tuple[str, ...]) -> None:
+    reader = importlib.import_module("services.scenes.duct_file")
+    try:
+        to.send(reader.read_duct(scene, overrides))
+    except UserError as error:
+        to.send(str(error))
 
 
 def _rims(triangles: Indices) -> list[Indices]:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from services.runtime.process import Options
 from services.supervisor import session
+from services.supervisor.fork_link import ForkServer
 from services.supervisor.processes import TABLE, ProcessSpec
 from services.supervisor.state_machine import RigState
 from services.supervisor.supervisor import Supervisor
@@ -24,6 +25,7 @@ class Fakes:
     """A rig of fake processes in a folder of its own."""
 
     options: Options
+    fork_server: ForkServer | None = None
 
     def table(self, **words: str) -> tuple[ProcessSpec, ...]:
         path = os.pathsep.join((str(HERE), str(HERE.parents[1])))
@@ -52,7 +54,9 @@ class Fakes:
 
         process = session.open_session(self.options)
         try:
-            options = session.SessionOptions(self.options, table, lambda event: events.append(event.text), turn)
+            options = session.SessionOptions(
+                self.options, table, lambda event: events.append(event.text), turn, fork_server=self.fork_server
+            )
             session.run_session(process, options)
         finally:
             process.bus.close()

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,11 +14,12 @@ import pytest
 
 from services.runtime.errors import BusError
 from services.supervisor import session
+from services.supervisor.fork_link import ForkServer
 from services.supervisor.member import MemberState
 from services.supervisor.state_machine import RigState
 from services.supervisor.supervisor import Supervisor
 from tests.real_time import fifo_is_granted
-from tests.supervisor.fakes import Fakes, Scenario, gone, page_servers, until, until_running
+from tests.supervisor.fakes import HERE, Fakes, Scenario, gone, page_servers, until, until_running
 
 
 def test_start_order_progress_no_second_rig_and_a_clean_end(fakes: Fakes) -> None:
@@ -41,7 +43,7 @@ def test_start_order_progress_no_second_rig_and_a_clean_end(fakes: Fakes) -> Non
         "gateway",
         "visualization",
         "training",
-    }  # they wait until haptics and physics say that they are ready
+    }  # they wait until haptics says that it has prepared
 
 
 @pytest.mark.parametrize("command", [["-m", "services.supervisor"], ["-m", "services.cli.app", "up"]])
@@ -64,6 +66,45 @@ def test_a_rig_whose_place_for_flights_is_taken_by_somebody_runs_and_ends_all_th
     monkeypatch.setattr("services.runtime.flight._MEMORY", tmp_path)
     monkeypatch.setattr("services.runtime.flight.is_memory", lambda _directory: False)
     fakes.play(until_running)
+
+
+def test_who_looks_at_processes_that_others_start_keeps_no_fork_server(fakes: Fakes) -> None:
+    options = replace(fakes.options, overrides=("supervisor.mode=attach",))
+    with closing(ForkServer()) as fork_server:
+        replace(fakes, options=options, fork_server=fork_server).play(lambda _supervisor: iter([None]))
+        assert fork_server.pid == 0
+
+
+def test_processes_are_forked_while_the_rig_starts_and_started_by_themselves_later(
+    fakes: Fakes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join((str(HERE), str(HERE.parents[1]))))
+    forked, pids = [], []
+
+    def scenario(supervisor: Supervisor) -> Scenario:
+        yield from until_running(supervisor)
+        members = supervisor.crew.members.values()
+        forked.extend(_is_forked(member.pid) for member in members)
+        assert fork_server.pid == 0
+        member = supervisor.crew.members["haptics"]
+        first = member.pid
+        os.kill(first, signal.SIGKILL)
+        yield from until(lambda: member.up and member.pid != first)
+        yield from until_running(supervisor)
+        assert gone(first)
+        forked.append(_is_forked(member.pid))
+        pids.extend(member.pid for member in members)
+
+    with closing(ForkServer()) as fork_server:
+        events = replace(fakes, fork_server=fork_server).play(scenario)
+    assert forked == [True] * 6 + [False]
+    assert all(gone(pid) for pid in pids)
+    assert sum(event.startswith("haptics: ended by SIGKILL") for event in events) == 1
+
+
+def _is_forked(pid: int) -> bool:
+    """Return whether a process is a fork of one that had more room for its command line."""
+    return Path(f"/proc/{pid}/cmdline").read_bytes().endswith(b"\0\0")
 
 
 def test_killed_or_stopped_is_noticed_and_started_again(fakes: Fakes) -> None:

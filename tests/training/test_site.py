@@ -103,6 +103,8 @@ def test_a_duct_without_an_open_end_that_moves_is_refused() -> None:
         read_site(attached(**arrays))
 
 
+#: Python 3.12 warns of threads beside a fork: those of the test runner, a process that judges has none then.
+@pytest.mark.filterwarnings("ignore:.*multi-threaded:DeprecationWarning")
 def test_a_live_judge_finds_the_same_site_in_a_process_of_its_own(duct: ReducedDuct) -> None:
     assert find_site("insertion") == site_of(duct)
     with pytest.raises(ConfigError, match="there is no scene 'nonsense'"):

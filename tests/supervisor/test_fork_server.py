@@ -1,0 +1,162 @@
+"""Processes that are forks of one that has imported what they import: children of ours, and otherwise as any."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from services.supervisor import fork_link
+from services.supervisor.fork_link import ForkServer
+from services.supervisor.launcher import Child
+from services.supervisor.processes import ENVIRONMENT, ProcessSpec
+from tests.supervisor.fakes import gone
+
+_PATIENCE_S = 120.0
+_TELLS = """
+import gc, os, signal, sys
+print(os.getppid(), os.getsid(0) == os.getpid(), os.getpgid(0) == os.getpid())
+print("numba" in sys.modules, "services.scenes" in sys.modules, "zmq" in sys.modules)
+print(os.environ.get("FAKE_NAME"), sys.argv[0], sys.orig_argv[1:4], len(os.listdir("/proc/self/fd")), gc.isenabled())
+"""
+_TIMER = ProcessSpec("timer", "timeit", environment={**ENVIRONMENT, "FAKE_NAME": "physics"})
+_SLEEPS = "import time; print('here', flush=True); time.sleep(600)"
+#: A supervisor that starts a server, lets it fork one that sleeps where it is told to, and says who is who.
+_SUPERVISOR = f"""
+import sys, time
+from pathlib import Path
+from services.supervisor.fork_link import ForkServer
+from services.supervisor.launcher import Child
+from services.supervisor.processes import ProcessSpec
+server, child = ForkServer(), 0
+if sys.argv[2] == "forked":
+    while server.imports():
+        time.sleep(0.01)
+    timer, says = ProcessSpec("timer", "timeit"), ["-n1", "-r1", {_SLEEPS!r}]
+    child = Child(timer, says, Path(sys.argv[1]), fork_server=server).pid
+print(server.pid, child, flush=True)
+time.sleep(600)
+"""
+
+
+def _says(statement: str) -> list[str]:
+    return ["-n1", "-r1", statement]
+
+
+def _until(condition: Callable[[], object]) -> None:
+    deadline_s = time.monotonic() + _PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline_s
+        time.sleep(0.01)
+
+
+@pytest.fixture
+def server() -> Iterator[ForkServer]:
+    with closing(ForkServer()) as opened:
+        yield opened
+
+
+@pytest.fixture
+def log_file(tmp_path: Path) -> Path:
+    tmp_path.chmod(0o700)
+    return tmp_path / "log"
+
+
+def _forked(server: ForkServer, statement: str, log_file: Path) -> Child:
+    _until(lambda: not server.imports())
+    return Child(_TIMER, _says(statement), log_file, fork_server=server)
+
+
+def _ended(child: Child) -> tuple[int, list[str]]:
+    _until(lambda: child.wait(1.0) is not None)
+    lines = child.lines()
+    child.close()
+    status = child.end()
+    assert status is not None
+    return status, lines
+
+
+def test_a_fork_is_a_child_of_ours_with_a_session_a_name_and_a_sink_of_its_own(
+    server: ForkServer, log_file: Path
+) -> None:
+    status, (tree, modules, identity, *_) = _ended(_forked(server, _TELLS, log_file))
+    assert status == 0
+    assert tree == f"{os.getpid()} True True"
+    assert modules == "True True True"
+    started = _ended(Child(_TIMER, _says(_TELLS), log_file.with_name("other")))[1]
+    assert identity == started[2].replace("True", "False"), "as one that is started, but for the collector"
+    assert identity.startswith("physics ")
+
+
+def test_it_is_listed_under_its_own_command_line(server: ForkServer, log_file: Path) -> None:
+    child = _forked(server, _SLEEPS, log_file)
+    _until(lambda: "here" in child.lines())
+    words = Path(f"/proc/{child.pid}/cmdline").read_bytes().rstrip(b"\0").decode().split("\0")
+    assert words[:3] == [sys.executable, "-m", "timeit"]
+    assert words[-1].startswith("import time")
+    assert child.kill() == -signal.SIGKILL
+    child.close()
+
+
+def test_its_end_is_noticed_and_told_as_of_one_that_was_started(server: ForkServer, log_file: Path) -> None:
+    status, lines = _ended(_forked(server, "raise ValueError('no')", log_file))
+    assert (status, lines[-1]) == (1, "ValueError: no")
+    child = _forked(server, "import time; time.sleep(600)", log_file)
+    assert child.end() is None
+    os.kill(child.pid, signal.SIGTERM)
+    assert _ended(child)[0] == -signal.SIGTERM
+
+
+def test_orphans_are_the_systems_again_once_the_server_is_closed(server: ForkServer, log_file: Path) -> None:
+    """Whoever a process leaves behind would stay a zombie here."""
+    child = _forked(server, "import os, time; os.fork() or time.sleep(600); time.sleep(1); print('here')", log_file)
+    server.close()
+    assert _ended(child)[0] == 0
+    with pytest.raises(ChildProcessError):
+        os.waitid(os.P_PGID, child.pid, os.WEXITED | os.WNOHANG)
+
+
+@pytest.mark.parametrize("struck", [signal.SIGKILL, signal.SIGSTOP])
+def test_where_the_server_does_not_answer_processes_are_started_without(
+    struck: signal.Signals, log_file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(fork_link, "_FORK_S", 0.3)
+    with closing(ForkServer()) as server:
+        _until(lambda: not server.imports())
+        pid = server.pid
+        os.kill(pid, struck)
+        status, (tree, modules, *_) = _ended(_forked(server, _TELLS, log_file))
+        assert (status, tree, modules) == (0, f"{os.getpid()} True True", "False False False")
+        assert server.pid == 0
+        assert gone(pid)
+
+
+def test_a_server_that_never_ends_its_imports_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fork_link, "_IMPORTS_S", 0.1)
+    with closing(ForkServer()) as server:
+        os.kill(server.pid, signal.SIGSTOP)
+        _until(lambda: not server.imports())
+        assert server.pid == 0
+
+
+@pytest.mark.parametrize("stage", ["importing", "forked"])
+def test_it_ends_with_its_supervisor_whatever_ends_that_and_holds_no_output_open(log_file: Path, stage: str) -> None:
+    """Whoever reads what a command says waits until nobody can write to it any more."""
+    command = [sys.executable, "-c", _SUPERVISOR, str(log_file), stage]
+    supervisor = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    assert supervisor.stdout is not None
+    server, child = map(int, supervisor.stdout.readline().split())
+    supervisor.kill()
+    assert supervisor.communicate(timeout=10.0)[0] == ""
+    try:
+        _until(lambda: gone(server))
+    finally:
+        if child:  # as every process of a rig whose supervisor was killed, it goes on
+            os.kill(child, signal.SIGKILL)
