@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from services.gateway.bench import Clock
+from services.gateway.clock import Clock
 
 _WINDOW_NS = 500_000_000
 #: A classic frame with a standard identifier: start, identifier, control, CRC, acknowledge, end and the pause after it,

@@ -1,8 +1,8 @@
 """What a device driver is, and how one is found: by the name in the rig file, loaded when it is wanted.
 
-A driver is a file in `services.gateway.drivers` with a class ``Driver`` derived from `Arm` or `GraspHandle`, and a
-function ``bench`` (see `bench`) that the contract suite calls; it may have a ``check_host`` (see `host_check`). Nothing
-is registered anywhere. Drivers never raise from `read` or `write`: what goes wrong there is their `fault`.
+A driver is a file in `services.gateway.drivers` with a class ``Driver`` derived from `Arm` or `GraspHandle`; it may
+have a ``check_host`` (see `host_check`). Nothing is registered anywhere. Drivers never raise from `read` or `write`:
+what goes wrong there is their `fault`.
 """
 
 from __future__ import annotations
@@ -11,15 +11,13 @@ import importlib
 import pkgutil
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from pathlib import Path
 from types import ModuleType
 from typing import TypeVar, cast
 
 from protocol import Frame
 from services.gateway import drivers
-from services.gateway.bench import REAL_TIME, Bench, Clock
+from services.gateway.clock import REAL_TIME, Clock
 from services.gateway.host_check import HostCheck
 from services.gateway.script import Motion
 from services.gateway.servo_law import servo_force
@@ -218,22 +216,6 @@ def _load(settings: DriverSettings, kind: str, place: Place) -> object:
     if not issubclass(module.Driver, Arm if kind == "arm" else GraspHandle):
         raise DeviceError(f"{where}, {kind}: driver {name!r} drives something else")
     return cast(object, module.Driver(settings, place))
-
-
-def open_bench(name: str, folder: Path) -> AbstractContextManager[Bench]:
-    """Return the bench of a driver, to be entered; files that it needs go into `folder`.
-
-    Raises
-    ------
-    DeviceError
-        one sentence, if there is no such driver, or it says nothing of a bench.
-    BenchUnavailable
-        when it is entered, if this host lacks what it needs.
-    """
-    bench = getattr(_module(name, "bench"), "bench", None)
-    if bench is None:
-        raise DeviceError(f"driver {name!r} has no function `bench`: see docs/how-to/recipes.md")
-    return cast(AbstractContextManager[Bench], bench(folder))
 
 
 def check_host(settings: Sequence[DriverSettings], in_use: bool) -> Iterator[HostCheck]:

@@ -6,8 +6,7 @@ come at most once a millisecond, never waits, and remembers what each axis and b
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Protocol, cast
 
@@ -256,15 +255,3 @@ def _open_device(path: str) -> Source:
 #: How devices are listed and opened; a bench puts its stand-in here.
 list_paths: Callable[[], list[str]] = list_devices
 open_source: Callable[[str], Source] = _open_device
-
-
-@contextmanager
-def stand_in(source: Source) -> Iterator[None]:
-    """Let `source` be the only input device of this host."""
-    global list_paths, open_source
-    before = list_paths, open_source
-    list_paths, open_source = (lambda: [source.path]), (lambda _path: source)
-    try:
-        yield
-    finally:
-        list_paths, open_source = before

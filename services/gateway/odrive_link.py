@@ -8,8 +8,8 @@ import struct
 import can
 
 from services.gateway import canbus, cansimple
-from services.gateway.bench import Clock
 from services.gateway.bus_load import BusLoad
+from services.gateway.clock import Clock
 
 _TORQUE_BYTES = 4
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.gateway.bench import BenchUnavailable
+from tests.gateway.bench import BenchUnavailable
 from tests.gateway.hdapi_bench import LEFT, RIGHT, HdapiBench, two_arms
 
 

@@ -18,10 +18,10 @@ from services.gateway import instrument
 from services.gateway.drivers.grasp_odrive_can import OdriveGrasp
 from services.gateway.drivers.phantom_simulated import Driver as SimulatedArm
 from services.gateway.scene_hands import SceneHands
-from services.gateway.virtual_node import VirtualNode
 from services.runtime import bus, config
 from services.runtime.loop import Tick
 from studies.feel.hands import Books
+from tests.gateway.virtual_node import VirtualNode
 from tests.memory_bus import MemoryBus, MemoryHub
 from tests.memory_process import MemoryProcess, in_time_of
 

@@ -16,8 +16,8 @@ import can
 import yaml
 
 from services.gateway import canbus, cansimple
-from services.gateway.virtual_node import VirtualNode
 from tests.gateway.slcan_adapter import Adapter
+from tests.gateway.virtual_node import VirtualNode
 
 NODES = (1, 2)
 _TICK_S = 1e-3

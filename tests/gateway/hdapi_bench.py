@@ -12,8 +12,8 @@ from protocol.bodies.haptics import MODEL_COLUMNS, MODEL_CONTACT, MODEL_F0, MODE
 from services.gateway import servo_arrays
 from services.gateway.driver import Place
 from services.gateway.drivers.phantom_hdapi import Driver
-from services.gateway.hdapi.standin import HdapiStandIn
 from services.runtime.rig import DriverSettings, Mount
+from tests.gateway.hdapi_library import HdapiStandIn
 
 RATE_N_S = 200.0
 TTL_MS = 20

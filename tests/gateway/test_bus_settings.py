@@ -12,9 +12,9 @@ import can
 import pytest
 
 from services.gateway import canbus
-from services.gateway.virtual_node import VirtualNode
 from services.runtime.errors import ConfigError
 from tests.gateway.test_can_buses import load
+from tests.gateway.virtual_node import VirtualNode
 
 
 @pytest.mark.parametrize("bitrate", [0, -500_000, "fast", None, True, float("nan")])

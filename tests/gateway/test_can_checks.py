@@ -16,8 +16,8 @@ import pytest
 from services.gateway import can_checks
 from services.gateway.driver import check_host
 from services.gateway.host_check import HostCheck
-from services.gateway.virtual_node import VirtualNode
 from services.runtime.rig import DriverSettings
+from tests.gateway.virtual_node import VirtualNode
 
 SOCKET: dict[str, Any] = {"interface": "socketcan", "channel": "can0"}
 #: For so many heartbeats that a machine which stands still meanwhile leaves some.

@@ -13,10 +13,10 @@ import pytest
 
 from protocol.bodies.haptics import MODEL_COLUMNS, MODEL_F0
 from services.gateway import driver, servo_arrays
-from services.gateway.bench import TICK_S, Bench, BenchUnavailable
 from services.gateway.driver import Arm, GraspHandle, Place
 from services.runtime.errors import ConfigError, DeviceError
 from services.runtime.rig import Mount
+from tests.gateway.bench import TICK_S, Bench, BenchUnavailable, open_bench
 
 WRITTEN = 0.01  # N or N m: little for every device
 SOON_S = 1.0  # a drive is asked and answers
@@ -72,7 +72,7 @@ class Subject:
 @pytest.fixture(params=driver.known_drivers())
 def subject(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Subject]:
     try:
-        with driver.open_bench(request.param, tmp_path) as bench:
+        with open_bench(request.param, tmp_path) as bench:
             yield Subject(bench)
     except BenchUnavailable as reason:
         pytest.skip(str(reason))

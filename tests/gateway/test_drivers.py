@@ -20,10 +20,10 @@ from services.gateway.cansimple import AxisError, AxisState
 from services.gateway.device_files import GraspFile
 from services.gateway.driver import Arm, Place
 from services.gateway.emulated_drive import ENCODER_COUNTS
-from services.gateway.virtual_node import VirtualNode
 from services.runtime import config
 from services.runtime.errors import ConfigError, DeviceError
 from services.runtime.rig import DriverSettings, Mount
+from tests.gateway.virtual_node import VirtualNode
 
 PLACE = Place("left", Mount(centre_m=(0.04, -0.03, 0.03)))
 TICK_NS = 1_000_000

@@ -19,11 +19,11 @@ from services.gateway.emulated_drive import ENCODER_COUNTS, Handle
 from services.gateway.instrument import Instrument
 from services.gateway.recording import read_table
 from services.gateway.servo import Servo, ServoLimits
-from services.gateway.virtual_node import VirtualNode
 from services.mechanics.bodies.forceps.kinematics import jaw_angle_from_handle
 from services.mechanics.scene import ForcepsScene
 from services.runtime.rig import DriverSettings, InstrumentSettings, Mount
 from tests.gateway.test_instrument import FakeArm
+from tests.gateway.virtual_node import VirtualNode
 from tests.haptics.models import local_model
 
 RECORDINGS = Path(__file__).resolve().parents[3] / "shared" / "data" / "grasp"

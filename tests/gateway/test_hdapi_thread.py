@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 import yaml
 
-from services.gateway.bench import BenchUnavailable
 from services.gateway.drivers import phantom_hdapi
-from services.gateway.hdapi.standin import HdapiStandIn
+from tests.gateway.bench import BenchUnavailable
 from tests.gateway.hdapi_bench import HdapiBench
+from tests.gateway.hdapi_library import HdapiStandIn
 from tests.gateway.rig_bench import RATE_LIMIT_N_S, Bench, forces
 
 PATIENCE_S = 30.0

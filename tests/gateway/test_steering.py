@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from protocol.bodies.haptics import MODEL_COLUMNS, MODEL_F0
-from services.gateway import driver, input_events, input_stand_in, pose, servo_arrays, steering
+from services.gateway import driver, input_events, pose, servo_arrays, steering
 from services.gateway.driver import Place
-from services.gateway.input_stand_in import InputStandIn
 from services.gateway.instrument import build_instruments
 from services.runtime import config
 from services.runtime.errors import ConfigError, DeviceError
 from services.runtime.rig import DriverSettings, Mount
+from tests.gateway import input_stand_in
+from tests.gateway.input_stand_in import InputStandIn
 
 TICK_NS = 1_000_000
 MOUNT = Mount(centre_m=(0.065, -0.005, 0.02), yaw_rad=0.9)
@@ -57,7 +58,7 @@ class Hand:
 @pytest.fixture
 def pad() -> Iterator[InputStandIn]:
     source = input_stand_in.gamepad()
-    with input_events.stand_in(source):
+    with input_stand_in.only(source):
         yield source
 
 
@@ -136,7 +137,7 @@ def test_an_unplugged_input_is_a_fault_the_tool_stays_and_arming_finds_it_again(
     for device in (hand.arm, hand.grasp):
         assert device.fault == "Stand-in gamepad (/dev/input/event5) went away"
     anew = input_stand_in.gamepad()
-    with input_events.stand_in(anew):
+    with input_stand_in.only(anew):
         for device in (hand.arm, hand.grasp):
             device.clear_fault()
             assert device.fault == ""
@@ -149,7 +150,7 @@ def test_an_unplugged_input_is_a_fault_the_tool_stays_and_arming_finds_it_again(
 
 def test_arming_while_it_is_still_away_says_so_and_raises_nothing() -> None:
     source = input_stand_in.gamepad()
-    with input_events.stand_in(source):
+    with input_stand_in.only(source):
         hand = Hand("gamepad")
     source.unplug()
     hand.run(20)
@@ -163,7 +164,7 @@ def test_arming_while_it_is_still_away_says_so_and_raises_nothing() -> None:
 def test_a_spacemouse_moves_the_tool_as_its_cap_is_pushed(absolute: bool) -> None:
     prefix = "ABS" if absolute else "REL"
     source = input_stand_in.spacemouse(absolute=absolute)
-    with input_events.stand_in(source):
+    with input_stand_in.only(source):
         hand = Hand("spacemouse")
         for _ in range(30):  # a relative axis repeats what it says while it is held
             source.say(f"{prefix}_Y", -350)
@@ -187,7 +188,7 @@ def test_a_spacemouse_moves_the_tool_as_its_cap_is_pushed(absolute: bool) -> Non
 def test_a_second_hand_needs_a_spacemouse_of_its_own_and_shares_a_gamepad(pad: InputStandIn) -> None:
     Hand("gamepad", index=1).close()
     with (
-        input_events.stand_in(input_stand_in.spacemouse()),
+        input_stand_in.only(input_stand_in.spacemouse()),
         pytest.raises(DeviceError, match=r"instrument 'left': there are 1 of SpaceMouse and this is hand 2: plug"),
     ):
         Hand("spacemouse", index=1)

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from services.gateway.bench import BenchUnavailable
-from services.gateway.hdapi.standin import HdapiStandIn
+from tests.gateway.bench import BenchUnavailable
+from tests.gateway.hdapi_library import HdapiStandIn
 from tests.gateway.rig_bench import RATE_LIMIT_N_S, Bench, forces
 
 LEFT, RIGHT = 0, 1

@@ -1,4 +1,4 @@
-"""A driver is one file: the contract suite finds it by itself, passes the one of the recipe and fails broken ones."""
+"""A driver registers nowhere: the contract suite finds it, passes the one of the recipe and fails broken ones."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 
 from tests.recipes.tree_copy import TreeCopy
 
-DRIVERS = Path("services/gateway/drivers")
+DRIVERS, BENCHES = Path("services/gateway/drivers"), Path("tests/gateway/benches")
 SUITE = "tests/gateway/test_driver_contract.py"
 
 #: What is spoiled in a copy of the recipe's driver, and the test of the contract that must see it.
@@ -28,7 +28,6 @@ BROKEN = {
         "unknown",
     ),
     "bears_nothing": ("place).max_torque_nm", "place).max_torque_nm * 0.0", "positive"),
-    "has_no_bench": ("def bench(", "def trial(", "what_is_read"),
 }
 
 
@@ -38,14 +37,16 @@ def followed(tree: TreeCopy) -> TreeCopy:
     return tree
 
 
-def test_a_driver_is_one_file_and_the_contract_sees_what_is_wrong_with_one(followed: TreeCopy) -> None:
+def test_a_driver_is_found_by_its_file_and_the_contract_sees_what_is_wrong_with_one(followed: TreeCopy) -> None:
     """The recipe itself runs the contract over its driver; here over broken ones, all in one run."""
-    good = (followed.root / DRIVERS / "sysfs_handle.py").read_text()
+    good, bench = ((followed.root / folder / "sysfs_handle.py").read_text() for folder in (DRIVERS, BENCHES))
     for name, (before, after, _) in BROKEN.items():
         assert before in good, name
-        spoiled = good.replace(before, after).replace('driver="sysfs_handle"', f'driver="{name}"')
-        (followed.root / DRIVERS / f"{name}.py").write_text(spoiled)
-    failed = followed.failed_tests(SUITE, "-k", " or ".join(("sysfs_handle", *BROKEN)))
+        (followed.root / DRIVERS / f"{name}.py").write_text(good.replace(before, after))
+        (followed.root / BENCHES / f"{name}.py").write_text(bench.replace('"sysfs_handle"', f'"{name}"', 1))
+    (followed.root / DRIVERS / "has_no_bench.py").write_text(good)
+    failed = followed.failed_tests(SUITE, "-k", " or ".join(("sysfs_handle", "has_no_bench", *BROKEN)))
+    assert any("what_is_read" in test for test in failed["has_no_bench"])
     assert failed.pop("sysfs_handle", set()) == set()
     for name, (_, _, seen_by) in BROKEN.items():
         assert any(seen_by in test for test in failed[name]), f"{name}: {failed[name]}"

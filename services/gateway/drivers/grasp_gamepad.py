@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
-
-from services.gateway import driver, input_events, input_stand_in
-from services.gateway.bench import Bench, no_output
+from services.gateway import driver, input_events
 from services.gateway.driver import Place
 from services.gateway.steering import Axes, JawSettings, SteeredGrasp
 from services.runtime.rig import DriverSettings
@@ -22,10 +17,3 @@ class Driver(SteeredGrasp):
     def __init__(self, settings: DriverSettings, place: Place) -> None:
         read = driver.read_settings(JawSettings, settings, place)
         super().__init__(input_events.GAMEPAD, TRIGGERS[place.index % 2], read, place)
-
-
-@contextmanager
-def bench(_folder: Path) -> Iterator[Bench]:
-    """A gamepad that nobody touches."""
-    with input_events.stand_in(input_stand_in.gamepad()):
-        yield Bench(DriverSettings(driver="grasp_gamepad"), output=no_output)

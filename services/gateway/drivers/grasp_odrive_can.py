@@ -6,9 +6,7 @@ import contextlib
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from functools import partial
-from pathlib import Path
 from typing import Annotated, Any
 
 import can
@@ -16,7 +14,6 @@ from pydantic import Field, field_validator
 
 from services.gateway import can_checks, canbus, cansimple, driver
 from services.gateway.background_open import BackgroundOpen
-from services.gateway.bench import Bench
 from services.gateway.cansimple import AxisError, AxisState
 from services.gateway.device_files import GraspFile
 from services.gateway.driver import GraspHandle, Place
@@ -261,16 +258,3 @@ def check_host(settings: Sequence[DriverSettings], in_use: bool) -> Iterator[Hos
     """Look for the buses, as they must be set, and for the drives on them."""
     own = [config.build(OdriveSettings, each.settings, "driver 'grasp_odrive_can'") for each in settings]
     yield from can_checks.check([(each.bus, each.node) for each in own], in_use)
-
-
-@contextmanager
-def bench(folder: Path) -> Iterator[Bench]:
-    """Put an emulated drive on an in-process bus and in the driver's own time."""
-    from services.gateway.virtual_node import VirtualNode  # only here: a real drive needs no emulated one
-
-    node, bus = VirtualNode(str(folder)), {"interface": "virtual", "channel": str(folder)}
-    settings = DriverSettings(driver="grasp_odrive_can", device="grasp_odrive", settings={"bus": bus})
-    try:
-        yield Bench(settings, output=lambda _: abs(node.drive.applied_nm), clock=node.clock)
-    finally:
-        node.close()

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
 
 import numpy as np
 
 from services.gateway import driver
-from services.gateway.bench import Bench, no_output, write_recording
 from services.gateway.driver import GraspHandle, Place
 from services.gateway.drivers.replay import ReplaySettings
 from services.gateway.recording import read_hand
@@ -58,10 +54,3 @@ class Driver(GraspHandle):
 
     def close(self) -> None:
         """Nothing to give up."""
-
-
-@contextmanager
-def bench(folder: Path) -> Iterator[Bench]:
-    """Replay a second of a straight line."""
-    file = write_recording(folder, time_s=(0.0, 1.0), handle_angle_rad=(1.0, 0.5))
-    yield Bench(DriverSettings(driver="grasp_replay", settings={"file": file}), output=no_output)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -12,7 +10,6 @@ import can
 from pydantic import Field
 
 from services.gateway import driver, drives, hand_motion
-from services.gateway.bench import REAL_TIME, Bench
 from services.gateway.device_files import GraspFile
 from services.gateway.driver import Place
 from services.gateway.drivers.grasp_odrive_can import OdriveGrasp
@@ -107,13 +104,6 @@ class Driver(OdriveGrasp):
             process, self._drives = self._drives, None
             if process is not None:
                 process.leave(self.node)
-
-
-@contextmanager
-def bench(_folder: Path) -> Iterator[Bench]:
-    """Let the driver start a drive, which is then asked what it applies."""
-    settings = DriverSettings(driver="grasp_simulated", device="grasp_odrive", settings={"recording": "none"})
-    yield Bench(settings, output=lambda device: abs(device.applied_nm()), clock=REAL_TIME)
 
 
 def choose_motion(settings: SimulatedGraspSettings, place: Place) -> HandMotion:

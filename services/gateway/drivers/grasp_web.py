@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
-
 from services.gateway import driver
-from services.gateway.bench import Bench, no_output
 from services.gateway.driver import Place
 from services.gateway.drivers.web import hand_of
 from services.gateway.hand_grasp import HandGrasp, HandGraspSettings
@@ -30,9 +25,3 @@ class Driver(HandGrasp):
         """Return what the page says; a negative opening is none."""
         hand = hand_of(self.place, self._begins)
         return hand.opening if hand is not None and hand.opening >= 0.0 else None
-
-
-@contextmanager
-def bench(_folder: Path) -> Iterator[Bench]:
-    """Nobody is at the page: the handle waits."""
-    yield Bench(DriverSettings(driver="grasp_web"), output=no_output)

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from pathlib import Path
 
 import numpy as np
 from pydantic import Field
 
 from protocol.bodies.haptics import MODEL_COLUMNS
 from services.gateway import driver
-from services.gateway.bench import Bench
 from services.gateway.device_files import ArmFile
 from services.gateway.driver import Arm, Place
 from services.gateway.hdapi import cells, exchange, host_checks, session
@@ -261,15 +258,3 @@ def check_host(settings: Sequence[DriverSettings], in_use: bool) -> Iterator[Hos
     own = [config.build(HdapiSettings, each.settings, "driver 'phantom_hdapi'") for each in settings]
     for library in dict.fromkeys(each.library for each in own):
         yield from host_checks.check([each.name for each in own if each.library == library], library, in_use)
-
-
-@contextmanager
-def bench(folder: Path) -> Iterator[Bench]:
-    """Load the stand-in of the library, whose time passes when the driver's does."""
-    from services.gateway.hdapi.standin import HdapiStandIn  # only here: a real library needs no stand-in
-
-    with HdapiStandIn.compiled(folder) as standin:
-        settings = DriverSettings(
-            driver="phantom_hdapi", device="phantom_premium_1_5", settings={"library": str(standin.path)}
-        )
-        yield Bench(settings, output=lambda _: standin.force_n(0), clock=standin.clock)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -12,7 +9,6 @@ from pydantic import Field
 
 from services.gateway import driver, pose, premium_model, simulated_arm
 from services.gateway.arm_tick import ArmTick, tick_arm
-from services.gateway.bench import Bench
 from services.gateway.device_files import ArmFile
 from services.gateway.driver import Arm, Place
 from services.gateway.script import ROLL, SCENE, Player, read_player
@@ -162,13 +158,6 @@ class Driver(Arm):
             return
         self._player.sample(self._script_s)
         simulated_arm.place_hand(self._player.value, self._player.rate, self._stand, self._hand)
-
-
-@contextmanager
-def bench(_folder: Path) -> Iterator[Bench]:
-    """Let the hand follow a stroke: the arm is its own stand-in."""
-    settings = DriverSettings(driver="phantom_simulated", device="phantom_premium_1_5", settings={"script": "stroke"})
-    yield Bench(settings, output=lambda arm: float(np.linalg.norm(arm.force_n)))
 
 
 def choose_player(settings: ArmSettings, place: Place) -> Player | None:

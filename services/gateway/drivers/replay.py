@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
 from services.gateway import driver, premium_model
-from services.gateway.bench import Bench, no_output, write_recording
 from services.gateway.driver import Arm, ArmLimits, Place
 from services.gateway.recording import read_hand
 from services.gateway.servo_arrays import READ_POSITION, READ_ROLL, READ_VELOCITY
@@ -80,12 +77,3 @@ class Driver(Arm):
 
     def close(self) -> None:
         """Nothing to give up."""
-
-
-@contextmanager
-def bench(folder: Path) -> Iterator[Bench]:
-    """Replay a second of a straight line."""
-    file = write_recording(
-        folder, time_s=(0.0, 1.0), x_m=(0.0, 0.01), y_m=(0.0, 0.0), z_m=(0.0, 0.0), roll_rad=(0.0, 0.1)
-    )
-    yield Bench(DriverSettings(driver="replay", settings={"file": file}), output=no_output)

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from pathlib import Path
 
-from services.gateway import driver, input_events, input_stand_in
-from services.gateway.bench import Bench, no_output
+from services.gateway import driver, input_events
 from services.gateway.driver import Place
 from services.gateway.host_check import HostCheck
 from services.gateway.steering import Axes, SteeredArm, SteeringSettings, check_inputs
@@ -33,10 +30,3 @@ class Driver(SteeredArm):
 def check_host(_settings: Sequence[DriverSettings], _in_use: bool) -> Iterator[HostCheck]:
     """Look for a SpaceMouse."""
     yield check_inputs(input_events.SPACEMOUSE)
-
-
-@contextmanager
-def bench(_folder: Path) -> Iterator[Bench]:
-    """A cap that nobody touches."""
-    with input_events.stand_in(input_stand_in.spacemouse()):
-        yield Bench(DriverSettings(driver="spacemouse"), output=no_output)

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
-
 import numpy as np
 
 from protocol.bodies import Hands, HandTarget
 from services.gateway import driver
-from services.gateway.bench import Bench, no_output
 from services.gateway.driver import Place
 from services.gateway.hand_arm import HandArm, HandSettings
 from services.runtime.rig import DriverSettings
@@ -49,9 +44,3 @@ def hand_of(place: Place, begins: int) -> HandTarget | None:
     body: Hands = frame.body
     hands = body.hands if body.begins == begins else ()
     return next((hand for hand in hands if hand.name == place.instrument), None)
-
-
-@contextmanager
-def bench(_folder: Path) -> Iterator[Bench]:
-    """Nobody is at the page: the tool waits."""
-    yield Bench(DriverSettings(driver="web"), output=no_output)

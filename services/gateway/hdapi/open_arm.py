@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.gateway.bench import Clock
+from services.gateway.clock import Clock
 from services.gateway.hdapi import cells
 from services.gateway.hdapi.cells import ArmCell, Functions, Port
 from services.gateway.hdapi.constants import STYLES, Parameter, Style

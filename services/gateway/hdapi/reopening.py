@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from services.gateway.background_open import BackgroundOpen
-from services.gateway.bench import Clock
+from services.gateway.clock import Clock
 from services.gateway.hdapi.cells import ArmCell, ServoCell
 from services.gateway.hdapi.open_arm import OpenArm
 

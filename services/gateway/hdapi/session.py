@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from services.gateway.bench import Clock
+from services.gateway.clock import Clock
 from services.gateway.hdapi.cells import ArmCell, Functions, ServoCell
 from services.gateway.hdapi.constants import MAX_SCHEDULER_PRIORITY, describe
 from services.gateway.hdapi.error_stack import unreachable

@@ -1,36 +1,24 @@
 """Where a driver runs without its device: its settings, its clock, and what the stand-in of its device feels.
 
-Every driver file says so by itself in its function ``bench``; the contract suite in ``tests/gateway`` asks for it.
+Every driver has a file of its name in ``tests/gateway/benches`` with a function ``bench`` that says so; the contract
+suite asks for it.
 """
 
 from __future__ import annotations
 
 import csv
-import time
+import importlib
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, cast
 
+from services.gateway.clock import Clock
 from services.runtime.rig import DriverSettings
 
 TICK_S = 1e-3
 _TICK_NS = 1_000_000
-
-
-class Clock(Protocol):
-    """What a driver knows of time; the module `time` is one."""
-
-    def monotonic_ns(self) -> int:
-        """Return the present time."""
-        ...
-
-    def sleep(self, seconds: float, /) -> None:
-        """Let time pass."""
-        ...
-
-
-REAL_TIME: Clock = time
 
 
 class SteppedClock:
@@ -94,3 +82,15 @@ def write_recording(folder: Path, **columns: tuple[float, ...]) -> Path:
         rows.writerow(columns)
         rows.writerows(zip(*columns.values(), strict=True))
     return path
+
+
+def open_bench(name: str, folder: Path) -> AbstractContextManager[Bench]:
+    """Return the bench of a driver, to be entered; files that it needs go into `folder`.
+
+    Raises
+    ------
+    BenchUnavailable
+        when it is entered, if this host lacks what it needs.
+    """
+    bench = importlib.import_module(f"tests.gateway.benches.{name}").bench
+    return cast(AbstractContextManager[Bench], bench(folder))

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from evdev import AbsInfo, InputEvent, ecodes
+
+from services.gateway import input_events
 
 
 class InputStandIn:
@@ -88,3 +92,14 @@ def spacemouse(path: str = "/dev/input/event6", absolute: bool = False) -> Input
     return InputStandIn(
         path, "Stand-in SpaceMouse", {**buttons, ecodes.EV_REL: [ecodes.ecodes[f"REL_{n}"] for n in names]}
     )
+
+
+@contextmanager
+def only(source: input_events.Source) -> Iterator[None]:
+    """Let `source` be the only input device of this host."""
+    before = input_events.list_paths, input_events.open_source
+    input_events.list_paths, input_events.open_source = (lambda: [source.path]), (lambda _path: source)
+    try:
+        yield
+    finally:
+        input_events.list_paths, input_events.open_source = before

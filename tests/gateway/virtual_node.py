@@ -5,8 +5,8 @@ from __future__ import annotations
 import can
 
 from services.gateway import canbus, cansimple
-from services.gateway.bench import TICK_S, SteppedClock
 from services.gateway.emulated_drive import EmulatedDrive, Handle
+from tests.gateway.bench import TICK_S, SteppedClock
 
 _WATCHDOG_S = 0.05
 

@@ -1,0 +1,18 @@
+"""The bench of the driver `grasp_simulated`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from services.gateway.clock import REAL_TIME
+from services.runtime.rig import DriverSettings
+from tests.gateway.bench import Bench
+
+
+@contextmanager
+def bench(_folder: Path) -> Iterator[Bench]:
+    """Let the driver start a drive, which is then asked what it applies."""
+    settings = DriverSettings(driver="grasp_simulated", device="grasp_odrive", settings={"recording": "none"})
+    yield Bench(settings, output=lambda device: abs(device.applied_nm()), clock=REAL_TIME)

@@ -1,0 +1,18 @@
+"""The bench of the driver `spacemouse`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from services.runtime.rig import DriverSettings
+from tests.gateway import input_stand_in
+from tests.gateway.bench import Bench, no_output
+
+
+@contextmanager
+def bench(_folder: Path) -> Iterator[Bench]:
+    """A cap that nobody touches."""
+    with input_stand_in.only(input_stand_in.spacemouse()):
+        yield Bench(DriverSettings(driver="spacemouse"), output=no_output)

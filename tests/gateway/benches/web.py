@@ -1,0 +1,16 @@
+"""The bench of the driver `web`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from services.runtime.rig import DriverSettings
+from tests.gateway.bench import Bench, no_output
+
+
+@contextmanager
+def bench(_folder: Path) -> Iterator[Bench]:
+    """Nobody is at the page: the tool waits."""
+    yield Bench(DriverSettings(driver="web"), output=no_output)
