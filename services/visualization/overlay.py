@@ -1,4 +1,4 @@
-"""What is written and laid over a window's picture: the lens, the state of the rig, forces, figures, a line of help."""
+"""What is written and laid over a window's picture: the lens, the state of the rig, forces, figures, scales, help."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.vtkRenderingCore import vtkActor2D, vtkPolyDataMapper2D, vtkRenderer, vtkTextActor
 
 from services.visualization.picture import Picture, PictureLayout, ToolShape
+from services.visualization.scales import scales
 
 HELP = "1 scope 2 mouth 3 side 4 top 5 ports  M mirror F forces A aim S strain L lens  drag turns  H help  Q ends"
 _LENS = ((0.56, 0), (0.61, 140), (0.66, 255), (4.0, 255))  # radius over the shorter side, opacity
@@ -34,12 +35,18 @@ class Overlay:
         self.shows_lens = self.shows_help = True
         self._texts = {name: _text(self._renderer) for name in ("tools", "figures", "rig", "help")}
         self._texts["figures"].GetTextProperty().SetJustificationToRight()
+        self.shows_scales = False
+        self._scales = scales()
+        for scale in self._scales:
+            self._renderer.AddViewProp(scale)
 
     def follow_size(self) -> None:
         """Lay everything out anew where the window has another size."""
         width, height = self._window.GetSize()
         self._lens.SetVisibility(self.shows_lens)
         self._texts["help"].SetVisibility(self.shows_help)
+        for scale in self._scales:
+            scale.SetVisibility(self.shows_scales)
         if (width, height) == self._size:
             return
         self._size = (width, height)

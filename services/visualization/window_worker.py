@@ -120,7 +120,7 @@ class Window:
         elif key == "a":
             self._renderer.show_aim = not self._renderer.show_aim
         elif key == "s":
-            self._renderer.show_strain = not self._renderer.show_strain
+            self._overlay.shows_scales = self._renderer.show_strain = not self._renderer.show_strain
         elif key == "l":
             self._overlay.shows_lens = not self._overlay.shows_lens
         elif key == "h":

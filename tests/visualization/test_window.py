@@ -223,6 +223,25 @@ def test_the_mirrored_picture_is_as_bright_as_the_other(window: WindowOutput, di
     until(window, lambda: not missing(layout, display.window()), picture, layout)
 
 
+def test_the_scales_are_there_while_the_duct_is_coloured(window: WindowOutput, display: Display) -> None:
+    """One below the other: red, yellow, blue of the stretch, red, amber, green of the force."""
+    layout, picture = a_scene()
+    shades = [(219, 41, 31), (252, 230, 38), (41, 51, 107), (240, 105, 90), (234, 181, 77), (103, 209, 189)]
+
+    def order() -> list[int]:
+        seen = display.window()
+        bar = seen[:, round(0.915 * seen.shape[1])]
+        away = np.abs(bar[:, None] - np.array(shades, float)).max(axis=2)
+        return [int(away[:, k].argmin()) if away[:, k].min() < 12 else -1 for k in range(len(shades))]
+
+    until(window, lambda: window.gauges()["window_pictures"] > 0, picture, layout)
+    assert max(order()) == -1
+    display.press("s")
+    until(window, lambda: min(found := order()) >= 0 and found == sorted(found), picture, layout)
+    display.press("s")
+    until(window, lambda: max(order()) == -1, picture, layout)
+
+
 def test_a_window_that_stands_still_holds_up_nobody(window: WindowOutput, display: Display) -> None:
     layout, picture = a_scene()
     until(window, lambda: window.gauges()["window_pictures"] > 0, picture, layout)

@@ -1,0 +1,47 @@
+"""The scales beside a window's picture while it is coloured: what a colour of the duct, and one of an arrow, mean."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyvista as pv
+from vtkmodules.vtkCommonCore import vtkLookupTable
+from vtkmodules.vtkRenderingAnnotation import vtkScalarBarActor
+
+from services.mechanics.arrays import FloatArray
+from services.visualization.drawn_bodies import colour_of_force
+from services.visualization.strain import FULL, colours_of_strain
+
+_SHADES = 64
+
+
+def scales() -> list[vtkScalarBarActor]:
+    """Return the scale of stretch, and that of the force on a tool, whose last colour is for all that is more."""
+    strains = colours_of_strain(np.linspace(0.0, FULL, _SHADES)) / 255.0
+    forces = np.array([pv.Color(colour_of_force(newton)).float_rgb for newton in (0.5, 1.5, 2.5)])
+    return [_bar("stretch, %", strains, 100.0 * FULL, 0.52), _bar("force, N", forces, float(len(forces)), 0.14)]
+
+
+def _bar(title: str, colours: FloatArray, full: float, bottom: float) -> vtkScalarBarActor:
+    """Return a bar with these colours (n, 3) from 0 to `full`, `bottom` of the window's height above its lower edge."""
+    table = vtkLookupTable()
+    table.SetNumberOfTableValues(len(colours))
+    for i, colour in enumerate(colours):
+        table.SetTableValue(i, *colour)
+    table.SetRange(0.0, full)
+    bar = vtkScalarBarActor()
+    bar.SetLookupTable(table)
+    bar.SetTitle(title)
+    bar.SetNumberOfLabels(min(5, len(colours) + 1))
+    bar.SetMaximumNumberOfColors(len(colours))
+    bar.SetLabelFormat("%.0f")
+    bar.SetPosition(0.9, bottom)
+    bar.SetWidth(0.075)
+    bar.SetHeight(0.3)
+    bar.UnconstrainedFontSizeOn()
+    for text in (bar.GetTitleTextProperty(), bar.GetLabelTextProperty()):
+        text.SetFontFamilyToCourier()
+        text.ItalicOff()
+        text.BoldOff()
+        text.ShadowOff()
+        text.SetFontSize(13)
+    return bar
