@@ -36,8 +36,8 @@ _EXTRAS = {
     "mesh": ("trimesh", "meshio"),
 }
 _FREE_BYTES = 1 << 30
-#: Where it is told how to get what is missing.
-_PAGE = "docs/how-to/deployment.md#the-host"
+#: Where it is told how to get what is missing, under a heading of its own.
+_PAGE = "docs/how-to/deployment.md"
 
 
 class Verdict(StrEnum):
@@ -88,7 +88,8 @@ def _list(missing: list[str]) -> str:
 def scheduling() -> Iterator[CheckResult]:
     """Check what the 1 kHz loops want of the system."""
     cores = len(os.sched_getaffinity(0))
-    yield finding("cores", cores >= 2, str(cores), "two cores or more: the stub rig pins its loops to cores 0 and 1")
+    advice = f"two cores or more: the stub rig pins its loops to cores 0 and 1: {_PAGE}#cpuset"
+    yield finding("cores", cores >= 2, str(cores), advice)
     yield _ladder()
     yield _memlock()
     yield _preemption()
@@ -97,19 +98,19 @@ def scheduling() -> Iterator[CheckResult]:
         "timer slack", Verdict.OK, f"{slack.read_text().strip() if slack.exists() else '?'} ns, the loops set 1"
     )
     awake = os.access(DMA_LATENCY, os.W_OK)
-    advice = f"write permission on {DMA_LATENCY}, or `spare_power: true` in the rig file: {_PAGE}"
+    advice = f"write permission on {DMA_LATENCY}, or `spare_power: true` in the rig file: {_PAGE}#cpu_dma_latency"
     yield finding("idle cores", awake, "kept awake by the loops" if awake else "sleep, and wake late", advice)
     governor = Path("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")
     if governor.exists():
         name = governor.read_text().strip()
-        yield finding("governor", name == "performance", name, "cpupower frequency-set -g performance")
+        yield finding("governor", name == "performance", name, f"cpupower frequency-set -g performance: {_PAGE}#kernel")
 
 
 def _preemption() -> CheckResult:
     how = preemption.of_this_kernel()
     advice = (
         "preempt=full on the kernel's command line, or a kernel with PREEMPT_RT: until then a loop waits for the end "
-        "of what the kernel does for others"
+        f"of what the kernel does for others: {_PAGE}#kernel"
     )
     return finding("preemption", preemption.is_prompt(how), how or "the kernel does not say", advice)
 
@@ -118,7 +119,7 @@ def _memlock() -> CheckResult:
     limit = lockable_bytes()
     enough = limit is None or limit >= LOCKED_BYTES
     shown = "as much as there is" if limit is None else f"{limit >> 20} MiB a process, {LOCKED_BYTES >> 20} are wanted"
-    advice = f"memlock unlimited in /etc/security/limits.conf; in a container: ulimits memlock -1: {_PAGE}"
+    advice = f"memlock unlimited in /etc/security/limits.conf; in a container: ulimits memlock -1: {_PAGE}#memlock"
     return finding("memlock", enough, shown, advice)
 
 
@@ -134,7 +135,7 @@ def _ladder() -> CheckResult:
     advice = (
         f"rtprio 90 in /etc/security/limits.conf (now {allowed}) and a new login; in a container: cap_add SYS_NICE and "
         "ulimits rtprio, and on kernels with RT_GROUP_SCHED a cpu.rt_runtime_us for its cgroup; until then the loops "
-        f"take the first of what is granted: {_PAGE}"
+        f"take the first of what is granted: {_PAGE}#rtprio"
     )
     found = "; ".join(f"{name}: {said}" for name, said in rungs.items())
     return finding("scheduling classes", rungs["fifo"].startswith("granted"), found, advice)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 from pathlib import Path
 
@@ -10,7 +11,10 @@ import pytest
 
 from services.cli import host_checks, probes
 from services.cli.host_checks import CheckResult, Verdict
+from services.gateway.hdapi import host_checks as arms
 from tests.cli.conftest import Trocar
+from tests.docs.reference import ROOT
+from tests.docs.test_pages import anchors
 
 
 @pytest.fixture
@@ -60,6 +64,28 @@ def test_the_devices_of_the_rig_are_looked_for(trocar: Trocar, rig_file: Path) -
     assert checks["OpenHaptics"]["verdict"] == "fail"
     assert "libHD-that-nobody-has.so" in checks["OpenHaptics"]["found"]
     assert "TouchDriver" in checks["OpenHaptics"]["advice"]
+
+
+_ANCHOR = re.compile(r"(docs/how-to/deployment\.md)#([\w-]+)")
+
+
+def test_what_the_host_lacks_leads_to_a_heading_of_the_page(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def missing(name: str, ok: bool, found: str, advice: str, *, needed: bool = False) -> CheckResult:
+        return CheckResult(name, Verdict.FAIL, found, advice)
+
+    monkeypatch.setattr(host_checks, "finding", missing)
+    advice = {check.name: check.advice for check in host_checks.scheduling() if check.verdict is not Verdict.OK}
+    assert advice.keys() >= {"cores", "scheduling classes", "memlock", "preemption", "idle cores"}
+    arm = tmp_path / "sys/bus/usb/devices/1-1"
+    arm.mkdir(parents=True)
+    (arm / "idVendor").write_text("2988\n")
+    advice |= {check.name: check.advice for check in arms.check(["left"], "libHD-that-nobody-has.so", False, tmp_path)
+               if check.name == "arms' permissions"}  # fmt: skip
+    told = {name: _ANCHOR.search(text) for name, text in advice.items()}
+    assert "arms' permissions" in told
+    for name, found in told.items():
+        assert found, f"{name} names no heading"
+        assert found[2] in anchors(ROOT / found[1]), f"{name}: there is no heading {found[2]}"
 
 
 def _probe(script: str, patience_s: float = 120.0) -> CheckResult:

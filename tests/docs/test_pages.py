@@ -19,7 +19,7 @@ _WORD = re.compile(r"\S*\w\S*")
 _IN_RECIPES = re.compile(r"```.*?```", re.DOTALL)
 
 
-def _anchors(page: Path) -> set[str]:
+def anchors(page: Path) -> set[str]:
     """Return the anchors of a page's headings, as GitHub makes them."""
     headings = re.findall(r"^#+ (.+)$", _IN_RECIPES.sub("", page.read_text(encoding="utf-8")), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
@@ -33,7 +33,7 @@ def test_every_link_leads_somewhere(page: Path) -> None:
             continue
         file = (page.parent / target).resolve() if target else page
         assert file.exists(), f"{link} leads nowhere"
-        assert not anchor or anchor in _anchors(file), f"{link}: there is no such heading"
+        assert not anchor or anchor in anchors(file), f"{link}: there is no such heading"
 
 
 @pytest.mark.parametrize("page", FILES, ids=[str(page.relative_to(ROOT)) for page in FILES])

@@ -59,7 +59,7 @@ def _permissions(root: Path, devices: list[Path]) -> HostCheck:
     shown = f"not yours to open: {', '.join(closed)}" if closed else ", ".join(map(str, nodes)) or "no device file"
     advice = (
         f"sudo cp {_RULES} /etc/udev/rules.d/ && sudo udevadm control --reload && sudo udevadm trigger; without a seat "
-        "at this host: sudo adduser $USER plugdev, and a new login"
+        "at this host: sudo adduser $USER plugdev, and a new login: docs/how-to/deployment.md#udev"
     )
     return HostCheck("arms' permissions", bool(nodes) and not closed, shown, advice)
 
