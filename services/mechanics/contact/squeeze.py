@@ -130,8 +130,7 @@ class JawSqueeze:
 
     def react(self) -> None:
         """Write the forces on the other jaws, once the solve has found those on the first ones."""
-        if self._arrays.count:
-            write_reactions(self._system.address, self._arrays.address)
+        write_reactions(self._system.address, self._arrays.address)
 
 
 @kernel
