@@ -59,6 +59,8 @@ def bodies_of(scene: SceneModel) -> str:
     """Return in words what there is."""
     duct = scene.duct
     cells = "surface file" if duct.mesh_file is not None else f"{duct.n_around} x {duct.n_along} cells"
+    if duct.branches:
+        cells = f"{len(duct.branches)} branches"
     parts = [f"duct ({cells}, {duct.n_modes} modes)"]
     if not scene.duct_alone:
         parts += [f"catheter ({scene.catheter.n_segments})", *_tools(scene)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from services.cache_directory import cache_directory
 from services.mechanics.reduction.cache import Entry, fetch
@@ -44,12 +45,21 @@ def load_mesh(
 
     def make(entry: Entry) -> None:
         duct = load_duct_surface(path, settings, on_step)
-        entry.save("vertices_m", duct.mesh.vertices_m)
-        entry.save("triangles", duct.mesh.triangles)
-        for set_name, vertices in duct.mesh.vertex_sets.items():
-            entry.save(f"set-{set_name}", vertices)
-        entry.describe(path=str(path), sets=list(duct.mesh.vertex_sets), actions=duct.actions)
+        write_entry(entry, duct.mesh, path=str(path), actions=duct.actions)
 
-    entry = fetch(cache_dir or cache_directory(), name, make)
+    return read_entry(fetch(cache_dir or cache_directory(), name, make))
+
+
+def write_entry(entry: Entry, mesh: TriangleMesh, **facts: Any) -> None:
+    """Keep a mesh, with further facts."""
+    entry.save("vertices_m", mesh.vertices_m)
+    entry.save("triangles", mesh.triangles)
+    for set_name, vertices in mesh.vertex_sets.items():
+        entry.save(f"set-{set_name}", vertices)
+    entry.describe(sets=list(mesh.vertex_sets), **facts)
+
+
+def read_entry(entry: Entry) -> TriangleMesh:
+    """Return a mesh that was kept."""
     sets = {set_name: entry.load(f"set-{set_name}") for set_name in entry.facts["sets"]}
     return TriangleMesh(entry.load("vertices_m"), entry.load("triangles"), sets)

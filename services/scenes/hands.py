@@ -13,6 +13,7 @@ from services.mechanics.scenarios import Scenario, ToolMotion
 from services.mechanics.scene import ForcepsScene, SceneModel, ToolScene
 from services.mechanics.surface.mesh import TriangleMesh
 from services.mechanics.surface.opening import Opening, mouth_opening
+from services.scenes.driving_hands import driving_hand
 
 GRIP_BEHIND_TIP_M = 26e-3
 """The catheter is taken so far behind its tip: less and the jaws reach the mouth, more and it buckles."""
@@ -51,7 +52,7 @@ def hands_of(scene: SceneModel, mesh: TriangleMesh) -> Scenario:
         The duct, with the vertex set ``mouth``.
     """
     mouth = mouth_opening(mesh)
-    makers = {"insertion": _insertion, "pinch": _pinch, "press": _press, "none": _nothing}
+    makers = {"insertion": _insertion, "pinch": _pinch, "press": _press, "drive": _drive, "none": _nothing}
     return makers[scene.hands if scene.forceps else "none"](scene, mesh, mouth)
 
 
@@ -66,6 +67,17 @@ def _insertion(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> Scenari
         duration_s=2.2,
         scene=scene,
         motions=(_inserting_hand(scene, mouth), _steadying_hand(scene, mesh, mouth)),
+    )
+
+
+def _drive(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> Scenario:
+    hand, at = driving_hand(scene, mesh), [tool.drives_catheter for tool in scene.forceps].index(True)
+    return Scenario(
+        name="drive",
+        what=f"a drive pushes, twists and steers the catheter to {scene.target}",
+        duration_s=hand.time_s[-1] + 0.5,
+        scene=scene,
+        motions=(None, hand) if at else (hand, None),
     )
 
 

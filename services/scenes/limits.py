@@ -77,6 +77,8 @@ def _bounded(part: str, holder: Any) -> tuple[Sequence[str], Sequence[str]]:
 
 def _hands_fault(scene: SceneModel) -> str:
     """Return what keeps a scene's hands from what they are for: the tool that inserts or pinches needs jaws."""
+    if scene.forceps and scene.hands == "drive" and not any(tool.drives_catheter for tool in scene.forceps):
+        return "hands: drive needs a tool of kind drive"
     if not scene.forceps or scene.hands not in ("insertion", "pinch"):
         return ""
     at = 0 if scene.hands == "insertion" else len(scene.forceps) - 1

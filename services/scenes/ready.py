@@ -9,6 +9,7 @@ from pathlib import Path
 from services.mechanics.reduction.build import Progress, ignore_progress
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.scene import DuctScene, SceneModel
+from services.mechanics.scene.duct_tubes import duct_tubes
 from services.mechanics.simulation.scene_duct import build_scene_duct, check_scene_duct, scene_mesh
 from services.mechanics.surface.mesh import TriangleMesh
 from services.runtime.errors import ConfigError
@@ -56,18 +57,25 @@ def _one_sentence(scene: SceneModel) -> Iterator[None]:
     try:
         yield
     except ModuleNotFoundError as error:
-        need = f"duct.mesh_file: needs the package {error.name!r}, install trocar[mesh]"
+        key = "mesh_file" if scene.duct.mesh_file else "branches"
+        need = f"duct.{key}: needs the package {error.name!r}, install trocar[mesh]"
         raise ConfigError(f"{scene.source}: {need}") from None
     except ValueError as error:
         raise ConfigError(f"{scene.source}: {error}") from None
 
 
 def _file_mesh(duct: DuctScene, cache: Path, progress: Progress) -> TriangleMesh | None:
-    if duct.mesh_file is None:
+    if duct.mesh_file is None and not duct.branches:
         return None
-    progress("surface file", 0.0)
+    progress("surface", 0.0)
     from services.meshes import MeshError, load_mesh  # mesh libraries take a second to import and most scenes need none
+    from services.meshes.branching import load_branching
 
+    if duct.mesh_file is None:
+        try:
+            return load_branching(duct_tubes(duct), duct.mesh_edge_m, cache / "meshes")
+        except MeshError as error:
+            raise ValueError(f"duct.branches: {error}") from error
     try:
         return load_mesh(
             Path(duct.mesh_file),

@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 import time
 
+import numpy as np
+
 from protocol.topics import PROCESSES
 from services.runtime.loop import LoopMeter, ticks
 from services.runtime.process import Process, ProcessConfig, main
@@ -14,6 +16,7 @@ from services.training.score import load_rules
 from services.training.sight import TOPICS
 from services.training.site import Site, find_site
 from services.training.trainer import Trainer
+from services.tube_paths import TubePaths
 
 RATE_HZ = 12.0
 STAGES = ("orders", "look", "tell")
@@ -24,7 +27,11 @@ _TELL_NS = 100_000_000
 def prepare(config: ProcessConfig) -> tuple[Scenario | None, Site | None]:
     """Load the scenario of the rig, or the one that its scene has, and find where its mouth is."""
     scenario = scenario_of(config.scene_name, config.rig.training.scenario)
-    return scenario, find_site(config.scene_name, config.scene_overrides) if scenario is not None else None
+    if scenario is None:
+        return None, None
+    site = find_site(config.scene_name, config.scene_overrides)
+    site.check_branch(scenario.goal.branch)
+    return scenario, site
 
 
 def run(process: Process, prepared: tuple[Scenario | None, Site | None]) -> None:
@@ -32,7 +39,8 @@ def run(process: Process, prepared: tuple[Scenario | None, Site | None]) -> None
     bus, rig = process.bus, process.rig
     scenario, site = prepared
     spared = [name for name in PROCESSES if not rig.process(name).critical]
-    trainer = Trainer(scenario, rig.training.again_after_s, spared, lambda each: Judge(each, site), load_rules())
+    ways = TubePaths({name: np.array(way) for name, way in site.ways.items()}) if site is not None else None
+    trainer = Trainer(scenario, rig.training.again_after_s, spared, lambda each: Judge(each, site), load_rules(), ways)
     topics = tuple(filter(process.requirements.is_published, TOPICS))
     told, due_ns = None, 0
     meter = LoopMeter(RATE_HZ, STAGES)

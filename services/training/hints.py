@@ -26,6 +26,8 @@ def hint(attempt: Attempt, sight: Sight, scenario: Scenario | None) -> str:
     to_go_m = scenario.goal.depth_m - attempt.depth_m
     if to_go_m <= 0.0:
         return "Hold it there."
+    if scenario.goal.branch:
+        return f"On to {scenario.goal.branch.replace('_', ' ')}: {1e3 * to_go_m:.0f} mm to go."
     if "catheter" not in sight.held:
         return "Grasp the catheter." if attempt.depth_m == 0.0 else "Grasp the catheter again, farther back."
     if attempt.depth_m == 0.0:

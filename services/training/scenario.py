@@ -75,6 +75,8 @@ LIMITS: Mapping[str, Limit] = {
 class Goal:
     """What ends an attempt well: the catheter's tip so deep, and kept there for a while, in time.
 
+    With a ``branch``, the name of an end of the duct, ``depth_m`` is how far the tip has come on the way to it; one on
+    another branch has come to where both part.
     ``phases`` is the order in which the phases of the procedure must come; empty for any.
     ``forbidden`` are the errors after which the attempt has failed.
     """
@@ -82,6 +84,7 @@ class Goal:
     __pydantic_config__ = _STRICT
 
     depth_m: float
+    branch: str = ""
     hold_s: float = 1.0
     time_limit_s: float = 300.0
     phases: tuple[Phase, ...] = ()

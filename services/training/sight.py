@@ -9,6 +9,7 @@ from protocol import Frame, bodies
 from protocol.bodies.physics import ToolReaction
 from services.training.attempt import Look
 from services.training.judge import Judge
+from services.tube_paths import TubePaths
 
 TOPICS = ("gateway.state", "haptics.contacts", "physics.state")
 _CATHETER = 1
@@ -22,6 +23,8 @@ class Sight:
     ----------
     spared
         Processes of the rig that may be late, as no force waits for them.
+    ways, branch
+        Where the goal is a branch: the ways through the duct, and which of them.
 
     Attributes
     ----------
@@ -35,8 +38,9 @@ class Sight:
         For how long the first button of a device has been pressed.
     """
 
-    def __init__(self, spared: Collection[str] = ()) -> None:
+    def __init__(self, spared: Collection[str] = (), ways: TubePaths | None = None, branch: str = "") -> None:
         self._spared = frozenset(spared)
+        self._ways, self._branch = ways, branch
         self.begins = -1
         self.held: tuple[str, ...] = ()
         self.force_n = self.pressed_s = 0.0
@@ -85,12 +89,19 @@ class Sight:
         fault, self._fault = self._fault or self._rig, ""
         return Look(
             tick=physics.tick,
-            depth_m=physics.catheter.inserted_length_m,
+            depth_m=self._depth_m(physics.catheter),
             hands=tuple((*each.position_m, each.handle_angle_rad) for each in gateway.instruments),
             fault=fault,
             phase=self.judge.phase if self.judge is not None else "",
             errors=self.judge.errors if self.judge is not None else {},
         )
+
+    def _depth_m(self, catheter: bodies.Catheter) -> float:
+        """Return how much of the catheter is in the lumen, or how far its tip has come on the way to the goal."""
+        inserted_m = catheter.inserted_length_m
+        if self._ways is None or not self._branch or inserted_m == 0.0:
+            return inserted_m
+        return self._ways.progress_m(catheter.position_m.view()[-1], self._branch)
 
     def _take_gateway(self, body: bodies.GatewayState) -> None:
         if body.begins != self.begins or body.tick < self._began_tick:

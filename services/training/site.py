@@ -33,6 +33,8 @@ class Site(msgspec.Struct, frozen=True, kw_only=True):
         Place and aim of the endoscope; without them nobody is judged for leaving its view.
     basis_hash, rim_gain
         Mean outward way of the rim for each modal coordinate of this basis, in 1/sqrt(kg); empty where not known.
+    ways
+        From the mouth to each end that has a name: see `services.tube_paths`.
     """
 
     mouth_m: Vec3
@@ -42,8 +44,20 @@ class Site(msgspec.Struct, frozen=True, kw_only=True):
     looks_at_m: Vec3 | None = None
     basis_hash: str = ""
     rim_gain: tuple[float, ...] = ()
+    ways: dict[str, tuple[Vec3, ...]] = {}
+
+    def check_branch(self, name: str) -> None:
+        """Refuse the name of a branch that the duct has no way to.
+
+        Raises
+        ------
+        ConfigError
+        """
+        if name and name not in self.ways:
+            raise ConfigError(f"goal.branch: the duct has no end {name!r}; it has: {', '.join(self.ways) or 'none'}")
 
 
+_WAY = "way_"
 _NEAREST, _FURTHEST = 2.0, 3.5
 _EYE = 0.85, 0.95, 0.95
 """Of the page's endoscope: lengths of the duct along it, beside it and up."""
@@ -106,6 +120,7 @@ def read_site(attachment: bytes) -> Site:
     try:
         with np.load(io.BytesIO(attachment), allow_pickle=False) as data:
             arrays = [data[name] for name in ("vertices_m", "triangles", "modes", "basis_hash")]
+            ways = {name.removeprefix(_WAY): data[name] for name in data.files if name.startswith(_WAY)}
     except (OSError, KeyError, EOFError, ValueError, zipfile.BadZipFile) as error:
         raise ValueError(f"duct.npz cannot be read: {error}") from None
     vertices_m, triangles, modes, basis_hash = arrays
@@ -115,7 +130,12 @@ def read_site(attachment: bytes) -> Site:
         raise ValueError("duct.npz: its arrays are not those of a surface")
     if not (np.isfinite(vertices_m).all() and np.isfinite(modes).all()) or modes.size % (3 * n):
         raise ValueError("duct.npz: its arrays hold what is no number")
-    return site_of_duct(vertices_m, triangles, modes.reshape(len(vertices_m), 3, -1).astype(float), str(basis_hash))
+    if not all(
+        way.ndim == 2 and way.shape[1] == 3 and len(way) > 1 and np.isfinite(way).all() for way in ways.values()
+    ):
+        raise ValueError("duct.npz: a way through it is none")
+    site = site_of_duct(vertices_m, triangles, modes.reshape(len(vertices_m), 3, -1).astype(float), str(basis_hash))
+    return msgspec.structs.replace(site, ways={name: tuple(map(_three, way)) for name, way in ways.items()})
 
 
 def find_site(scene: str, overrides: Iterable[str] = ()) -> Site:

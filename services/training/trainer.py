@@ -14,6 +14,7 @@ from services.training.judge import Judge
 from services.training.scenario import Scenario
 from services.training.score import ScoreRules, score_of
 from services.training.sight import Sight
+from services.tube_paths import TubePaths
 
 #: An order that is older is not carried out: who asked has given it up.
 ORDER_S = 2.0
@@ -40,6 +41,8 @@ class Trainer:
         Returns a new judge of phases and errors, for each attempt as it begins to run; None: nobody judges.
     rules
         What an attempt that is judged is scored by, once it is done; None: by nothing.
+    ways
+        Through the duct, for a goal that is a branch.
     """
 
     def __init__(
@@ -49,9 +52,10 @@ class Trainer:
         spared: Collection[str] = (),
         judges: Callable[[Scenario], Judge] | None = None,
         rules: ScoreRules | None = None,
+        ways: TubePaths | None = None,
     ) -> None:
         self.scenario = scenario
-        self.sight = Sight(spared)
+        self.sight = Sight(spared, ways, scenario.goal.branch if scenario else "")
         self.attempt = Attempt(scenario.goal if scenario else None)
         self._id = _new_id()
         self._again_after_s, self._judges, self._rules = again_after_s, judges, rules

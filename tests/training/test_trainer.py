@@ -6,14 +6,19 @@ import itertools
 from dataclasses import replace
 
 import msgspec
+import numpy as np
 import pytest
 
 from protocol import Frame, bodies
+from protocol.arrays import pack
+from services.runtime.errors import ConfigError
 from services.training.errors import ErrorEvent
 from services.training.hints import hint
 from services.training.scenario import Goal, Scenario
 from services.training.score import load_rules
+from services.training.site import Site
 from services.training.trainer import Trainer
+from services.tube_paths import TubePaths
 from tests.protocol import samples
 
 SCENARIO = Scenario(
@@ -342,3 +347,36 @@ def test_the_score_is_told_when_it_is_done_with_what_the_end_was_judged_by() -> 
     assert rig.turn() == told, "and nothing is added"
     assert _answer(rig, "new").ok
     assert rig.turn().score == -1.0
+
+
+WAYS = TubePaths(
+    {
+        "left": np.array([[0.0, 0.0, 0.0], [10e-3, 0.0, 0.0], [20e-3, 10e-3, 0.0]]),
+        "right": np.array([[0.0, 0.0, 0.0], [10e-3, 0.0, 0.0], [20e-3, -10e-3, 0.0]]),
+    }
+)
+
+
+@pytest.mark.parametrize(
+    ("branch", "tip_m", "depth_m"), [("left", 8e-3, 10e-3 + 8e-3 * 2**0.5), ("right", 8e-3, 10e-3)]
+)
+def test_depth_on_the_way_to_a_branch_is_that_of_the_fork_on_another(branch, tip_m, depth_m):
+    goal = Goal(depth_m=0.015, hold_s=0.5, branch=branch)
+    sight = Trainer(replace(SCENARIO, goal=goal), ways=WAYS).sight
+    physics = samples.physics_state(5, bodies.ToolReaction())
+    particles = np.array([[0.0, 0.0, 0.0], [10e-3 + tip_m, tip_m, 0.0]])
+    rod = msgspec.structs.replace(physics.catheter, position_m=pack(particles), inserted_length_m=0.03)
+    outside = msgspec.structs.replace(rod, inserted_length_m=0.0)
+    gateway = bodies.GatewayState(tick=5, instruments=(), begins=0)
+    for catheter, expected_m in ((rod, depth_m), (outside, 0.0)):
+        said = {"gateway.state": gateway, "physics.state": msgspec.structs.replace(physics, catheter=catheter)}
+        sight.take({name: Frame(1, name, 1, 1, 0, 0, 0, True, body) for name, body in said.items()}, 0)
+        assert sight.look().depth_m == pytest.approx(expected_m)
+
+
+def test_a_branch_that_the_duct_has_not_is_refused_in_one_sentence():
+    site = Site(mouth_m=(0, 0, 0), inward=(1, 0, 0), mouth_radius_m=1e-3, ways={"left": ((0, 0, 0), (1, 0, 0))})
+    site.check_branch("left")
+    site.check_branch("")
+    with pytest.raises(ConfigError, match=r"goal\.branch: the duct has no end 'lef'; it has: left"):
+        site.check_branch("lef")

@@ -11,6 +11,7 @@ from typing import Literal
 
 from services.mechanics.fem.elements import BendingName, MembraneName
 from services.mechanics.scene.catheter_section import CatheterSection
+from services.mechanics.scene.duct_branch import DuctBranch
 from services.mechanics.scene.instruments import ForcepsScene, ToolScene
 from services.mechanics.surface.units import LengthUnit
 
@@ -21,10 +22,11 @@ FOLLOWS = {"follows": "from what a scene names, or from where it was said"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DuctScene:
-    """The cystic duct: a parametric tube along +x, or the name of a surface file read elsewhere.
+    """The cystic duct: a parametric tube along +x, with or without branches, or the name of a surface file.
 
     The tube is clamped at x = 0 and open at x = ``length_m``; its mid-surface has the radius ``radius_m``. A scene file
-    may leave ``n_around`` and ``n_along`` to the rule in `scene.mesh_cells`: ``auto``.
+    may leave ``n_around`` and ``n_along`` to the rule in `scene.mesh_cells`: ``auto``. With ``branches`` it is the
+    trunk of a tree, meshed elsewhere by edges of ``mesh_edge_m``; its far end is held unless branches go on from it.
     Both integrators of its modes are of second order and without numerical damping (spectral radius 1); what damps each
     mode is ``damping_ratio``.
     ``tissue`` names the preset of `scene.tissue` that the numbers of the wall were taken from, if they were.
@@ -39,6 +41,7 @@ class DuctScene:
     cut_angle_rad: float = 0.0
     slit_length_m: float = 0.0
     slit_width_m: float = 0.0
+    branches: tuple[DuctBranch, ...] = ()
     mesh_file: str | None = None
     mesh_unit: LengthUnit = "mm"
     mesh_clamped: tuple[str, ...] = ("end_0",)
@@ -63,7 +66,7 @@ class CatheterScene:
     """The catheter: particle 0 is the proximal end, the last particle is the tip.
 
     It starts straight, its tip at ``tip_position_m``, lying from there along ``-direction``; with ``before_mouth_m`` so
-    far before the middle of the duct's mouth, on the mouth's own axis, wherever that is.
+    far before the middle of the duct's mouth, or of another ``opening``, on the opening's own axis, wherever that is.
     ``anchor`` "clamped" holds the proximal end; with "introducer" it slides through one of ``introducer_length_m``, its
     exit ``introducer_to_tip_m`` behind the tip, and cannot leave it.
     ``introducer_friction`` is Coulomb's on its wall; ``introducer_seal_friction_n`` that of the seal at its exit, which
@@ -87,6 +90,7 @@ class CatheterScene:
     tip_position_m: Vector3 = (46e-3, 0.0, 0.0)
     direction: Vector3 = (-1.0, 0.0, 0.0)
     before_mouth_m: float | None = None
+    opening: str = "mouth"
     anchor: Literal["free", "clamped", "introducer"] = "introducer"
     introducer_to_tip_m: float = 60e-3
     introducer_length_m: float = 20e-3
@@ -138,7 +142,7 @@ class SceneModel:
 
     ``effects`` maps the name of each present effect to its settings, the dataclass that the effect calls `Settings`.
     Those in ``essential`` are never given up for time: neither by `trocar tune` nor on the quality ladder.
-    ``hands`` is the task that simulated hands do in the scene.
+    ``hands`` is the task that simulated hands do in the scene, ``target`` the branch that a drive is to reach.
     ``forceps`` are the tools, whatever the kind of each; there may be fewer than two.
     With ``duct_alone`` there is neither catheter nor tool, and their settings are not read.
     ``source`` is the scene's file: messages about the scene begin with it.
@@ -154,7 +158,8 @@ class SceneModel:
     effects: Mapping[str, object] = field(default_factory=dict)
     quality: tuple[QualityLevel, ...] = (QualityLevel(),)
     sleeping: bool = True
-    hands: Literal["insertion", "pinch", "press", "none"] = "insertion"
+    hands: Literal["insertion", "pinch", "press", "drive", "none"] = "insertion"
+    target: str = ""
     essential: tuple[str, ...] = ()
     duct_alone: bool = field(default=False, metadata=FOLLOWS)
     source: str = field(default="scene", compare=False, repr=False, metadata=FOLLOWS)

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
+import numpy as np
+
 from services.mechanics.bodies.catheter import rod_properties, rod_supports
 from services.mechanics.effects import Effect, build_effects, by_stage
 from services.mechanics.rod import RodProperties
-from services.mechanics.scene import SceneModel
+from services.mechanics.scene import DriveScene, SceneModel
 from services.mechanics.surface.mesh import TriangleMesh
 from services.mechanics.surface.opening import mouth_opening
 
@@ -44,14 +46,28 @@ def _turns_with_material(scene: SceneModel) -> str:
 
 
 def place_catheter(scene: SceneModel, mesh: TriangleMesh) -> SceneModel:
-    """Return the scene with its catheter where it starts: before the mouth of this duct, if it wants that."""
+    """Return the scene with its catheter where it starts: before an opening of this duct, if it wants that.
+
+    A drive goes behind the catheter's proximal end, on its axis.
+    """
     before_m = scene.catheter.before_mouth_m
     if before_m is None:
-        return scene
-    mouth = mouth_opening(mesh)
+        return _with_drive(scene)
+    mouth = mouth_opening(mesh, scene.catheter.opening)
     (x, y, z), (a, b, c) = (mouth.centre_m - before_m * mouth.inward).tolist(), mouth.inward.tolist()
     placed = replace(scene.catheter, tip_position_m=(x, y, z), direction=(a, b, c), before_mouth_m=None)
-    return replace(scene, catheter=placed)
+    return _with_drive(replace(scene, catheter=placed))
+
+
+def _with_drive(scene: SceneModel) -> SceneModel:
+    catheter = scene.catheter
+    behind = np.array(catheter.direction) / -float(np.linalg.norm(catheter.direction))
+    end_m = np.array(catheter.tip_position_m) + catheter.length_m * behind
+    tools = tuple(
+        replace(tool, port_position_m=tuple((end_m + tool.behind_m * behind).tolist()))
+        if isinstance(tool, DriveScene) else tool for tool in scene.forceps
+    )  # fmt: skip
+    return replace(scene, forceps=tools) if tools != scene.forceps else scene
 
 
 def check_catheter(scene: SceneModel) -> None:

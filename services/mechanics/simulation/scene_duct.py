@@ -18,6 +18,7 @@ from services.mechanics.reduction.reduce import fetch_residual_displacement, red
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.scene import DuctScene, SceneModel
 from services.mechanics.scene.duct_recipe import duct_recipe, wall_section
+from services.mechanics.scene.duct_tubes import duct_tubes
 from services.mechanics.surface.mesh import TriangleMesh
 from services.mechanics.surface.opening import mouth_opening
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
@@ -98,7 +99,11 @@ def check_duct_numbers(duct: DuctScene) -> None:
         if duct.mesh_file is None:
             duct_geometry(duct)
         wall_section(duct)
+        if duct.branches:
+            duct_tubes(duct)
     except ValueError as error:
+        if str(error).startswith("duct.branches"):
+            raise
         sentence = str(error).replace("wall_thickness_m", "thickness_m").partition(": ")[2]
         raise ValueError(f"duct: {sentence}") from None
 
@@ -125,6 +130,8 @@ def scene_mesh(duct: DuctScene) -> TriangleMesh:
     """Mesh the parametric duct."""
     if duct.mesh_file is not None:
         raise ValueError(f"duct.mesh_file: {duct.mesh_file} must be read first, pass its mesh")
+    if duct.branches:
+        raise ValueError("duct.branches: a branching duct must be meshed first, pass its mesh")
     return parametric_duct(duct_geometry(duct))
 
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from services.mechanics.arrays import ByteArray, FloatArray, IntArray
 from services.mechanics.bodies.forceps import Grasp, JawState
 from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
-from services.mechanics.bodies.mouth import Mouth
+from services.mechanics.bodies.lumen import Lumen
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.contact.engagement import take_pads
 from services.mechanics.contact.local_stiffness import LocalStiffness
@@ -81,7 +81,7 @@ class Simulation:
         self.drive = build_drive(scene, world)
         self.tool_results = ToolResults()
         self.max_penetration_m = 0.0
-        self._mouth = Mouth(duct, self.catheter.properties.n_particles)
+        self._lumen = Lumen(duct, self.catheter.properties.n_particles)
         self._tool_pairs = ContactPairs.allocate(scene.contact.capacity)
         self._tool_force = np.zeros((N_TOOLS, N_COORDINATES))
         self._report_arrays = ReportArrays.of(self.tool_results, self._tool_force)
@@ -260,13 +260,19 @@ class Simulation:
         """Length of catheter in the lumen, from the opening that it came by to its tip; 0 while that is outside."""
         catheter = self.catheter
         segment_m = catheter.properties.segment_length_m
-        return self._mouth.inserted_length_m(self.duct.state.q, catheter.state.position_m, segment_m)
+        return self._lumen.inserted_length_m(self.duct.state.q, catheter.state.position_m, segment_m)
+
+    @property
+    def entered_by(self) -> str:
+        """Name of the opening by which the catheter came into the lumen; empty while its tip is outside."""
+        self._lumen.follow(self.duct.state.q, self.catheter.state.position_m)
+        return self._lumen.entered_by
 
     @property
     def inside(self) -> ByteArray:
         """(n,) one where a particle of the catheter is in the lumen."""
-        self._mouth.follow(self.duct.state.q, self.catheter.state.position_m)
-        return self._mouth.inside
+        self._lumen.follow(self.duct.state.q, self.catheter.state.position_m)
+        return self._lumen.inside
 
     def set_quality(self, level: int) -> None:
         """Switch to a rung of the scene's quality ladder; states stay as they are, so nothing jumps."""

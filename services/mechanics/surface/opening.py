@@ -33,15 +33,17 @@ class Opening:
     radius_m: float
 
 
-def mouth_opening(mesh: TriangleMesh) -> Opening:
-    """Return the mouth of a duct.
+def mouth_opening(mesh: TriangleMesh, name: str = "mouth") -> Opening:
+    """Return the mouth of a duct, or another of its openings by the name of its set of vertices.
 
     Raises
     ------
     ValueError
-        It is too short beside its width, or too coarse, for the way in to be told.
+        There is none of this name, or it is too short beside its width, or too coarse, for the way in to be told.
     """
-    rim = mesh.vertices_m[mesh.vertex_sets["mouth"]]
+    if name not in mesh.vertex_sets:
+        raise ValueError(f"duct: there is no opening {name!r}; there are {', '.join(sorted(mesh.vertex_sets))}")
+    rim = mesh.vertices_m[mesh.vertex_sets[name]]
     centre = rim.mean(axis=0)
     radius_m = float(np.linalg.norm(rim - centre, axis=1).mean())
     away = mesh.vertices_m - centre

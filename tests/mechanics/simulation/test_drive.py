@@ -13,7 +13,7 @@ from studies.energy_book import EnergyBook
 
 LENGTH_M, BENDING_M = 0.1, 0.03
 STEER_1_M_RAD = 30.0
-DRIVE = DriveScene(port_position_m=(0.21, 0.0, 0.0), coupling_stiffness_n_m=2000.0)
+DRIVE = DriveScene(coupling_stiffness_n_m=2000.0)
 
 
 @pytest.fixture

@@ -12,16 +12,23 @@ from services.mechanics.scene.instruments.tool import ToolScene
 class DriveScene(ToolScene):
     """A holder of the catheter's proximal end: it touches nothing else, and holds on while it is there.
 
-    Its port lies on the catheter's axis behind the proximal end, so that moving J along the shaft pushes, rolling it
-    twists, and the angle of the handle steers the sections that can be. Twist and steering need the effect ``twist``.
+    Its port lies on the catheter's axis, ``behind_m`` behind the proximal end, wherever a scene file says: moving J
+    along the shaft pushes, rolling it twists, and the angle of the handle steers the sections that can be. Twist and
+    steering need the effect ``twist``.
     """
 
     kind: Literal["drive"] = "drive"
+    behind_m: float = 60e-3
     handle_max_angle_rad: float = 1.0
 
     has_handle: ClassVar[bool] = True
     drives_catheter: ClassVar[bool] = True
-    positive: ClassVar[tuple[str, ...]] = ("shaft_radius_m", "coupling_stiffness_n_m", "handle_max_angle_rad")
+    positive: ClassVar[tuple[str, ...]] = (
+        "shaft_radius_m",
+        "coupling_stiffness_n_m",
+        "behind_m",
+        "handle_max_angle_rad",
+    )
 
     @property
     def body_radius_m(self) -> float:

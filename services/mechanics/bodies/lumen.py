@@ -17,13 +17,13 @@ from services.mechanics.collision.rim_caps import fill_rim
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import Vector, cross, dot, row, squared_distance, subtract
 from services.mechanics.reduction import ReducedDuct
-from services.mechanics.surface.mesh import boundary_loops
+from services.mechanics.surface.mesh import TriangleMesh, boundary_loops
 
 OUTSIDE = -1.0
 
 
-class Mouth:
-    """The caps over a duct's openings, moving with the modes, and a catheter that goes through them.
+class Lumen:
+    """What a duct's wall and the caps over its openings enclose, moving with the modes, and a catheter in it.
 
     Parameters
     ----------
@@ -34,11 +34,17 @@ class Mouth:
     ----------
     inside : (n_particles,) int8
         One where a particle is in the lumen, as of the last `follow`.
+    openings : tuple of str
+        Names of the openings, each a set of vertices of the mesh; empty where an opening has none.
+    entered_by : str
+        Name of the opening by which the part with the tip came in, as of the last `follow`; empty if none.
     """
 
     def __init__(self, duct: ReducedDuct, n_particles: int) -> None:
         mesh = duct.mesh
-        caps = [fill_rim(mesh.vertices_m, rim) for rim in boundary_loops(mesh)]
+        rims = boundary_loops(mesh)
+        self.openings, self.entered_by = tuple(name_of(mesh, rim) for rim in rims), ""
+        caps = [fill_rim(mesh.vertices_m, rim) for rim in rims]
         triangles = np.concatenate([np.zeros((0, 3), np.int32), *caps])
         self._nodes, local = np.unique(triangles, return_inverse=True)
         self._nodes = self._nodes.astype(np.int32)
@@ -59,7 +65,9 @@ class Mouth:
         self._motion.update(q)
         corners_m = self._motion.positions(self._nodes, q)
         self._follow_base(q, position_m[0], corners_m)
-        place: float = cross_caps(position_m, (corners_m, self._caps, self._ends), self._begins_inside, self.inside)
+        place: float
+        place, cap = cross_caps(position_m, (corners_m, self._caps, self._ends), self._begins_inside, self.inside)
+        self.entered_by = self.openings[cap] if cap >= 0 else ""
         return place
 
     def inserted_length_m(self, q: FloatArray, position_m: FloatArray, segment_m: float) -> float:
@@ -87,17 +95,23 @@ class Mouth:
         self._base_m, self._corners_m = base_m.copy(), corners_m
 
 
+def name_of(mesh: TriangleMesh, rim: IntArray) -> str:
+    """Return the name of the smallest set of vertices that has all of a rim; empty for none."""
+    named = [(len(own), name == "clamped", name) for name, own in mesh.vertex_sets.items() if np.isin(rim, own).all()]
+    return min(named, default=(0, False, ""))[2]
+
+
 @kernel
 def cross_caps(
     position: FloatArray, caps: tuple[FloatArray, IntArray, IntArray], begins_inside: bool, inside: ByteArray
-) -> float:
-    """Write who of the particles is inside, and return where the axis was last crossed by a cap, in segments.
+) -> tuple[float, int]:
+    """Write who of the particles is inside, and return where the axis last crossed a cap, in segments, and which.
 
     ``caps`` are their corners (k, 3), triangles (m, 3) and where each of them ends.
     """
     corners, triangles, ends = caps
     inside[0] = 1 if begins_inside else 0
-    last = 0.0
+    last, by = 0.0, -1
     for i in range(position.shape[0] - 1):
         p, q, first, turns = row(position, i), row(position, i + 1), 0, 0
         for cap in range(ends.shape[0]):
@@ -105,10 +119,10 @@ def cross_caps(
                 place = _crossing(p, q, corners, triangles, (first, ends[cap]))
                 if place >= 0.0:
                     turns += 1
-                    last = i + place
+                    last, by = i + place, cap
             first = ends[cap]
         inside[i + 1] = inside[i] if turns % 2 == 0 else 1 - inside[i]
-    return last if inside[position.shape[0] - 1] else OUTSIDE
+    return (last, by) if inside[position.shape[0] - 1] else (OUTSIDE, -1)
 
 
 @kernel

@@ -1,0 +1,28 @@
+"""A branch of a duct: a tube that leaves the trunk, or another branch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DuctBranch:
+    """One branch; the trunk is the duct itself, seen from its mouth.
+
+    It leaves ``parent`` at ``at_m`` from the parent's near end, by default at its far end, which is then no opening. It
+    goes on at ``angle_rad`` to the parent's way on, towards the side ``azimuth_rad``: 0 is the side to which a positive
+    curvature bends the parent, +y at the far end of the trunk. Its own curvature bends it further aside, and ``taper``
+    is what it loses of its radius on its way. The far ``end`` is an opening that is held or free, or a blind one.
+    """
+
+    name: str
+    parent: str = "trunk"
+    at_m: float | None = None
+    angle_rad: float = 0.6
+    azimuth_rad: float = 0.0
+    radius_m: float = 3e-3
+    length_m: float = 25e-3
+    taper: float = 0.0
+    curvature_1_m: float = 0.0
+    end: Literal["held", "free", "blind"] = "held"

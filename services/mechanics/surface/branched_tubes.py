@@ -1,0 +1,82 @@
+"""Tubes that leave each other, as a solid: where their axes go, and how far a point is from their smooth union."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from services.mechanics.arrays import FloatArray
+
+BLEND = 0.6
+"""Radii of a branch within which it runs into its parent: a crotch without an edge."""
+_SAMPLES_PER_RADIUS = 8.0
+_STRAIGHT_1_M = 1e-9
+
+
+@dataclass(frozen=True)
+class Tube:
+    """A round tube with taper along an arc, from its near end on.
+
+    Attributes
+    ----------
+    name
+    origin_m, axes : (3,), (3, 3) float64
+        Its near end, and there the rows: its way on, the side to which it bends, and across both.
+    length_m, radius_m, end_radius_m, curvature_1_m
+    far_end
+        "held" or "free" for an opening, "blind", or "on" where a branch goes on from there.
+    """
+
+    name: str
+    origin_m: FloatArray
+    axes: FloatArray
+    length_m: float
+    radius_m: float
+    end_radius_m: float
+    curvature_1_m: float
+    far_end: str
+
+    def place(self, at_m: float) -> tuple[FloatArray, FloatArray]:
+        """Return the point of the axis so far on, and its axes there."""
+        angle, (on, aside, across) = self.curvature_1_m * at_m, self.axes
+        if abs(self.curvature_1_m) < _STRAIGHT_1_M:
+            return self.origin_m + at_m * on, self.axes
+        way = math.sin(angle) * on + (1.0 - math.cos(angle)) * aside
+        turned_on = math.cos(angle) * on + math.sin(angle) * aside
+        turned_aside = math.cos(angle) * aside - math.sin(angle) * on
+        return self.origin_m + way / self.curvature_1_m, np.stack([turned_on, turned_aside, across])
+
+    def radius_at(self, at_m: float) -> float:
+        """Return its radius so far on."""
+        return self.radius_m + (self.end_radius_m - self.radius_m) * at_m / self.length_m
+
+    def distance_m(self, points_m: FloatArray) -> FloatArray:
+        """(n,) distances of points (n, 3) from its surface, less than zero inside; its ends are rounded."""
+        smallest_m = min(self.radius_m, self.end_radius_m)
+        stations = np.linspace(0.0, self.length_m, 2 + int(_SAMPLES_PER_RADIUS * self.length_m / smallest_m))
+        distance = np.full(len(points_m), np.inf)
+        for at_m in stations:
+            away = points_m - self.place(at_m)[0]
+            np.minimum(distance, np.sqrt(np.einsum("ij,ij->i", away, away)) - self.radius_at(at_m), out=distance)
+        return distance
+
+
+def branch_of(parent: Tube, at_m: float, angle_rad: float, azimuth_rad: float) -> tuple[FloatArray, FloatArray]:
+    """Return near end and axes of a branch that leaves a tube at ``at_m``."""
+    origin_m, (on, aside, across) = parent.place(at_m)
+    side = math.cos(azimuth_rad) * aside + math.sin(azimuth_rad) * across
+    direction = math.cos(angle_rad) * on + math.sin(angle_rad) * side
+    normal = math.cos(angle_rad) * side - math.sin(angle_rad) * on
+    return origin_m, np.stack([direction, normal, np.cross(direction, normal)])
+
+
+def union_distance_m(tubes: list[Tube], points_m: FloatArray) -> FloatArray:
+    """(n,) distances of points (n, 3) from the smooth union of tubes, less than zero inside (Quilez's polynomial)."""
+    union = tubes[0].distance_m(points_m)
+    for tube in tubes[1:]:
+        other, blend_m = tube.distance_m(points_m), BLEND * tube.radius_m
+        overlap = np.maximum(blend_m - np.abs(union - other), 0.0)
+        union = np.minimum(union, other) - 0.25 * overlap**2 / blend_m
+    return union

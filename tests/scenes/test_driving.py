@@ -1,0 +1,64 @@
+"""Hands that drive: what they find from the geometry brings the tip into the branch, a judge from outside says."""
+
+import numpy as np
+import pytest
+
+from services.mechanics.scene.tools import ToolInputs
+from services.mechanics.simulation import Simulation
+from services.mechanics.simulation.scene_catheter import place_catheter
+from services.mechanics.surface.centreline import centrelines
+from services.runtime.errors import ConfigError
+from services.scenes import load_scene
+from services.scenes.hands import hands_of
+from services.scenes.ready import load_duct, load_surface
+from services.tube_paths import TubePaths
+
+
+def deepest_m(simulation):
+    """Of the catheter in the wall, as both are drawn: brute force over points of all triangles and of the axis."""
+    mesh, wall_m = simulation.duct.reduced.mesh, simulation.duct.surface_m()
+    weights = np.array([(a, b, 8 - a - b) for a in range(9) for b in range(9 - a)]) / 8.0
+    samples = np.einsum("wk,tkx->twx", weights, wall_m[mesh.triangles]).reshape(-1, 3)
+    x = simulation.catheter.state.position_m
+    axis = (x[:-1, None] + np.linspace(0.0, 1.0, 6)[:, None] * np.diff(x, axis=0)[:, None]).reshape(-1, 3)
+    near = axis[np.linalg.norm(axis - samples.mean(axis=0), axis=1) < 0.15]
+    away_m = min(float(np.linalg.norm(samples - point, axis=1).min()) for point in near)
+    return simulation.catheter.radius_m + 0.5 * 1e-3 - away_m
+
+
+@pytest.mark.parametrize(
+    ("name", "target"),
+    [("bronchoscopy", "left_lower"), ("bronchoscopy", "right_lower"), ("bronchoscopy", "left_upper"),
+     ("endovascular", "subclavian")],
+)  # fmt: skip
+def test_hands_reach_the_target_and_never_cross_the_wall(name, target, own_cache):
+    scene = load_scene(name, [f"target={target}"])
+    duct = load_duct(scene, own_cache, lambda stage, fraction: None)
+    ways = TubePaths(centrelines(duct.mesh))
+    scenario = hands_of(place_catheter(scene, duct.mesh), duct.mesh)
+    simulation, tools, deepest = Simulation(scene, duct), ToolInputs(), 0.0
+    for tick in range(round(1e3 * scenario.duration_s)):
+        scenario.write_inputs(1e-3 * tick, tools)
+        simulation.step(tools)
+        if tick % 500 == 0:
+            deepest = max(deepest, deepest_m(simulation))
+    tip_m = simulation.catheter.state.position_m[-1]
+    parted_m = max(ways.shared_m(target, other) for other in ways.path_m if other != target)
+    assert simulation.entered_by == "mouth"
+    assert ways.beyond(tip_m) == [target]
+    assert ways.progress_m(tip_m, target) > parted_m + 2e-3
+    assert deepest < 0.1e-3
+    assert simulation.healed_states == 0
+    assert not any(simulation.dropped_contacts)
+
+
+def test_a_target_that_is_none_is_one_sentence(own_cache):
+    scene = load_scene("endovascular", ["target=renal"])
+    mesh = load_surface(scene, own_cache)
+    with pytest.raises(ConfigError, match="target: the duct has no end 'renal'; it has: trunk, subclavian"):
+        hands_of(place_catheter(scene, mesh), mesh)
+
+
+def test_hands_that_drive_need_a_drive():
+    with pytest.raises(ConfigError, match="hands: drive needs a tool of kind drive"):
+        load_scene("default", ["hands=drive"])
