@@ -14,6 +14,8 @@ import pytest
 from services import kernel_cache
 from services.source_closure import Sources
 
+pytestmark = pytest.mark.timeout(600)  # it waits for processes that compile
+
 ROOT = Path(kernel_cache.__file__).parent
 CALLEE = "from numba import njit\n\n@njit(cache=True)\ndef inner(x):\n    return x + 1\n"
 CALLER = (

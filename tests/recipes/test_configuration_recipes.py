@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import pytest
+
 from tests.recipes.tree_copy import TreeCopy
+
+pytestmark = pytest.mark.timeout(600)  # a changed copy of the tree compiles anew
 
 #: Physics as the observer sees it, until nobody asks any more.
 PHYSICS = """

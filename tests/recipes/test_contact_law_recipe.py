@@ -6,6 +6,8 @@ import pytest
 
 from tests.recipes.tree_copy import TreeCopy
 
+pytestmark = pytest.mark.timeout(600)  # a changed copy of the tree compiles anew
+
 # A catheter of 20 mm under the roof of the duct, in a weight that is a third of the pull on each particle. Penalty
 # forces are held over the next step, so their spring is soft: the catheter's own step damps nothing.
 HANGING = """

@@ -8,6 +8,8 @@ import pytest
 
 from tests.recipes.tree_copy import TreeCopy
 
+pytestmark = pytest.mark.timeout(600)  # a changed copy of the tree compiles anew
+
 DRIVERS, BENCHES = Path("services/gateway/drivers"), Path("tests/gateway/benches")
 SUITE = "tests/gateway/test_driver_contract.py"
 

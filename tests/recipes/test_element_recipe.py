@@ -9,6 +9,8 @@ import pytest
 
 from tests.recipes.tree_copy import TreeCopy
 
+pytestmark = pytest.mark.timeout(600)  # a changed copy of the tree compiles anew
+
 ELEMENTS = Path("services/mechanics/fem/elements")
 SUITE = "tests/mechanics/fem/test_element_contract.py"
 

@@ -9,6 +9,8 @@ import pytest
 
 from tests.recipes.tree_copy import RECIPES, ROOT
 
+pytestmark = pytest.mark.timeout(600)  # a changed copy of the tree compiles anew
+
 FILES = re.findall(r"```python\n *# (\S+\.py)\n(.*?)```", (ROOT / RECIPES).read_text(encoding="utf-8"), re.S)
 
 

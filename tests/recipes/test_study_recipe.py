@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import csv
 
+import pytest
+
 from tests.recipes.tree_copy import TreeCopy
+
+pytestmark = pytest.mark.timeout(600)  # a changed copy of the tree compiles anew
 
 
 def test_a_study_of_ones_own_is_one_file(tree: TreeCopy) -> None:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import pytest
+
 from tests.recipes.tree_copy import TreeCopy
+
+pytestmark = pytest.mark.timeout(600)  # a changed copy of the tree compiles anew
 
 # What the rig gets, what physics has of it, what is drawn, and what its own hand does to the duct.
 WITH_IT = """

@@ -8,6 +8,8 @@ import pytest
 
 from tests.recipes.tree_copy import TreeCopy
 
+pytestmark = pytest.mark.timeout(600)  # a changed copy of the tree compiles anew
+
 #: Physics sends; haptics reads, visualization and the supervisor observe, each with the sockets that its process opens.
 RUN = """
 import json, sys, threading, time

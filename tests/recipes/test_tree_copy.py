@@ -10,6 +10,8 @@ import pytest
 
 from tests.recipes.tree_copy import RECIPES, ROOT, TreeCopy
 
+pytestmark = pytest.mark.timeout(600)  # a changed copy of the tree compiles anew
+
 RECIPE = """
 # Recipes
 
