@@ -1,13 +1,16 @@
-"""The `trocar` command: one verb per file, imported only when it is used, so that ``trocar --help`` is quick."""
+"""The `trocar` command: a verb is a signature here, and a function that is imported when it is used: help is quick."""
 
 from __future__ import annotations
 
+import functools
+import importlib
+from collections.abc import Callable
 from contextlib import closing
 from enum import StrEnum
 from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, cast
 
 import typer
 
@@ -19,11 +22,29 @@ app = typer.Typer(
     help="Trocar: an open laparoscopic haptic trainer.",
 )  # fmt: skip
 VERBS = "trocar.verbs"
+#: Options that may be given again.
+_LISTS = "overrides", "files", "topics"
 
 config_app = typer.Typer(no_args_is_help=True, help="Show configuration, and what it may say.")
 app.add_typer(config_app, name="config")
 attempts_app = typer.Typer(no_args_is_help=True, help="What was kept of trainees: list, curve, export, erase.")
 app.add_typer(attempts_app, name="attempts")
+Verb = Callable[..., None]
+
+
+def _verb(where: str, name: str | None = None, to: typer.Typer = app, **more: object) -> Callable[[Verb], Verb]:
+    """Make a signature a verb that calls with its options, and `more`, what `where` names: MODULE:FUNCTION."""
+
+    def added(signature: Verb) -> Verb:
+        @functools.wraps(signature)
+        def call(**given: Any) -> None:
+            module, _, function = where.partition(":")
+            given = {key: tuple(value or ()) if key in _LISTS else value for key, value in given.items()}
+            getattr(importlib.import_module(f"services.{module}"), function)(**given, **more)
+
+        return cast(Verb, to.command(name)(call))
+
+    return added
 
 
 class Viewer(StrEnum):
@@ -71,109 +92,84 @@ def up(
         run_up(Request(rig, scene, seconds, json_file, shown, tuple(overrides or ()), scenario), fork_server)
 
 
-@app.command()
-def down(rig: Rig = "stub", overrides: Overrides = None, json: Json = False) -> None:
+@_verb("cli.down:run_down")
+def down(rig_name: Rig = "stub", overrides: Overrides = None, as_json: Json = False) -> None:
     """End a rig that runs on this host, whatever is left of it."""
-    from services.cli.down import run_down
-
-    run_down(rig, tuple(overrides or ()), json)
 
 
-@app.command()
+@_verb("cli.top:run_top")
 def top(
     rig: Rig = "stub",
     once: Annotated[bool, typer.Option("--once", help="Print once and end.")] = False,
-    json: Json = False,
+    as_json: Json = False,
     seconds: Annotated[float, typer.Option(min=0.3, callback=finite, help="Window of the figures.")] = 2.0,
     overrides: Overrides = None,
 ) -> None:
     """Show rates, lateness, paths and topics of a running rig."""
-    from services.cli.top import run_top
-
-    run_top(rig, once, json, seconds, tuple(overrides or ()))
 
 
-@app.command()
+@_verb("cli.latency:run_latency")
 def latency(
     files: Annotated[
         list[Path] | None, typer.Argument(help="Files that the rig kept after missed ticks; without, the rig itself.")
     ] = None,
     rig: Rig = "stub",
     worst: Annotated[int, typer.Option(min=1, help="How many ticks to show.")] = 12,
-    trace: Annotated[Path | None, typer.Option(help="Write a trace that ui.perfetto.dev opens.")] = None,
-    json: Json = False,
+    trace_file: Annotated[Path | None, typer.Option("--trace", help="Write a trace for ui.perfetto.dev.")] = None,
+    as_json: Json = False,
     overrides: Overrides = None,
 ) -> None:
     """Show the worst ticks of the last seconds on one time line, and what had the core meanwhile."""
-    from services.cli.latency import run_latency
-
-    run_latency(tuple(files or ()), rig, worst, trace, json, tuple(overrides or ()))
 
 
-@app.command()
-def doctor(rig: Rig = "stub", overrides: Overrides = None, json: Json = False) -> None:
+@_verb("cli.doctor:run_doctor")
+def doctor(rig_name: Rig = "stub", overrides: Overrides = None, as_json: Json = False) -> None:
     """Check what this host can give the rig; exit code 1 where the rig cannot run."""
-    from services.cli.doctor import run_doctor
-
-    run_doctor(rig, tuple(overrides or ()), json)
 
 
-@app.command()
+@_verb("cli.sniff:run_sniff")
 def sniff(
     topic: Annotated[str | None, typer.Argument(help="Topic to print; without it, the rates of all.")] = None,
     rig: Rig = "stub",
     count: Annotated[int | None, typer.Option(min=1, help="End after so many frames.")] = None,
     seconds: Annotated[float | None, typer.Option(min=0.1, callback=finite, help="End after so long.")] = None,
-    hz: Annotated[
+    rates: Annotated[
         bool, typer.Option("--hz", help="Rate, gaps and periods of the topic instead of its frames.")
     ] = False,
     every: Annotated[bool, typer.Option("--every", help="Print every frame, not five a second.")] = False,
-    json: Json = False,
+    as_json: Json = False,
     overrides: Overrides = None,
 ) -> None:
     """Read the bus with plain msgpack: envelope and body of one topic, or the rates of all."""
-    from services.cli.sniff import run_sniff
-
-    run_sniff(rig, topic, count, seconds, hz, every, json, tuple(overrides or ()))
 
 
-@app.command()
-def arm(rig: Rig = "stub", address: Address = None, token: Token = None, overrides: Overrides = None) -> None:
+@_verb("cli.arm:run_command", what="arm")
+def arm(rig_name: Rig = "stub", address: Address = None, token: Token = None, overrides: Overrides = None) -> None:
     """End a safe stop, and try again what is at fault: the arms may push again."""
-    from services.cli.arm import run_command
-
-    run_command("arm", rig, tuple(overrides or ()), address, token)
 
 
-@app.command("safe-stop")
-def safe_stop(rig: Rig = "stub", address: Address = None, token: Token = None, overrides: Overrides = None) -> None:
+@_verb("cli.arm:run_command", "safe-stop", what="safe_stop")
+def safe_stop(
+    rig_name: Rig = "stub", address: Address = None, token: Token = None, overrides: Overrides = None
+) -> None:
     """Let the arms go limp until the rig is armed anew."""
-    from services.cli.arm import run_command
-
-    run_command("safe_stop", rig, tuple(overrides or ()), address, token)
 
 
-@app.command()
+@_verb("classroom.app:serve")
 def classroom(
     file: Annotated[Path, typer.Argument(help="TOML: `token`, and of each `[[rig]]` `name`, `address`, `trainee`.")],
     host: Annotated[str, typer.Option(help="Address to serve at.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535)] = 8090,
 ) -> None:
     """Show many rigs on one page: state, trainee, phase, last score, late or not, a picture on demand."""
-    from services.classroom.app import serve
-
-    serve(file, host, port)
 
 
-@app.command()
+@_verb("cli.make_keys:run_keys")
 def keys(
     directory: Annotated[Path, typer.Argument(help="Made if it is not there; name it as transport.keys.")],
-    json: Json = False,
+    as_json: Json = False,
 ) -> None:
     """Make the keys of a rig that spans hosts: copy the directory to each of them."""
-    from services.cli.make_keys import run_keys
-
-    run_keys(directory, json)
 
 
 @app.command()
@@ -215,30 +211,24 @@ class Form(StrEnum):
     MP4 = "mp4"
 
 
-@app.command()
+@_verb("cli.export:run_export")
 def export(
     file: Annotated[Path, typer.Argument(help="A recording.")],
     to: Annotated[Form, typer.Option("--to", help="Tables (csv, parquet), arrays (npz) or a film (mp4).")],
     out: Annotated[Path | None, typer.Option(help="File, or folder of tables; default: beside the recording.")] = None,
-    topic: Annotated[list[str] | None, typer.Option(help="Only this topic; may be given again.")] = None,
+    topics: Annotated[list[str] | None, typer.Option("--topic", help="Only this topic; may be given again.")] = None,
 ) -> None:
     """Write what a recording holds as tables with a column for each number, as arrays, or as a film."""
-    from services.cli.export import run_export
-
-    run_export(file, to.value, out, topic or ())
 
 
-@app.command()
+@_verb("cli.repair:run_repair")
 def repair(
-    files: Annotated[list[Path], typer.Argument(help="Recordings, mended in place.")], json: Json = False
+    files: Annotated[list[Path], typer.Argument(help="Recordings, mended in place.")], as_json: Json = False
 ) -> None:
     """Index recordings anew that a killed recorder left, or a full disk: the recorder does so itself at its start."""
-    from services.cli.repair import run_repair
-
-    run_repair(files, json)
 
 
-@app.command()
+@_verb("cli.score:run_score")
 def score(
     file: Annotated[Path, typer.Argument(help="A recording.")],
     scenario: Annotated[str | None, typer.Option(help="Scenario to judge by; default: the one that it names.")] = None,
@@ -246,12 +236,9 @@ def score(
     experts: Experts = None,
     trainee: Annotated[str | None, typer.Option(help="Keep the attempts as this trainee's, by pseudonym.")] = None,
     database: Database = None,
-    json: Json = False,
+    as_json: Json = False,
 ) -> None:
     """Judge the attempts in a recording: phases, errors, metrics and score."""
-    from services.cli.score import run_score
-
-    run_score(file, scenario, rules, experts, trainee, database, json)
 
 
 @app.command()
@@ -271,34 +258,28 @@ def report(
     run_report(Request(what, out, attempt, scenario, rules, experts, database, page))
 
 
-@attempts_app.command("list")
+@_verb("cli.attempts:run_list", "list", to=attempts_app)
 def attempts_list(
     trainee: Annotated[str | None, typer.Option(help="Only this trainee's.")] = None,
     scenario: Annotated[str | None, typer.Option(help="Only at this scenario.")] = None,
     database: Database = None,
-    json: Json = False,
+    as_json: Json = False,
 ) -> None:
     """List what was kept."""
-    from services.cli.attempts import run_list
-
-    run_list(database, trainee, scenario, json)
 
 
-@attempts_app.command("curve")
+@_verb("cli.attempts:run_curve", "curve", to=attempts_app)
 def attempts_curve(
     trainee: Annotated[str, typer.Argument(help="Pseudonym.")],
     scenario: Annotated[str, typer.Argument(help="Name of the scenario.")],
     rules: Rules = "mistels",
     database: Database = None,
-    json: Json = False,
+    as_json: Json = False,
 ) -> None:
     """Show how a trainee learns: times, scores, and CUSUM of failures."""
-    from services.cli.attempts import run_curve
-
-    run_curve(database, trainee, scenario, rules, json)
 
 
-@attempts_app.command("export")
+@_verb("cli.attempts:run_export", "export", to=attempts_app)
 def attempts_export(
     trainee: Annotated[str | None, typer.Argument(help="Pseudonym; without, everybody.")] = None,
     out: Annotated[
@@ -307,46 +288,31 @@ def attempts_export(
     database: Database = None,
 ) -> None:
     """Write all that is known of a trainee as JSON; such a file can be the experts of `trocar score`."""
-    from services.cli.attempts import run_export
-
-    run_export(database, trainee, out)
 
 
-@attempts_app.command("erase")
+@_verb("cli.attempts:run_erase", "erase", to=attempts_app)
 def attempts_erase(
     trainee: Annotated[str, typer.Argument(help="Pseudonym.")],
     recordings: Annotated[bool, typer.Option("--recordings", help="Erase the recordings, too.")] = False,
     database: Database = None,
-    json: Json = False,
+    as_json: Json = False,
 ) -> None:
     """Forget a trainee and all attempts."""
-    from services.cli.attempts import run_erase
-
-    run_erase(database, trainee, recordings, json)
 
 
-@app.command()
-def scenes(json: Json = False) -> None:
+@_verb("cli.scenes:run_scenes")
+def scenes(as_json: Json = False) -> None:
     """List the scenes that can be named, each with one sentence."""
-    from services.cli.scenes import run_scenes
-
-    run_scenes(json)
 
 
-@app.command()
-def tissues(json: Json = False) -> None:
+@_verb("cli.tissues:run_tissues")
+def tissues(as_json: Json = False) -> None:
     """List the walls that a scene can name as `duct.tissue`: every value with its range and source."""
-    from services.cli.tissues import run_tissues
-
-    run_tissues(json)
 
 
-@app.command()
-def scenarios(json: Json = False) -> None:
+@_verb("cli.attempt:run_scenarios")
+def scenarios(as_json: Json = False) -> None:
     """List the scenarios that `trocar up --scenario` runs, each with its goal."""
-    from services.cli.attempt import run_scenarios
-
-    run_scenarios(json)
 
 
 @app.command()
@@ -368,27 +334,21 @@ def attempt(
         run_order(rig, tuple(overrides or ()), what.value, 1.0 if value is None else value)
 
 
-@config_app.command("show")
+@_verb("cli.show_config:run_show", "show", to=config_app)
 def config_show(
     rig: Annotated[str | None, typer.Option(help="Rig file or name; the default.")] = None,
     scene: Annotated[str | None, typer.Option(help="Scene file or name.")] = None,
     device: Annotated[str | None, typer.Option(help="Device file or name.")] = None,
     origin: Annotated[bool, typer.Option("--origin", help="Where each value came from.")] = False,
-    json: Json = False,
+    as_json: Json = False,
     overrides: Overrides = None,
 ) -> None:
     """Print a configuration with all its defaults."""
-    from services.cli.show_config import run_show
-
-    run_show({"rig": rig, "scene": scene, "device": device}, origin, json, tuple(overrides or ()))
 
 
-@config_app.command("schema")
+@_verb("cli.show_config:run_schema", "schema", to=config_app)
 def config_schema(kind: Annotated[str, typer.Argument(help="rig, scene or device")] = "rig") -> None:
     """Print the JSON schema of a kind of file."""
-    from services.cli.show_config import run_schema
-
-    run_schema(kind)
 
 
 def add_installed_verbs() -> None:

@@ -17,7 +17,7 @@ from services.recordings.tables import Columns, read_columns
 FORMATS = {"csv": "a folder", "parquet": "a folder", "npz": "a file", "mp4": "a file"}
 
 
-def run_export(path: Path, to: str, out: Path | None, topics: Collection[str]) -> None:
+def run_export(file: Path, to: str, out: Path | None, topics: Collection[str]) -> None:
     """Write what a recording holds in another form, and say where.
 
     Raises
@@ -28,13 +28,13 @@ def run_export(path: Path, to: str, out: Path | None, topics: Collection[str]) -
     for topic in topics:
         if topic not in TOPICS:
             raise RecordingError(f"there is no topic {topic!r}{did_you_mean(topic, TOPICS)}")
-    place = out or path.with_suffix("" if FORMATS[to] == "a folder" else f".{to}")
+    place = out or file.with_suffix("" if FORMATS[to] == "a folder" else f".{to}")
     if to == "mp4":
         from services.cli.film import write_film
 
-        write_film(path, place)
+        write_film(file, place)
     elif to == "npz":
-        arrays = {f"{t}.{name}": a for t, c in read_columns(path, topics).items() for name, a in c.arrays().items()}
+        arrays = {f"{t}.{name}": a for t, c in read_columns(file, topics).items() for name, a in c.arrays().items()}
         place.parent.mkdir(parents=True, exist_ok=True)
         np.savez_compressed(place, **arrays)  # type: ignore[arg-type]
     else:
@@ -42,7 +42,7 @@ def run_export(path: Path, to: str, out: Path | None, topics: Collection[str]) -
         if to == "parquet":
             _need("pyarrow", to)
         place.mkdir(parents=True, exist_ok=True)
-        for topic, columns in read_columns(path, topics).items():
+        for topic, columns in read_columns(file, topics).items():
             write(place / f"{topic}.{to}", columns)
     print(place)
 

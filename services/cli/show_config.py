@@ -19,7 +19,7 @@ from services.runtime.scene_requirements import BESIDE_THE_DUCT
 KINDS = ("rig", "scene", "device")
 
 
-def run_show(names: Mapping[str, str | None], origin: bool, as_json: bool, overrides: tuple[str, ...]) -> None:
+def run_show(origin: bool, as_json: bool, overrides: tuple[str, ...], **names: str | None) -> None:
     """Print the configuration that has a name, by kind, as YAML or JSON; with `origin`, where each value came from.
 
     Raises

@@ -22,7 +22,7 @@ from services.supervisor.state_machine import RigState
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "docs" / "reference"
 _MADE = "Made by `python -m tests.docs.reference`; do not edit by hand."
-_SHARED = ("rig", "overrides", "json", "scene", "help", "address", "token")
+_SHARED = ("rig", "rig_name", "overrides", "json", "as_json", "scene", "help", "address", "token")
 """Options of many verbs, told once at the top of the page."""
 
 
