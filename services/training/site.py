@@ -149,7 +149,9 @@ def find_site(scene: str, overrides: Iterable[str] = ()) -> Site:
         one sentence, if the scene cannot be used.
     """
     here, there = multiprocessing.Pipe(duplex=False)
-    reader = multiprocessing.get_context("fork").Process(target=_send_duct, args=(there, scene, tuple(overrides)))
+    reader = multiprocessing.get_context("fork").Process(
+        target=_send_duct, args=(there, scene, tuple(overrides)), daemon=True
+    )
     reader.start()
     there.close()
     said: bytes | str = f"{scene}: no duct"
