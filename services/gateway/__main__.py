@@ -102,8 +102,9 @@ class Gateway:
         sampled_ns = time.monotonic_ns()
         for instrument in self.instruments:
             instrument.read(self._time.time_ns)
+        energy_j = sum(instrument.servo.energy_j for instrument in self.instruments)
         for instrument in self.instruments:
-            instrument.answer(sampled_ns)
+            instrument.answer(sampled_ns, energy_j - instrument.servo.energy_j)
         written_ns = time.monotonic_ns()
         state = GatewayState(
             tick=self._time.index,

@@ -23,12 +23,14 @@ class ArmFile(Settings):
     model: str
     max_force_n: Annotated[Positive, _FORCE]
     continuous_force_n: Annotated[Positive, _FORCE]
-    max_damping_n_s_m: Positive
     max_velocity_m_s: Annotated[Positive, at_most(100.0, "m/s", "no hand moves so fast")]
     count_m: Annotated[float, Field(gt=0.0, le=2e-4)] = Field(
-        description="way of the tip that a count of an encoder is; less than this in 3 ms is taken for rest"
+        description="way of the tip that a count of an encoder is: what is not seen of a hand's way"
     )
-    friction_n: Annotated[float, Field(ge=0.0, le=2.0)] = Field(description="at the tip, motors off")
+    friction_n: Annotated[float, Field(gt=0.0, le=2.0)] = Field(
+        description="at the tip, motors off: a force below it can give a hand nothing, and is never bounded"
+    )
+    max_damping_n_s_m: Positive | None = Field(None, description="has no effect; files of before it had none name it")
     velocity_filter_hz: Annotated[float, Field(gt=0.0, lt=500.0)] = 100.0
     openhaptics_centre_m: Vector3 = Field(
         (0.0, 0.0, 0.0), description="middle of the workspace as OpenHaptics counts: right, up, toward the user"
@@ -39,7 +41,6 @@ class ArmFile(Settings):
         return ArmLimits(
             self.max_force_n,
             self.continuous_force_n,
-            self.max_damping_n_s_m,
             self.max_velocity_m_s,
             self.count_m,
             self.friction_n,

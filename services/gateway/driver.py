@@ -36,7 +36,6 @@ class ArmLimits:
 
     max_force_n: float
     continuous_force_n: float
-    max_damping_n_s_m: float
     max_velocity_m_s: float
     count_m: float
     friction_n: float

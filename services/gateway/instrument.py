@@ -59,13 +59,17 @@ class Instrument:
         self.arm.read(time_ns, self._reading)
         pose.place_tool(self._reading, self._mount, self._port, self._motion, self._orientation)
 
-    def answer(self, now_ns: int) -> None:
-        """Compute the force for the pose read at `now_ns` and write it; switch the motors on where force begins."""
+    def answer(self, now_ns: int, others_j: float = 0.0) -> None:
+        """Compute the force for the pose read at `now_ns` and write it; switch the motors on where force begins.
+
+        `others_j` is the energy that the hands of all other instruments have put in.
+        """
         servo, arm = self.servo, self.arm
         if arm.fault:
             servo.engagement.fail(arm.fault)
         temperature = float(self._reading[servo_arrays.READ_TEMPERATURE])
-        if servo.step(now_ns, self._motion, temperature, calibrated=arm.calibrated, law=arm.evaluate):
+        calibrated, law = arm.calibrated, arm.evaluate
+        if servo.step(now_ns, self._motion, temperature, calibrated=calibrated, others_j=others_j, law=law):
             arm.enable()
             if self.grasp is not None:
                 self.grasp.enable()
@@ -204,7 +208,6 @@ def _build(
         force_n=min(settings.force_limit_n, arm.limits.max_force_n),
         continuous_force_n=arm.limits.continuous_force_n,
         force_rate_n_s=settings.force_rate_limit_n_s,
-        damping_n_s_m=arm.limits.max_damping_n_s_m,
         torque_nm=torque_nm if grasp is None else min(torque_nm, grasp.max_torque_nm),
         velocity_m_s=arm.limits.max_velocity_m_s,
         count_m=arm.limits.count_m,

@@ -26,7 +26,9 @@ GRAVITY = 9.80665
 
 GEARS = (13.3, 11.2, 11.2)
 ROTOR_INERTIA = 1.08e-6  # kg m2
-VISCOUS, COULOMB, COULOMB_SLOPE = 5e-4, 0.01, 10.0  # N m s/rad, N m, s/rad
+VISCOUS, COULOMB = 5e-4, 0.01  # N m s/rad, N m
+#: Joints rub in turns so often; thigh and shin are coupled by a tenth of their masses at most.
+_RUBS = 4
 STOP_STIFFNESS, STOP_DAMPING = 10.0, 0.1  # N m/rad, N m s/rad
 ANGLE_MIN = (math.radians(-90.0), math.radians(-124.0), math.radians(-29.0))
 ANGLE_MAX = (math.radians(90.0), math.radians(119.0), math.radians(214.0))
@@ -137,15 +139,36 @@ def energy(angles: FloatArray, rates: FloatArray) -> float:
 
 @kernel
 def passive_torque(angles: FloatArray, rates: FloatArray, joint: int) -> float:
-    """Return friction and hard stops of a joint in N m: they never add energy."""
+    """Return viscous friction and hard stops of a joint in N m: they never add energy. Dry friction is `rub`."""
     low, high = ANGLE_MIN[joint], ANGLE_MAX[joint]
     if joint == 1:
         low, high = max(low, angles[2] - SHIN_OVER_THIGH), min(high, angles[2] + THIGH_OVER_SHIN)
     elif joint == 2:
         low, high = max(low, angles[1] - THIGH_OVER_SHIN), min(high, angles[1] + SHIN_OVER_THIGH)
-    torque = -VISCOUS * rates[joint] - COULOMB * math.tanh(COULOMB_SLOPE * rates[joint])
+    torque = -VISCOUS * rates[joint]
     if angles[joint] < low:
         torque += STOP_STIFFNESS * (low - angles[joint]) - STOP_DAMPING * rates[joint]
     elif angles[joint] > high:
         torque += STOP_STIFFNESS * (high - angles[joint]) - STOP_DAMPING * rates[joint]
     return float(torque)
+
+
+@kernel
+def rub(angles: FloatArray, rates: FloatArray, dt: float) -> None:
+    """Change rates (3,) by what dry friction does in `dt`: an impulse a joint of at most COULOMB dt, which stops it.
+
+    As a steep torque through rest it would let an arm creep under a held force, and its encoders toggle.
+    """
+    m11, m22, m23, m33 = mass(angles)
+    most, determinant = COULOMB * dt, m22 * m33 - m23 * m23
+    rates[0] -= min(max(m11 * rates[0], -most), most) / m11
+    w2, w3, pull2, pull3 = rates[1], rates[2], 0.0, 0.0
+    for _ in range(_RUBS):
+        w2 = rates[1] + (m33 * pull2 - m23 * pull3) / determinant
+        pull2 = min(max(pull2 - w2 * determinant / m33, -most), most)
+        w3 = rates[2] + (m22 * pull3 - m23 * pull2) / determinant
+        pull3 = min(max(pull3 - w3 * determinant / m22, -most), most)
+    w2 = rates[1] + (m33 * pull2 - m23 * pull3) / determinant
+    w3 = rates[2] + (m22 * pull3 - m23 * pull2) / determinant
+    rates[1] = w2 if abs(pull2) == most else 0.0
+    rates[2] = w3 if abs(pull3) == most else 0.0

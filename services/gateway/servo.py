@@ -31,7 +31,6 @@ class ServoLimits:
     force_n: float
     continuous_force_n: float
     force_rate_n_s: float
-    damping_n_s_m: float
     torque_nm: float
     velocity_m_s: float
     count_m: float
@@ -43,7 +42,6 @@ class ServoLimits:
         out[servo_arrays.LIMIT_FORCE] = self.force_n
         out[servo_arrays.LIMIT_CONTINUOUS_FORCE] = min(self.continuous_force_n, self.force_n)
         out[servo_arrays.LIMIT_RATE] = self.force_rate_n_s
-        out[servo_arrays.LIMIT_DAMPING] = self.damping_n_s_m
         out[servo_arrays.LIMIT_TORQUE] = self.torque_nm
         out[servo_arrays.LIMIT_TORQUE_RATE] = self.torque_nm * self.force_rate_n_s / self.force_n
         out[servo_arrays.LIMIT_COUNT], out[servo_arrays.LIMIT_FRICTION] = self.count_m, self.friction_n
@@ -102,7 +100,7 @@ class Servo:
 
     @property
     def energy_j(self) -> float:
-        """Energy that the hand has put into the present contact; negative: more came out."""
+        """Energy that the hand has put in since it was free; negative: more came out."""
         return float(self._memory[servo_arrays.MEMORY_ENERGY])
 
     def accept(self, model: FloatArray, ttl_s: float, answers_ns: int, incarnation: int) -> None:
@@ -124,6 +122,7 @@ class Servo:
         temperature: float,
         *,
         calibrated: bool,
+        others_j: float = 0.0,
         law: Law = servo_law.servo_force,
     ) -> bool:
         """Compute `force_n` for the pose read at `now_ns`; return True where motors must be switched on.
@@ -136,6 +135,8 @@ class Servo:
             Hottest motor, 0 ambient to 1 limit.
         calibrated
             Whether the device knows where it is.
+        others_j
+            Energy that the hands of all other instruments have put in.
         law
             What computes the force; an arm with a thread of its own does so there.
         """
@@ -156,6 +157,7 @@ class Servo:
         now[servo_arrays.NOW_AGE] = self.age_s
         now[servo_arrays.NOW_GAIN] = self.engagement.gain
         now[servo_arrays.NOW_TEMPERATURE] = temperature
+        now[servo_arrays.NOW_OTHERS] = others_j
         law(self._model, motion, self._limits, now, self._memory)
         return begins
 

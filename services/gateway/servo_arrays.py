@@ -14,16 +14,20 @@ HANDLE_ANGLE, HANDLE_RATE, HANDLE_SIZE = 0, 1, 2
 
 # What the servo may do with an arm; of its own an encoder's count at the tip, m, and the friction, N.
 (
-    LIMIT_FORCE, LIMIT_CONTINUOUS_FORCE, LIMIT_RATE, LIMIT_DAMPING, LIMIT_TORQUE, LIMIT_TORQUE_RATE,
+    LIMIT_FORCE, LIMIT_CONTINUOUS_FORCE, LIMIT_RATE, LIMIT_TORQUE, LIMIT_TORQUE_RATE,
     LIMIT_COUNT, LIMIT_FRICTION, LIMIT_SIZE,
-) = range(9)  # fmt: skip
+) = range(8)  # fmt: skip
 
-# The present tick: time since the last, age of the model and of its end, engagement of arm and handle, temperature.
-NOW_DT, NOW_AGE, NOW_TTL, NOW_GAIN, NOW_GRASP_GAIN, NOW_TEMPERATURE, NOW_SIZE = range(7)
+# The present tick: time since the last, age of the model and of its end, engagement of arm and handle, temperature,
+# and the energy that the hands of all other instruments have put in.
+NOW_DT, NOW_AGE, NOW_TTL, NOW_GAIN, NOW_GRASP_GAIN, NOW_TEMPERATURE, NOW_OTHERS, NOW_SIZE = range(8)
 
 # What the servo remembers between ticks.
-MEMORY_FORCE, MEMORY_POSITION = 0, 3
-MEMORY_ENERGY, MEMORY_HOT, MEMORY_DEMAND, MEMORY_REFUSED, MEMORY_SCALE, MEMORY_TORQUE, MEMORY_SIZE = range(6, 13)
+MEMORY_FORCE, MEMORY_POSITION, MEMORY_WAY = 0, 3, 6
+(
+    MEMORY_ENERGY, MEMORY_HOT, MEMORY_DEMAND, MEMORY_REFUSED, MEMORY_SCALE, MEMORY_STIFFNESS, MEMORY_TORQUE,
+    MEMORY_SIZE,
+) = range(9, 17)  # fmt: skip
 
 
 @kernel

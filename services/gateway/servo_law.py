@@ -1,21 +1,14 @@
 r"""The force law of the servo: pure numbers, no clock, no bus, no device.
 
-What may reach a hand is bounded here and nowhere else, in this order: model, passivity, norm, rate.
+What may reach a hand is bounded here and nowhere else, in this order: model, norm, rate, energy.
 
 * A model is used as it is up to an age of 5 ms (a quarter of its life where that is shorter); then its elastic part
   fades, then its damping.
 * Whatever the model says, :math:`|f| \le R (T - a)` with the rate limit R, the model's life T and its age a: a
   force that is never larger than what can still be taken back, so it reaches zero at T without a step.
-* The observer of Hannaford and Ryu (IEEE Trans. Robotics and Automation 18(1), 2002) sums the energy that the hand
-  puts in, exactly for a force held between two positions: :math:`E \mathrel{-}= f_{k-1} \cdot (x_k - x_{k-1})`.
-  Where it is negative, more came out than went in; damping :math:`\alpha = -E / (\Delta t\, v^2)` takes that back.
-  But for what a force, and the arm's own friction, do over one count of its encoders: that is noise and not energy. A
-  Premium's jaws that closed on a wall, or slipped on it, were kicked by 25 and 50 mN for 0.3 and 0.6 uJ, as a count in
-  each of three joints reads as 12 mm/s. So much stays owed, at any time, and the friction takes it. Count and friction
-  are those of the device file.
-* Force and damping both come late where the rate limit holds them, and a force that is late may push. So a servo that
-  owes energy is bounded beforehand: the largest force falls with what is owed, to zero at 2 mJ. What is owed outlives
-  the contact, and is forgiven within a second or so.
+* Force rises, and turns, by no more than the rate limit. It falls as fast as the spring that the hand unloads: a force
+  that outlives its contact would push the hand that leaves.
+* It gives no more than all hands have put in: `energy_bound`.
 """
 
 from __future__ import annotations
@@ -35,24 +28,21 @@ from protocol.bodies.haptics import (
     MODEL_V0,
     MODEL_X0,
 )
+from services.gateway.energy_bound import book_work, bound_force, settle
 from services.gateway.servo_arrays import (
     HANDLE_ANGLE,
     HANDLE_RATE,
     LIMIT_CONTINUOUS_FORCE,
-    LIMIT_COUNT,
-    LIMIT_DAMPING,
     LIMIT_FORCE,
-    LIMIT_FRICTION,
     LIMIT_RATE,
     LIMIT_TORQUE,
     LIMIT_TORQUE_RATE,
     MEMORY_DEMAND,
-    MEMORY_ENERGY,
     MEMORY_FORCE,
     MEMORY_HOT,
-    MEMORY_POSITION,
     MEMORY_REFUSED,
     MEMORY_SCALE,
+    MEMORY_STIFFNESS,
     MEMORY_TORQUE,
     NOW_AGE,
     NOW_DT,
@@ -64,7 +54,7 @@ from services.gateway.servo_arrays import (
 from services.gateway.slew import slew, slew_vector
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
-from services.mechanics.compiled.vectors import scaled
+from services.mechanics.compiled.vectors import Vector, dot, scaled
 
 #: A model is used as it is up to this age, and up to this share of its life.
 HOLD_S, HOLD_SHARE = 0.005, 0.25
@@ -78,17 +68,8 @@ MAX_STEP_S = 0.003
 #: exchange that came late. Two handles in turn fade more than half of the largest torque in up to 40 ms, where a model
 #: lives 20; a drive lets go by itself after 50.
 MAX_TORQUE_STEP_S = 0.001
-#: Slower than a count of the arm's encoders in this time, the observer's correction would be their noise: 10 mm/s of a
-#: Premium, 18 of a Touch, 8 of a Touch X.
-STILL_S = 0.003
 #: Below this force the hand is free: the rate limit lets a force outlive its contact by some ticks.
 LIMP_N = 1e-3
-#: Energy that may have come out of the servo before it gives no force any more; from the first of it on it gives less.
-MOST_OWED_J = 0.002
-#: What is owed is forgiven by and by, as the arm's own friction takes more: nobody stays limp.
-FORGIVEN_S = 1.0
-#: Energy that the observer remembers: long friction must not pay for a later burst.
-MAX_STORED_J = 0.05
 
 
 @kernel
@@ -125,22 +106,24 @@ def servo_force(model: FloatArray, motion: FloatArray, limits: FloatArray, now: 
         Carries the last force, position and energy; changed in place. A force that is not finite counts in
         ``MEMORY_REFUSED`` and is taken as zero.
     """
-    _observe(model, motion, now, memory)
+    way = book_work(motion, limits, memory)
+    settle(now, _is_free(model, now, memory), memory)
     elastic = elastic_share(now[NOW_AGE], now[NOW_TTL])
     damping = damping_share(now[NOW_AGE], now[NOW_TTL])
-    x = _model_force(model, motion, 0, elastic, damping)
-    y = _model_force(model, motion, 1, elastic, damping)
-    z = _model_force(model, motion, 2, elastic, damping)
+    x = model_force(model, motion, 0, elastic, damping)
+    y = model_force(model, motion, 1, elastic, damping)
+    z = model_force(model, motion, 2, elastic, damping)
     demand = math.sqrt(x * x + y * y + z * z)
     if not math.isfinite(demand):
         memory[MEMORY_REFUSED] += 1.0
         x, y, z, demand = 0.0, 0.0, 0.0, 0.0
     gain = now[NOW_GAIN]
-    alpha = 0.0 if _is_free(model, now, memory) else _passivity_damping(motion, limits, now, memory)
-    wanted = (gain * x - alpha * motion[3], gain * y - alpha * motion[4], gain * z - alpha * motion[5])
+    wanted = (gain * x, gain * y, gain * z)
     memory[MEMORY_DEMAND] = demand
     memory[MEMORY_SCALE] = gain * elastic
+    _unload(model, way, wanted, memory)
     _approach(wanted, _largest_force(limits, now, memory), limits[LIMIT_RATE] * min(now[NOW_DT], MAX_STEP_S), memory)
+    bound_force(way, limits, now, memory)
 
 
 @kernel
@@ -164,7 +147,8 @@ def servo_torque(
 
 
 @kernel
-def _model_force(model: FloatArray, motion: FloatArray, axis: int, elastic: float, damping: float) -> float:
+def model_force(model: FloatArray, motion: FloatArray, axis: int, elastic: float, damping: float) -> float:
+    """Return what a model says along an axis, N, of whose elastic part and damping these shares are left."""
     spring, friction = model[MODEL_F0 + axis], 0.0
     for j in range(3):
         spring -= model[MODEL_K + 3 * axis + j] * (motion[j] - model[MODEL_X0 + j])
@@ -174,28 +158,24 @@ def _model_force(model: FloatArray, motion: FloatArray, axis: int, elastic: floa
 
 
 @kernel
-def _observe(model: FloatArray, motion: FloatArray, now: FloatArray, memory: FloatArray) -> None:
-    for i in range(3):
-        memory[MEMORY_ENERGY] -= memory[MEMORY_FORCE + i] * (motion[i] - memory[MEMORY_POSITION + i])
-        memory[MEMORY_POSITION + i] = motion[i]
-    if not math.isfinite(memory[MEMORY_ENERGY]) or now[NOW_GAIN] == 0.0:
-        memory[MEMORY_ENERGY] = 0.0
-    if _is_free(model, now, memory):  # a contact begins without savings, but with what is still owed
-        memory[MEMORY_ENERGY] = min(memory[MEMORY_ENERGY], 0.0)
-    if memory[MEMORY_ENERGY] < 0.0:
-        memory[MEMORY_ENERGY] *= max(0.0, 1.0 - now[NOW_DT] / FORGIVEN_S)
-    memory[MEMORY_ENERGY] = min(memory[MEMORY_ENERGY], MAX_STORED_J)
-
-
-@kernel
-def _passivity_damping(motion: FloatArray, limits: FloatArray, now: FloatArray, memory: FloatArray) -> float:
-    v2 = motion[3] ** 2 + motion[4] ** 2 + motion[5] ** 2
-    still = v2 < (limits[LIMIT_COUNT] / STILL_S) ** 2 or now[NOW_DT] <= 0.0
-    held = math.sqrt(memory[MEMORY_FORCE] ** 2 + memory[MEMORY_FORCE + 1] ** 2 + memory[MEMORY_FORCE + 2] ** 2)
-    owed = -memory[MEMORY_ENERGY] - limits[LIMIT_COUNT] * (held + limits[LIMIT_FRICTION])
-    if owed <= 0.0 or still or now[NOW_GAIN] == 0.0:
-        return 0.0
-    return float(min(owed / (now[NOW_DT] * v2), limits[LIMIT_DAMPING]))
+def _unload(model: FloatArray, way: Vector, wanted: Vector, memory: FloatArray) -> None:
+    """Let the force fall to what is wanted along it, as fast as the spring does that the hand unloads."""
+    force = (memory[MEMORY_FORCE], memory[MEMORY_FORCE + 1], memory[MEMORY_FORCE + 2])
+    held = math.sqrt(dot(force, force))
+    if held == 0.0:
+        memory[MEMORY_STIFFNESS] = 0.0
+        return
+    if model[MODEL_CONTACT] != 0.0:
+        stiffness = 0.0
+        for i in range(3):
+            for j in range(3):
+                stiffness += force[i] * model[MODEL_K + 3 * i + j] * force[j]
+        memory[MEMORY_STIFFNESS] = stiffness / (held * held)
+    unloaded = memory[MEMORY_STIFFNESS] * dot(way, force) / held
+    fall = min(unloaded, held - max(0.0, dot(wanted, force) / held))
+    if fall > 0.0:
+        for i in range(3):
+            memory[MEMORY_FORCE + i] = force[i] * (held - fall) / held
 
 
 @kernel
@@ -212,8 +192,6 @@ def _largest_force(limits: FloatArray, now: FloatArray, memory: FloatArray) -> f
     elif now[NOW_TEMPERATURE] < COOL:
         memory[MEMORY_HOT] = 0.0
     largest = limits[LIMIT_CONTINUOUS_FORCE] if memory[MEMORY_HOT] > 0.0 else limits[LIMIT_FORCE]
-    if limits[LIMIT_DAMPING] > 0.0:
-        largest *= min(1.0, max(0.0, 1.0 + memory[MEMORY_ENERGY] / MOST_OWED_J))
     return float(min(largest, limits[LIMIT_RATE] * max(0.0, now[NOW_TTL] - now[NOW_AGE])))
 
 

@@ -96,6 +96,8 @@ def step_links(
         premium_model.accelerate(angles, rates, torque, out)
         for joint in range(3):
             rates[joint] += dt * out[joint]
+        premium_model.rub(angles, rates, dt)
+        for joint in range(3):
             angles[joint] += dt * rates[joint]
 
 

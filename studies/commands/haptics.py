@@ -26,7 +26,7 @@ from studies.commands.progress_bar import progress_line
 from studies.commands.running_insertion import SCENE, run_insertion
 from studies.feel.figures import draw_borders, draw_energies, draw_transparency
 from studies.feel.late import answer_late, solve
-from studies.feel.measure import energies, passive_borders, stable_borders, transparency
+from studies.feel.measure import energies, hunts, passive_borders, slow_rows, stable_borders, transparency
 from studies.feel.report import Felt, write_page
 from studies.feel.tracking import Running, find_running
 from studies.pool import open_pool
@@ -65,7 +65,9 @@ def run_haptics(request: Request) -> None:
     with progress_line() as tell, open_pool(os.cpu_count() or 1) as executor:
         late = answer_late(solve(cache_directory() / "bases"))
         won = energies(request.hands, executor, tell)
-        felt = Felt(passive_borders(), stable_borders(), transparency(), won, late, read_running(figures / RUNNING))
+        hunted, slow = hunts(request.hands, executor, tell), slow_rows(request.hands // 2)
+    running = read_running(figures / RUNNING)
+    felt = Felt(passive_borders(), stable_borders(), transparency(), won, late, hunted, slow, running)
     if request.json:
         print(json.dumps({"page": str(request.out), **_data(felt)}))
     with targets.writing("--out", request.out):
@@ -104,6 +106,8 @@ def read_running(file: Path) -> Running | None:
 def _data(felt: Felt) -> dict[str, object]:
     return {
         "worst_border": felt.worst_border(),
+        "hunted": [asdict(each) for each in felt.hunted],
+        "slow": [asdict(each) for each in felt.slow],
         "running": None if felt.running is None else msgspec.to_builtins(felt.running),
         "energies": [
             {

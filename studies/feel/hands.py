@@ -39,8 +39,8 @@ from services.gateway.simulated_arm import (
 from services.mechanics.arrays import FloatArray
 
 TTL_S = 0.02
-#: Largest force, its rate, the arm's largest damping: those of the stub rig and the Premium's device file.
-FORCE_N, RATE_N_S, DAMPING_N_S_M = 3.0, 200.0, 5.0
+#: Largest force and its rate: those of the stub rig.
+FORCE_N, RATE_N_S = 3.0, 200.0
 
 
 @dataclass(frozen=True)
@@ -57,8 +57,8 @@ class Attack:
         Part of the models that never come.
     local
         Whether stiffness travels, or only the force that the wall had when the model was made.
-    controller
-        Whether the passivity controller is on.
+    bounded
+        Whether a force gives no more than was put in.
     hand_n_m, hand_n_s_m
         Stiffness and damping of the hand.
     depth_m, hertz
@@ -72,7 +72,7 @@ class Attack:
     bus_delay: int
     lost: float
     local: bool
-    controller: bool
+    bounded: bool
     hand_n_m: float
     hand_n_s_m: float
     depth_m: float
@@ -81,7 +81,7 @@ class Attack:
     seed: int
 
 
-def random_attack(seed: int, *, local: bool = True, controller: bool = True) -> Attack:
+def random_attack(seed: int, *, local: bool = True, bounded: bool = True) -> Attack:
     """Return attack `seed`: stiffnesses and frequencies spread over decades, delays to 19 ticks, up to half lost."""
     draw = np.random.default_rng(seed)
     return Attack(
@@ -89,7 +89,7 @@ def random_attack(seed: int, *, local: bool = True, controller: bool = True) -> 
         bus_delay=int(draw.integers(1, 20)),
         lost=float(draw.choice([0.0, 0.05, 0.5])),
         local=local,
-        controller=controller,
+        bounded=bounded,
         hand_n_m=float(10.0 ** draw.uniform(1.0, 3.0)),
         hand_n_s_m=float(draw.uniform(0.2, 5.0)),
         depth_m=float(10.0 ** draw.uniform(-4.0, -2.2)),
@@ -178,7 +178,7 @@ def attack_servo(attack: Attack, ticks: int = 1500) -> Book:
     centre = premium_model.centre()
     wall = _Wall(attack, 0.0, random)
     reading, motion, memory = np.zeros(READ_SIZE), np.zeros(6), np.zeros(MEMORY_SIZE)
-    (limits, now), hand, books = servo_settings(controller=attack.controller), np.zeros(HAND_SIZE), Books()
+    (limits, now), hand, books = servo_settings(bounded=attack.bounded), np.zeros(HAND_SIZE), Books()
     for k in range(ticks + 400):
         arm.read(centre, reading)
         motion[:3], motion[3:] = reading[READ_POSITION:][:3], reading[READ_VELOCITY:][:3]
@@ -192,24 +192,23 @@ def attack_servo(attack: Attack, ticks: int = 1500) -> Book:
 
 
 def _friction_j(angles: FloatArray, then: FloatArray, rates: FloatArray, rates_then: FloatArray) -> float:
-    """Return what the joints' friction took in a tick, J: its torque at the mean rate, over the way."""
+    """Return what the joints' friction took over the way of a tick, J: the viscous one at the mean rate."""
     middle, rate = (angles + then) / 2.0, (rates + rates_then) / 2.0
     torques = np.array([premium_model.passive_torque(middle, rate, joint) for joint in range(3)])
-    return -float(torques @ (then - angles))
+    return float(premium_model.COULOMB * np.abs(then - angles).sum() - torques @ (then - angles))
 
 
-def servo_settings(*, controller: bool = True) -> tuple[FloatArray, FloatArray]:
+def servo_settings(*, bounded: bool = True) -> tuple[FloatArray, FloatArray]:
     """Return the limits of the servo law, and its present as of a model that has just come: `layout` has their places.
 
     Parameters
     ----------
-    controller
-        Whether the passivity controller may damp.
+    bounded
+        Whether a force gives no more than was put in; else the law takes the arm's friction for endless.
     """
     limits, now = np.zeros(LIMIT_SIZE), np.zeros(NOW_SIZE)
-    damping_n_s_m = DAMPING_N_S_M if controller else 0.0
-    own = premium_model.COUNT_M, premium_model.FRICTION_N
-    limits[:] = (FORCE_N, FORCE_N, RATE_N_S, damping_n_s_m, 0.3, 30.0, *own)
+    own = premium_model.COUNT_M, premium_model.FRICTION_N if bounded else math.inf
+    limits[:] = (FORCE_N, FORCE_N, RATE_N_S, 0.3, 30.0, *own)
     now[NOW_DT], now[NOW_TTL], now[NOW_GAIN] = TICK_S, TTL_S, 1.0
     return limits, now
 

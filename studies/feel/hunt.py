@@ -1,4 +1,4 @@
-"""The hunt for a hand that gets energy out of the servo: ``python -m studies.feel.hunt``, as rows of a table.
+"""The hunt for hands that get energy out of the servo: ``python -m studies.feel.hunt [--pairs]``, as rows of a table.
 
 Searches begin anew at many places, half of them for the most energy, half for the most of all that went to and fro.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from services.gateway.device_files import ArmFile
 from services.mechanics.arrays import FloatArray
 from services.runtime import config
+from studies.feel.pairs import DIMENSIONS, books_of_pairs
 from studies.feel.search import search
 from studies.feel.wall_hands import GAINED, MOVED, RANGES, ArmAtWall, arm_at_wall, books_of, decode
 
@@ -22,54 +23,74 @@ from studies.feel.wall_hands import GAINED, MOVED, RANGES, ArmAtWall, arm_at_wal
 MASSES_KG = {"phantom_premium_1_5": 0.1, "touch": 0.06, "touch_x": 0.07}
 GENERATIONS = 80
 
+Books = Callable[[FloatArray], FloatArray]
+
 
 @dataclass(frozen=True)
 class Hunted:
-    """What came of all hands at one arm: how many, how many gained, and the most that one had, J."""
+    """What came of all hands, or pairs: at which arm, how many, how many gained, and the most that one had, J."""
 
     arm: str
-    controller: bool
+    bounded: bool
     hands: int
     gaining: int
     most_j: float
 
-
-def hunt(name: str, searches: int, *, controller: bool = True, first_seed: int = 0) -> Hunted:
-    """Search for hands that gain at one arm; without ``controller`` the law has no passivity controller."""
-    file = config.load(ArmFile, config.find("device", name))[0]
-    arm = arm_at_wall(file, MASSES_KG[name], controller=controller)
-    gained = np.concatenate(list(_gained(arm, searches, first_seed)))
-    return Hunted(name, controller, len(gained), int(np.sum(gained > 0.0)), float(gained.max()))
+    def row(self) -> str:
+        """Return it as a row of a table."""
+        most = f"{1e3 * self.most_j:.3f} mJ" if self.most_j > 0.0 else "nothing"
+        bounded = "yes" if self.bounded else "no"
+        return f"| {self.arm} | {bounded} | {self.hands:,} | {self.gaining:,} | {most} |"
 
 
-def _gained(arm: ArmAtWall, searches: int, first_seed: int) -> Iterator[FloatArray]:
+def arm_of(name: str, *, bounded: bool = True) -> ArmAtWall:
+    """Return the arm of a device file, as a mass."""
+    return arm_at_wall(config.load(ArmFile, config.find("device", name))[0], MASSES_KG[name], bounded=bounded)
+
+
+def hunt(name: str, searches: int, *, bounded: bool = True, first_seed: int = 0) -> Hunted:
+    """Search for hands that gain at one arm; not ``bounded`` a force may give what was not put in."""
+    arm = arm_of(name, bounded=bounded)
+    gained = _gained(lambda points: books_of(decode(points), arm), len(RANGES), searches, first_seed)
+    return Hunted(name, bounded, len(gained), int(np.sum(gained > 0.0)), float(gained.max()))
+
+
+def hunt_pairs(searches: int, *, bounded: bool = True, first_seed: int = 0) -> Hunted:
+    """Search for pairs of hands that gain together, at the linked Premium."""
+    gained = _gained(lambda points: books_of_pairs(points, bounded=bounded), DIMENSIONS, searches, first_seed)
+    return Hunted("two linked Premiums", bounded, len(gained), int(np.sum(gained > 0.0)), float(gained.max()))
+
+
+def _gained(books_of: Books, dimensions: int, searches: int, first_seed: int) -> FloatArray:
+    """Return what each hand gained that the searches looked at, J."""
+    found: list[FloatArray] = []
     for seed in range(first_seed, first_seed + searches):
-        found: list[FloatArray] = []
 
-        def value(points: FloatArray, seed: int = seed, found: list[FloatArray] = found) -> FloatArray:
-            books = books_of(decode(points), arm)
+        def value(points: FloatArray, seed: int = seed) -> FloatArray:
+            books = books_of(points)
             found.append(books[:, GAINED])
             return books[:, GAINED] / np.maximum(books[:, MOVED], 1e-6) if seed % 2 else books[:, GAINED]
 
-        search(value, len(RANGES), GENERATIONS, seed)
-        yield np.concatenate(found)
+        search(value, dimensions, GENERATIONS, seed)
+    return np.concatenate(found)
 
 
 def main() -> None:
-    """Print a row for each arm, with the passivity controller and without."""
+    """Print a row for each arm, with the bound by energy and without."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--searches", type=int, default=40, help="at each arm")
     parser.add_argument("--seed", type=int, default=0, help="of the first")
+    parser.add_argument("--pairs", action="store_true", help="two hands at one piece of tissue, linked Premiums")
     asked = parser.parse_args()
-    _say("| arm | controller | hands | gained | most, mJ |")
+    _say("| arm | bounded | hands | gained | most |")
     _say("| --- | --- | --- | --- | --- |")
-    for controller in (True, False):
+    for bounded in (True, False):
+        searches = asked.searches if bounded else max(1, asked.searches // 10)
+        if asked.pairs:
+            _say(hunt_pairs(searches, bounded=bounded, first_seed=asked.seed).row())
+            continue
         for name in MASSES_KG:
-            searches = asked.searches if controller else max(1, asked.searches // 10)
-            row = hunt(name, searches, controller=controller, first_seed=asked.seed)
-            most = f"{1e3 * row.most_j:.3f}" if row.most_j > 0.0 else "nothing"
-            yes = "yes" if controller else "no"
-            _say(f"| {row.arm} | {yes} | {row.hands:,} | {row.gaining:,} | {most} |")
+            _say(hunt(name, searches, bounded=bounded, first_seed=asked.seed).row())
 
 
 def _say(line: str) -> None:

@@ -26,7 +26,7 @@ from studies.feel.hands import servo_settings
 WITHIN = 0.05
 #: Added to every answer, ms; and the most that is added to each by itself, drawn evenly.
 ADDED: tuple[tuple[int, int], ...] = (
-    (0, 0), (2, 0), (5, 0), (10, 0), (20, 0), (50, 0), (100, 0), (0, 5), (0, 20), (0, 100),
+    (0, 0), (2, 0), (5, 0), (10, 0), (20, 0), (100, 0), (0, 5), (0, 20), (0, 100),
 )  # fmt: skip
 TOOLS = ("catheter", "wall")
 _LONG_AGO = 10**6

@@ -7,8 +7,11 @@ import math
 from collections.abc import Iterable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import partial
 
 from studies.feel.hands import Attack, Book, attack_servo, random_attack
+from studies.feel.hunt import MASSES_KG, Hunted, hunt, hunt_pairs
+from studies.feel.slow_hands import WALLS_N_M, Slow, feel_walls
 from studies.feel.virtual_wall import (
     VirtualWall,
     measured_passive_friction,
@@ -36,12 +39,12 @@ WAYS: tuple[tuple[str, int | None], ...] = (
     ("force over the bus, 20 ms", 20),
     ("force over the bus, 100 ms", 100),
 )
-#: What a hand may be up against: whether stiffness travels, whether the passivity controller is on.
+#: What a hand may be up against: whether stiffness travels, whether a force gives no more than was put in.
 KINDS: tuple[tuple[str, bool, bool], ...] = (
-    ("local model, controller", True, True),
-    ("local model, no controller", True, False),
-    ("force over the bus, controller", False, True),
-    ("force over the bus, no controller", False, False),
+    ("local model, bounded", True, True),
+    ("local model, not bounded", True, False),
+    ("force over the bus, bounded", False, True),
+    ("force over the bus, not bounded", False, False),
 )
 
 
@@ -137,11 +140,29 @@ def transparency() -> list[Rendered]:
 def energies(count: int, executor: Executor, tell: Tell) -> list[Energies]:
     """Return what `count` hands got out of each kind of servo; seeds 0 to `count` - 1."""
     found = []
-    for kind, local, controller in KINDS:
-        attacks = tuple(random_attack(seed, local=local, controller=controller) for seed in range(count))
+    for kind, local, bounded in KINDS:
+        attacks = tuple(random_attack(seed, local=local, bounded=bounded) for seed in range(count))
         books = tuple(_told(executor.map(attack_servo, attacks, chunksize=8), kind, count, tell))
         found.append(Energies(kind, attacks, books))
     return found
+
+
+def hunts(count: int, executor: Executor, tell: Tell) -> list[Hunted]:
+    """Return what searches found at each arm and for pairs, the bound on and off; 10 hands for each of `count`."""
+    searches = max(1, count // 100)
+    asked = [(hunt, (name, searches), True) for name in MASSES_KG] + [(hunt_pairs, (max(1, searches // 5),), True)]
+    asked += [(hunt, (name, 1), False) for name in MASSES_KG] + [(hunt_pairs, (1,), False)]
+    waiting = [executor.submit(partial(ask, *words, bounded=bounded)) for ask, words, bounded in asked]
+    found = []
+    for done, each in enumerate(waiting, 1):
+        found.append(each.result())
+        tell("searches", done, len(waiting))
+    return found
+
+
+def slow_rows(count: int) -> list[Slow]:
+    """Return what `count` slow hands at each arm feel of walls."""
+    return [feel_walls(name, walls, max(1, count)) for name in MASSES_KG for walls in WALLS_N_M]
 
 
 def _told(books: Iterable[Book], kind: str, count: int, tell: Tell) -> Iterable[Book]:

@@ -11,8 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from services.atomic_file import atomic_file
+from studies.feel.hunt import Hunted
 from studies.feel.late import TOOLS, WITHIN, Late
 from studies.feel.measure import TABLE_HZ, WAYS, Border, Energies, Rendered
+from studies.feel.slow_hands import Slow
 from studies.feel.tracking import WITHIN as TRACKED_WITHIN
 from studies.feel.tracking import Running
 
@@ -28,6 +30,8 @@ class Felt:
     rendered: Sequence[Rendered]
     energies: Sequence[Energies]
     late: Sequence[Late]
+    hunted: Sequence[Hunted]
+    slow: Sequence[Slow]
     running: Running | None = None
 
     def worst_border(self) -> float:
@@ -56,6 +60,8 @@ def _lines(felt: Felt, made_with: Sequence[str], figures: str) -> Iterator[str]:
     yield from _running(felt.running, made_with)
     yield from _late(felt.late)
     yield from _energies(felt.energies, figures)
+    yield from _hunted(felt.hunted)
+    yield from _slow(felt.slow)
     yield ""
 
 
@@ -78,10 +84,8 @@ def _borders(felt: Felt, figures: str) -> Iterator[str]:
     yield f"![Borders]({figures}/borders.svg)"
     yield ""
     yield from _words(
-        "Theory and measurement differ most at long delays: stability theory holds while K (T/2 + t)^2 is small "
-        "beside the mass, and a wall is a little more stable than predicted. With the passivity controller a wall"
-        " that is too stiff does not run away: it oscillates at the 10 mm/s below which the controller is silent,"
-        " by 0.07 mm at 1,500 N/m."
+        "They differ most at long delays, where K (T/2 + t)^2 is not small beside the mass. Nothing bounds the energy "
+        "here; where it is bounded, a wall that is too stiff gives back what was put in, and does not run away."
     )
     yield ""
     yield "| a wall of 500 N/m, servo at 1 kHz, force | needs a friction of, N s/m | measured |"
@@ -226,12 +230,41 @@ def _energies(found: Sequence[Energies], figures: str) -> Iterator[str]:
         yield f"| {each.kind} | **{each.gaining}** of {count} | {worst} | {each.servo_gaining} times |"
     yield ""
     yield from _words(
-        "The last column leaves out the arm's own friction: at speeds below 10 mm/s encoders and the held force "
-        "give a little energy, and a controller that took it back would add more noise than it removes."
+        "The last column leaves out the arm's own friction. Encoders and the held force give a little energy, which "
+        "the friction takes: a bound that took it back would add more noise than it removes."
     )
     yield ""
     yield from _gaining(found[0])
     yield f"![Energies]({figures}/energies.svg)"
+
+
+def _hunted(found: Sequence[Hunted]) -> Iterator[str]:
+    yield ""
+    yield from _words(
+        "Hands that a search (CMA-ES) moves towards those that gain, at arms of the device files as masses with count "
+        "and friction; walls to 2,500 N/m, answers 1 to 20 ms late; and pairs at one piece of tissue:"
+    )
+    yield ""
+    yield "| arm | bounded | hands | gained | most |"
+    yield "| --- | --- | --- | --- | --- |"
+    yield from (each.row() for each in found)
+
+
+def _slow(found: Sequence[Slow]) -> Iterator[str]:
+    yield ""
+    yield "## What the bound takes from slow hands"
+    yield ""
+    yield from _words(
+        "Mean distance of the felt force from the wall's own, where the hand truly is, of hands that press with 0.1 to "
+        "2 N at 5 to 50 mm/s; answers 1 to 4 ms late. A hand tells forces apart that differ by 7 %."
+    )
+    yield ""
+    walls = list(dict.fromkeys(each.walls_n_m for each in found))
+    yield "| law (local model alone) | " + " | ".join(f"{low:,.0f} to {high:,.0f} N/m" for low, high in walls) + " |"
+    yield "| --- |" + " --- |" * len(walls)
+    for arm in dict.fromkeys(each.arm for each in found):
+        cells = [f"{each.law:.1%} ({each.model:.1%})" for each in found if each.arm == arm]
+        yield f"| {arm} | " + " | ".join(cells) + " |"
 
 
 def _gaining(first: Energies) -> Iterator[str]:
@@ -240,10 +273,7 @@ def _gaining(first: Energies) -> Iterator[str]:
     got = [each for each in got if each[1].gained_j > 0.0]
     if not got:
         return
-    yield from _words(
-        "The hands that gained energy from the servo as the rig runs it, the worst first. The force may change by"
-        " 200 N/s at most, so a hand that leaves a wall faster than the force can fall is pushed on."
-    )
+    yield from _words("The hands that gained energy from the servo as the rig runs it, the worst first.")
     yield ""
     yield "| wall, N/m | answers late, ms | lost | hand: Hz | mm | m/s | got, mJ | of, mJ |"
     yield "| --- | --- | --- | --- | --- | --- | --- | --- |"

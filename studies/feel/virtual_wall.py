@@ -21,11 +21,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from protocol.bodies.haptics import MODEL_B, MODEL_COLUMNS, MODEL_CONTACT, MODEL_F0, MODEL_K
-from services.gateway.premium_model import COUNT_M, FRICTION_N
 from services.gateway.servo_arrays import (
-    LIMIT_COUNT,
-    LIMIT_DAMPING,
-    LIMIT_FRICTION,
     LIMIT_SIZE,
     MEMORY_FORCE,
     MEMORY_SIZE,
@@ -58,8 +54,6 @@ class VirtualWall:
         T: how often the servo runs.
     delay
         Whole periods from reading the position to applying the force that answers it.
-    controller_n_s_m
-        What the passivity controller may use; 0 switches it off.
     """
 
     stiffness_n_m: float
@@ -68,7 +62,6 @@ class VirtualWall:
     friction_n_s_m: float = 0.5
     period_s: float = 1e-3
     delay: int = 0
-    controller_n_s_m: float = 0.0
 
     @property
     def lag_s(self) -> float:
@@ -82,11 +75,8 @@ class VirtualWall:
         return model
 
     def limits(self) -> FloatArray:
-        """Return limits, (LIMIT_SIZE,), that never act, but for the controller's; the count is a Premium's."""
-        limits = np.full(LIMIT_SIZE, _WIDE)
-        limits[LIMIT_DAMPING] = self.controller_n_s_m
-        limits[LIMIT_COUNT], limits[LIMIT_FRICTION] = COUNT_M, FRICTION_N
-        return limits
+        """Return limits, (LIMIT_SIZE,), that never act: friction that takes all bounds no energy."""
+        return np.full(LIMIT_SIZE, _WIDE)
 
     def now(self) -> FloatArray:
         """Return a tick, (NOW_SIZE,), whose model is fresh."""

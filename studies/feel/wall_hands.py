@@ -15,7 +15,7 @@ from protocol.bodies.haptics import MODEL_B, MODEL_COLUMNS, MODEL_CONTACT, MODEL
 from services.gateway.device_files import ArmFile
 from services.gateway.servo_arrays import (
     LIMIT_COUNT,
-    LIMIT_FRICTION,
+    LIMIT_FORCE,
     LIMIT_SIZE,
     MEMORY_FORCE,
     MEMORY_SIZE,
@@ -25,16 +25,16 @@ from services.gateway.servo_arrays import (
     NOW_SIZE,
     NOW_TTL,
 )
-from services.gateway.servo_law import servo_force
+from services.gateway.servo_law import damping_share, elastic_share, model_force, servo_force
 from services.gateway.simulated_arm import TICK_S
 from services.gateway.velocity_filter import butterworth, low_pass
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import building_kernel, kernel
 from studies.feel.hands import FORCE_N, RATE_N_S, TTL_S
 
-_SUBSTEPS, _LATEST, _GRIP_N = 4, 20, 15.0
-_TICKS, _LEAVING = 1200, 150
-_START_M, _LEAVES_M_S = 0.1e-3, 0.2
+_SUBSTEPS, LATEST, _GRIP_N = 4, 20, 15.0
+TICKS, LEAVING = 1200, 150
+START_M, _LEAVES_M_S = 0.1e-3, 0.2
 
 
 @dataclass(frozen=True)
@@ -72,8 +72,9 @@ _LOW, _HIGH = np.array([each.low for each in RANGES]), np.array([each.high for e
 _DECADES = np.array([each.decades for each in RANGES])
 
 # What comes of a hand: the most that it had got out at a moment at which no force was on; the same once it has left;
-# what the servo alone had given then; all that went to and fro; the largest force.
-GAINED, LEFT_WITH, SERVO, MOVED, LARGEST, BOOK_SIZE = range(6)
+# what the servo alone had given then; all that went to and fro; the largest force. Then sums over the ticks at the
+# wall, N: its force, and how far from it the force of the law is, and that of the local model alone.
+GAINED, LEFT_WITH, SERVO, MOVED, LARGEST, WALL_FORCE, LAW_APART, MODEL_APART, BOOK_SIZE = range(9)
 
 
 def decode(shares: FloatArray) -> FloatArray:
@@ -90,29 +91,36 @@ class ArmAtWall:
     now: FloatArray
     coefficients: FloatArray
     mass_kg: float
+    friction_n: float
 
 
-def arm_at_wall(file: ArmFile, mass_kg: float, *, controller: bool = True) -> ArmAtWall:
-    """Return what a run needs of an arm; without `controller` nothing is damped."""
+def arm_at_wall(file: ArmFile, mass_kg: float, *, bounded: bool = True) -> ArmAtWall:
+    """Return what a run needs of an arm; not `bounded`: the law takes its friction for endless."""
     limits, now = np.zeros(LIMIT_SIZE), np.zeros(NOW_SIZE)
-    damping = file.max_damping_n_s_m if controller else 0.0
-    limits[:] = (FORCE_N, FORCE_N, RATE_N_S, damping, 0.3, 30.0, file.count_m, file.friction_n)
+    told_n = file.friction_n if bounded else math.inf
+    limits[:] = (FORCE_N, FORCE_N, RATE_N_S, 0.3, 30.0, file.count_m, told_n)
     now[NOW_DT], now[NOW_TTL], now[NOW_GAIN] = TICK_S, TTL_S, 1.0
-    return ArmAtWall(limits, now, butterworth(file.velocity_filter_hz), mass_kg)
+    return ArmAtWall(limits, now, butterworth(file.velocity_filter_hz), mass_kg, file.friction_n)
 
 
 def books_of(hands: FloatArray, arm: ArmAtWall) -> FloatArray:
     """Return what comes of hands (n, len(RANGES)) in the units of `RANGES`: (n, BOOK_SIZE), in J and N."""
     books = np.zeros((len(hands), BOOK_SIZE))
-    _run_all(np.ascontiguousarray(hands), arm.limits, arm.now.copy(), arm.coefficients, arm.mass_kg, books)
+    own = arm.mass_kg, arm.friction_n
+    _run_all(np.ascontiguousarray(hands), arm.limits, arm.now.copy(), arm.coefficients, own, books)
     return books
 
 
 @building_kernel
 def _run_all(
-    hands: FloatArray, limits: FloatArray, now: FloatArray, coefficients: FloatArray, mass_kg: float, books: FloatArray
+    hands: FloatArray,
+    limits: FloatArray,
+    now: FloatArray,
+    coefficients: FloatArray,
+    own: tuple[float, float],
+    books: FloatArray,
 ) -> None:
-    models = np.zeros((_LATEST, MODEL_COLUMNS))
+    models = np.zeros((LATEST, MODEL_COLUMNS))
     model, motion, memory = np.zeros(MODEL_COLUMNS), np.zeros(6), np.zeros(MEMORY_SIZE)
     filtered, target, state, read = np.zeros((2, 3)), np.zeros(8), np.zeros(4), np.zeros(2)
     for k in range(hands.shape[0]):
@@ -123,7 +131,7 @@ def _run_all(
             limits,
             now,
             coefficients,
-            mass_kg,
+            own,
             models,
             model,
             motion,
@@ -142,7 +150,7 @@ def _run(
     limits: FloatArray,
     now: FloatArray,
     coefficients: FloatArray,
-    mass_kg: float,
+    own: tuple[float, float],
     models: FloatArray,
     model: FloatArray,
     motion: FloatArray,
@@ -153,19 +161,19 @@ def _run(
     read: FloatArray,
     book: FloatArray,
 ) -> None:
-    count_m, friction_n = limits[LIMIT_COUNT], limits[LIMIT_FRICTION]
-    state[0] = target[0] = _START_M
+    count_m, (mass_kg, friction_n) = limits[LIMIT_COUNT], own
+    state[0] = target[0] = START_M
     place = hand[PLACE] * count_m
     given = lost = 0.0
     age, anchor, touched, felt = 1000, 0.0, False, False
     book[GAINED] = -1.0
-    for k in range(_TICKS + _LEAVING):
+    for k in range(TICKS + LEAVING):
         for axis in range(2):
             seen = math.floor((state[axis] + place) / count_m) * count_m - place
             motion[3 + axis] = low_pass((seen - read[axis]) / TICK_S, filtered, axis, coefficients)
             motion[axis] = read[axis] = seen
         # the wall answers what was seen, some ticks late
-        answer = models[k % _LATEST]
+        answer = models[k % LATEST]
         answer[:] = 0.0
         if motion[0] < 0.0:
             if not touched:
@@ -180,18 +188,19 @@ def _run(
         touched = motion[0] < 0.0
         late = int(hand[LATE])
         age += 1
-        if k >= late and _drawn(k) >= hand[LOST]:
-            model[:] = models[(k - late) % _LATEST]
+        if k >= late and drawn(k) >= hand[LOST]:
+            model[:] = models[(k - late) % LATEST]
             age = late
         now[NOW_AGE] = min(age, 1000) * TICK_S
         servo_force(model, motion, limits, now, memory)
         fx, fy = memory[MEMORY_FORCE], memory[MEMORY_FORCE + 1]
         force = math.sqrt(fx * fx + fy * fy)
         book[LARGEST] = max(book[LARGEST], force)
+        _compare(hand, state, anchor, model, motion, now, memory, limits[LIMIT_FORCE], book)
         felt = felt or force > 0.0
         if felt and force == 0.0:
             book[GAINED] = max(book[GAINED], given - lost)
-        stiffness = _move_target(hand, target, state, k)
+        stiffness = move_target(hand, target, state, k)
         x, y = state[0], state[1]
         dt = TICK_S / _SUBSTEPS
         for _ in range(_SUBSTEPS):
@@ -219,15 +228,44 @@ def _run(
 
 
 @kernel
-def _drawn(k: int) -> float:
+def _compare(
+    hand: FloatArray,
+    state: FloatArray,
+    anchor: float,
+    model: FloatArray,
+    motion: FloatArray,
+    now: FloatArray,
+    memory: FloatArray,
+    most_n: float,
+    book: FloatArray,
+) -> None:
+    """Note how far what is felt is from the wall itself, with its shear and damping, where the hand truly is."""
+    if state[0] >= 0.0:
+        return
+    elastic, damping = elastic_share(now[NOW_AGE], now[NOW_TTL]), damping_share(now[NOW_AGE], now[NOW_TTL])
+    wall, law, alone = 0.0, 0.0, 0.0
+    for axis in range(2):
+        stiffness = hand[WALL] * (1.0 if axis == 0 else hand[TANGENTIAL])
+        asked = -stiffness * (state[axis] - (0.0 if axis == 0 else anchor)) - hand[DAMPING] * state[2 + axis]
+        wall += asked * asked
+        law += (memory[MEMORY_FORCE + axis] - asked) ** 2
+        alone += (model_force(model, motion, axis, elastic, damping) - asked) ** 2
+    if wall <= most_n * most_n:
+        book[WALL_FORCE] += math.sqrt(wall)
+        book[LAW_APART] += math.sqrt(law)
+        book[MODEL_APART] += math.sqrt(alone)
+
+
+@kernel
+def drawn(k: int) -> float:
     """Return a number from 0 to 1 that looks like a draw, for tick `k`."""
     return (k * 2654435761 % 4294967296) / 4294967296.0
 
 
 @kernel
-def _move_target(hand: FloatArray, target: FloatArray, state: FloatArray, k: int) -> float:
+def move_target(hand: FloatArray, target: FloatArray, state: FloatArray, k: int) -> float:
     """Set how fast the point goes to which the hand pulls: phases in [4], time of rest in [5]; return its stiffness."""
-    if k >= _TICKS:
+    if k >= TICKS:
         target[2], target[3] = _LEAVES_M_S, 0.0
         return 200.0
     phase = target[4]

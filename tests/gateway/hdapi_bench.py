@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -14,6 +15,7 @@ from services.gateway.driver import Place
 from services.gateway.drivers.phantom_hdapi import Driver
 from services.runtime.rig import DriverSettings, Mount
 from tests.gateway.hdapi_library import HdapiStandIn
+from tests.gateway.kicks import ENDLESS_N, kicks_n
 
 RATE_N_S = 200.0
 TTL_MS = 20
@@ -22,6 +24,8 @@ FREE = (0.0, 0.0, 0.0)
 LEFT, RIGHT = (0.3, -0.2, 2.0), (0.0, 1.0, 0.0)
 #: A step at the rate limit, and what rounding adds.
 STEP_N = RATE_N_S * 1e-3 + 1e-12
+#: Coulomb friction of an arm in whose law energy is bounded.
+DRY_N = 0.04
 
 
 class HdapiBench:
@@ -32,7 +36,7 @@ class HdapiBench:
 
     def __init__(self, standin: HdapiStandIn, device: str = "touch") -> None:
         self.by_law = False
-        self.damping_n_s_m = 0.0  # that the passivity controller may use
+        self.bounded = False  # whether a force gives no more than was put in
         self.standin = standin
         self.c = standin.c
         self.device = device
@@ -73,6 +77,19 @@ class HdapiBench:
         self.run(400, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         self.run(50, left, right)
 
+    def bound(self) -> None:
+        """Let the force be by law, and give no more than was put in; the arms have the friction that the law needs."""
+        self.by_law = self.bounded = True
+        for device in (1, 2):
+            self.c.standin_dry(device, ctypes.c_double(DRY_N))
+
+    def taken_in_a_tick_j(self) -> float:
+        """Wait for the left arm's next tick; return the work of its force past the arm's friction in it, in J."""
+        before = self.standin.look(1)
+        self.wait(1)
+        way_m = self.standin.look(1).position_m - before.position_m
+        return float(before.force_n @ way_m) - DRY_N * float(np.linalg.norm(way_m))
+
     def order(self, driver: Driver, force: np.ndarray, stiffness_n_m: float = 0.0, ttl_s: float = TTL_S) -> None:
         """Tell an arm what to do in this tick."""
         if not self.by_law:
@@ -84,11 +101,8 @@ class HdapiBench:
         model[MODEL_CONTACT] = 1.0
         limits[servo_arrays.LIMIT_FORCE] = limits[servo_arrays.LIMIT_CONTINUOUS_FORCE] = 20.0
         limits[servo_arrays.LIMIT_RATE] = RATE_N_S
-        limits[servo_arrays.LIMIT_DAMPING] = self.damping_n_s_m
-        limits[servo_arrays.LIMIT_COUNT], limits[servo_arrays.LIMIT_FRICTION] = (
-            driver.limits.count_m,
-            driver.limits.friction_n,
-        )
+        limits[servo_arrays.LIMIT_COUNT] = driver.limits.count_m
+        limits[servo_arrays.LIMIT_FRICTION] = DRY_N if self.bounded else ENDLESS_N
         now[servo_arrays.NOW_TTL], now[servo_arrays.NOW_GAIN] = ttl_s, 1.0
         driver.evaluate(model, np.zeros(6), limits, now, self.memories[driver])
 
@@ -107,8 +121,8 @@ class HdapiBench:
         return self.standin.force_n(device)
 
     def largest_step_n(self) -> float:
-        """Return the largest change of a force from tick to tick."""
-        return float(np.linalg.norm(np.diff(self.forces, axis=0), axis=2).max())
+        """Return the largest rise or turn of a force from tick to tick."""
+        return float(kicks_n(np.array(self.forces)).max())
 
 
 @contextmanager

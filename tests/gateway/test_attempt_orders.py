@@ -10,12 +10,13 @@ from protocol.bodies import Attempt, LocalModel
 from services.gateway.attempt_orders import AttemptOrders
 from services.gateway.rig_time import RigTime
 from services.gateway.servo import Servo, ServoLimits
+from tests.gateway.kicks import ENDLESS_N
 
 MS = 1_000_000
 RATE_N_S, FULL_N = 200.0, 2.0
 LIMITS = ServoLimits(
-    force_n=3.0, continuous_force_n=3.0, force_rate_n_s=RATE_N_S, damping_n_s_m=5.0, torque_nm=0.3, velocity_m_s=2.0,
-    count_m=1e-5, friction_n=0.04,
+    force_n=3.0, continuous_force_n=3.0, force_rate_n_s=RATE_N_S, torque_nm=0.3, velocity_m_s=2.0,
+    count_m=1e-5, friction_n=ENDLESS_N,
 )  # fmt: skip
 
 

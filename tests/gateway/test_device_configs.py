@@ -30,7 +30,7 @@ def test_the_simulated_premium_has_the_count_and_friction_of_its_device_file() -
         ("count_m", "0.055", r"count_m.*less than or equal to 0\.0002"),  # a count in mm
         ("count_m", "0", r"count_m.*greater than 0"),
         ("count_m", ".nan", r"count_m"),
-        ("friction_n", "-0.1", r"friction_n.*greater than or equal to 0"),
+        ("friction_n", "0", r"friction_n.*greater than 0"),
         ("friction_n", "26", r"friction_n.*less than or equal to 2"),
         ("max_force_n", "1.0e+6", r"max_force_n: 1e\+06 N is more than 50 N: the strongest"),
         ("max_velocity_m_s", "1.0e+6", r"max_velocity_m_s: 1e\+06 m/s is more than 100 m/s: no hand"),

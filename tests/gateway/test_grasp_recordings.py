@@ -22,6 +22,7 @@ from services.gateway.servo import Servo, ServoLimits
 from services.mechanics.bodies.forceps.kinematics import jaw_angle_from_handle
 from services.mechanics.scene import ForcepsScene
 from services.runtime.rig import DriverSettings, InstrumentSettings, Mount
+from tests.gateway.kicks import ENDLESS_N
 from tests.gateway.test_instrument import FakeArm
 from tests.gateway.virtual_node import VirtualNode
 from tests.haptics.models import local_model
@@ -70,7 +71,7 @@ def play(angles: np.ndarray, channel: str, monkeypatch: pytest.MonkeyPatch) -> C
     bus = {"interface": "virtual", "channel": channel}
     settings = DriverSettings(driver="grasp_odrive_can", device="grasp_odrive", settings={"bus": bus})
     handle = driver.load_grasp(settings, replace(Place("left", Mount()), clock=node.clock))
-    servo = Servo(ServoLimits(3.0, 1.0, 200.0, 5.0, 0.3, 1.2, 30e-6, 0.04), ramp_s=0.05)
+    servo = Servo(ServoLimits(3.0, 1.0, 200.0, 0.3, 1.2, 30e-6, ENDLESS_N), ramp_s=0.05)
     row = InstrumentSettings(name="left", port_m=(0.0, 0.0, 0.1), arm=DriverSettings(driver="fake"))
     tool = Instrument(row, FakeArm(), handle, servo)
     monkeypatch.setattr(instrument, "time", SimpleNamespace(monotonic_ns=node.clock.monotonic_ns))

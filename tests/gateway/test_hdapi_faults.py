@@ -16,13 +16,6 @@ UNKNOWN = 0x0777
 LATCHED = [*sorted(set(ERRORS) - {*REFUSALS, *SCHEDULER, WARM}), UNKNOWN]
 
 
-def taken_in_a_tick_j(arms: HdapiBench) -> float:
-    """Wait for the left arm's next tick and return the work that its force does on the hand in it, in J."""
-    before = arms.standin.look(1)
-    arms.wait(1)
-    return float(before.force_n @ (arms.standin.look(1).position_m - before.position_m))
-
-
 @pytest.mark.parametrize("code", [*REFUSALS, WARM], ids=hex)
 def test_a_refusal_of_force_is_survived(pushing: HdapiBench, code: int) -> None:
     pushing.c.standin_inject(1, code)
@@ -129,7 +122,7 @@ def test_no_error_makes_an_arm_give_more_than_it_was_given(arms: HdapiBench, cod
     It may come back where less than SMALL_FORCE_N is asked for: with what a spring that is held so holds, no more.
     """
     stiffness_n_m = 400.0
-    arms.by_law, arms.damping_n_s_m = True, 5.0
+    arms.bound()
     arms.open()
     arms.run(300, FREE, FREE)
     taken_j, returns = 0.0, 0
@@ -142,7 +135,7 @@ def test_no_error_makes_an_arm_give_more_than_it_was_given(arms: HdapiBench, cod
             arms.left.clear_fault()
         arms.left.read(0, arms.readings[arms.left])
         arms.order(arms.left, np.zeros(3), stiffness_n_m)
-        taken_j += taken_in_a_tick_j(arms)
+        taken_j += arms.taken_in_a_tick_j()
     assert taken_j < 1e-4 + returns * 0.5 * SMALL_FORCE_N**2 / stiffness_n_m
     assert arms.largest_step_n() <= STEP_N
 
@@ -232,7 +225,7 @@ STALLED_TICKS, SILENT_TICKS = 10, 15
 def test_no_failure_of_the_line_makes_an_arm_give_more_than_it_was_given(arms: HdapiBench, drill: str) -> None:
     """The same hand and books as with errors; an arm that comes back does so where little is asked for."""
     stiffness_n_m, times, taken_j = 400.0, 0, 0.0
-    arms.by_law, arms.damping_n_s_m = True, 5.0
+    arms.bound()
     arms.open()
     arms.run(300, FREE, FREE)
     silent_until = 0
@@ -253,6 +246,6 @@ def test_no_failure_of_the_line_makes_an_arm_give_more_than_it_was_given(arms: H
         if k >= silent_until:
             arms.left.read(0, arms.readings[arms.left])
             arms.order(arms.left, np.zeros(3), stiffness_n_m)
-        taken_j += taken_in_a_tick_j(arms)
+        taken_j += arms.taken_in_a_tick_j()
     assert np.abs(arms.forces).max() > 0.5
     assert taken_j < 1e-4 + times * 0.5 * SMALL_FORCE_N**2 / stiffness_n_m

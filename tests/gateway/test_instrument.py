@@ -14,12 +14,13 @@ from services.gateway.servo import Servo, ServoLimits
 from services.gateway.servo_arrays import HANDLE_ANGLE, READ_POSITION, READ_ROLL
 from services.mechanics.arrays import FloatArray
 from services.runtime.rig import DriverSettings, InstrumentSettings, Mount
+from tests.gateway.kicks import ENDLESS_N
 
 TICK_NS = 1_000_000
 
 
 class FakeArm(Arm):
-    limits = ArmLimits(3.0, 1.0, 5.0, 1.2, 30e-6, 0.04)
+    limits = ArmLimits(3.0, 1.0, 1.2, 30e-6, 0.04)
 
     def __init__(self) -> None:
         self.enabled = 0
@@ -77,7 +78,7 @@ class Bench:
         settings = InstrumentSettings(
             name=name, port_m=(0.0, 0.0, 0.1), mount=Mount(yaw_rad=np.pi / 2), arm=DriverSettings(driver="fake")
         )
-        self.servo = Servo(ServoLimits(3.0, 1.0, 200.0, 5.0, 0.3, 1.2, 30e-6, 0.04), ramp_s=0.01)
+        self.servo = Servo(ServoLimits(3.0, 1.0, 200.0, 0.3, 1.2, 30e-6, ENDLESS_N), ramp_s=0.01)
         self.instrument = Instrument(settings, self.arm, self.grasp, self.servo)
         self.instrument.open()
         monkeypatch.setattr(instrument, "time", SimpleNamespace(monotonic_ns=lambda: self.now_ns))

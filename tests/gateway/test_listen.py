@@ -7,6 +7,7 @@ from typing import Any
 from services.gateway import __main__ as gateway
 from services.gateway.engagement import State
 from services.gateway.servo import Servo, ServoLimits
+from tests.gateway.kicks import ENDLESS_N
 
 
 class Flood:
@@ -79,7 +80,7 @@ def test_a_model_that_is_waited_for_is_dated_when_it_comes_and_looked_into_later
 
 
 def test_hands_are_let_go_before_the_process_ends() -> None:
-    servo = Servo(ServoLimits(3.0, 1.0, 200.0, 5.0, 0.3, 1.2, 30e-6, 0.04), ramp_s=0.0)
+    servo = Servo(ServoLimits(3.0, 1.0, 200.0, 0.3, 1.2, 30e-6, ENDLESS_N), ramp_s=0.0)
     servo.engagement.state = State.ACTIVE
     servo.engagement.gain = 1.0
     servo.force_n[2] = 1.0

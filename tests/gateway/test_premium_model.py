@@ -77,6 +77,25 @@ def test_friction_and_stops_only_take_energy() -> None:
             assert premium_model.passive_torque(angles, rates, joint) * rates[joint] < 0.0
 
 
+def test_dry_friction_only_takes_energy_and_stops_what_it_can() -> None:
+    rng, dt = np.random.default_rng(3), 1.25e-4
+    stopped = 0
+    for scale in np.geomspace(1e-4, 3.0, 300):
+        angles = rng.uniform((-1.0, -0.3, 0.0), (1.0, 0.9, 0.6))
+        before = scale * rng.standard_normal(3)
+        rates = before.copy()
+        premium_model.rub(angles, rates, dt)
+        m11, m22, m23, m33 = premium_model.mass(angles)
+        M = np.array([[m11, 0, 0], [0, m22, m23], [0, m23, m33]])
+        impulse = M @ (rates - before)
+        assert rates @ M @ rates <= before @ M @ before
+        assert np.abs(impulse).max() <= premium_model.COULOMB * dt * (1.0 + 1e-3)
+        slides = rates != 0.0
+        np.testing.assert_allclose(impulse[slides], -premium_model.COULOMB * dt * np.sign(rates[slides]), rtol=1e-3)
+        stopped += int(np.sum(~slides))
+    assert 50 < stopped < 850
+
+
 def test_stall_torque_gives_the_data_sheets_force() -> None:
     # 8.5 N: motor stall through the gear at the end of the second link.
     assert 0.129 * GEARS[2] / premium_model.L2 == pytest.approx(8.5, rel=0.01)

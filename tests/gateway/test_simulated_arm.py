@@ -48,6 +48,18 @@ def test_a_held_arm_yields_by_force_over_stiffness(axis: int) -> None:
     np.testing.assert_allclose(moved, expected, atol=0.12 / 500.0)
 
 
+def test_an_arm_that_friction_holds_does_not_creep() -> None:
+    """Half of what friction can hold, for a second: not by 1e-15 m, so that no encoder toggles."""
+    arm, force, hand = _arm(), np.zeros(3), _hand(500.0, 5.0)
+    for _ in range(2000):
+        arm.step(force, hand)
+    rest = _place(arm)
+    force[1] = 0.02
+    for _ in range(1000):
+        arm.step(force, hand)
+    np.testing.assert_array_equal(_place(arm), rest)
+
+
 def test_force_saturates_at_motor_stall() -> None:
     rates = []
     for force_n in (2.0, 4.0, 30.0, 60.0):

@@ -14,7 +14,6 @@ import pytest
 from scipy.sparse import csc_array
 
 from services.gateway.scene_hands import SceneHands
-from services.gateway.servo_law import MOST_OWED_J
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.kinematics import jaw_angle_from_handle
 from services.mechanics.fem.factorisation import factorise
@@ -30,8 +29,6 @@ from tests.physics.conftest import SMALL
 from tests.whole_rig import WholeRig
 
 PACE = 0.5
-#: The servo falls back on less force from the first of what it owes on: so much of it at most.
-FORCE_KEPT = 0.9
 
 
 def test_a_pinch_is_the_full_finite_elements_and_the_arm_applies_it(
@@ -81,7 +78,7 @@ def the_arm_applies_what_is_solved(rig: WholeRig) -> None:
     felt_n = np.array(last.devices.instruments[1].applied_force_n)
     np.testing.assert_allclose(felt_n, last.solved.reactions()[1].force_n, atol=0.02 * np.linalg.norm(felt_n))
     assert np.linalg.norm(felt_n) > 5e-3
-    assert owed_j(rig) < (1.0 - FORCE_KEPT) * MOST_OWED_J
+    assert owed_j(rig) == 0.0
 
 
 def test_an_insertion_is_that_of_the_mechanics_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -106,7 +103,7 @@ def test_an_insertion_is_that_of_the_mechanics_alone(tmp_path: Path, monkeypatch
     assert catheter.max() < 0.05, "as the arm applies it, two ticks later, at every tick"
     assert np.mean(wall < 0.05) > 0.999, "but for the ticks in which jaws close round the wall"
     assert np.sqrt(np.mean(wall**2)) < 0.01
-    assert owed_j(rig) < (1.0 - FORCE_KEPT) * MOST_OWED_J
+    assert owed_j(rig) == 0.0
 
 
 def test_jaws_that_slip_on_the_wall_are_felt_without_a_kick(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

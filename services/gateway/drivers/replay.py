@@ -36,7 +36,6 @@ class Driver(Arm):
     limits = ArmLimits(
         max_force_n=1.0,
         continuous_force_n=1.0,
-        max_damping_n_s_m=1.0,
         max_velocity_m_s=2.0,
         count_m=premium_model.COUNT_M,
         friction_n=premium_model.FRICTION_N,

@@ -22,6 +22,7 @@ from services.gateway.hdapi.cells import (
     ORDER_LAW,
     ORDER_LIMITS,
     ORDER_MODEL,
+    ORDER_OTHERS,
     ORDER_TIME,
     ORDER_TTL,
     SEEN_POSITION,
@@ -40,6 +41,7 @@ from services.gateway.servo_arrays import (
     NOW_AGE,
     NOW_DT,
     NOW_GAIN,
+    NOW_OTHERS,
     NOW_TEMPERATURE,
     NOW_TTL,
 )
@@ -63,6 +65,8 @@ def apply_order(servo: ServoCell, arm: ArmCell, now_ns: int, dt_s: float) -> Non
     motors = sound and arm.order[ORDER_ENABLED] != 0.0
     trusted = motors and young and _is_believable(arm, now_ns)
     arm.trust = min(1.0, arm.trust + dt_s / TRUST_S) if trusted else 0.0
+    if trusted and arm.order[ORDER_LAW] != 0.0:
+        _fall(arm)
     _approach(arm, arm.max_force_rate_n_s * dt_s)
     _remember(arm)
     _push(servo.functions, arm, motors)
@@ -113,6 +117,7 @@ def _evaluate(arm: ArmCell, now_ns: int, dt_s: float) -> bool:
     now[NOW_AGE] = order[ORDER_AGE] + 1e-9 * (now_ns - order[ORDER_TIME])
     now[NOW_TTL] = order[ORDER_TTL]
     now[NOW_GAIN] = order[ORDER_GAIN]
+    now[NOW_OTHERS] = order[ORDER_OTHERS]
     now[NOW_TEMPERATURE] = report[SEEN_TEMPERATURE]
     to_world(report, SEEN_POSITION, mount, motion, 0)
     to_world(report, SEEN_VELOCITY, mount, motion, 3)
@@ -127,6 +132,14 @@ def _evaluate(arm: ArmCell, now_ns: int, dt_s: float) -> bool:
 def _remember(arm: ArmCell) -> None:
     """Let the law go on from the force that was applied: its rate limit and its observer count on that."""
     to_world(arm.force_n, 0, arm.mount, arm.memory, MEMORY_FORCE)
+
+
+@kernel
+def _fall(arm: ArmCell) -> None:
+    """Go on from the law's force where that is smaller: it may fall as fast as the hand leaves, in a ramp as well."""
+    if _norm(arm.wanted_n) < _norm(arm.force_n):
+        for axis in range(3):
+            arm.force_n[axis] = arm.wanted_n[axis]
 
 
 @kernel
@@ -146,6 +159,8 @@ def _approach(arm: ArmCell, step_n: float) -> None:
 
 @kernel
 def _push(functions: Functions, arm: ArmCell, motors: bool) -> None:
+    if not math.isfinite(_norm(arm.force_n)):
+        arm.force_n[0] = arm.force_n[1] = arm.force_n[2] = 0.0
     limp = arm.force_n[0] == 0.0 and arm.force_n[1] == 0.0 and arm.force_n[2] == 0.0
     if motors and not arm.motors_on:
         native.call_unsigned(functions.enable, FORCE_OUTPUT)

@@ -15,9 +15,10 @@ from services.mechanics.arrays import FloatArray, IntArray, LongArray
 from services.mechanics.compiled.struct import Struct, reader
 
 # From the gateway: when it was written, whether motors may be on, how often a person has armed the rig; then a force in
-# the frame of the arm or, with ORDER_LAW, what the force law needs (`servo_arrays`): age, life, gain, limits, model.
+# the frame of the arm or, with ORDER_LAW, what the force law needs (`servo_arrays`): age, life, gain, energy of the
+# other instruments' hands, limits, model.
 ORDER_TIME, ORDER_ENABLED, ORDER_ARMED, ORDER_LAW, ORDER_FORCE = range(5)
-ORDER_AGE, ORDER_TTL, ORDER_GAIN, ORDER_LIMITS = 7, 8, 9, 10
+ORDER_AGE, ORDER_TTL, ORDER_GAIN, ORDER_OTHERS, ORDER_LIMITS = 7, 8, 9, 10, 11
 ORDER_MODEL = ORDER_LIMITS + LIMIT_SIZE
 ORDER_SIZE = ORDER_MODEL + MODEL_COLUMNS
 

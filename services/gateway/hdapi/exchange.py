@@ -12,6 +12,7 @@ from services.gateway.hdapi.cells import (
     ORDER_LAW,
     ORDER_LIMITS,
     ORDER_MODEL,
+    ORDER_OTHERS,
     ORDER_TIME,
     ORDER_TTL,
     SEEN_ARMED,
@@ -35,6 +36,7 @@ from services.gateway.servo_arrays import (
     MEMORY_TORQUE,
     NOW_AGE,
     NOW_GAIN,
+    NOW_OTHERS,
     NOW_TTL,
     READ_POSITION,
     READ_ROLL,
@@ -79,6 +81,7 @@ def give_law(
     order[ORDER_AGE] = now[NOW_AGE]
     order[ORDER_TTL] = now[NOW_TTL]
     order[ORDER_GAIN] = now[NOW_GAIN]
+    order[ORDER_OTHERS] = now[NOW_OTHERS]
     for k in range(LIMIT_SIZE):
         order[ORDER_LIMITS + k] = limits[k]
     for k in range(MODEL_COLUMNS):

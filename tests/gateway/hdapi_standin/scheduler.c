@@ -165,6 +165,7 @@ HOOK(standin_inkwell, (int k, int yes), arms[k].in_inkwell = yes)
 HOOK(standin_uncalibrate, (int k), arms[k].calibration = 0x5001)
 HOOK(standin_buttons, (int k, int buttons), arms[k].buttons = buttons)
 HOOK(standin_heat, (int k, double share), arms[k].temperature = share)
+HOOK(standin_dry, (int k, double friction_n), arms[k].dry = friction_n)
 HOOK(standin_max_force, (int k, double force), arms[k].max_force = force)
 HOOK(standin_hand, (int k, const double *at), memcpy(arms[k].hand, at, sizeof arms[k].hand))
 HOOK(standin_place, (int k, const double *at), memcpy(arms[k].position, at, sizeof arms[k].position);

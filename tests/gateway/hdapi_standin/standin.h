@@ -19,7 +19,7 @@ typedef unsigned (*Callback)(void *);
 typedef struct {
     /* mechanics, in m, m/s and N, axes as HDAPI has them: right, up, toward the user */
     double position[3], velocity[3], force[3], hand[3];
-    double gimbal[3], temperature;
+    double gimbal[3], temperature, dry; /* dry: Coulomb friction, N */
     /* what the device is */
     double max_force;
     int style, dof, lacks; /* lacks: a parameter that it does not know */

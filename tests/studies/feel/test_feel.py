@@ -22,7 +22,6 @@ from protocol.bodies import (
 )
 from protocol.bodies.physics import reaction_table
 from services.cache_directory import cache_directory
-from services.gateway import premium_model, servo_law
 from services.mechanics.bodies.forceps.kinematics import jaw_angle_from_handle
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.scenarios import insertion
@@ -33,16 +32,16 @@ from services.runtime.errors import ConfigError, UserError
 from studies.commands.haptics import Request, read_running, run_haptics
 from studies.feel import measure
 from studies.feel.hands import attack_servo, random_attack
+from studies.feel.hunt import Hunted
 from studies.feel.late import TICK_S, TOOLS, Late, Solved, answer_late, newest_answer
 from studies.feel.report import Felt, write_page
+from studies.feel.slow_hands import Slow
 from studies.feel.tracking import Apart, Pinched, Running, compare, find_pinch
 from studies.feel.virtual_wall import (
     VirtualWall,
-    grows,
     measured_passive_friction,
     measured_stable_stiffness,
     passive_friction,
-    released,
     response,
     stable_stiffness,
 )
@@ -79,15 +78,6 @@ def test_a_device_is_stable_at_a_wall_up_to_the_stiffness_that_theory_gives(wall
     assert measured_stable_stiffness(wall) == pytest.approx(stable_stiffness(wall), rel=0.05)
 
 
-def test_the_passivity_controller_holds_a_wall_that_is_too_stiff_at_its_dead_band() -> None:
-    """It does nothing below 10 mm/s: there the wall hums, and no louder."""
-    bare = VirtualWall(1500.0, friction_n_s_m=0.3)
-    assert stable_stiffness(bare) < bare.stiffness_n_m
-    assert grows(bare)
-    held = np.abs(released(replace(bare, controller_n_s_m=5.0), 6000)[1000:]).max()
-    assert held == pytest.approx(premium_model.COUNT_M / servo_law.STILL_S / math.sqrt(1500.0 / bare.mass_kg), rel=0.1)
-
-
 @pytest.mark.parametrize("hertz", [1.0, 20.0, 100.0])
 @pytest.mark.parametrize("delay", [None, 1, 13])
 def test_a_moving_hand_meets_the_stiffness_behind_hold_and_delay(hertz: float, delay: int | None) -> None:
@@ -100,32 +90,35 @@ def test_a_moving_hand_meets_the_stiffness_behind_hold_and_delay(hertz: float, d
     assert row.late_deg == pytest.approx(360.0 * hertz * row.lag_s, abs=0.1)
 
 
-def test_no_hand_gets_energy_out_and_without_controller_and_local_model_some_do() -> None:
+def test_no_hand_gets_energy_out_and_without_bound_and_local_model_some_do() -> None:
     seeds = (10, 31, 40)
     # Of the others each got energy out when only the damping answered for it: that comes late, as the force does.
     late = (268, 145, 559, 678, 179)
     assert max(attack_servo(random_attack(seed)).gained_j for seed in (*seeds, *late)) <= 0.0
-    bare = [attack_servo(random_attack(seed, local=False, controller=False)).gained_j for seed in seeds]
+    bare = [attack_servo(random_attack(seed, local=False, bounded=False)).gained_j for seed in seeds]
     assert max(bare) > 0.1
 
 
 def test_the_page_tells_what_was_found(tmp_path: Path) -> None:
     border = measure.Border(VirtualWall(500.0), 0.25, 0.26)
     books = tuple(attack_servo(random_attack(seed), ticks=100) for seed in (0, 1))
-    found = measure.Energies("local model, controller", (random_attack(0), random_attack(1)), books)
+    found = measure.Energies("local model, bounded", (random_attack(0), random_attack(1)), books)
     rendered = [measure.Rendered(name, 5e-4, 1.0, 500.0 + 0j) for name, _ in measure.WAYS]
     late = [Late(tool, 5, 0, np.array([0.01, 0.2]), np.array([0.5, 0.01])) for tool in TOOLS]
     apart = Apart("wall", "applied by the arm", 0.951, 0.234)
     running = Running(3500, 7, (apart,), Pinched(10.4e-3, -0.0046, 0.012), ("on a machine",))
-    felt = Felt([border], [border], rendered, [found], late, running)
+    hunted, slow = [Hunted("touch", True, 960, 0, -1e-6)], [Slow("touch", (50.0, 600.0), 0.019, 0.017)]
+    felt = Felt([border], [border], rendered, [found], late, hunted, slow, running)
     write_page(felt, ["made so"], tmp_path / "felt", tmp_path / "felt.md")
     page = (tmp_path / "felt.md").read_text(encoding="utf-8")
     assert "theory is **4.0 %**" in " ".join(page.split())
-    assert f"| local model, controller | **{found.gaining}** of 2 |" in page
+    assert f"| local model, bounded | **{found.gaining}** of 2 |" in page
     assert "| 5 | 50.0%, 20.0% | 50.0%, 50.0% | 50.0%, 20.0% | 50.0%, 50.0% |" in page
     assert "| wall, applied by the arm | 95.1% | 23.4% |" in page
     assert "**-0.5 %** against the wall of the rig" in " ".join(page.split())
     assert "- 3,500 ticks, 7 of them lost" in page
+    assert "| touch | yes | 960 | 0 | nothing |" in page
+    assert "| touch | 1.9% (1.7%) |" in page
     assert max(map(len, page.splitlines())) <= 120
     write_page(replace(felt, running=None), [], tmp_path / "felt", tmp_path / "felt.md")
     assert "Not measured: `trocar haptics --running`" in (tmp_path / "felt.md").read_text(encoding="utf-8")

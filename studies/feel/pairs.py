@@ -1,0 +1,198 @@
+"""Two hands at one piece of tissue, each with a linked Premium: what one puts in, the other may get.
+
+A pair is two rows of `wall_hands.RANGES` and a coupling. Each hand has its side of the tissue, which is held to the
+ground, and stuff between the sides that either presses against the other:
+f_i = K_i max(0, d_i) + C max(0, d_1 + d_2) at the depths d. So quasi-static tissue makes no energy of its own.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from protocol.bodies.haptics import MODEL_B, MODEL_COLUMNS, MODEL_CONTACT, MODEL_F0, MODEL_K, MODEL_X0
+from services.gateway import premium_model, simulated_arm
+from services.gateway.premium_model import GEARS
+from services.gateway.servo_arrays import (
+    MEMORY_ENERGY,
+    MEMORY_FORCE,
+    MEMORY_SIZE,
+    NOW_AGE,
+    NOW_OTHERS,
+    READ_POSITION,
+    READ_SIZE,
+    READ_VELOCITY,
+)
+from services.gateway.servo_law import servo_force
+from services.gateway.simulated_arm import (
+    HAND_DAMPING,
+    HAND_GRIP,
+    HAND_RATE,
+    HAND_SIZE,
+    HAND_STIFFNESS,
+    HAND_TARGET,
+    STALL_NM,
+    TICK_S,
+    filter_reading,
+    measure,
+    step_links,
+)
+from services.gateway.velocity_filter import butterworth
+from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import building_kernel, kernel
+from studies.feel.hands import servo_settings
+from studies.feel.wall_hands import (
+    BOOK_SIZE,
+    DAMPING,
+    GAINED,
+    HAND_LOSS,
+    LARGEST,
+    LATE,
+    LATEST,
+    LEAVING,
+    LEFT_WITH,
+    LOST,
+    MODEL,
+    MOVED,
+    RANGES,
+    SERVO,
+    START_M,
+    TICKS,
+    WALL,
+    decode,
+    drawn,
+    move_target,
+)
+
+#: A pair in the cube of a search: two hands, and the stuff between, of the softer side's stiffness.
+DIMENSIONS = 2 * len(RANGES) + 1
+_GRIP_N, _FILTER_HZ = 15.0, 100.0
+
+
+def books_of_pairs(shares: FloatArray, *, bounded: bool = True) -> FloatArray:
+    """Return what comes of pairs (n, DIMENSIONS) of numbers from 0 to 1: (n, BOOK_SIZE), both hands together."""
+    books = np.zeros((len(shares), BOOK_SIZE))
+    hands = decode(shares[:, :-1].reshape(len(shares), 2, len(RANGES)))
+    limits, now = servo_settings(bounded=bounded)
+    start, centre = np.array(premium_model.CENTRE_ANGLES), premium_model.centre()
+    _run_all(hands, 2.0 * shares[:, -1], limits, now, start, centre, butterworth(_FILTER_HZ), books)
+    return books
+
+
+@building_kernel
+def _run_all(
+    hands: FloatArray,
+    couplings: FloatArray,
+    limits: FloatArray,
+    now: FloatArray,
+    start: FloatArray,
+    centre: FloatArray,
+    coefficients: FloatArray,
+    books: FloatArray,
+) -> None:
+    for k in range(hands.shape[0]):
+        between = couplings[k] * min(hands[k, 0, WALL], hands[k, 1, WALL])
+        _run(hands[k], between, limits, now, start, centre, coefficients, books[k])
+
+
+@kernel
+def _run(
+    hands: FloatArray,
+    between: float,
+    limits: FloatArray,
+    now: FloatArray,
+    start: FloatArray,
+    centre: FloatArray,
+    coefficients: FloatArray,
+    book: FloatArray,
+) -> None:
+    models, model = np.zeros((2, LATEST, MODEL_COLUMNS)), np.zeros((2, MODEL_COLUMNS))
+    motion, memory, reading = np.zeros((2, 6)), np.zeros((2, MEMORY_SIZE)), np.zeros(READ_SIZE)
+    angles, rates, heat = np.zeros((2, 3)), np.zeros((2, 3)), np.full((2, 2, 3), simulated_arm.ROOM_C)
+    filtered, measured, target = np.zeros((2, 2, 3)), np.zeros((2, 3)), np.zeros((2, 8))
+    hand, work, jacobian, force = np.zeros(HAND_SIZE), np.zeros((4, 3)), np.zeros((3, 3)), np.zeros(3)
+    age, place, energy = np.full(2, 1000), np.zeros(3), np.zeros(2)
+    for i in range(2):
+        angles[i], target[i, 0] = start, START_M
+        measure(angles[i], measured[i])
+    given = lost = 0.0
+    felt = False
+    book[GAINED] = -1.0
+    for k in range(TICKS + LEAVING):
+        for i in range(2):
+            filter_reading(angles[i], measured[i], filtered[i], coefficients, centre, reading)
+            motion[i, :3] = reading[READ_POSITION : READ_POSITION + 3]
+            motion[i, 3:] = reading[READ_VELOCITY : READ_VELOCITY + 3]
+            energy[i] = memory[i, MEMORY_ENERGY]
+        pressed = 0.0
+        for i in range(2):
+            _answer(hands[i], between, motion[i], motion[1 - i, 2], models[i, k % LATEST])
+            late = int(hands[i, LATE])
+            age[i] += 1
+            if k >= late and drawn(2 * k + i) >= hands[i, LOST]:
+                model[i] = models[i, (k - late) % LATEST]
+                age[i] = late
+            now[NOW_AGE] = min(age[i], 1000) * TICK_S
+            now[NOW_OTHERS] = energy[1 - i]
+            servo_force(model[i], motion[i], limits, now, memory[i])
+            force[:] = memory[i, MEMORY_FORCE : MEMORY_FORCE + 3]
+            pressed = max(pressed, math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2))
+        book[LARGEST] = max(book[LARGEST], pressed)
+        felt = felt or pressed > 0.0
+        if felt and pressed == 0.0:
+            book[GAINED] = max(book[GAINED], given - lost)
+        for i in range(2):
+            force[:] = memory[i, MEMORY_FORCE : MEMORY_FORCE + 3]
+            place[0] = motion[i, 2]
+            hand[HAND_STIFFNESS] = move_target(hands[i], target[i], place, k)
+            hand[HAND_DAMPING], hand[HAND_GRIP] = hands[i, HAND_LOSS], _GRIP_N
+            for axis in range(2):  # across the wall is z, along it y
+                target[i, axis] += TICK_S * target[i, 2 + axis]
+                hand[HAND_TARGET + 2 - axis] = centre[2 - axis] + target[i, axis]
+                hand[HAND_RATE + 2 - axis] = target[i, 2 + axis]
+            hand[HAND_TARGET] = centre[0]
+            gave, took = _advance(angles[i], rates[i], heat[i], force, hand, work, jacobian)
+            given += gave
+            lost += took
+            book[MOVED] += abs(gave)
+    book[LEFT_WITH], book[SERVO] = given - lost, given
+    book[GAINED] = max(book[GAINED], given - lost)
+
+
+@kernel
+def _answer(hand: FloatArray, between: float, motion: FloatArray, other_m: float, answer: FloatArray) -> None:
+    """Write the local model of a side of the tissue for a pose of this hand, and where the other hand is then."""
+    answer[:] = 0.0
+    own, both = hand[WALL] * (motion[2] < 0.0), between * (motion[2] + other_m < 0.0)
+    if own + both == 0.0:
+        return
+    answer[MODEL_CONTACT] = 1.0
+    answer[MODEL_F0 + 2] = -own * motion[2] - both * (motion[2] + other_m)
+    answer[MODEL_K + 8] = hand[MODEL] * (own + both)
+    answer[MODEL_B] = answer[MODEL_B + 4] = answer[MODEL_B + 8] = hand[DAMPING]
+    answer[MODEL_X0 : MODEL_X0 + 3] = motion[:3]
+
+
+@kernel
+def _advance(
+    angles: FloatArray,
+    rates: FloatArray,
+    heat: FloatArray,
+    force: FloatArray,
+    hand: FloatArray,
+    work: FloatArray,
+    jacobian: FloatArray,
+) -> tuple[float, float]:
+    """Let an arm go on for a tick; return what its motors gave to its joints and its friction took, J."""
+    premium_model.jacobian(angles, jacobian)
+    before = (angles[0], angles[1], angles[2])
+    torque = jacobian.T @ force
+    step_links(angles, rates, heat, force, hand, work, jacobian)
+    gave = took = 0.0
+    for joint in range(3):
+        way = angles[joint] - before[joint]
+        most = STALL_NM * GEARS[joint]
+        gave += min(max(torque[joint], -most), most) * way
+        took += premium_model.COULOMB * abs(way)  # what is viscous is left to the hand
+    return gave, took
