@@ -19,7 +19,7 @@ import zmq
 
 from services.runtime.endpoints import endpoint
 from services.runtime.frame_batches import is_readable
-from services.runtime.keys import Keys
+from services.runtime.keys import ZapAuthenticator
 from services.runtime.rig import LOOPBACK, Transport
 
 #: Two clocks that NTP slews, each by up to 500 ppm, drift apart so fast at most.
@@ -59,9 +59,14 @@ class ClockOffset:
             if 0 < asked_ns <= heard_ns:
                 self.take(asked_ns, told_ns, heard_ns)
 
+    @property
+    def ahead_ns(self) -> int:
+        """By how much it is ahead: the middle of what may be."""
+        return 0 if self.ours else (self._low_ns + self._high_ns) // 2
+
     def here_ns(self, there_ns: int) -> int:
-        """Return what our clock has when theirs has `there_ns`, in the middle of what may be; never less than 1."""
-        return there_ns if self.ours else max(1, there_ns - (self._low_ns + self._high_ns) // 2)
+        """Return what our clock has when theirs has `there_ns`; never less than 1."""
+        return max(1, there_ns - self.ahead_ns)
 
     def uncertainty_ns(self, now_ns: int) -> int:
         """Return how far `here_ns` may be off."""
@@ -75,7 +80,7 @@ class Clocks:
         self,
         context: zmq.Context[zmq.Socket[bytes]],
         transport: Transport,
-        keys: Keys | None,
+        doorkeeper: ZapAuthenticator | None,
         process: str,
         publishers: Iterable[str],
     ) -> None:
@@ -87,16 +92,17 @@ class Clocks:
             return
         if process and transport.bind_host not in LOOPBACK:
             self._answering = _socket(context, zmq.ROUTER)
-            if keys:
-                keys.guard_publisher(self._answering)
+            if doorkeeper:
+                doorkeeper.guard_publisher(self._answering)
             self._answering.bind(endpoint(transport, f"{process}.clock", transport.bind_host))
         for name in publishers:
             if transport.address(name) not in LOOPBACK and not transport.shares_host(process, name):
                 self._asking[name] = asking = _socket(context, zmq.DEALER)
                 asking.setsockopt(zmq.IMMEDIATE, 1)  # a question does not wait for who is not there
-                if keys:
-                    keys.guard_reader(asking)
-                asking.connect(endpoint(transport, f"{name}.clock"))
+                where = endpoint(transport, f"{name}.clock")
+                if doorkeeper:
+                    doorkeeper.guard_reader(asking, where)
+                asking.connect(where)
                 self.offsets[name] = ClockOffset()
 
     def turn(self) -> None:
@@ -119,7 +125,7 @@ class Clocks:
         """Return by how much each clock is ahead, and by how much that may be off, in s: of those that are known."""
         now_ns = time.monotonic_ns()
         known = {name: offset for name, offset in self.offsets.items() if offset.known}
-        ahead = {f"clock_ahead_s.{name}": 1e-9 * (now_ns - offset.here_ns(now_ns)) for name, offset in known.items()}
+        ahead = {f"clock_ahead_s.{name}": 1e-9 * each.ahead_ns for name, each in known.items()}
         return ahead | {f"clock_off_s.{name}": 1e-9 * each.uncertainty_ns(now_ns) for name, each in known.items()}
 
     def _answer(self) -> None:

@@ -50,30 +50,44 @@ class ZapAuthenticator:
     """Answers who may read from the publishers of a context; must exist before they bind."""
 
     def __init__(self, context: zmq.Context[zmq.Socket[bytes]], keys: Keys) -> None:
+        self._keys = keys
         self._public = z85.decode(keys.public)
         self._socket = context.socket(zmq.ROUTER)
         self._socket.bind(_ZAP)
         self._context = context
-        self._watched: list[zmq.Socket[bytes]] = []
+        self._watched: list[tuple[zmq.Socket[bytes], zmq.Socket[bytes], str]] = []
         self._breaches = self.refused = 0
 
-    def watch(self, socket: zmq.Socket[bytes]) -> None:
-        """From before `socket` binds or connects, count what breaks off: strangers' keys, bytes repeated or changed."""
-        where, events = f"inproc://watched-{len(self._watched)}", zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL
-        if socket.type == zmq.XPUB:  # of a reader without keys it may see no more than that it has gone
-            events |= zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL
-        socket.monitor(where, events)
+    def guard_publisher(self, socket: zmq.Socket[bytes]) -> None:
+        """Let `socket`, before it binds, speak only to holders of the keys, and count who else came."""
+        self._keys.guard_publisher(socket)
+        # Of a reader without keys it may see no more than that it has gone.
+        self._watch(socket, zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL | zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL)
+
+    def guard_reader(self, socket: zmq.Socket[bytes], where: str) -> None:
+        """Let `socket`, before it connects to `where`, speak only to a publisher with the keys, and count others."""
+        self._keys.guard_reader(socket)
+        self._watch(socket, zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL, where)
+
+    def _watch(self, socket: zmq.Socket[bytes], events: int, where: str = "") -> None:
+        """Hear what breaks off: strangers' keys, bytes repeated or changed."""
+        name = f"inproc://watched-{len(self._watched)}"
+        socket.monitor(name, events)
         watched = self._context.socket(zmq.PAIR)
         watched.rcvhwm = _BREACHES_KEPT  # libzmq waits where there is no room
-        watched.connect(where)
-        self._watched.append(watched)
+        watched.connect(name)
+        self._watched.append((watched, socket, where))
 
     def breaches(self) -> int:
-        """Return how many of these there were."""
-        for watched in self._watched:
+        """Return how many of these there were. A reader that met one tries again here: libzmq never would."""
+        for watched, socket, where in self._watched:
+            before = self._breaches
             with suppress(zmq.Again):
                 while watched.recv_multipart(zmq.NOBLOCK):
                     self._breaches += 1
+            if where and self._breaches > before:
+                socket.disconnect(where)
+                socket.connect(where)
         return self._breaches
 
     def answer(self) -> None:

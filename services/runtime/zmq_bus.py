@@ -93,13 +93,13 @@ class ZmqBus:
         self._in: dict[str, bus.Inbox] = {}
         self.on_flood: Callable[[], None] = lambda: None
         incarnation = bus.new_incarnation()
-        self._keys = keys.load(transport.keys) if transport.keys else None
-        self._authenticator = keys.ZapAuthenticator(self._context, self._keys) if self._keys else None
+        known = keys.load(transport.keys) if transport.keys else None
+        self._authenticator = keys.ZapAuthenticator(self._context, known) if known else None
         publishes, reads, reads_every, samples = map(tuple, (publishes, reads, reads_every, samples))
         heard = {topic(name).publisher for name in (*reads, *reads_every, *samples)}
         self._name = topic(publishes[0]).publisher if publishes else ""
         try:
-            self._clocks = Clocks(self._context, transport, self._keys, self._name, heard)
+            self._clocks = Clocks(self._context, transport, self._authenticator, self._name, heard)
             for name in publishes:
                 self._bind(transport, name, incarnation)
             for name in reads:
@@ -133,10 +133,8 @@ class ZmqBus:
         socket = self._context.socket(zmq.XPUB)  # XPUB tells when a reader has subscribed: readiness without sleeping
         socket.setsockopt(zmq.XPUB_VERBOSER, 1)  # of every reader, not of the first and the last only
         socket.sndhwm = most
-        if self._keys:
-            self._keys.guard_publisher(socket)
         if self._authenticator:
-            self._authenticator.watch(socket)
+            self._authenticator.guard_publisher(socket)
         try:
             socket.bind(where)
         except zmq.ZMQError as error:
@@ -167,11 +165,10 @@ class ZmqBus:
         socket.reconnect_ivl = _RECONNECT_MS
         if samples or box.every or not has_batches(box.row):  # but the hand waits for a fast one over tcp
             socket.reconnect_ivl_max = _RECONNECT_MAX_MS
-        if self._keys:
-            self._keys.guard_reader(socket)
+        where = endpoints.endpoint(transport, batch_endpoint(name) if every else name)
         if self._authenticator:
-            self._authenticator.watch(socket)
-        socket.connect(endpoints.endpoint(transport, batch_endpoint(name) if every else name))
+            self._authenticator.guard_reader(socket, where)
+        socket.connect(where)
         self._receivers[name] = socket
         self._descriptors[name] = int(socket.getsockopt(zmq.FD))
         self._in[name] = box

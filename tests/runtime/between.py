@@ -9,12 +9,16 @@ from contextlib import suppress
 
 
 class Between:
-    """Passes on what comes for a port, from a `shift` higher, `delay_s` late; says twice what it `repeats`."""
+    """Passes on what comes for a port, from a `shift` higher, `delay_s` late; says twice what it `repeats`.
+
+    It keeps what publisher and reader `said`, and may play the publisher's to whoever connects anew.
+    """
 
     shift = 500
 
     def __init__(self, port: int) -> None:
-        self.repeats, self.delay_s = False, 0.0
+        self.repeats, self.plays, self.delay_s = False, False, 0.0
+        self.said = {"publisher": b"", "reader": b""}
         self._listener = socket.create_server(("127.0.0.1", port + self.shift))
         self._port = port
         self._open = [self._listener]
@@ -24,6 +28,11 @@ class Between:
         with suppress(OSError):
             while True:
                 reader = self._listener.accept()[0]
+                if self.plays:
+                    self._open.append(reader)
+                    with suppress(OSError):
+                        reader.sendall(self.said["publisher"])
+                    continue
                 sender = socket.create_connection(("127.0.0.1", self._port))
                 self._open += [reader, sender]
                 for source, sink, back in ((reader, sender, False), (sender, reader, True)):
@@ -33,8 +42,15 @@ class Between:
         with suppress(OSError):
             while data := source.recv(1 << 16):
                 time.sleep(self.delay_s)
+                self.said["publisher" if back else "reader"] += data
                 sink.sendall(data * (2 if back and self.repeats else 1))
         for each in (source, sink):
+            with suppress(OSError):
+                each.shutdown(socket.SHUT_RDWR)
+
+    def part(self) -> None:
+        """Part those who are connected, who may connect again."""
+        for each in self._open[1:]:
             with suppress(OSError):
                 each.shutdown(socket.SHUT_RDWR)
 

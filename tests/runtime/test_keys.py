@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import socket
 import stat
 import time
 from collections.abc import Callable, Iterator
@@ -191,6 +192,87 @@ def test_bytes_that_are_repeated_on_the_way_are_refused_and_counted(stack: ExitS
     _until(lambda: _refused(reader) > 0, sender)
     between.repeats = False
     assert _hears(sender, reader, PATIENCE_S)
+
+
+def test_bytes_of_one_connection_are_refused_in_a_new_one_and_counted(stack: ExitStack, rig_keys: Path) -> None:
+    """Who has recorded a connection and plays it to a reader, or as one to the publisher, has no keys of the new."""
+    sender = _bus(stack, rig_keys, publishes=[STATE])
+    port = int(endpoint(Transport(kind="tcp", base_port=PORT), STATE).rpartition(":")[2])
+    between = Between(port)
+    stack.callback(between.close)
+    reader = ZmqBus(Transport(kind="tcp", base_port=PORT + between.shift, keys=rig_keys), reads=[STATE])
+    stack.callback(reader.close)
+    assert _hears(sender, reader, PATIENCE_S)
+    said = dict(between.said)
+    assert _refused(reader) == _refused(sender) == 0
+    between.plays = True
+    between.part()
+    _until(lambda: _refused(reader) > 0, sender)
+    reader.latest(STATE)  # what came before
+    received = reader.reports()[0].received
+    with socket.create_connection(("127.0.0.1", port)) as played:
+        played.sendall(said["reader"])
+        _until(lambda: _refused(sender) > 0, sender)
+    assert reader.latest(STATE) is None
+    assert reader.reports()[0].received == received
+    between.plays = False
+    between.part()
+    _until(lambda: _refused(reader) > 0 and reader.latest(STATE) is not None, sender)  # each report looks after readers
+
+
+def test_frames_that_were_recorded_are_refused_in_a_new_connection_also_from_who_has_the_keys(
+    stack: ExitStack, rig_keys: Path
+) -> None:
+    first = _bus(stack, rig_keys, publishes=[STATE])
+    context = zmq.Context()
+    stack.callback(context.destroy, linger=0)
+    recorder = context.socket(zmq.SUB)
+    keys.load(rig_keys).guard_reader(recorder)
+    recorder.setsockopt(zmq.SUBSCRIBE, b"")
+    place = endpoint(Transport(kind="tcp", base_port=PORT), STATE)
+    recorder.connect(place)
+    reader = _bus(stack, rig_keys, reads=[STATE])
+    assert _hears(first, reader, PATIENCE_S)
+    _until(lambda: bool(recorder.poll(0)), first)
+    recorded = recorder.recv()
+    recorder.close()
+    assert _hears(first, reader, PATIENCE_S)  # something newer
+    first.close()
+
+    def play(reason: str) -> None:
+        with context.socket(zmq.PUB) as player:
+            keys.load(rig_keys).guard_publisher(player)
+            _bind(player, place)
+            time.sleep(SILENCE_S)
+            reader.latest(STATE)  # what was on its way
+            end = time.monotonic() + PATIENCE_S
+            while not reader.reports()[0].refused.get(reason):
+                assert time.monotonic() < end, reader.reports()[0].refused
+                player.send(recorded)
+                assert reader.latest(STATE) is None
+                time.sleep(0.01)
+            player.unbind(place)
+
+    play("out_of_order")
+    second = _bus(stack, rig_keys, publishes=[STATE])
+    assert _hears(second, reader, PATIENCE_S)
+    second.close()
+    play("old_incarnation")
+    assert not reader.is_fresh(STATE)
+    assert _hears(_bus(stack, rig_keys, publishes=[STATE]), reader, PATIENCE_S)
+
+
+def _bind(player: zmq.Socket[bytes], place: str) -> None:
+    """Bind as soon as the publisher of before has left."""
+    end = time.monotonic() + PATIENCE_S
+    while True:
+        try:
+            player.bind(place)
+        except zmq.ZMQError:
+            assert time.monotonic() < end
+            time.sleep(0.01)
+        else:
+            return
 
 
 def _refused(bus: ZmqBus) -> float:
