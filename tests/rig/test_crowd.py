@@ -1,0 +1,124 @@
+"""Ten viewers, one who stops reading and a storm of reloads at a true rig: bounded memory, and loops that go on."""
+
+from __future__ import annotations
+
+import json
+import socket
+import struct
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import httpx
+import pytest
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection, connect
+
+from services.runtime.rig import Transport
+from services.supervisor.page_place import page_file
+from tests.rig.conftest import SCENE, Rig, running_rig
+
+pytestmark = [pytest.mark.rig, pytest.mark.timeout(900)]
+
+PATIENCE_S = 60.0
+VIEWERS = 10
+#: Reloads before memory is looked at for the first time, and after.
+FIRST, MORE = 10, 50
+UPGRADE = ("Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13", f"Sec-WebSocket-Key: {'A' * 22}==")
+#: Of each process: a picture's buffers that stay with every reload would be more.
+MOST_GROWTH_BYTES = 4 << 20
+
+
+def test_a_crowd_at_the_page_costs_bounded_memory_and_no_loop_anything(tmp_path: Path) -> None:
+    with running_rig(tmp_path, str(SCENE), ["recorder.sample_rate_hz=10"]) as rig, ExitStack() as stack:
+        address = json.loads(page_file(Transport(directory=rig.directory / "bus")).read_text())["address"]
+        view = httpx.get(f"{address}api/rig", timeout=PATIENCE_S).json()["view_ws"]
+        before, alone_hz = rig.observer.pids(), _ticks_a_second(rig)
+        viewers = [stack.enter_context(_view(view)) for _ in range(VIEWERS)]
+        still = [stack.enter_context(_ask(address, "/events")), stack.enter_context(_ask(view, "/ws", *UPGRADE))]
+        _storm(rig, address, view, FIRST)
+        held = _memory(rig)
+        began_s, began = time.monotonic(), _tick(rig)
+        _storm(rig, address, view, MORE)
+        crowded_hz = (_tick(rig) - began) / (time.monotonic() - began_s)
+        grown = {name: size - held[name] for name, size in _memory(rig).items()}
+        assert len(grown) > len(before), "the page too"
+        assert max(grown.values()) < MOST_GROWTH_BYTES, grown
+        assert crowded_hz > 0.5 * alone_hz, "the loops do not wait for a crowd, though a busy machine has less for them"
+        ticks = [_picture(viewer) for viewer in viewers]
+        assert max(ticks) - min(ticks) < crowded_hz * PATIENCE_S
+        assert all(_picture(viewer) >= tick for viewer, tick in zip(viewers, ticks, strict=True)), "all see it go on"
+        for each in still:
+            each.close()
+        rig.observer.look()
+        assert rig.observer.pids() == before
+        assert rig.observer.is_up
+
+
+def _ask(address: str, path: str, *more: str) -> socket.socket:
+    """Ask for something, and read nothing of the answer."""
+    parts = urlsplit(address)
+    made = socket.create_connection((parts.hostname or "", parts.port or 0), timeout=PATIENCE_S)
+    made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    made.sendall("\r\n".join((f"GET {path} HTTP/1.1", "Host: localhost", *more, "", "")).encode())
+    return made
+
+
+@contextmanager
+def _view(view: str) -> Iterator[ClientConnection]:
+    """Look at the picture; what has not been read by the end is nobody's."""
+    with (
+        suppress(ConnectionClosed),
+        connect(view, compression=None, close_timeout=0.1, ping_interval=None) as client,
+    ):
+        yield client
+
+
+def _storm(rig: Rig, address: str, view: str, turns: int) -> None:
+    """Load the page and leave it in the middle, again and again."""
+    with httpx.Client(timeout=PATIENCE_S) as page:
+        for turn in range(turns):
+            with _ask(address, "/events") as events, _view(view) as client:
+                if turn % 2:
+                    events.recv(1000)
+                    _picture(client)
+            assert page.get(address).status_code == 200
+            rig.observer.look()
+
+
+def _picture(client: ClientConnection) -> int:
+    """Return the tick of the next picture, which it acknowledges."""
+    while True:
+        message = client.recv(timeout=PATIENCE_S)
+        if isinstance(message, bytes):
+            sequence, _, _, tick = struct.unpack_from("<4Q", message)
+            client.send(struct.pack("<Q", sequence))
+            return int(tick)
+
+
+def _memory(rig: Rig) -> dict[int, int]:
+    """Return the resident bytes of each process of the rig: those that it tells, its supervisor and their children."""
+    sizes, parents = {}, {}
+    for folder in Path("/proc").iterdir():
+        with suppress(OSError, ValueError):  # no process, or gone meanwhile
+            status = dict(line.split(":", 1) for line in (folder / "status").read_text().splitlines())
+            parents[int(folder.name)] = int(status["PPid"])
+            sizes[int(folder.name)] = 1024 * int(status.get("VmRSS", "0 kB").split()[0])
+    ours = {rig.process.pid, *rig.observer.pids().values()}
+    while more := {pid for pid, parent in parents.items() if parent in ours} - ours:
+        ours |= more
+    return {pid: sizes[pid] for pid in ours if pid in sizes}
+
+
+def _tick(rig: Rig) -> int:
+    now_ns = time.monotonic_ns()
+    rig.observer.until(lambda: rig.observer.samples[-1].sent_ns > now_ns, PATIENCE_S, "a tick of now")
+    return rig.observer.samples[-1].tick
+
+
+def _ticks_a_second(rig: Rig) -> float:
+    began_s, began = time.monotonic(), _tick(rig)
+    rig.observer.until(lambda: time.monotonic() - began_s > 3.0, PATIENCE_S, "three seconds")
+    return (_tick(rig) - began) / (time.monotonic() - began_s)
