@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from pathlib import Path
 
@@ -10,9 +11,31 @@ import numpy.typing as npt
 
 from services.gateway.driver import Place
 from services.gateway.pose import pack_mount, to_arm
+from services.mechanics.arrays import FloatArray
 from services.runtime.errors import DeviceError
 
+_TICK_S = 1e-3
 _DTYPE = [(name, np.float64) for name in ("time_s", "x_m", "y_m", "z_m", "roll_rad", "handle_angle_rad")]
+
+
+class Track:
+    """Columns of a recording at the time since the first read, linear between its rows; again and again with `loop`."""
+
+    def __init__(self, times_s: FloatArray, *columns: FloatArray, loop: bool) -> None:
+        self._times_s, self._columns = times_s - times_s[0], columns
+        self._end_s = float(self._times_s[-1]) if loop else 0.0
+        self._began_ns = 0
+
+    def at(self, time_ns: int) -> tuple[list[float], list[float]]:
+        """Return each column, and its rate over the last tick."""
+        self._began_ns = self._began_ns or time_ns
+        time_s = (time_ns - self._began_ns) * 1e-9
+        if self._end_s > 0.0:
+            time_s = math.fmod(time_s, self._end_s)
+        here, before = (
+            [float(np.interp(t, self._times_s, c)) for c in self._columns] for t in (time_s, time_s - _TICK_S)
+        )
+        return here, [(now - then) / _TICK_S for now, then in zip(here, before, strict=True)]
 
 
 def read_hand(path: Path, columns: tuple[str, ...], place: Place) -> npt.NDArray[np.void]:

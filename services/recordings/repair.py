@@ -10,7 +10,6 @@ import fcntl
 import io
 import os
 import struct
-import time
 from array import array
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -25,7 +24,7 @@ from mcap.stream_reader import get_chunk_data_stream
 from services.recordings.chunks import message_indexes
 from services.recordings.errors import HoleError, RecordingError
 from services.recordings.reader import BROKEN
-from services.recordings.summary import MAGIC, Summary, attachment_index, finish, record_bytes, write_at
+from services.recordings.summary import MAGIC, Summary, attachment_index, finish, write_at
 
 _HEAD = struct.Struct("<BQ")
 #: Footer record and magic at the end of a file that was closed.
@@ -66,27 +65,6 @@ def repair(path: Path, every_chunk: bool = True) -> RepairedRecording | None:
         if is_whole:
             return None
         return RepairedRecording(scan.summary.frames, max(0, scan.size - scan.end))
-
-
-def attach(path: Path, name: str, media_type: str, data: bytes) -> None:
-    """Append a file to a recording in place: what was made of it later, such as a score. One of this name is replaced
-    for readers by the index.
-
-    Raises
-    ------
-    RecordingError
-        as `repair` does.
-    """
-    now_ns = time.time_ns()
-    record = Attachment(create_time=now_ns, log_time=now_ns, name=name, media_type=media_type, data=data)
-    with _opened(path) as file:
-        scan = _scan(path, file)
-        summary, written = scan.summary, record_bytes(record)
-        write_at(file, written, scan.end)
-        summary.attachments = [each for each in summary.attachments if each.name != name]
-        summary.attachments.append(attachment_index(record, scan.end, len(written)))
-        finish(file, summary, scan.end + len(written))
-        os.fsync(file)
 
 
 def _scan(path: Path, file: int, mend: bool = True) -> _Scan:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import yaml
-from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic import TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
 from services.nearest_word import did_you_mean
@@ -331,9 +331,3 @@ def split_overrides(overrides: Iterable[str]) -> tuple[tuple[str, ...], tuple[st
 def load_rig(name: str | Path, overrides: Iterable[str] = ()) -> Rig:
     """Return the rig of a file or bare name; of `overrides`, those that are the rig's are put on top."""
     return load(Rig, find("rig", name), split_overrides(overrides)[0])[0]
-
-
-def dump(model: BaseModel) -> str:
-    """Return `model` as YAML, defaults included."""
-    text: str = yaml.safe_dump(model.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
-    return text

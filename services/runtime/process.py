@@ -8,7 +8,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from types import FrameType
 from typing import Any
 
@@ -35,7 +35,7 @@ class Options:
     prepare_only: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, kw_only=True)
 class ProcessConfig:
     """What a process is to be."""
 
@@ -47,19 +47,13 @@ class ProcessConfig:
     requirements: SceneRequirements = EVERYTHING
 
 
-@dataclass(slots=True)
-class Process:
+@dataclass(slots=True, kw_only=True)
+class Process(ProcessConfig):
     """An open process. Ends through `stop`, never by exit inside a loop."""
 
-    name: str
-    rig: Rig
-    scene_name: str
-    scene_overrides: tuple[str, ...]
-    log: logging.Logger
     facts: list[realtime.Fact]
     bus: ZmqBus
     health: HealthReporter
-    requirements: SceneRequirements = EVERYTHING
     _scheduling: Scheduling | None = None
     _stopping: list[bool] = field(default_factory=lambda: [False])
 
@@ -130,7 +124,10 @@ def load_process_config(name: str, options: Options) -> ProcessConfig:
     rig = config.load_rig(options.rig, options.overrides)
     scene, scene_overrides = options.scene or rig.scene, config.split_overrides(options.overrides)[1]
     wanted = scene_requirements(scene, scene_overrides)
-    return ProcessConfig(name, wanted.fitted(rig), scene, scene_overrides, log.set_up(name), wanted)
+    return ProcessConfig(
+        name=name, rig=wanted.fitted(rig), scene_name=scene, scene_overrides=scene_overrides, log=log.set_up(name),
+        requirements=wanted,
+    )  # fmt: skip
 
 
 def open_process(process_config: ProcessConfig, whole: Collection[str] = ()) -> Process:
@@ -166,20 +163,10 @@ def open_process(process_config: ProcessConfig, whole: Collection[str] = ()) -> 
         reads_every=[each for each in (*read, *observed) if each in whole],
         samples=[each for each in observed if each not in whole],
     )
-    process = Process(
-        name,
-        rig,
-        process_config.scene_name,
-        process_config.scene_overrides,
-        logger,
-        facts,
-        bus,
-        HealthReporter(name, bus),
-        requirements,
-    )
+    given = {each.name: getattr(process_config, each.name) for each in fields(process_config)}
+    process = Process(**given, facts=facts, bus=bus, health=HealthReporter(name, bus), _scheduling=scheduling)
     process.health.realtime = facts
     if scheduling is not None:
-        process._scheduling = scheduling  # noqa: SLF001
         scheduling.relax()
     _stop_on_signals(process)
     process.health.change("starting", "building")

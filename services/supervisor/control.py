@@ -6,8 +6,6 @@ import math
 import socket
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 import msgspec
 
@@ -50,12 +48,8 @@ class Control:
         self._line.listen(_PEERS)
         self._callers: list[Link] = []
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Answer nobody any more."""
         self._path.unlink(missing_ok=True)
         self._line.close()
         for caller in self._callers:

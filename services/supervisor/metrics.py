@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib import metadata
-from typing import Literal
+from typing import Literal, TypeVar
 
 import prometheus_client
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
@@ -24,6 +24,7 @@ from services.supervisor.observers.thread_usage import Counts, Usage
 from services.supervisor.state_machine import RigState
 
 Level = Literal["summary", "full"]
+_Family = TypeVar("_Family", CounterMetricFamily, GaugeMetricFamily)
 #: Gauges ``device_link_up.<device>`` of a process are a metric of their own.
 LINK = "device_link_up"
 #: Gauges of the recorder that are metrics of their own: what each is called, whether it counts, and what it is.
@@ -89,13 +90,10 @@ def registry(source: Callable[[], RigSource], level: Level = "full") -> promethe
 
 
 def _rig(rig: bodies.SupervisorState) -> Iterator[Metric]:
-    build = GaugeMetricFamily("trocar_build_info", "Version of the rig", labels=["version"])
-    build.add_metric([metadata.version("trocar")], 1)
-    yield build
-    state = GaugeMetricFamily("trocar_rig_state", "1 for the state that the rig is in", labels=["state"])
-    for value in RigState:
-        state.add_metric([str(value)], float(value == rig.state))
-    yield state
+    states = {str(value): float(value == rig.state) for value in RigState}
+    version = {metadata.version("trocar"): 1.0}
+    yield _by("version", GaugeMetricFamily, "trocar_build_info", "Version of the rig", version)
+    yield _by("state", GaugeMetricFamily, "trocar_rig_state", "1 for the state that the rig is in", states)
     yield GaugeMetricFamily("trocar_quality_level", "Quality level asked for, 0 is the best", value=rig.quality_level)
     yield from _quality(rig.quality)
     yield GaugeMetricFamily("trocar_safe_stop", "1 while the arms are limp until armed", value=float(rig.safe_stop))
@@ -107,32 +105,24 @@ def _quality(quality: bodies.QualityReport) -> Iterator[Metric]:
         yield GaugeMetricFamily(
             "trocar_quality_cost_seconds", "A tick of the rung in force", value=1e-6 * quality.cost_us
         )
-    error = GaugeMetricFamily("trocar_quality_error_ratio", "Error of the rung in force", labels=["of"])
-    for of, percent in (("force", quality.force_error_percent), ("motion", quality.motion_error_percent)):
-        if percent is not None:
-            error.add_metric([of], 0.01 * percent)
-    yield error
-    switches = CounterMetricFamily("trocar_quality_switches", "Changes of the rung", labels=["direction"])
-    switches.add_metric(["down"], quality.lowered)
-    switches.add_metric(["up"], quality.raised)
-    yield switches
+    percent = {"force": quality.force_error_percent, "motion": quality.motion_error_percent}
+    errors = {of: 0.01 * error for of, error in percent.items() if error is not None}
+    switches = {"down": quality.lowered, "up": quality.raised}
+    yield _by("of", GaugeMetricFamily, "trocar_quality_error_ratio", "Error of the rung in force", errors)
+    yield _by("direction", CounterMetricFamily, "trocar_quality_switches", "Changes of the rung", switches)
 
 
 def _services(rig: RigSource) -> Iterator[Metric]:
-    up = GaugeMetricFamily("trocar_service_up", "1 while a process is ready and heard", labels=["service"])
-    restarts = CounterMetricFamily("trocar_service_restarts", "Restarts by the supervisor", labels=["service"])
+    up = {process.name: float(process.state == "ready") for process in rig.state.processes}
+    up["supervisor"] = float(rig.is_judged)
+    restarts = {process.name: process.restarts for process in rig.state.processes} | {"supervisor": 0}
+    uptime = {name: health.uptime_s for name, health in rig.heard.items()}
+    lost = {n: sum(t.dropped + sum(t.refused.values()) for t in health.topics) for n, health in rig.heard.items()}
     text = "From the start of a process to its newest report"
-    uptime = GaugeMetricFamily("trocar_service_uptime_seconds", text, labels=["service"])
-    drops = CounterMetricFamily("trocar_service_drops", "Frames that it lost or refused", labels=["service"])
-    for process in rig.state.processes:
-        up.add_metric([process.name], float(process.state == "ready"))
-        restarts.add_metric([process.name], process.restarts)
-    up.add_metric(["supervisor"], float(rig.is_judged))
-    restarts.add_metric(["supervisor"], 0)
-    for name, health in rig.heard.items():
-        uptime.add_metric([name], health.uptime_s)
-        drops.add_metric([name], sum(t.dropped + sum(t.refused.values()) for t in health.topics))
-    yield from (up, restarts, uptime, drops)
+    yield _by("service", GaugeMetricFamily, "trocar_service_up", "1 while a process is ready and heard", up)
+    yield _by("service", CounterMetricFamily, "trocar_service_restarts", "Restarts by the supervisor", restarts)
+    yield _by("service", GaugeMetricFamily, "trocar_service_uptime_seconds", text, uptime)
+    yield _by("service", CounterMetricFamily, "trocar_service_drops", "Frames that it lost or refused", lost)
 
 
 _LOOP_TIMES = {
@@ -166,13 +156,10 @@ def _loops(heard: Iterable[bodies.Health], full: bool) -> Iterator[Metric]:
 
 def _limits(contracts: Contracts) -> Iterator[Metric]:
     """Yield what the rig file asks for: alerts hold a rig to its own contracts."""
-    ratio = GaugeMetricFamily("trocar_loop_miss_ratio_limit", "Share of ticks that may be lost", labels=["loop"])
-    for name, loop in contracts.loops.items():
-        ratio.add_metric([name], loop.miss_ratio)
-    p99 = GaugeMetricFamily("trocar_path_limit_seconds", "What 99 % of a path must keep", labels=["path"])
-    for name, path in contracts.paths.items():
-        p99.add_metric([name], path.p99_us / 1e6)
-    yield from (ratio, p99)
+    lost = {name: loop.miss_ratio for name, loop in contracts.loops.items()}
+    p99 = {name: path.p99_us / 1e6 for name, path in contracts.paths.items()}
+    yield _by("loop", GaugeMetricFamily, "trocar_loop_miss_ratio_limit", "Share of ticks that may be lost", lost)
+    yield _by("path", GaugeMetricFamily, "trocar_path_limit_seconds", "What 99 % of a path must keep", p99)
 
 
 def _paths(heard: Iterable[bodies.Health], full: bool) -> Metric:
@@ -239,21 +226,17 @@ def _stages(heard: Iterable[bodies.Health]) -> Iterator[Metric]:
 
 
 def _threads(threads: Mapping[str, Row[Counts, Usage | None]], full: bool) -> Iterator[Metric]:
-    switches = CounterMetricFamily(
-        "trocar_context_switches",
-        "Of threads that live now: a wake-up ends in one that was wanted",
-        labels=["service", "kind"],
-    )
-    ran = CounterMetricFamily("trocar_processor_seconds", "Time on a processor", labels=["service"])
-    waited = CounterMetricFamily("trocar_waited_seconds", "Time of waiting for a processor", labels=["service"])
-    for name, row in threads.items():
-        counts = row.since_start
-        switches.add_metric([name, "wanted"], counts.woken)
-        switches.add_metric([name, "preempted"], counts.preempted)
-        ran.add_metric([name], counts.ran_ns / 1e9)
-        waited.add_metric([name], counts.waited_ns / 1e9)
-    yield from (ran, waited)
+    counts = {name: row.since_start for name, row in threads.items()}
+    ran = {name: each.ran_ns / 1e9 for name, each in counts.items()}
+    waited = {name: each.waited_ns / 1e9 for name, each in counts.items()}
+    yield _by("service", CounterMetricFamily, "trocar_processor_seconds", "Time on a processor", ran)
+    yield _by("service", CounterMetricFamily, "trocar_waited_seconds", "Time of waiting for a processor", waited)
     if full:
+        text = "Of threads that live now: a wake-up ends in one that was wanted"
+        switches = CounterMetricFamily("trocar_context_switches", text, labels=["service", "kind"])
+        for name, each in counts.items():
+            switches.add_metric([name, "wanted"], each.woken)
+            switches.add_metric([name, "preempted"], each.preempted)
         yield switches
 
 
@@ -267,6 +250,14 @@ def _floor(floor: Mapping[int, Row[Latencies, Latencies]], full: bool) -> Iterat
     yield longest
     if full:
         yield family
+
+
+def _by(label: str, kind: type[_Family], name: str, text: str, values: Mapping[str, float]) -> _Family:
+    """Return a family of metrics with one label."""
+    family = kind(name, text, labels=[label])
+    for key, value in values.items():
+        family.add_metric([key], value)
+    return family
 
 
 def _longest(name: str, *labels: str) -> GaugeMetricFamily:

@@ -9,8 +9,6 @@ from __future__ import annotations
 import hashlib
 import socket
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 from services.supervisor.launcher import Child
 from services.supervisor.page_link import Heartbeat, Link, PageSetup, RigStatus
@@ -41,18 +39,14 @@ class Page:
         self._starts = 0
         self._due_s = self._retry_s = self._heard_s = self._waited_s = 0.0
         self._patience_s = _SILENT_AT_FIRST_S
-
-    def __enter__(self) -> Self:
-        address, token = _address(self._socket), self._setup.token
+        address, token = _address(sock), setup.token
         write_page_file(self._file, address, token)
-        self._supervisor.token_sha256 = hashlib.sha256(token.encode()).hexdigest()
-        self._supervisor.page_address = f"{address}#token={token}"
-        self._start(self._supervisor.started_s)
-        return self
+        supervisor.token_sha256 = hashlib.sha256(token.encode()).hexdigest()
+        supervisor.page_address = f"{address}#token={token}"
+        self._start(supervisor.started_s)
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """End the process, and give the address up."""
         if self._link is not None:
             self._link.close()  # which it sees, and ends
         if self._child is not None:

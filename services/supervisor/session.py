@@ -159,8 +159,8 @@ def run_session(process: Process, session: SessionOptions) -> None:
     with (
         closing(threads),
         closing(loop_progress),
-        Page(sock, supervisor, page_setup, log_directory(process.rig)) as page,
-        Control(supervisor) as control,
+        closing(Page(sock, supervisor, page_setup, log_directory(process.rig))) as page,
+        closing(Control(supervisor)) as control,
     ):
         meter = supervisor.meter = LoopMeter(1.0 / _TURN_S, STAGES)
         process.ready(meter, starts_others=True)

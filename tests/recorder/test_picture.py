@@ -21,7 +21,7 @@ from services.recorder import attachments
 from services.recorder.picture import Picture
 from services.recorder.recording import RecordingWriter
 from services.recordings.reader import read_extras
-from services.recordings.repair import attach, repair
+from services.recordings.repair import repair
 from services.recordings.scene_update import LOG, SCENE, TRANSFORMS, SceneDrawing
 from services.runtime.config import load_rig
 from services.scenes import load_duct, load_scene
@@ -89,29 +89,20 @@ def test_the_schemas_of_foxglove_decode_a_scene_that_moves(tmp_path: Path, drawi
     assert line_of_log.message.startswith("degraded: physics")
 
 
-def test_it_carries_how_it_was_run_and_what_is_attached_later(tmp_path: Path, drawing: SceneDrawing) -> None:
+def test_it_carries_how_it_was_run(tmp_path: Path, drawing: SceneDrawing) -> None:
     writer = RecordingWriter(tmp_path / "a.mcap", {"rig": "stub"})
     for attached in attachments.settings(load_rig("stub"), str(SMALL), ("duct.n_modes=20",)):
         writer.attach(*attached)
     writer.attach(*attachments.surface(drawing._surface.duct))
     writer.write(samples.frame("gateway.state"))
     writer.close()
-    attach(writer.path, "score.json", "application/json", b"{}")
-    attach(writer.path, "score.json", "application/json", b'{"total": 1}')
     metadata, found = read_extras(writer.path)
     assert metadata["trocar"]["rig"] == "stub"
-    assert set(found) == {
-        "scene.yaml", "rig.yaml", "duct.npz", "score.json", "devices/phantom_premium_1_5.yaml",
-        "devices/grasp_odrive.yaml",
-    }  # fmt: skip
-    assert found["score.json"] == b'{"total": 1}'
+    devices = {"devices/phantom_premium_1_5.yaml", "devices/grasp_odrive.yaml"}
+    assert set(found) == {"scene.yaml", "rig.yaml", "duct.npz"} | devices
     assert yaml.safe_load(found["scene.yaml"])["duct"]["n_modes"] == 20
     mesh = np.load(io.BytesIO(found["duct.npz"]))
     np.testing.assert_array_equal(mesh["vertices_m"], drawing._surface.duct.mesh.vertices_m)
-    with writer.path.open("rb") as file:
-        summary = make_reader(file, validate_crcs=True).get_summary()
-    assert summary is not None
-    assert len([each for each in summary.attachment_indexes if each.name == "score.json"]) == 1
     assert repair(writer.path) is None
 
 

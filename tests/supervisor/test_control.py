@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +44,7 @@ def bench(folder: Path) -> Bench:
 
 @pytest.fixture
 def control(bench: Bench) -> Iterator[Control]:
-    with Control(bench.supervisor) as opened:
+    with closing(Control(bench.supervisor)) as opened:
         yield opened
 
 

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from services.gateway import driver
 from services.gateway.driver import GraspHandle, Place
 from services.gateway.drivers.replay import ReplaySettings
-from services.gateway.recording import read_hand
+from services.gateway.recording import Track, read_hand
 from services.gateway.servo_arrays import HANDLE_ANGLE, HANDLE_RATE
 from services.mechanics.arrays import FloatArray
 from services.runtime.rig import DriverSettings
-
-_TICK_S = 1e-3
 
 
 class Driver(GraspHandle):
@@ -26,28 +22,19 @@ class Driver(GraspHandle):
     def __init__(self, settings: DriverSettings, place: Place) -> None:
         self._settings = driver.read_settings(ReplaySettings, settings, place)
         self._place = place
-        self._times: FloatArray = np.zeros(1)
-        self._angles: FloatArray = np.zeros(1)
-        self._began_ns = 0
+        self._track = Track(np.zeros(1), np.zeros(1), loop=False)
 
     def open(self) -> None:
         """Read the file."""
         table = read_hand(self._settings.file, ("time_s", "handle_angle_rad"), self._place)
-        self._times = table["time_s"] - table["time_s"][0]
-        self._angles = np.ascontiguousarray(table["handle_angle_rad"])
+        self._track = Track(table["time_s"], table["handle_angle_rad"], loop=self._settings.loop)
 
     def enable(self) -> None:
         """Nothing to switch on: `ready` stays false."""
 
     def read(self, time_ns: int, handle: FloatArray) -> None:
         """Write angle and rate of the recording, linear between its rows."""
-        self._began_ns = self._began_ns or time_ns
-        time_s, end_s = (time_ns - self._began_ns) * 1e-9, float(self._times[-1])
-        if self._settings.loop and end_s > 0.0:
-            time_s = math.fmod(time_s, end_s)
-        here = np.interp(time_s, self._times, self._angles)
-        handle[HANDLE_ANGLE] = here
-        handle[HANDLE_RATE] = (here - np.interp(time_s - _TICK_S, self._times, self._angles)) / _TICK_S
+        (handle[HANDLE_ANGLE],), (handle[HANDLE_RATE],) = self._track.at(time_ns)
 
     def write(self, torque_nm: float) -> None:
         """Ignore the torque: `has_force` says so."""

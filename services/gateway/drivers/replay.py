@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import numpy as np
 
 from services.gateway import driver, premium_model
 from services.gateway.driver import Arm, ArmLimits, Place
-from services.gateway.recording import read_hand
+from services.gateway.recording import Track, read_hand
 from services.gateway.servo_arrays import READ_POSITION, READ_ROLL, READ_VELOCITY
 from services.mechanics.arrays import FloatArray
 from services.runtime.rig import DriverSettings, Settings
 
 COLUMNS = ("time_s", "x_m", "y_m", "z_m")
-_TICK_S = 1e-3
 
 
 class ReplaySettings(Settings):
@@ -44,32 +42,23 @@ class Driver(Arm):
     def __init__(self, settings: DriverSettings, place: Place) -> None:
         self._settings = driver.read_settings(ReplaySettings, settings, place)
         self._place = place
-        self._times: FloatArray = np.zeros(1)
-        self._values: FloatArray = np.zeros((1, 4))
-        self._began_ns = 0
+        self._track = Track(np.zeros(1), *np.zeros((4, 1)), loop=False)
 
     def open(self) -> None:
         """Read the file."""
         table = read_hand(self._settings.file, COLUMNS, self._place)
-        self._times = table["time_s"] - table["time_s"][0]
         roll = table["roll_rad"] if "roll_rad" in (table.dtype.names or ()) else np.zeros(len(table))
-        self._values = np.column_stack((table["x_m"], table["y_m"], table["z_m"], roll))
+        self._track = Track(*(table[name] for name in COLUMNS), roll, loop=self._settings.loop)
 
     def enable(self) -> None:
         """Nothing to switch on."""
 
     def read(self, time_ns: int, reading: FloatArray) -> None:
         """Write position, velocity and roll of the recording, linear between its rows."""
-        self._began_ns = self._began_ns or time_ns
-        time_s, end_s = (time_ns - self._began_ns) * 1e-9, float(self._times[-1])
-        if self._settings.loop and end_s > 0.0:
-            time_s = math.fmod(time_s, end_s)
-        for axis in range(3):
-            here = np.interp(time_s, self._times, self._values[:, axis])
-            before = np.interp(time_s - _TICK_S, self._times, self._values[:, axis])
-            reading[READ_POSITION + axis] = here
-            reading[READ_VELOCITY + axis] = (here - before) / _TICK_S
-        reading[READ_ROLL] = np.interp(time_s, self._times, self._values[:, 3])
+        here, rates = self._track.at(time_ns)
+        reading[READ_POSITION : READ_POSITION + 3] = here[:3]
+        reading[READ_VELOCITY : READ_VELOCITY + 3] = rates[:3]
+        reading[READ_ROLL] = here[3]
 
     def write(self, force_n: FloatArray) -> None:
         """Ignore the force: `has_force` says so."""
