@@ -1,6 +1,6 @@
 """The decorators that compile the functions of a tick: numba's `njit`, kept on disk, without the interpreter's lock.
 
-What kernels take as arguments: `docs/kernels.md`.
+What kernels take as arguments: `docs/reference/kernels.md`.
 """
 
 from __future__ import annotations

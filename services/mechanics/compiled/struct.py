@@ -1,4 +1,4 @@
-"""Structs that Python fills and kernels read and write in place; docs/kernels.md has the whole of it.
+"""Structs that Python fills and kernels read and write in place; docs/reference/kernels.md has the whole of it.
 
 A struct is a class with annotated fields. An object of it owns a few words of memory that hold its numbers and the
 addresses and extents of its arrays, and it keeps those arrays alive. Kernels are handed its address.

@@ -228,7 +228,7 @@ def test_bounds_are_checked_where_numba_is_told_to() -> None:
 
 
 def test_the_example_of_the_documentation_works(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    page = (Path(__file__).parents[3] / "docs" / "kernels.md").read_text()
+    page = (Path(__file__).parents[3] / "docs" / "reference" / "kernels.md").read_text()
     before = "import numpy as np\npositions, springs = np.eye(3), np.array([[0, 1]], np.int32)\n"
     (tmp_path / "chain_of_the_page.py").write_text(before + page.split("```python\n")[1].split("```")[0])
     monkeypatch.syspath_prepend(tmp_path)
