@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import msgspec
-import numpy as np
 import pytest
 
 from protocol import TOPICS
@@ -20,7 +19,8 @@ from services.mechanics.scene.tools import ToolInputs
 from services.physics import __main__ as physics
 from services.runtime.loop import LoopMeter, TickClock
 from services.scenes import load_duct
-from services.training.site import Site, site_of_duct
+from services.scenes.duct_file import duct_file
+from services.training.site import Site, read_site
 from tests.memory_bus import MemoryBus, MemoryHub
 from tests.memory_process import MemoryProcess
 
@@ -44,8 +44,7 @@ class SimulatedRig:
         self._physics = physics.Physics(self._physics_process, meter, scenario.scene, duct)  # type: ignore[arg-type]
         self._scenario, self._pace = scenario, pace
         self._inputs = ToolInputs()
-        modes = np.asarray(duct.basis.Phi).reshape(len(duct.mesh.vertices_m), 3, -1)
-        self.site: Site = site_of_duct(duct.mesh.vertices_m, duct.mesh.triangles, modes, duct.basis.content_hash)
+        self.site: Site = read_site(duct_file(duct))
 
     def messages(self, seconds: float) -> Iterator[tuple[str, int, msgspec.Struct]]:
         """Yield topic, time in ns and body of every frame of the fast topics."""
@@ -72,7 +71,7 @@ class SimulatedRig:
                     name=name,
                     position_m=tuple(inputs.position_m[k].tolist()),
                     port_m=forceps.port_position_m,
-                    handle_angle_rad=float(inputs.jaw_angle_rad[k]) / forceps.jaws.jaw_ratio if forceps.jaws else 0.0,
+                    handle_angle_rad=float(inputs.jaw_angle_rad[k]) / forceps.handle_range[0],
                     roll_rad=float(inputs.roll_rad[k]),
                 )
                 for k, (name, forceps) in enumerate(zip(("right", "left"), scene.forceps, strict=False))

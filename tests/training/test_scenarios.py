@@ -6,9 +6,11 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from protocol.bodies import GatewayState, PhysicsState
+from protocol import Frame
+from protocol.bodies import GatewayState
 from services.cache_directory import cache_directory
 from services.cli.attempt import made_of
 from services.mechanics.simulation import Simulation
@@ -18,15 +20,17 @@ from services.scenes import load_duct, load_scene
 from services.scenes.hands import hands_of
 from services.training.assess import Message, Terms, assess
 from services.training.assessment import Assessment
-from services.training.attempt import Attempt, Look
+from services.training.attempt import Attempt
 from services.training.scenario import ASSUMPTION, LIMITS, Scenario, load_scenario, scenario_names, scenario_of
 from services.training.score import load_rules
+from services.training.sight import Sight
+from services.tube_paths import TubePaths
 from tests.training.simulated import SimulatedRig, patient
 from tests.training.simulated import attempt as word
 
 __all__ = ["patient"]
 
-NAMES = ["basic", "mirrored", "narrow", "one-handed", "stone", "weak-wall"]
+NAMES = ["basic", "bronchoscopy", "endovascular", "mirrored", "narrow", "one-handed", "stone", "weak-wall"]
 #: Of the hands' script in the stub rig.
 PACE = 0.2
 #: What is said of simulated hands besides the time: of the one that takes the catheter, of the tip and of the tissues.
@@ -39,7 +43,7 @@ KEPT_EVERY = 20
 COARSE = ("duct.n_around=20", "duct.n_along=26", "duct.n_modes=40")
 
 
-def test_there_are_the_six() -> None:
+def test_there_are_the_eight() -> None:
     assert scenario_names() == NAMES
 
 
@@ -158,23 +162,23 @@ def attempt_of_hands(scenario: Scenario) -> Assessment:
     hands = hands_of(Simulation(scene, duct).scene, duct.mesh)
     rig, attempt = SimulatedRig(hands, PACE), Attempt(scenario.goal)
     terms = Terms(scenario_of=lambda _: scenario, rules=load_rules(), site=rig.site)
-    (found,) = assess(_told(rig.messages(hands.duration_s / PACE), attempt, scenario.name), terms)
+    ways = TubePaths({name: np.array(way) for name, way in rig.site.ways.items()})
+    sight = Sight((), ways, scenario.goal.branch)
+    (found,) = assess(_told(rig.messages(hands.duration_s / PACE), attempt, sight, scenario.name), terms)
     return found
 
 
-def _told(messages: Iterator[Message], attempt: Attempt, name: str) -> Iterator[Message]:
+def _told(messages: Iterator[Message], attempt: Attempt, sight: Sight, name: str) -> Iterator[Message]:
     """Yield what the recorder keeps of a stream, and the attempt as the training process tells of it, up to its end."""
     yield "training.attempt", 0, word("armed", scenario=name)
-    depth_m = 0.0
     for topic, time_ns, body in messages:
-        if isinstance(body, PhysicsState):
-            depth_m = body.catheter.inserted_length_m
+        sight.take({topic: Frame(1, topic, 1, 1, 0, 0, 0, True, body)}, time_ns)
         if body.tick % KEPT_EVERY == 0:
             yield topic, time_ns, body
         if isinstance(body, GatewayState) and body.tick % KEPT_EVERY == 0:
             before = attempt.state
-            moved = tuple((*each.position_m, each.handle_angle_rad) for each in body.instruments)
-            attempt.look(Look(tick=body.tick, depth_m=depth_m, hands=moved))
+            if (look := sight.look()) is not None:
+                attempt.look(look)
             if attempt.state is not before:
                 said = {"outcome": attempt.outcome, "time_s": attempt.time_s, "scenario": name}
                 yield "training.attempt", time_ns, word(attempt.state.value, **said)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from studies.stability.families import (
     abuse,
+    driving,
     ducts,
     effect_pairs,
     grasping,
@@ -39,6 +40,7 @@ FAMILIES: dict[str, Family] = {
     "grasping": Family("jaws that open and shut 20 times a second", grasping.cases),
     "rolling": Family("jaws roll to and fro at 1 to 20 rad/s, holding, squeezing and pressing", rolling.cases),
     "probing": Family("a probe pressed into wall and catheter and dragged over both", probing.cases),
+    "driving": Family("a catheter pushed, twisted and steered through a fork, by any opening", driving.cases),
     "numbers": Family(
         "NaN, infinities and what overflows, from a device and from a caller", numbers.cases, may_heal=True
     ),

@@ -1,0 +1,98 @@
+"""A catheter driven at random through a fork: pushed and drawn back, twisted and steered, by any of three openings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache, partial
+
+import numpy as np
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.effects.base import NoSettings
+from services.mechanics.effects.friction import FrictionSettings
+from services.mechanics.scene import CatheterScene, CatheterSection, DriveScene, DuctScene, SceneModel
+from services.mechanics.scene.duct_branch import DuctBranch
+from services.mechanics.scene.duct_tubes import duct_tubes
+from services.mechanics.simulation.scene_catheter import place_catheter
+from services.mechanics.surface.mesh import TriangleMesh
+from services.meshes.branching import branching_mesh
+from studies.stability.drive import Play
+from studies.stability.family import Case, Draw, played
+from studies.stability.hands import HandMotions, least_jerk
+from studies.stability.situations import LEAD_STEPS
+
+OPENINGS = "mouth", "left", "right"
+SPEEDS_M_S = 0.02, 0.05, 0.1, 0.3
+COUNT = 5
+MOVES = 6
+LENGTH_M, MOST_M = 0.12, 55e-3
+EDGE_M = 1.6e-3
+
+FORK = SceneModel(
+    duct=DuctScene(
+        radius_m=4.5e-3,
+        length_m=30e-3,
+        n_modes=40,
+        thickness_m=1e-3,
+        youngs_modulus_pa=300e3,
+        branches=(
+            DuctBranch(name="left", angle_rad=0.55, radius_m=3.6e-3, length_m=24e-3, end="free"),
+            DuctBranch(name="right", angle_rad=0.55, azimuth_rad=math.pi, radius_m=3.6e-3, length_m=24e-3),
+        ),
+    ),
+    catheter=CatheterScene(
+        n_segments=60,
+        length_m=LENGTH_M,
+        before_mouth_m=4e-3,
+        introducer_to_tip_m=8e-3,
+        introducer_length_m=LENGTH_M - 8e-3,
+        outer_diameter_m=1.6e-3,
+        youngs_modulus_pa=30e6,
+        sections=(CatheterSection(length_m=14e-3, youngs_modulus_pa=10e6, steering_1_m_rad=(70.0, 0.0, 0.0)),),
+    ),
+    forceps=(DriveScene(),),
+    effects={"twist": NoSettings(), "friction": FrictionSettings(mu_static=0.1, mu_kinetic=0.1)},
+)
+
+
+@cache
+def fork_mesh() -> TriangleMesh:
+    """Return the wall of the fork: a trunk, and two branches; one of them is held."""
+    return branching_mesh(duct_tubes(FORK.duct), EDGE_M)
+
+
+def cases(draw: Draw) -> Iterator[Case]:
+    """By every opening, at every speed of a hand."""
+    for opening in OPENINGS:
+        for speed in SPEEDS_M_S if draw.is_long else (0.1,):
+            for k in range(COUNT if draw.is_long else 1):
+                name = f"{opening}, {speed:g} m/s, number {k}"
+                yield played(name, partial(_play, draw, name, opening, speed))
+
+
+def _play(draw: Draw, name: str, opening: str, speed_m_s: float) -> Play:
+    random = draw.random(f"driving {name}")
+    scene = replace(FORK, catheter=replace(FORK.catheter, opening=opening))
+    return Play(scene=scene, hands=random_drive(scene, random, speed_m_s), mesh=fork_mesh())
+
+
+def random_drive(scene: SceneModel, random: np.random.Generator, speed_m_s: float) -> HandMotions:
+    """Push to random depths, by turns with random rolls of up to a turn and random angles of the handle."""
+    catheter = place_catheter(scene, fork_mesh()).catheter
+    along = np.array(catheter.direction)
+    ways: list[FloatArray] = [np.zeros((LEAD_STEPS, 3))]  # depth, roll, handle
+    for _ in range(MOVES):
+        now = ways[-1][-1]
+        to = np.array([random.uniform(0.0, MOST_M), now[1] + random.uniform(-6.0, 6.0), random.uniform(0.0, 1.0)])
+        steps = len(least_jerk(abs(to[0] - now[0]), along, speed_m_s))
+        share = np.linspace(0.0, 1.0, max(steps, 200))[:, None]
+        ways.append(now + share**3 * (10.0 + share * (6.0 * share - 15.0)) * (to - now))
+    table = np.concatenate(ways)
+    position = np.zeros((len(table), 2, 3))
+    position[:, 0] = np.array(catheter.tip_position_m) - LENGTH_M * along + table[:, :1] * along
+    position[:, 1] = position[0, 0] + (0.0, 0.0, 0.3)
+    present = np.tile([True, False], (len(table), 1))
+    pad = np.zeros(len(table))
+    return HandMotions(present, position, np.stack([table[:, 2], pad], 1), np.stack([table[:, 1], pad], 1))
