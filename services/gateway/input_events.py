@@ -36,6 +36,10 @@ class Source(Protocol):
         """Return the next event, None when there is none."""
         ...
 
+    def active_keys(self) -> list[int]:
+        """Return the codes of the buttons that are pressed."""
+        ...
+
     def capabilities(self, absinfo: bool = ...) -> dict[int, Any]:
         """Return codes by type, those of axes with their ranges."""
         ...
@@ -109,12 +113,17 @@ class Inputs:
     _read_ns: int = -1
     _rumbles: bool = False
     _effect: int = -1
+    _dropped: bool = False
     users: int = 0
 
     def __post_init__(self) -> None:
-        capabilities = self.source.capabilities(absinfo=True)
-        self._rumbles = ecodes.FF_RUMBLE in capabilities.get(ecodes.EV_FF, ())
-        for code, info in capabilities.get(ecodes.EV_ABS, ()):
+        self._rumbles = ecodes.FF_RUMBLE in self.source.capabilities(absinfo=True).get(ecodes.EV_FF, ())
+        self._synchronise()
+
+    def _synchronise(self) -> None:
+        """Ask what every axis and button says now: what it said before may have been lost."""
+        self._values = {(ecodes.EV_KEY, code): 1.0 for code in self.source.active_keys()}
+        for code, info in self.source.capabilities(absinfo=True).get(ecodes.EV_ABS, ()):
             self._ranges[code] = _range_of(code, float(info.min), float(info.max))
             self._values[ecodes.EV_ABS, code] = self._scaled(code, float(info.value))
 
@@ -141,7 +150,13 @@ class Inputs:
                 self._values[key] = 0.0
 
     def _take(self, event: Any, time_ns: int) -> None:
-        if event.type == ecodes.EV_KEY:
+        if event.type == ecodes.EV_SYN and event.code == ecodes.SYN_DROPPED:
+            self._dropped = True  # the kernel's queue ran over; what follows up to the next report is a torn one
+        elif self._dropped:
+            if event.type == ecodes.EV_SYN and event.code == ecodes.SYN_REPORT:
+                self._dropped = False
+                self._synchronise()
+        elif event.type == ecodes.EV_KEY:
             self._values[event.type, event.code] = 1.0 if event.value else 0.0
         elif event.type == ecodes.EV_ABS and event.code in self._ranges:
             self._values[event.type, event.code] = self._scaled(event.code, float(event.value))

@@ -29,6 +29,21 @@ class InputStandIn:
         self._last_effect = 0
         self.shaken: list[int] = []
         self.closed = 0
+        self.pressed: list[int] = []
+
+    def active_keys(self) -> list[int]:
+        """Return what is pressed now, whether or not an event said so."""
+        return self.pressed
+
+    def run_over(self, axis: str, value: int, pressed: list[str]) -> None:
+        """Lose events as the kernel does where nobody reads: the axis and buttons stand so when it tells of that."""
+        code = ecodes.ecodes[axis]
+        axes = self._capabilities[ecodes.EV_ABS]
+        self._capabilities[ecodes.EV_ABS] = [(c, i._replace(value=value) if c == code else i) for c, i in axes]
+        self.pressed = [ecodes.ecodes[name] for name in pressed]
+        self._events.append(InputEvent(0, 0, ecodes.EV_SYN, ecodes.SYN_DROPPED, 0))
+        self._events.append(InputEvent(0, 0, ecodes.EV_ABS, code, -value))  # half of a report
+        self._events.append(InputEvent(0, 0, ecodes.EV_SYN, ecodes.SYN_REPORT, 0))
 
     def say(self, code_name: str, value: int) -> None:
         """Let an axis or a button say `value`, in the device's own numbers."""

@@ -184,6 +184,16 @@ def test_a_silent_drive_is_not_ready_and_named(odrive: Odrive) -> None:
     assert "node 1) has been silent" in odrive.grasp.fault
 
 
+def test_a_drive_that_tells_no_position_is_a_fault_that_says_what_to_do(odrive: Odrive) -> None:
+    """Its heartbeat comes and its loop is closed: it was half ready for ever."""
+    assert odrive.grasp._link is not None
+    odrive.grasp._link._estimates_id = -1  # none of the drive's messages is one
+    odrive.grasp.enable()
+    odrive.run(0.7)
+    assert not odrive.grasp.ready
+    assert "node 1) sends no position" in odrive.grasp.fault
+
+
 def test_own_echoes_strange_frames_and_lies_are_not_believed(odrive: Odrive) -> None:
     odrive.grasp.enable()
     odrive.run(0.3)

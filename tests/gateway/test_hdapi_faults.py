@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
+
 import numpy as np
 import pytest
 
@@ -249,3 +251,35 @@ def test_no_failure_of_the_line_makes_an_arm_give_more_than_it_was_given(arms: H
         taken_j += arms.taken_in_a_tick_j()
     assert np.abs(arms.forces).max() > 0.5
     assert taken_j < 1e-4 + times * 0.5 * SMALL_FORCE_N**2 / stiffness_n_m
+
+
+def test_a_clock_that_goes_back_moves_no_force_by_more_than_its_rate(arms: HdapiBench) -> None:
+    """By 50 ms, again and again, while a hand presses into a spring."""
+    arms.bound()
+    arms.open()
+    arms.run(300, FREE, FREE)
+    taken_j, clock = 0.0, arms.standin.clock
+    for k in range(600):
+        arms.standin.put("hand", 1, np.array([0.0, -0.006 * np.sin(4 * np.pi * 1e-3 * k) ** 2, 0.0]))
+        if k % 100 == 90:
+            arms.c.standin_tick(ctypes.c_int64(clock.monotonic_ns() - 50_000_000))
+        arms.left.read(0, arms.readings[arms.left])
+        arms.order(arms.left, np.zeros(3), 400.0)
+        taken_j += arms.taken_in_a_tick_j()
+    assert np.isfinite(arms.forces).all()
+    assert np.abs(arms.forces).max() > 0.5
+    assert arms.largest_step_n() <= STEP_N
+    assert taken_j < 1e-4
+
+
+def test_a_call_from_a_second_thread_while_one_is_served_does_nothing(pushing: HdapiBench) -> None:
+    assert pushing.left._session is not None
+    servo = pushing.left._session._servo
+    assert servo is not None
+    servo.busy = True
+    calls = servo.calls
+    pushing.wait(3)
+    assert servo.calls == calls
+    servo.busy = False
+    pushing.wait(3)
+    assert servo.calls == calls + 3

@@ -222,3 +222,19 @@ def test_the_rigs_differ_from_the_mouse_in_their_drivers_only(name: str) -> None
             other.port_m,
             other.arm.settings,
         )
+
+
+def test_what_the_kernel_dropped_is_asked_for_anew(pad: InputStandIn) -> None:
+    """A stick was let go, and a button pressed, while nobody read: SYN_DROPPED, then the torn rest of a report."""
+    inputs = input_events.open_inputs(input_events.GAMEPAD, None, 0, "here")
+    pad.say("ABS_X", 32767)
+    pad.say("BTN_SOUTH", 1)
+    inputs.poll(TICK_NS)
+    assert (inputs.value("ABS_X"), inputs.value("BTN_SOUTH")) == (1.0, 1.0)
+    pad.run_over("ABS_X", -32768, ["BTN_EAST"])
+    inputs.poll(2 * TICK_NS)
+    assert (inputs.value("ABS_X"), inputs.value("BTN_SOUTH"), inputs.value("BTN_EAST")) == (-1.0, 0.0, 1.0)
+    pad.say("ABS_X", 0)
+    inputs.poll(3 * TICK_NS)
+    assert inputs.value("ABS_X") == pytest.approx(0.0, abs=1e-4)
+    input_events.close_inputs(inputs)

@@ -202,6 +202,8 @@ class OdriveGrasp(GraspHandle, ABC):
             self.fault = f"the grasp drive (node {self.node}) let go: {cansimple.error_names(link.errors)}"
         elif self._wanted and not closed and now_ns > self._arming_until_ns:
             self.fault = f"the grasp drive (node {self.node}) did not close its loop"
+        elif self._wanted and closed and now_ns - link.estimated_ns > self.file.heartbeat_timeout_s * 1e9:
+            self.fault = f"the grasp drive (node {self.node}) sends no position: set its encoder messages to 1 or 2 ms"
         else:
             self.fault = ""
         self.ready = self._wanted and closed and young and not self.fault

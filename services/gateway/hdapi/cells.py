@@ -111,6 +111,7 @@ class ServoCell(Struct):
     stopped_by: int = 0
     pausing: bool = False  # every arm is to be let go: the scheduler will be stopped
     calls: int = 0
+    busy: bool = False
 
 
 class Port(Struct):

@@ -78,6 +78,9 @@ _ENCODER_RESET = int(Style.ENCODER_RESET)
 def servo_tick(address: Address[ServoCell]) -> int:
     """Serve every arm once; return what the scheduler is to do with the callback."""
     servo = servo_at(address)
+    if servo.busy:  # a second thread of the library's: an arm's memory is for one
+        return CALLBACK_CONTINUE
+    servo.busy = True
     native.call_unsigned_pointer(servo.functions.clock_gettime, 1, servo.time_at)  # CLOCK_MONOTONIC
     now_ns = 1_000_000_000 * servo.time[0] + servo.time[1]
     servo.calls += 1
@@ -86,6 +89,7 @@ def servo_tick(address: Address[ServoCell]) -> int:
         arm = arm_at(servo.arms[k])
         _serve(servo, arm, now_ns)
         limp = limp and not arm.motors_on
+    servo.busy = False
     return CALLBACK_DONE if servo.stopped_by != 0 and limp else CALLBACK_CONTINUE
 
 
