@@ -7,7 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
+from services.mechanics.arrays import BoolArray, FloatArray
 from services.mechanics.bodies.forceps.sweep import FASTEST_HAND_M_S
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
@@ -52,6 +52,8 @@ class Pace:
     def compile_kernels(self) -> None:
         """Compile what only a wall that moves far asks for."""
         furthest(self._modes, self._world.duct.q_start, self._world.duct.state.q)
+        tools = self._world.tools
+        furthest_hand(tools.port_m, tools.hand, tools.present, tools.present)
 
     def parts(self, tools: ToolInputs, dt_s: float) -> tuple[int, float]:
         """Return the number of parts of a step, a power of two, and how far anything moves in one, in m."""
@@ -66,8 +68,8 @@ class Pace:
             if self._longest * way * scale > seen_m:
                 moved_m = max(moved_m, furthest(self._modes, duct.q_start, duct.state.q) * scale)
         if dt_s * FASTEST_HAND_M_S > seen_m:
-            away_m = np.linalg.norm(tools.position_m - body.hand[:, :3], axis=1)[tools.present & body.present]
-            moved_m = max(moved_m, min(float(away_m.max(initial=0.0)), dt_s * FASTEST_HAND_M_S))
+            away_m = furthest_hand(tools.position_m, body.hand, tools.present, body.present)
+            moved_m = max(moved_m, min(away_m, dt_s * FASTEST_HAND_M_S))
         parts = 1
         while parts < MOST_PARTS and (moved_m > parts * most_m or speed_m_s * dt_s > parts * seen_m):
             parts *= 2
@@ -120,4 +122,18 @@ def furthest(modes: FloatArray, before: FloatArray, after: FloatArray) -> float:
                 way += modes[3 * node + axis, mode] * (after[mode] - before[mode])
             way_2 += way * way
         largest_2 = max(largest_2, way_2)
+    return math.sqrt(largest_2)
+
+
+@kernel
+def furthest_hand(position: FloatArray, hand: FloatArray, present: BoolArray, was_present: BoolArray) -> float:
+    """Return how far in m a tool that stays has been asked to go, from `hand` (2, 4) to ``position`` (2, 3)."""
+    largest_2 = 0.0
+    for tool in range(position.shape[0]):
+        if present[tool] and was_present[tool]:
+            way_2 = 0.0
+            for axis in range(3):
+                way_2 += (position[tool, axis] - hand[tool, axis]) ** 2
+            if way_2 > largest_2:
+                largest_2 = way_2
     return math.sqrt(largest_2)
