@@ -24,9 +24,9 @@ from studies.stability.hands import HandMotions, least_jerk
 from studies.stability.situations import LEAD_STEPS
 
 OPENINGS = "mouth", "left", "right"
-SPEEDS_M_S = 0.02, 0.05, 0.1, 0.3
-COUNT = 5
-MOVES = 6
+SPEEDS_M_S = 0.05, 0.1, 0.3
+COUNT = 7
+MOVES = 4
 LENGTH_M, MOST_M = 0.12, 55e-3
 EDGE_M = 1.6e-3
 
