@@ -18,6 +18,8 @@ from services.mechanics.world import World
 
 # Nothing that it holds moves jaws.
 _NO_JAWS_RAD = -1e9
+# From here on its holds are numbered: beyond those of any grasp.
+_FIRST_HOLD = 1 << 32
 # Of a handle or a wrist: less is neither felt nor seen.
 _UNTURNED_RAD = 1e-9
 
@@ -34,7 +36,7 @@ class CatheterDrive:
     def __init__(self, world: World, tool: int) -> None:
         self._tools, self._state, self._tool = world.tools, world.catheter.state, tool
         self._twist: TwistModel | None = world.catheter.integrator.twist
-        self._hold_id, self._is_held, self._offset_rad, self._steered_rad = -1, False, 0.0, 0.0
+        self._hold_id, self._is_held, self._offset_rad, self._steered_rad = _FIRST_HOLD, False, 0.0, 0.0
         self._lost = world.holds.lost
         self.work_j = 0.0
         if self._twist is not None:
@@ -69,7 +71,7 @@ class CatheterDrive:
         if not self._is_held:
             return []
         if not was_held or self._hold_id in self._lost:
-            self._hold_id -= 1
+            self._hold_id += 1
             self._offset_rad = self._turned_rad() if self._twist is not None else 0.0
         weights = np.array([1.0, 0.0, 0.0])
         return [GraspHold(self._hold_id, tool, CATHETER_SEGMENT, 0, weights, math.inf, _NO_JAWS_RAD)]
