@@ -67,6 +67,10 @@ def test_nothing_is_compiled_once_the_loop_runs_and_no_kernel_allocates() -> Non
     assert _run("later") == {"compiled": [], "allocating": [], "closures": []}
 
 
+def test_nothing_is_compiled_once_a_drive_twists_and_steers() -> None:
+    assert _run("driven") == []
+
+
 def _run(what: str) -> Any:
     command, root = [sys.executable, "-m", "tests.physics.test_warm_up", what], Path(__file__).parents[2]
     run = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
@@ -145,5 +149,24 @@ def _later() -> None:
     print(json.dumps({"compiled": compiled, "allocating": allocating(KERNELS), "closures": closures}))
 
 
+def _driven() -> None:
+    """Print what a drive compiles after the warm-up that pushes, twists and steers a catheter."""
+    section = "catheter.sections=[{length_m: 0.02, steering_1_m_rad: [50.0, 0.0, 0.0]}]"
+    scene = load_scene(SMALL, ["forceps=[{kind: drive}]", "hands=none", "effects.twist={}", section])
+    duct = load_duct(scene, cache_directory(), lambda stage, fraction: None)
+    warm_up_contact(scene)
+    warm_up(scene, duct)
+    before = _signatures()
+    simulation, tools = Simulation(scene, duct), ToolInputs()
+    end_m = simulation.catheter.state.position_m[0].copy()
+    for tick in range(200):
+        tools.position_m[0] = end_m - (1e-5 * tick, 0.0, 0.0)
+        tools.roll_rad[0], tools.jaw_angle_rad[0] = 5e-3 * tick, 4e-3 * tick
+        simulation.step(tools)
+    assert simulation.drive is not None
+    assert simulation.drive.work_j > 0.0
+    print(json.dumps(sorted(_signatures() - before)))
+
+
 if __name__ == "__main__":
-    {"stand-in": _compare, "share": _share, "physics": _physics, "later": _later}[sys.argv[1]]()
+    {"stand-in": _compare, "share": _share, "physics": _physics, "later": _later, "driven": _driven}[sys.argv[1]]()
