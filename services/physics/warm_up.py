@@ -122,6 +122,9 @@ class _MadeUpSearch:
         """Nothing is anywhere, so no tool waits until it is clear."""
         bodies[2].waiting[:] = False
 
+    def put_back_start(self) -> None:
+        """Begin a step again."""
+
     def engage(self, pairs: ContactPairs, geometry: Address[ContactGeometry]) -> None:
         """They have been let."""
 

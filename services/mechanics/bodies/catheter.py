@@ -101,14 +101,15 @@ class CatheterBody:
         not without: a catheter pressed against a wall would spring off it first. They are taken out again afterwards.
         """
         state, step, integrator = self.state, self._step, self.integrator
-        if self.slept and self._may_sleep_now and sleep_on(step.address, state.position_m, state.velocity_m_s):
+        may_sleep = self._may_sleep_now and dt_s == integrator.velocity_gain_s  # its matrix is that of the last step
+        if self.slept and may_sleep and sleep_on(step.address, state.position_m, state.velocity_m_s):
             return  # a third of what the way through the integrator takes to find that out
         is_touched = self._was_touched and self._linearises
         plain = self.plain_integrator
         if plain is not None and plain.twist is None:
-            self.slept = plain.step_freely(state, step.address, dt_s, (is_touched, self._may_sleep_now))
+            self.slept = plain.step_freely(state, step.address, dt_s, (is_touched, may_sleep))
             return
-        self.slept = begin_step(step.address, state.position_m, state.velocity_m_s, self._may_sleep_now)
+        self.slept = begin_step(step.address, state.position_m, state.velocity_m_s, may_sleep)
         if self.slept:
             return
         step.start_slow[:] = 0.0 if state.slow_velocity_m_s is None else state.slow_velocity_m_s
@@ -171,6 +172,11 @@ class CatheterBody:
         """Return the live arrays that `correct` changes."""
         return self.state.position_m, self.state.velocity_m_s, self.contact_force_n
 
+    def step_arrays(self) -> tuple[AnyArray, ...]:
+        """Return the live arrays that a step changes, from `predict` on."""
+        words, *_ = self._step.own_memory()
+        return *self.state_arrays(), words, self._step.last_external
+
     @property
     def touched(self) -> tuple[bool, bool, float]:
         """Whether the last step had contacts, and any that woke it, and what is owed, in J: giving changes them."""
@@ -179,6 +185,20 @@ class CatheterBody:
     @touched.setter
     def touched(self, state: tuple[bool, bool, float]) -> None:
         self._was_touched, self._was_woken, self._step.owed_j = state
+
+    def note_start(self) -> None:
+        """Note what a step begins with beside `step_arrays`."""
+        state = self.state
+        path_m = None if state.frame is None else state.frame.last_path_m
+        self._noted_flags = self._was_touched, self._was_woken, self.slept
+        self._noted = [None if array is None else array.copy() for array in (state.slow_velocity_m_s, path_m)]
+
+    def put_back_start(self) -> None:
+        """Begin with that again."""
+        self._was_touched, self._was_woken, self.slept = self._noted_flags
+        self.state.slow_velocity_m_s, path_m = self._noted
+        if self.state.frame is not None:
+            self.state.frame.last_path_m = path_m
 
     def go_back(self) -> None:
         """Restore position and velocity of the start of the last step."""

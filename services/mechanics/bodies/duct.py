@@ -48,7 +48,7 @@ class DuctBody:
     modal_kick : (r,) float64
         Force that effects applied as an impulse at the start of this step, as contacts do.
     given_back : (r,) float64
-        Rates that `end_forces` took back at the start of this step.
+        Rates that `end_load` took back at the start of this step.
     taken : (r,) float64
         Change of the rates at the end of the last step, see `pay_for_impulses`.
     """
@@ -151,13 +151,18 @@ class DuctBody:
         """Apply the contact forces (k, 3) on the first bodies, reversed, to modes and loads; points as in `gather`."""
         correct(self._loads.address, nodes, weights, forces, self.dt_s)
 
-    def end_forces(self, forces: FloatArray) -> None:
-        """Take back the half impulses with which contact forces (k, 3) of the last step have left the rates.
+    def modal_load(self, forces: FloatArray) -> FloatArray:
+        """Return what contact forces (k, 3), in the order of the last rows, load the modes with (r,)."""
+        load: FloatArray = -self.modes[: forces.size].T @ forces.ravel()
+        return load
 
-        The impulse of the next step would have balanced them. Where a contact ends at once they would remain as motion
-        without a cause. Call this between `predict` and `gather`, with the forces in the order of the last rows.
+    def end_load(self, load: FloatArray) -> None:
+        """Take back the half impulse with which contacts that loaded the modes so (r,) have left the rates.
+
+        The impulse of the next step would have balanced it. Where a contact ends at once it would remain as motion
+        without a cause. Call this between `predict` and `gather`.
         """
-        ended = -0.5 * self.modes[: forces.size].T @ forces.ravel()
+        ended = 0.5 * load
         for end, gain in zip((self.state.q, self.state.qdot, self.state.qddot), self._gains, strict=True):
             end += gain * ended
         self.dq_free += self._gains[0] * ended
@@ -215,6 +220,10 @@ class DuctBody:
         state, loads = self.state, self._loads
         modal = state.q, state.qdot, state.qddot, self.contact_impulse, loads.last, self._debt, self.taken
         return *modal, self.load_nodes, self.load_force_n, self._n_loads
+
+    def step_arrays(self) -> tuple[AnyArray, ...]:
+        """Return the live arrays that a step changes, from `predict` on."""
+        return *self.given_arrays(), self.modal_kick
 
     def go_back(self) -> None:
         """Restore position and rates of the start of the last step, without loads."""

@@ -125,9 +125,13 @@ class Struct:
         for name in names:
             words[fields[name].word] = 0
 
-    def own_arrays(self) -> tuple[np.ndarray[Any, Any], ...]:
-        """Return the arrays among the fields, not those of nested structs."""
-        return tuple(getattr(self, name) for name, field in self.layout.fields if isinstance(field, ArrayField))
+    def own_memory(self) -> tuple[np.ndarray[Any, Any], ...]:
+        """Return its numbers and its arrays, not those of nested structs: to copy, and to write back.
+
+        No array may be replaced from then on.
+        """
+        arrays = (getattr(self, name) for name, field in self.layout.fields if isinstance(field, ArrayField))
+        return np.frombuffer(vars(self)["_words"], np.int64), *arrays
 
     def _put_array(self, label: str, field: ArrayField, value: object) -> None:
         array, known = check_array(label, field, value), vars(self)["_extents"]

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.collision.candidate_list import CandidateList, list_at, note_ends, want_ahead
-from services.mechanics.collision.candidates import Candidates, candidates_at
+from services.mechanics.collision.candidates import Candidates, Where, candidates_at
 from services.mechanics.collision.capsules import CapsuleMemory, Tools, capsules_at, detect_capsules
 from services.mechanics.collision.pairs import ContactPairs, pairs_at
 from services.mechanics.collision.pieces import N_TOOL_PIECES, take_pieces
+from services.mechanics.collision.placed_wall import WallPlacement
 from services.mechanics.collision.wall_candidates import WallCandidates
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
@@ -41,6 +44,13 @@ CAPACITY = 4096
 MOST_AHEAD_OF_SPHERE_M = 1.5e-3
 
 
+class _Start(NamedTuple):
+    """Where everything was when a step began."""
+
+    where: Where
+    wall: WallPlacement
+
+
 class CandidateSearch:
     """Finds what touches, and what would, between catheter, tools and wall.
 
@@ -58,7 +68,7 @@ class CandidateSearch:
         # Where contacts know not each other, each adds to the others: one a triangle, as in the paper.
         along_m = TOUCHING_M if STRATEGIES[scene.contact.model].knows_stiffness else -1.0
         self._wall = WallCandidates(duct, self._end, along_m)
-        self._wall_start = self._wall.new_start()
+        self._walls = self._wall.new_start(), self._wall.new_start()
         self._found, self._ended = Candidates.zeros(c=CAPACITY), Candidates.zeros(c=CAPACITY)
         self._capsules = CapsuleMemory.zeros(m=N_TOOL_PIECES, n=scene.catheter.n_segments)
         self._spheres, self._catheter_ahead_m = no_spheres(), TOUCHING_M
@@ -69,7 +79,8 @@ class CandidateSearch:
         n_pieces = len(listed.count)
         sizes = n_pieces, len(mesh.triangles), CAPACITY, n_pieces - self._end
         self._working = new_working_set(mesh.vertices_m, *sizes)
-        self._start = np.zeros((n_pieces, 2, 3)), self._wall_start.position_m
+        ends = np.zeros((2, n_pieces, 2, 3))
+        self._start, self._before = (_Start((ends[k], wall.position_m), wall) for k, wall in enumerate(self._walls))
         self._ahead_m, self._most_m = np.full(n_pieces, TOUCHING_M), np.full(n_pieces, MOST_AHEAD_M)
         self._most_m[self._end :] = MOST_AHEAD_OF_SPHERE_M
         self._ahead_m[N_TOOL_PIECES : self._end] = self._catheter_ahead_m
@@ -99,20 +110,25 @@ class CandidateSearch:
         if is_new:  # nobody knows how anything moves
             self._note_start()
         if self._is_unknown:
-            want_ahead(listed.address, self._start[0], self._ahead_m, self._most_m)
+            want_ahead(listed.address, self._start.where[0], self._ahead_m, self._most_m)
         if self._wall.follow(duct.q_start, (duct.load_nodes[:n], duct.load_force_n[:n])) or self._is_unknown:
             self._wall.measure(self._found)
         self._is_unknown = True
         if is_new:
             self._note_start()
-        self._wall.place_start(self._wall_start, self._found)
+        self._wall.place_start(self._start.wall, self._found)
         addresses = listed.address, self._found.address, self._working.address
-        choose(addresses, self._start, self._ahead_m, tools.waiting)
+        choose(addresses, self._start.where, self._ahead_m, tools.waiting)
+        self._start, self._before = self._before, self._start
         self._note_start()
 
+    def put_back_start(self) -> None:
+        """Begin the step again that was begun last: bodies are where they were then."""
+        self._start, self._before, self._is_unknown = self._before, self._start, True
+
     def _note_start(self) -> None:
-        note_ends(self._wall.list.address, self._start[0])
-        self._wall.note_start(self._wall_start)
+        note_ends(self._wall.list.address, self._start.where[0])
+        self._wall.note_start(self._start.wall)
 
     def _take_pieces(self, particles_m: FloatArray, tools: ToolBody) -> None:
         poses = (tools.segments, tools.radius_m, tools.present)
@@ -139,14 +155,14 @@ class CandidateSearch:
         self._take_pieces(catheter.state.position_m, tools)
         take_sphere_ends(self._wall.list.address, state, self._end, self._half_m)
         self._wall.move(duct.state.q, (duct.load_nodes[:n], duct.load_force_n[:n]), duct.lasting_loads)
-        want_ahead(self._wall.list.address, self._start[0], self._ahead_m, self._most_m)
+        want_ahead(self._wall.list.address, self._start.where[0], self._ahead_m, self._most_m)
         self._wall.measure(self._found)
         self._is_unknown = False
-        self._wall.place_start(self._wall_start, self._found)
+        self._wall.place_start(self._start.wall, self._found)
         pairs.clear()
         found = self._found.address, self._ended.address
         addresses = (self._wall.list.address, found, self._working.address, state)
-        return int(write_violations(addresses, self._start, tolerance_m, pairs.address))
+        return int(write_violations(addresses, self._start.where, tolerance_m, pairs.address))
 
     def note_pressed(self, state: Address[ContactState]) -> None:
         """Renew the life of what pressed in the step that was solved."""

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
+from services.mechanics.arrays import AnyArray, FloatArray
 from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A
 from services.mechanics.compiled.struct import Address
@@ -93,6 +93,7 @@ class HoldRegistry:
         self._free = list(range(CAPACITY))
         self._stops: list[tuple[int, int, float, bool]] = []
         self._held: set[tuple[int, int]] = set()
+        self.note_start()
         geometry = system.geometry
         self._n_targets = {
             DUCT_TRIANGLE: geometry.wall.triangles.shape[0],
@@ -127,6 +128,20 @@ class HoldRegistry:
             elif request.hold_id not in self.lost:
                 self._take_up(request)
         self._free_jaws()
+
+    def step_arrays(self) -> tuple[AnyArray, ...]:
+        """Return the live arrays that a step changes."""
+        return self._arrays.own_memory()
+
+    def note_start(self) -> None:
+        """Note what a step begins with beside `step_arrays`."""
+        self._noted = dict(self.active), list(self._free), set(self.lost), self._stops, self._held
+
+    def put_back_start(self) -> None:
+        """Begin with that again."""
+        self.active, self._free, lost, self._stops, self._held = self._noted
+        self.lost.intersection_update(lost)
+        self.lost.update(lost)
 
     def lose(self) -> None:
         """Let go of everything; who goes on asking for the same holds does not get them."""

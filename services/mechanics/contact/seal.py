@@ -5,6 +5,7 @@ The wall's friction acts where the seal is, at the exit: within the introducer t
 
 from __future__ import annotations
 
+from services.mechanics.arrays import AnyArray
 from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.compiled import kernel
@@ -69,6 +70,10 @@ class IntroducerSeal:
     def start_m(self) -> float:
         """Elastic slip at the start of the step."""
         return self._memory.start_m
+
+    def step_arrays(self) -> tuple[AnyArray, ...]:
+        """Return the live arrays that a step changes."""
+        return self._memory.own_memory()
 
     def forget(self) -> None:
         """Hold the catheter where it is now, without a force."""

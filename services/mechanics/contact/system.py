@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
+from services.mechanics.arrays import AnyArray, FloatArray
 from services.mechanics.collision.pairs import NO_TOOL, ContactPairs
 from services.mechanics.contact import stages
 from services.mechanics.contact.geometry import Bodies, ContactGeometry
@@ -76,7 +76,8 @@ class ContactSystem:
         self.sweeps = 0
         self.dropped_pairs = 0
         self._first_new = 0
-        self._gave_forces = False
+        self._gave_forces = self._noted = False
+        self._gone, self._gone_is_known = np.zeros(bodies.duct.state.q.size), False
 
     @property
     def motion_m(self) -> FloatArray:
@@ -99,13 +100,30 @@ class ContactSystem:
         self._first_new = 0
         self._state.ledger.put_zero("solves")
 
+    def step_arrays(self) -> tuple[AnyArray, ...]:
+        """Return the live arrays that a step changes, and the next one goes on from."""
+        return *self._state.memory.own_memory(), *self._state.ledger.own_memory()
+
+    def note_start(self) -> None:
+        """Note what a step begins with beside `step_arrays`."""
+        self._noted = self._gave_forces
+
+    def put_back_start(self) -> None:
+        """Begin with that again; the rows of the last step are gone, but for what they were to tools that have left."""
+        self._gave_forces = self._noted
+        self._gone_is_known = True
+
     def let_go_of_tools(self) -> None:
         """Tell the duct of the last step's forces by tools that are gone."""
-        if self._gave_forces and self.bodies.tools.have_left:
-            k = self.rows.n_contacts
-            by = self.rows.tool[:k]
-            is_gone = (by != NO_TOOL) & ~self.bodies.tools.present[by]
-            self.bodies.duct.end_forces(np.where(is_gone[:, None], self.force_n[:k], 0.0))
+        duct, tools = self.bodies.duct, self.bodies.tools
+        if self._gave_forces and tools.have_left:
+            if not self._gone_is_known:
+                k = self.rows.n_contacts
+                by = self.rows.tool[:k]
+                is_gone = (by != NO_TOOL) & ~tools.present[by]
+                self._gone = duct.modal_load(np.where(is_gone[:, None], self.force_n[:k], 0.0))
+            duct.end_load(self._gone)
+        self._gone_is_known = False
 
     def append(self, pairs: ContactPairs) -> None:
         """Add candidate pairs."""

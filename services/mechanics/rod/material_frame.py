@@ -42,22 +42,22 @@ class MaterialFrame:
     m1: FloatArray
     twist_rad: FloatArray
     end_is_held: bool = False
-    _path_m: FloatArray | None = None
+    last_path_m: FloatArray | None = None
 
     def copy(self) -> MaterialFrame:
         """An independent frame with the same values."""
-        path_m = None if self._path_m is None else self._path_m.copy()
+        path_m = None if self.last_path_m is None else self.last_path_m.copy()
         return MaterialFrame(self.tangent.copy(), self.m1.copy(), self.twist_rad.copy(), self.end_is_held, path_m)
 
     def forget_motion(self) -> None:
         """Expect nothing to move in the next step."""
-        self._path_m = None
+        self.last_path_m = None
 
     def path(self, position_m: FloatArray) -> FloatArray:
         """(3, n, 3): last positions of the particles, a step's way of late, and what `expect_middle` writes."""
-        if self._path_m is None:
-            self._path_m = np.stack([position_m, np.zeros_like(position_m), position_m])
-        return self._path_m
+        if self.last_path_m is None:
+            self.last_path_m = np.stack([position_m, np.zeros_like(position_m), position_m])
+        return self.last_path_m
 
 
 def initial_frame(

@@ -48,6 +48,17 @@ class CatheterDrive:
                 at = self._twist.first
                 self._steering[at : at + len(curvature)] = world.catheter.properties.segment_length_m * curvature
 
+    def note_start(self) -> None:
+        """Note what a step begins with."""
+        rest = None if self._twist is None else self._twist.rest_rotation.copy()
+        self._noted = self._hold_id, self._is_held, self._offset_rad, self._steered_rad, self.work_j, rest
+
+    def put_back_start(self) -> None:
+        """Begin with that again."""
+        self._hold_id, self._is_held, self._offset_rad, self._steered_rad, self.work_j, rest = self._noted
+        if self._twist is not None and rest is not None:
+            self._twist.rest_rotation[:] = rest
+
     def turn(self) -> None:
         """Turn the catheter's first director as the tool is rolled, and bend its sections as the handle says."""
         if self._twist is None or not self._is_held:

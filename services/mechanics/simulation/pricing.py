@@ -36,21 +36,7 @@ class Pricing:
         self._tolerance_m = min(TOUCHING_M, TOLERANCE_OF_WALL * world.scene.duct.thickness_m)
         self._is_off = not world.system.strategy.knows_stiffness or catheter.plain_integrator is None
         self.violations = self.new_rows = 0
-        state = [*duct.state_arrays(), *catheter.state_arrays(), *tools.step_arrays()]
-        state += [array for effect in world.effects for array in effect.state_arrays()]
-        kept_state = [array.copy() for array in state]
-        self._note_state, self._put_state = copy_table(kept_state, state), copy_table(state, kept_state)
-        self._kept = kept, kept_pose, kept_state
-
-    def begin(self) -> None:
-        """Note where the bodies are before a step moves them."""
-        if not self._is_off:
-            copy_arrays(self._note_state)
-
-    def retreat(self) -> None:
-        """Put the bodies back to where the step began, with the loads of the last one."""
-        self.take_back()
-        copy_arrays(self._put_state)
+        self._kept = kept, kept_pose
 
     def note(self) -> None:
         """Note the bodies before forces are given to them, if anything is near."""

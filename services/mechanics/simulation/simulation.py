@@ -33,6 +33,7 @@ from services.mechanics.simulation.pace import LONGEST_STEP_S, Pace, steps_of
 from services.mechanics.simulation.scene_catheter import place_catheter
 from services.mechanics.simulation.scene_world import build_world
 from services.mechanics.simulation.step_solver import StepSolver
+from services.mechanics.simulation.step_start import StepStart
 
 LONGEST_TICK_S = 1.0
 #: A step that ends with something too deep is taken in halves, so often: an eighth of a millisecond at least.
@@ -95,6 +96,7 @@ class Simulation:
         for effect in stages["prepare"]:
             effect.prepare(world)
         self.solver = StepSolver(world, self._tool_force)
+        self._start = StepStart(world, [*self.grasps, *([] if self.drive is None else [self.drive])])
         for name in scene.quality[0].without:
             self.effects[name].rest()
         self._use_rung(0)
@@ -144,9 +146,9 @@ class Simulation:
         self.duct.change_step(dt_s)
         if self.watcher is not None:
             self.watcher.begin()
-        self.solver.pricing.begin()
+        self._start.note()
         if not self._move(tools, dt_s) and halvings > 0:
-            self.solver.pricing.retreat()
+            self._start.put_back()
             return all(self._take_part(tools, 0.5 * dt_s, halvings - 1) for _ in range(2))
         self._end_step(dt_s)
         if self.watcher is not None:

@@ -45,6 +45,7 @@ class Grasp:
     holds: list[GraspHold] = field(default_factory=list)
     _lever_m: float = 0.0
     _next_id: int = 0
+    _noted: tuple[list[GraspHold], float, int] = field(default_factory=lambda: ([], 0.0, 0))
 
     def update(self, pairs: ContactPairs, jaws: JawState) -> list[GraspHold]:
         """Take the contacts and jaw angles of this tick and return what is held, live until the next call."""
@@ -67,6 +68,14 @@ class Grasp:
     def let_go(self) -> None:
         """Hold nothing any more."""
         self.holds.clear()
+
+    def note_start(self) -> None:
+        """Note what a step begins with."""
+        self._noted = list(self.holds), self._lever_m, self._next_id
+
+    def put_back_start(self) -> None:
+        """Begin with that again; the limits of what is held follow the handle anyhow."""
+        self.holds, self._lever_m, self._next_id = self._noted
 
     def _torque_nm(self, squeeze_rad: float) -> float:
         return self.forceps.jaw_stiffness_nm_rad * squeeze_rad

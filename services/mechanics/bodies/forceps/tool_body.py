@@ -171,8 +171,8 @@ class ToolBody:
         return self.proxy, self.hand, self.stretch, self.roll_rad
 
     def step_arrays(self) -> tuple[AnyArray, ...]:
-        """Return the live arrays that a step changes, from `predict` on."""
-        return self._arrays.own_arrays()
+        """Return the live arrays that a step changes, from `predict` on, and that holds write into."""
+        return *self._arrays.own_memory(), self.held, self.pad_m
 
     def given_arrays(self) -> tuple[FloatArray, ...]:
         """Return the live arrays that `correct` and `update_pose` change."""
