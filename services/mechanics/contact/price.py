@@ -39,6 +39,8 @@ from services.mechanics.contact.writer import room_for_rows
 _SAME_ROW = 0.999
 #: A piece that is so deep, as a part of the distance between axis and middle surface, has no normal to rely on.
 DEEP = 0.5
+#: A row that was deeper than the tolerance ends no deeper than it began, but for this part of the tolerance.
+CREEP = 0.1
 #: Of the distance between axis and middle surface: violations nearer to each other than this get one row.
 ONE_VIOLATION = 0.1
 #: Rows that one price may add: the deepest first, the others are priced again.
@@ -109,7 +111,7 @@ def _find_violations(
                 continue
         elif _is_row(state.rows, p, t):
             begun = d - listed.thickness[p] + room_in_jaws(tools, p, s, before)
-            if end >= min(begun, 0.0) - tolerance_m:
+            if end >= begun - CREEP * tolerance_m:
                 continue
         put(out, (p, t), (end, found.s[i], row(found.weight, i), normal))
     return out.count
