@@ -62,6 +62,8 @@ class ContactRows(Struct):
         Contacts and holds in use.
     dropped : int
         Rows that found no room since the start.
+    dt_s : float
+        Length of the step, for laws that know speeds.
     reserved : int
         Room that is left for the rows of holds, which come last: without a row a hold would be stretched unfelt.
     """
@@ -90,6 +92,7 @@ class ContactRows(Struct):
     lever: Annotated[FloatArray, "c", 3, N_COORDINATES]
     n_contacts: int = 0
     dropped: int = 0
+    dt_s: float = 1e-3
     reserved: int = 0
 
     @property

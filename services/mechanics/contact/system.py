@@ -97,6 +97,7 @@ class ContactSystem:
     def clear(self) -> None:
         """Forget the rows of the last step; their forces stay remembered."""
         self.rows.put_zero("n_contacts")
+        self.rows.dt_s = self.bodies.duct.dt_s
         self._first_new = 0
         self._state.ledger.put_zero("solves")
 

@@ -7,11 +7,12 @@ import pytest
 
 from services.mechanics.collision.pairs import DUCT_TRIANGLE
 from services.mechanics.contact.anchors import store_anchors
+from services.mechanics.contact.engagement import CLEAR_M
 from services.mechanics.contact.free_motion import free_motion
 from services.mechanics.contact.identity import pair_identity
 from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.laws.law import ContactProblem
-from services.mechanics.contact.laws.unilateral import SURFACE_SOFTNESS_M_N
+from services.mechanics.contact.laws.unilateral import SINKS_M_S_N, SURFACE_SOFTNESS_M_N
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import solve_contacts
 from services.mechanics.contact.solver_steps import SolverScratch
@@ -20,6 +21,11 @@ from services.mechanics.contact.warm_start import ForceMemory, recall_forces, st
 from services.mechanics.contact.writer import append_row
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
+from studies.judge.overlaps import OverlapJudge
+from studies.stability.drive import reduced_duct
+from studies.stability.families.abuse import KINDS
+from studies.stability.family import Draw, Reach
+from studies.stability.situations import LEAD_STEPS
 
 STEPS_S = (1e-3, 2.5e-4, 1e-4)
 
@@ -138,3 +144,18 @@ def test_a_catheter_that_sticks_to_a_slope_does_not_creep(with_effects, small_du
         simulation.step(tools)
     crept_m = abs(simulation.catheter.state.position_m[:, 0].mean() - start)
     assert crept_m * 60.0 / 0.4 < 1e-7
+
+
+def test_a_force_sinks_as_deep_in_short_steps_as_in_long_ones():
+    """Before, by as much in every part of a step: jaws that drag a catheter over the rim sank 140 um deep into it."""
+    play = KINDS["dragged over the rim"](Draw(Reach.LONG, 20261207).random("abuse dragged over the rim, number 9"))
+    simulation, tools = Simulation(play.scene, reduced_duct(play.scene)), ToolInputs()
+    judge, largest_n = OverlapJudge(simulation), 0.0
+    for tick in range(LEAD_STEPS + 150):
+        play.hands.write(tick, tools)
+        simulation.step(tools)
+        largest_n = max(largest_n, float(simulation.contacts.force_n[: simulation.contacts.n_contacts, 0].max()))
+        if tick > LEAD_STEPS:
+            judge.look()
+    assert largest_n > 1.0
+    assert judge.deepest["tool in catheter"] < SINKS_M_S_N / (1e3 * play.scene.contact.recovery) * largest_n + CLEAR_M

@@ -2,6 +2,10 @@ r"""Unilateral contact with Coulomb friction: :math:`0 \le u_n \perp f_n \ge 0` 
 
 Friction is elastoplastic: within the cone :math:`f_t = -e / c` with e the elastic slip, which the contact remembers,
 and c the softness of the surfaces. Sliding obeys maximal dissipation: the slip opposes the friction force.
+
+Surfaces that are pressed into each other sink in slowly, and come out of it as overlaps do, by a share of them in a
+time (`free_motion.taken_back`): a viscous layer with a spring beside it. With as much in every step, however short, a
+force pressed deeper the shorter the steps were.
 """
 
 from __future__ import annotations
@@ -26,6 +30,8 @@ HAS_GAP = True
 ELASTIC_AXES = 2
 # A surface is never perfectly rigid; 1 um/N also keeps W positive where contacts are redundant.
 SURFACE_SOFTNESS_M_N = 1e-6
+# How fast a newton presses surfaces into each other: within 5 ms by 5 um, as deep as it ever does.
+SINKS_M_S_N = 1e-3
 # Below this sliding speed penalty friction grows in proportion to it: an explicit force cannot stick.
 SLIP_SPEED_M_S = 1e-3
 
@@ -34,6 +40,7 @@ SLIP_SPEED_M_S = 1e-3
 def open_row(rows: ContactRows, row: int) -> None:
     """Give the surfaces their softness; the contact is frictionless until somebody writes a coefficient."""
     rows.softness_m_n[row] = SURFACE_SOFTNESS_M_N
+    rows.softness_m_n[row, 0] = SINKS_M_S_N * rows.dt_s
 
 
 @kernel
