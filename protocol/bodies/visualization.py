@@ -24,5 +24,5 @@ class Hands(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
 
     hands: Annotated[tuple[HandTarget, ...], Meta(max_length=8)] = ()
     begins: Annotated[
-        int, Meta(ge=0, description="gateway.state's, as the page knows it: hands of an earlier one are let be")
+        int, Meta(ge=0, description="gateway.state's, as the page knows it: hands of an earlier one are ignored")
     ] = 0

@@ -317,7 +317,9 @@ def scenarios(as_json: Json = False) -> None:
 
 @app.command()
 def attempt(
-    what: Annotated[Order, typer.Argument(help="What is asked; `status` only looks.")],
+    what: Annotated[
+        Order, typer.Argument(help="The order: new, pause, resume, step, slow, bookmark; `status` only looks.")
+    ],
     value: Annotated[
         float | None, typer.Argument(min=0.0, callback=finite, help="Of `step` the ms, of `slow` the pace, 1/32 to 1.")
     ] = None,

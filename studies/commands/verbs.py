@@ -73,7 +73,7 @@ def stability(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Run the hard cases: nothing blows up, nothing stays wrong, nothing lies quietly."""
+    """Run hard cases, each judged by limits of energy, overlap, force and rest."""
     from studies.commands.stability import Request, run_stability
 
     files = out, report, tuple(others or ()), against
@@ -85,7 +85,7 @@ def study(
         list[str] | None, typer.Argument(metavar="NAME", help="Studies, or all; without one, they are listed.")
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Fewer settings and samples: all in five minutes.")] = False,
-    smallest: Annotated[bool, typer.Option("--smallest", help="So little that nothing can be learnt of it.")] = False,
+    smallest: Annotated[bool, typer.Option("--smallest", help="As little as runs, to try it out.")] = False,
     seed: Annotated[int, typer.Option(min=0, help="Draws what is drawn by chance.")] = 1,
     out: Annotated[
         Path, typer.Option(help="Folder for results, figures and page; a run that was ended goes on there.")

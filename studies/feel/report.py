@@ -96,8 +96,8 @@ def _borders(felt: Felt, figures: str) -> Iterator[str]:
             yield f"| {way} | {row.theory:.2f} | {row.measured:.2f} |"
     yield ""
     yield from _words(
-        "The table has B = 0, because with delay and damping together the theory is a bound and not a border. A "
-        "Phantom Premium has a friction of about 0.05 N s/m and 0.04 N; a hand adds 1 to 10 N s/m."
+        "The table has B = 0. A Phantom Premium has a friction of about 0.05 N s/m and 0.04 N; a hand adds 1 to "
+        "10 N s/m."
     )
     yield ""
     yield from _words(
@@ -115,7 +115,7 @@ def _transparency(rendered: Sequence[Rendered], figures: str) -> Iterator[str]:
     yield from _words(
         "A wall of 500 N/m, moved in sinusoids of 1 to 100 Hz: the table says by how many degrees the force lags "
         "behind the position. A spring has 0. Between 0 and 180 the wall gives energy in every cycle; at 180 it "
-        "pulls in. 360 is a lag of a whole cycle."
+        "pulls in."
     )
     yield ""
     yield "| force | " + " | ".join(f"{each:g} Hz" for each in hertz) + " |"
@@ -138,8 +138,8 @@ def _running(running: Running | None, made_with: Sequence[str]) -> Iterator[str]
         return
     pinch = running.pinch
     yield from _words(
-        "This runs a rig with simulated arms, drives and encoders: one hand pinches the duct's wall, the other "
-        "slides the catheter 20 mm in. Every frame of gateway and physics is kept."
+        "In a rig with simulated arms, drives and encoders one hand pinches the duct's wall, the other slides "
+        "the catheter 20 mm in."
     )
     yield ""
     yield from (f"- {line}" for line in running.made_with if line not in made_with)
@@ -169,8 +169,7 @@ def _insertion_beside(running: Running) -> Iterator[str]:
         yield f"| {row.tool}, {row.what} | {row.within:.1%} | {row.worst:.1%} |"
     yield ""
     yield from _words(
-        "The jaws hold the duct in this scene. How far they slip depends on rounding, so neither two runs nor a "
-        "run and the mechanics alone agree there. Haptics knows the wall as it was a tick ago; along the wall, "
+        "How far the jaws slip on the duct depends on rounding, so two runs do not agree there. Along the wall, "
         "where friction holds, each count of the arm's encoder is felt. After lost ticks the hand has moved on, "
         "and meets the model's stiffness at once."
     )
@@ -205,8 +204,8 @@ def _late(rows: Sequence[Late]) -> Iterator[str]:
         yield f"| {f'0 to {jitter}' if jitter else added} | " + " | ".join(cells) + " |"
     yield ""
     yield from _words(
-        "When hands move as slowly as here, a held force is closer to the right one. Its price is the energy that"
-        " it feeds into the arm (above and below), and that it never ends."
+        "When hands move as slowly as here, a held force is closer to the right one. But it feeds energy into "
+        "the arm (above and below), and never ends."
     )
 
 

@@ -22,7 +22,10 @@ from services.supervisor.state_machine import RigState
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "docs" / "reference"
 _MADE = "Made by `python -m tests.docs.reference`; do not edit by hand."
-_SHARED = ("rig", "rig_name", "overrides", "json", "as_json", "scene", "help", "address", "token")
+_SHARED = (
+    *("rig", "rig_name", "overrides", "json", "as_json", "scene", "help", "address", "token"),
+    *("database", "rules", "experts"),
+)
 """Options of many verbs, told once at the top of the page."""
 
 
@@ -43,6 +46,9 @@ def commands() -> str:
         "- `--set KEY=VALUE`: change one key; may be given again ([configuration](configuration.md)).",
         "- `--json`: print one JSON object instead of text.",
         "- `--address URL`, `--token TOKEN` (`arm`, `safe-stop`): page of a rig elsewhere, and its printed token.",
+        "- `--rules NAME`: rules of a score: a file, or the name of one in `configs/scores` (default `mistels`).",
+        "- `--experts FILE`: reference attempts, as `trocar attempts export` writes them.",
+        "- `--database`: file or address of the database of attempts; default: a file of this user.",
         "",
     ]
     for name, verb in sorted(_verbs(typer.main.get_command(app), "trocar")):

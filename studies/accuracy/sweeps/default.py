@@ -20,12 +20,11 @@ from studies.accuracy.trial import Trial, percent
 
 TITLE = "The default scene"
 WHAT = (
-    "The scene `default` with its own hands, as it is and with one choice coarser or finer. The reference of the pinch "
-    "is the unreduced model, extrapolated from two finer meshes; that of the insertion is the same insertion with "
-    "cells, modes, segments, step and tolerance all finer at once. In `2 um wider` all vertices lie 2 um farther out: "
-    "it shows how much a quantity depends on where the jaws happen to meet edges. The steadying hand feels the "
-    "difference of its jaws' two pushes on the duct, which nearly cancel, so its error is in per cent of the force "
-    "that presses the jaws apart."
+    "The scene `default` with its own hands, as it is and with one choice coarser or finer. The reference of the pinch"
+    " is the unreduced model, extrapolated from two finer meshes; that of the insertion is the same insertion with all"
+    " of these choices finer at once. In `2 um wider` all vertices lie 2 um farther out: it shows how much a quantity "
+    "depends on where the jaws happen to meet edges. The error of the steadying hand is in per cent of the force that "
+    "presses its jaws apart, because their two pushes on the duct nearly cancel."
 )
 AS_IT_IS, WIDER = "as it is", "2 um wider"
 INSERTING, CLOSING, STEADYING = (

@@ -27,9 +27,9 @@ WHAT = (
     "The insertion has three effects of its own: gravity, friction and grasp slip. Here one or two effects are added "
     "to it, or taken from it, at their default settings. The numbers are changes, not errors: of the force on the "
     "tools and of the tip's way (root mean square over the insertion), of the depth that the tip reaches, and of the "
-    "wall where it has moved furthest. The cost is that of the whole tick; compare it with the first row. The figure "
-    "shows each effect alone, then every pair as a matrix with each effect alone in bold on the diagonal. A cost "
-    "within the noise is grey. A pair with a dash models the same thing twice and is refused."
+    "wall where it has moved furthest. The cost is that of the whole tick; compare it with the first row. In the "
+    "figure a cost within the noise is grey, and a pair with a dash is refused, because it models the same thing "
+    "twice."
 )
 DRAWN_ONLY = {"two effects": "Every pair of effects"}
 UNCHANGED = "unchanged"

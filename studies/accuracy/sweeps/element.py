@@ -16,9 +16,8 @@ from studies.accuracy.sweeps.mesh import limit_figures, reduced_errors
 TITLE = "Triangles of the wall"
 WHAT = (
     "Every membrane with every bending triangle, on two meshes, with 60 modes and the residual compliance. The "
-    "reference is extrapolated from two finer meshes of the default triangles. The triangle affects the cost of the "
-    "modes, which are computed once, and not the cost of a tick. Triangles that are kept for comparison only cannot be "
-    "on the frontier."
+    "reference is extrapolated from two finer meshes of the default triangles. Triangles affect the cost of the modes,"
+    " which are computed once, and not that of a tick. Those kept for comparison only cannot be on the frontier."
 )
 _N_MODES = 60
 

@@ -18,11 +18,11 @@ from studies.published.rods import X, example_rod
 
 TITLE = "Integration in time"
 WHAT = (
-    "Free motions, without contact. The catheter is bent by 17 mm and released; it is integrated by the implicit step "
-    "with several spectral radii (1 keeps motion that is too fast for the step, 0 damps it away) and by the paper's "
-    "semi-implicit Euler with as many substeps as it needs to be stable. The reference is the midpoint rule at 10 us. "
-    "The duct moves after a push, by Newmark and by the exact oscillator; the reference is the exact one in a "
-    "hundredth of a step. The cost is that of integrating the one body for a millisecond."
+    "Free motions, without contact. The catheter is bent by 17 mm and released. It is integrated by the implicit step "
+    "with several spectral radii (1 keeps motion that is too fast for the step, 0 damps it away), and by the paper's "
+    "semi-implicit Euler with as many substeps as it needs; the reference is the midpoint rule at 10 us. The duct "
+    "moves after a push, by Newmark and by the exact oscillator; the reference is the exact one in a hundredth of a "
+    "step. The cost is that of the one body."
 )
 RELEASED = "released catheter"
 TICK_S = 1e-3

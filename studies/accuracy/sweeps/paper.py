@@ -24,10 +24,10 @@ from studies.paper_scene import paper_scene
 TITLE = "The paper: its count of operations, and its set-up beside ours"
 WHAT = (
     "First table, after Appendix B of Basdogan, Ho and Srinivasan (2001): operations and time of one step as the mesh "
-    "grows. Direct integration (the paper's DNIOS) has a full matrix, as the paper counts it, or a sparse one. 60 "
-    "modes (its NIRMS) give displacements of all nodes, as in the paper, or only of touched nodes. Second table: the "
-    "paper's whole set-up (element, bare modes, particles, penalty contact), ours, and steps between the two. The "
-    "reference is our insertion on a finer mesh, with more modes, particles and steps."
+    "grows. Direct integration (the paper's DNIOS) has a full matrix, as in the paper, or a sparse one. 60 modes (its "
+    "NIRMS) give displacements of all nodes, as in the paper, or only of touched nodes. Second table: the paper's "
+    "whole set-up (element, bare modes, particles, penalty contact), ours, and steps between the two. The reference is"
+    " our insertion on a finer mesh, with more modes, particles and steps."
 )
 OPERATIONS = "operations a step"
 R = 60

@@ -22,10 +22,10 @@ from studies.accuracy.study import Draw, Error, Reference, Row, Setting, Tick
 
 TITLE = "What sleeps, and what it costs"
 WHAT = (
-    "Parts at rest, asleep and kept awake (`sleeping: false`): a duct alone, and a catheter that hangs beside the "
-    "duct, with and without torsion, while no tool is there. The cost is the part's own share of a tick. Then the part "
-    "is woken, the duct by a blow, the catheter by a forceps that presses on it. The reference is the part that was "
-    "kept awake; the errors are the largest distance of a point, in the first tick and later, and of the force."
+    "Parts at rest, asleep and kept awake (`sleeping: false`), while no tool is there: a duct alone, and a catheter "
+    "beside it. The cost is the part's own share of a tick. Then the part is woken, the duct by a blow, the catheter "
+    "by a forceps that presses on it. The reference is the part that was kept awake; the errors are the largest "
+    "distance of a point, in the first tick and later, and of the force."
 )
 COURSE, JUMP, FORCE = "course after waking", "jump in the tick of waking", "force after waking"
 LIMIT_US = 1.0

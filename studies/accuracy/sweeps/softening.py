@@ -25,10 +25,9 @@ from studies.accuracy.study import Draw, Error, Reference, Row, Setting, Tick
 TITLE = "A wall that gives way, under loads that it was not trained on"
 WHAT = (
     "Random pinches of up to 60 % of the lumen's width, pokes of up to 50 % and pulls, by straight jaws of random "
-    "width. A third of them are on the open rim; each has five points on its way. The reference is the corotational "
-    "shell on the same mesh; the error is that of the force at the same displacement of the jaws. Settings differ in "
-    "the number of squeezes that softening was trained on; none is the linear wall. The cost is that of the "
-    "insertion's tick."
+    "width, a third of them on the open rim. The reference is the corotational shell on the same mesh; the error is "
+    "that of the force at the same displacement of the jaws. Settings differ in the number of squeezes that softening "
+    "was trained on; none is the linear wall. The cost is that of the insertion's tick."
 )
 MEDIAN, WORST, WAY = "force, median load", "force, worst load", "force, worst point of the way"
 DAMPING_RATIO = 0.7

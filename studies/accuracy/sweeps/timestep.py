@@ -12,7 +12,7 @@ from studies.accuracy.study import Draw, Error, Reference, Row, Setting, Tick
 TITLE = "Length of the step"
 WHAT = (
     "The insertion in steps of 1 ms and shorter. The reference is the same insertion in much shorter steps. The cost "
-    "is that of a millisecond of the scene, however many steps it takes."
+    "is that of a millisecond, however many steps it takes."
 )
 
 
