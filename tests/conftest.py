@@ -31,6 +31,7 @@ MAKERS = (
     "services.mechanics.reduction.reduce",
     "services.mechanics.reduction.softening.training",
     "services.mechanics.reduction.hyperelastic.energy_sampling",
+    "services.meshes.branching",
     "services.meshes.cached",
 )
 _LIBRARIES = ("numpy", "scipy", "numba", "trimesh", "pyvista", "pyacvd")

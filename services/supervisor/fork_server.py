@@ -85,6 +85,7 @@ def _become(order: Order) -> None:
     command = [sys.executable, "-m", order.module, *order.arguments]
     _show(command)
     os.environ.update(order.environment)
+    sys.path[1:1] = filter(None, order.environment.get("PYTHONPATH", "").split(os.pathsep))
     sys.argv[:] = [order.module, *order.arguments]
     sys.orig_argv[:] = command
     runpy.run_module(order.module, run_name="__main__", alter_sys=True)

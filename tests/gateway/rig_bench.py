@@ -23,7 +23,16 @@ from tests.gateway.kicks import kicks_n
 RATE_LIMIT_N_S = 200.0
 START_TIMEOUT_S = 400.0  # compiling every kernel on a busy machine
 
-_ARM = {"driver": "phantom_simulated", "device": "phantom_premium_1_5", "settings": {"hand_stiffness_n_m": 300}}
+#: Friction as large as a file may name: a force that no hand has paid for is not bounded by less (`energy_bound`).
+_DEVICE = """
+kind: arm
+model: an arm in hands that rest
+max_force_n: 8.5
+continuous_force_n: 3.0
+max_velocity_m_s: 1.2
+count_m: 3.0e-5
+friction_n: 2.0
+"""
 
 
 class Bench:
@@ -33,9 +42,11 @@ class Bench:
         self, folder: Path, grasp: dict[str, Any] | None = None, arms: dict[str, dict[str, Any]] | None = None
     ) -> None:
         self.rig_file = folder / "rig.yaml"
+        self.device_file = folder / "device.yaml"
+        self.device_file.write_text(_DEVICE)
         instruments = [
             {"name": name, "port_m": [0.06, -0.1, 0.13], "arm": arm} | ({} if grasp is None else {"grasp": grasp})
-            for name, arm in (arms or {"left": _ARM}).items()
+            for name, arm in (arms or {"left": self.arm("phantom_simulated", hand_stiffness_n_m=300)}).items()
         ]
         rig = {
             "name": "test",
@@ -57,6 +68,10 @@ class Bench:
         )
         self.frames: list[Frame] = []
         self._processes: list[subprocess.Popen[bytes]] = []
+
+    def arm(self, driver: str, **settings: Any) -> dict[str, Any]:
+        """Return the rig file's entry of an arm that a force pushes though no hand has pushed before."""
+        return {"driver": driver, "device": str(self.device_file), "settings": settings}
 
     def start(self, module: str, *arguments: str, stdin: int | None = None) -> subprocess.Popen[bytes]:
         process = subprocess.Popen([sys.executable, "-m", module, *arguments], stdin=stdin)

@@ -133,8 +133,7 @@ def test_a_gateway_process_pushes_through_the_library_and_lets_go(standin: Hdapi
     rig = Bench(tmp_path)
     try:
         text = yaml.safe_load(rig.rig_file.read_text())
-        arm = {"driver": "phantom_hdapi", "device": "touch", "settings": {"library": str(standin.path)}}
-        text["gateway"]["instruments"][0]["arm"] = arm
+        text["gateway"]["instruments"][0]["arm"] = rig.arm("phantom_hdapi", library=str(standin.path))
         rig.rig_file.write_text(yaml.safe_dump(text))
         gateway = rig.gateway()
         rig.haptics(FORCE_N)

@@ -79,7 +79,7 @@ class CatheterBody:
         n = self.properties.n_particles
         self.radius_m = 0.5 * scene.outer_diameter_m
         self.mass_kg = self.properties.particle_mass_kg()
-        self.slept = False
+        self.slept, self._last_dt_s = False, 0.0
         self.n_own_rows = 0
         self._was_touched = self._was_woken = False
         self._may_sleep = may_sleep
@@ -101,9 +101,15 @@ class CatheterBody:
         not without: a catheter pressed against a wall would spring off it first. They are taken out again afterwards.
         """
         state, step, integrator = self.state, self._step, self.integrator
-        may_sleep = self._may_sleep_now and dt_s == integrator.velocity_gain_s  # its matrix is that of the last step
-        if self.slept and may_sleep and sleep_on(step.address, state.position_m, state.velocity_m_s):
+        as_last = dt_s == self._last_dt_s  # the matrix is that of the last step
+        if (
+            self.slept
+            and as_last
+            and self._may_sleep_now
+            and sleep_on(step.address, state.position_m, state.velocity_m_s)
+        ):
             return  # a third of what the way through the integrator takes to find that out
+        may_sleep, self._last_dt_s = as_last and self._may_sleep_now, dt_s
         is_touched = self._was_touched and self._linearises
         plain = self.plain_integrator
         if plain is not None and plain.twist is None:
