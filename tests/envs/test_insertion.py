@@ -59,6 +59,14 @@ def test_the_checker_of_gymnasium_finds_nothing(env: Insertion) -> None:
     made.close()
 
 
+@pytest.mark.parametrize("text", ["import trocar.envs; name = ''", "name = 'trocar.envs:'"])
+def test_gymnasium_finds_it_in_a_fresh_process(text: str) -> None:
+    """As the page says: by importing, or by the name of the module in front."""
+    text += "; import gymnasium; gymnasium.make(name + 'trocar/Insertion-v0', scenario='nowhere')"
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=False)
+    assert "ConfigError: there is no scenario 'nowhere'" in done.stderr
+
+
 def test_two_processes_and_two_episodes_see_the_same_to_the_bit() -> None:
     with multiprocessing.get_context("spawn").Pool(2) as pool:
         first, second = pool.map(_walk_elsewhere, range(2), chunksize=1)

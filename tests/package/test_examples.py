@@ -14,8 +14,8 @@ from tests.package.conftest import ROOT
 EXAMPLES = sorted(path.stem for path in (ROOT / "trocar" / "examples").glob("[a-z]*.py"))
 
 
-def _run(name: str, folder: Path) -> str:
-    command = [sys.executable, "-m", f"trocar.examples.{name}"]
+def _run(name: str, folder: Path, *arguments: str) -> str:
+    command = [sys.executable, "-m", f"trocar.examples.{name}", *arguments]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=500, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
@@ -58,3 +58,22 @@ def test_a_finer_wall_has_a_smaller_error(tmp_path: Path) -> None:
     errors = [_numbers(line)[3] for line in lines]
     assert errors == sorted(errors, reverse=True)
     assert errors[0] > 2.0 > errors[2] >= errors[3] == 0.0
+
+
+def test_a_clone_of_four_episodes_reaches_the_goal_in_one_that_it_has_not_seen(tmp_path: Path) -> None:
+    *shown, reached = _run("clone_an_expert", tmp_path).splitlines()
+    assert [line.partition(",")[2].split(",")[0] for line in shown] == [f" seed {k}: success" for k in range(4)]
+    assert reached.startswith("clone, seed 100: success")
+    assert _numbers(reached)[2] > 10.0
+
+
+def test_what_learns_by_trial_says_what_it_needs(tmp_path: Path) -> None:
+    """Its packages are none that Trocar depends on."""
+    text = """
+import runpy, sys
+sys.modules["stable_baselines3"] = None
+runpy.run_module("trocar.examples.ppo_baseline", run_name="__main__")
+"""
+    done = subprocess.run([sys.executable, "-c", text], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr == "this example needs 'stable_baselines3': pip install stable-baselines3\n"
