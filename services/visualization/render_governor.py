@@ -11,8 +11,10 @@ from services.visualization.render import Effects
 #: Pictures a second below which something is given up: with a graphics processor, and in software.
 WANTED_HZ, WANTED_IN_SOFTWARE_HZ = 24.0, 12.0
 _JUDGE_S = 1.0
-#: A picture that takes less of the time that there is for it leaves room for a better rung.
-_SPARE = 0.45
+_SLOW_LOOKS = 2  # one slow second is chance
+#: Of the time that there is for a picture, what one of the better rung may take as it is foreseen: by its pixels, or so
+#: many times this one where it has more effects.
+_ROOM, _MORE_EFFECTS = 0.9, 2.0
 #: A return has failed whenever the next change is for the worse.
 _HYSTERESIS = Hysteresis(calm_s=10.0, trial_s=math.inf)
 #: Asked for beyond what was painted, so that a window that can paint more shows it; and in any case.
@@ -53,6 +55,7 @@ class RenderGovernor:
         self._governor = QualityGovernor(len(RUNGS), _HYSTERESIS, way=(best,))
         self._wanted_s = 1.0 / (WANTED_IN_SOFTWARE_HZ if software else WANTED_HZ)
         self.rate_hz = 0.0
+        self._slow = 0
         self._spent_s: list[float] = []
         self._since_s: float | None = None
 
@@ -74,10 +77,22 @@ class RenderGovernor:
         mean_s = sum(self._spent_s) / len(self._spent_s)
         self.rate_hz = len(self._spent_s) / elapsed_s
         self._spent_s.clear()
-        load = Load.OVER if mean_s > self._wanted_s else Load.FULL if mean_s > _SPARE * self._wanted_s else Load.CALM
-        has_changed = self._governor.observe(now_s, load)
+        has_changed = self._governor.observe(now_s, self._load(mean_s))
         self._since_s = None if has_changed else now_s
         return has_changed
+
+    def _load(self, mean_s: float) -> Load:
+        self._slow = self._slow + 1 if mean_s > self._wanted_s else 0
+        if self._slow >= _SLOW_LOOKS:
+            self._slow = 0
+            return Load.OVER
+        return Load.CALM if mean_s * _growth(self.rung) < _ROOM * self._wanted_s else Load.FULL
+
+
+def _growth(rung: int) -> float:
+    """Return how many times longer a picture of the next better rung takes."""
+    better, this = RUNGS[max(0, rung - 1)], RUNGS[rung]
+    return (better.scale / this.scale) ** 2 if better.effects == this.effects else _MORE_EFFECTS
 
 
 class Demand:

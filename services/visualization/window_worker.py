@@ -45,6 +45,7 @@ class Window:
         self._overlay = Overlay(plotter)
         self._interactor = plotter.iren.interactor
         self.closed = False
+        self._rig_starts = True  # which has the processor meanwhile: how long a picture takes says nothing
         self._own_size = _SIZE
         self._layout: PictureLayout | None = None
         self._shown: Picture | None = None
@@ -58,6 +59,7 @@ class Window:
             self._layout = codec.decode_hello(data.decode())
         elif kind == NOTICE:
             notice = json.loads(data)
+            self._rig_starts = notice["state"] in ("off", "starting")
             self._overlay.tell_rig(notice["state"], notice["reason"], safe_stop=notice["safe_stop"])
         elif kind == FRAME and self._layout is not None:
             self._shown = codec.decode(data, self._layout)[0]
@@ -75,7 +77,7 @@ class Window:
         self._overlay.follow_size()
         self._renderer.draw()
         now_s = time.monotonic()
-        if self._governor.drawn(now_s, now_s - began_s):
+        if not self._rig_starts and self._governor.drawn(now_s, now_s - began_s):
             self._take_rung()
             self._overlay.follow_size()
             self._renderer.draw()  # with its size a window loses what it shows, and the next picture may be long

@@ -35,6 +35,22 @@ def test_pixels_are_given_up_until_there_are_enough_pictures_and_no_further():
     assert RUNGS[drawing.governor.rung].scale == 0.8
 
 
+def test_one_slow_second_is_chance():
+    drawing = Drawing(software=True)
+    for _ in range(20):
+        drawing.run(1.5, lambda rung: 0.1)
+        drawing.run(1.5, lambda rung: 0.02)
+    assert drawing.governor.rung == SOFTWARE_RUNG
+
+
+def test_pixels_come_back_where_they_are_foreseen_to_fit():
+    drawing = Drawing(software=True)
+    drawing.run(10.0, lambda rung: 0.2)
+    assert RUNGS[drawing.governor.rung].scale == 0.64
+    drawing.run(60.0, lambda rung: 0.07 * rung.scale**2)
+    assert RUNGS[drawing.governor.rung].scale == 1.0
+
+
 def test_effects_come_back_when_there_is_time_again():
     drawing = Drawing(software=False)
     drawing.run(5.0, lambda rung: 0.06)
