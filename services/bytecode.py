@@ -1,15 +1,17 @@
 """Where Python may keep no bytecode beside our source, it is kept in Trocar's cache.
 
 A container that sets ``PYTHONDONTWRITEBYTECODE``, or a source tree that belongs to another user, makes each of the
-rig's processes compile all of `services` and `protocol` at every start: a quarter of its start-up. What Python compiles
-of other packages stays as it was.
+rig's processes compile all of `services` and `protocol` at every start: a quarter of its start-up. Bytecode that an
+image has beside the source is taken from there. What Python compiles of other packages stays as it was.
 """
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 from importlib.machinery import SOURCE_SUFFIXES, FileFinder, SourceFileLoader
+from importlib.util import cache_from_source
 from pathlib import Path
 from types import CodeType
 
@@ -24,6 +26,8 @@ class _Loader(SourceFileLoader):
 
     def get_code(self, fullname: str) -> CodeType | None:
         """Return the code of a module."""
+        if _is_beside(self.path):
+            return super().get_code(fullname)
         before = sys.pycache_prefix, sys.dont_write_bytecode
         sys.pycache_prefix, sys.dont_write_bytecode = str(cache_directory() / "bytecode"), False
         try:
@@ -37,6 +41,12 @@ def keep() -> None:
     if sys.dont_write_bytecode or not os.access(_OURS[0], os.W_OK):
         sys.path_hooks.insert(0, _finder)
         sys.path_importer_cache.pop(_OURS[0], None)  # this module was found by Python's own
+
+
+def _is_beside(source: str) -> bool:
+    with contextlib.suppress(OSError):
+        return os.stat(cache_from_source(source)).st_mtime >= os.stat(source).st_mtime
+    return False
 
 
 def _finder(path: str) -> FileFinder:

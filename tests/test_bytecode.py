@@ -52,3 +52,15 @@ def test_where_python_keeps_it_beside_the_source_nothing_is_changed(tree: Path, 
     assert _run(tree, tmp_path / "cache", PYTHONDONTWRITEBYTECODE="") == "False None 16"
     assert not list((tmp_path / "cache").rglob("*.pyc"))
     assert list(tree.rglob("histogram.*.pyc"))
+
+
+def test_what_an_image_has_beside_the_source_is_taken_until_the_source_is_newer(tree: Path, tmp_path: Path) -> None:
+    cache, forbidden = tmp_path / "cache", {"PYTHONDONTWRITEBYTECODE": "1"}
+    subprocess.run([sys.executable, "-m", "compileall", "-q", tree], check=True)
+    assert _run(tree, cache, **forbidden) == "True None 16"
+    assert not list(cache.rglob("*.pyc"))
+    source = tree / "services" / "runtime" / "histogram.py"
+    source.write_text(source.read_text().replace("PER_OCTAVE = 16", "PER_OCTAVE = 32 "))
+    os.utime(source, (2e9, 2e9))
+    assert _run(tree, cache, **forbidden) == "True None 32"
+    assert [path.name.partition(".")[0] for path in cache.rglob("*.pyc")] == ["histogram"]

@@ -222,6 +222,18 @@ def prepare(process_config: ProcessConfig) -> SceneHands:
     return scene_hands.find_scene_hands(process_config.scene_name, process_config.scene_overrides)
 
 
+def rehearse(process_config: ProcessConfig, hands: SceneHands) -> None:
+    """Open every device and compile what a tick calls."""
+    instruments = build_instruments(process_config.rig.gateway, hands=hands.hands)
+    try:
+        for instrument in instruments:
+            instrument.open()
+            instrument.warm()
+    finally:
+        for instrument in instruments:
+            instrument.close()
+
+
 def _replay(process: Process, settings: ReplaySettings, meter: LoopMeter) -> int:
     """Replay a recording; return the tick at which hands go on."""
     from services.gateway.replaying import Replay  # what reads recordings is not installed with every gateway
@@ -250,4 +262,4 @@ def run(process: Process, hands: SceneHands) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main("gateway", run, prepare=prepare))
+    sys.exit(main("gateway", run, prepare=prepare, rehearse=rehearse))

@@ -9,6 +9,7 @@ import numpy as np
 
 import protocol.bodies as bodies
 from protocol import Frame
+from protocol.bodies.haptics import MODEL_COLUMNS
 from services.gateway import pose, servo_arrays
 from services.gateway.driver import Arm, GraspHandle, Place, load_arm, load_grasp
 from services.gateway.engagement import State
@@ -53,6 +54,7 @@ class Instrument:
         self.servo.step_grasp(1, self._handle)
         pose.force_to_arm(self.servo.force_n, self._mount, self._arm_force)
         self.servo.reset_clock()
+        servo_arrays.are_models(np.zeros((1, MODEL_COLUMNS)))
 
     def read(self, time_ns: int) -> None:
         """Read the arm."""

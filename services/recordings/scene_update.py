@@ -23,8 +23,7 @@ from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrim
 from google.protobuf.message import Message
 from mcap_protobuf.schema import build_file_descriptor_set
 
-from protocol.arrays import pack
-from protocol.bodies import Duct, GatewayState, InstrumentState, PhysicsState, SupervisorState, ToolReaction
+from protocol.bodies import GatewayState, InstrumentState, PhysicsState, SupervisorState, ToolReaction
 from services.mechanics.arrays import Float32Array, FloatArray
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.scene import SceneModel
@@ -66,14 +65,8 @@ class SceneDrawing:
         self._triangles: bytes = TriangleListPrimitive(color=_DUCT, indices=indices).SerializeToString()
 
     def warm_up(self) -> None:
-        """Compile what drawing calls, with a load: a recorder that compiles loses frames."""
-        duct = self._surface.duct
-        q, nodes, forces = np.zeros(duct.basis.n_modes), np.zeros(1, np.int32), np.zeros((1, 3))
-        body = Duct(
-            basis_hash=duct.basis.content_hash, q=pack(q), q_rate=pack(q), load_node=pack(nodes, "<i4"),
-            load_force_n=pack(forces),
-        )  # fmt: skip
-        self._surface.update(body)
+        """Compile what drawing calls."""
+        self._surface.warm_up()
 
     def scene_update(self, physics: PhysicsState, gateway: GatewayState | None, time_ns: int) -> bytes:
         """Return the SceneUpdate of a state of physics, and of the tools where the devices are known."""

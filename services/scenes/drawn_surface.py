@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 import protocol.bodies as bodies
+from protocol.arrays import pack
 from services.mechanics.arrays import Float32Array, FloatArray, IntArray
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.reduction.large_rotations.warping import SectionFrame
@@ -39,6 +40,13 @@ class DrawnSurface:
         self._modes = duct.basis.Phi.reshape(-1, duct.basis.n_modes)
         self._frame = None if duct.warp is None else SectionFrame(duct.warp)
         self._every_node = np.arange(duct.basis.n_nodes, dtype=np.int32)
+
+    def warm_up(self) -> None:
+        """Compile what an update calls, with a load: who compiles in its loop is silent, or loses frames."""
+        basis = self.duct.basis
+        q, nodes, forces_n = np.zeros(basis.n_modes), np.zeros(1, np.int32), np.zeros((1, 3))
+        load = {"load_node": pack(nodes, "<i4"), "load_force_n": pack(forces_n)}
+        self.update(bodies.Duct(basis_hash=basis.content_hash, q=pack(q), q_rate=pack(q), **load))
 
     def update(self, body: bodies.Duct) -> bool:
         """Rebuild `points_m`; return False, with the points as they were, if the body does not fit the duct."""

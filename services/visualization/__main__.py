@@ -6,11 +6,14 @@ import sys
 import time
 
 from services.cache_directory import cache_directory
+from services.mechanics.reduction import ReducedDuct
+from services.mechanics.scene import SceneModel
 from services.runtime.errors import EndOfRig
 from services.runtime.log import progress
 from services.runtime.loop import LoopMeter, ticks
-from services.runtime.process import Process, main
+from services.runtime.process import Process, ProcessConfig, main
 from services.scenes import load_duct, load_scene
+from services.scenes.drawn_surface import DrawnSurface
 from services.visualization.composer import TOPICS, Composer
 from services.visualization.outputs import open_output
 from services.visualization.page_hands import TOPIC as HANDS
@@ -21,7 +24,15 @@ from services.visualization.rig_state import RigNotice
 PICTURE_DEADLINE_NS = 33_333_333
 
 
-def run(process: Process) -> None:
+def prepare(process_config: ProcessConfig) -> tuple[SceneModel, ReducedDuct]:
+    """Load the scene and its duct, and compile what the first picture with a load calls."""
+    scene = load_scene(process_config.scene_name, process_config.scene_overrides)
+    duct = load_duct(scene, cache_directory(), progress)
+    DrawnSurface(duct).warm_up()
+    return scene, duct
+
+
+def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
     """Compose, show, report; serve or pump window events while waiting for the next picture.
 
     No more pictures are composed than whoever looks can take: what a slow browser leaves out costs nobody anything.
@@ -29,8 +40,7 @@ def run(process: Process) -> None:
     settings = process.rig.visualization
     health = process.health
     painted = health.path("device_pixel", PICTURE_DEADLINE_NS)
-    scene = load_scene(process.scene_name, process.scene_overrides)
-    duct = load_duct(scene, cache_directory(), progress)
+    scene, duct = prepared
     topics = filter(process.requirements.is_published, TOPICS)
     composer = Composer(process.bus, scene, process.scene_name, duct, topics)
     rig_state = RigNotice(process.bus)
@@ -62,4 +72,4 @@ def run(process: Process) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main("visualization", run))
+    sys.exit(main("visualization", run, prepare=prepare))
