@@ -15,10 +15,12 @@ from pathlib import Path
 from statistics import median
 
 import httpx
-from report import Row, write_report
+import numpy as np
+from report import Row, noise, write_report
 from watched_rig import WatchedRig
 
 from services.classroom.app import Classroom
+from services.mechanics.arrays import FloatArray
 from tests.classroom.class_of_pages import rigs, until, write_roll
 
 LOOPS = ("gateway", "haptics", "physics")
@@ -36,8 +38,8 @@ class Counts:
         self._page = next(pid for pid, name in names.items() if b"page_server" in name)
         self.seconds = dict.fromkeys(WAYS, 0.0)
         self.shares: dict[str, list[float]] = {way: [] for way in WAYS}
-        self.lost = {(way, loop): 0.0 for way in WAYS for loop in LOOPS}
-        self.due = dict(self.lost)
+        self.lost: dict[tuple[str, str], list[float]] = {(way, loop): [] for way in WAYS for loop in LOOPS}
+        self.due: dict[tuple[str, str], list[float]] = {key: [] for key in self.lost}
 
     def read(self) -> dict[str, float]:
         text = httpx.get(f"{self._address}metrics", timeout=30.0).text
@@ -74,8 +76,12 @@ class Counts:
                     f'trocar_loop_skipped_total{{loop="{loop}"}}',
                 )
             ]
-            self.lost[way, loop] += rose[0]
-            self.due[way, loop] += rose[1] + rose[2]
+            self.lost[way, loop].append(rose[0])
+            self.due[way, loop].append(rose[1] + rose[2])
+
+    def share(self, way: str, loop: str) -> FloatArray:
+        """Return the ticks late or lost of each turn, in percent."""
+        return 100.0 * np.array(self.lost[way, loop]) / np.array(self.due[way, loop])
 
 
 def in_turns(rig: WatchedRig, turns: int, seconds: float) -> tuple[Counts, float]:
@@ -103,10 +109,14 @@ def rows(counts: Counts, class_share: float) -> list[Row]:
     for way in WAYS:
         found.append(Row(f"{way}: the page's process, share of a core, median", 100 * median(counts.shares[way]), "%"))
         for loop in LOOPS:
-            lost, due = counts.lost[way, loop], counts.due[way, loop]
+            lost, due = sum(counts.lost[way, loop]), sum(counts.due[way, loop])
             found.append(Row(f"{way}: {loop}: ticks late or lost, of {due:.0f}", lost, ""))
     paired = [b - a for a, b in zip(counts.shares["not followed"], counts.shares["followed"], strict=True)]
     found.append(Row("followed: more of a core than not, median of turns", 100 * median(paired), "%", 0.5))
+    for loop in LOOPS:
+        more = counts.share("followed", loop) - counts.share("not followed", loop)
+        name = f"{loop}: late or lost ticks that being followed adds, less than noise"
+        found.append(Row(name, float(more.mean()), "%", noise(more)))
     scraped = 100 * (median(counts.shares["scraped"]) - still)
     found.append(Row("scraped once a second (summary): more of a core than not", scraped, "%"))
     found.append(Row("class page of ten rigs, with nine of them served by the same process", 100 * class_share, "%"))
@@ -124,7 +134,8 @@ def main() -> None:
         counts, class_share = in_turns(rig, arguments.turns, arguments.seconds)
     notes = (
         f"The stub rig; {arguments.turns} turns of {arguments.seconds:g} s each way, on a machine that others use too. "
-        "A share is of processor time as the kernel counts it, so that other load does not enter but by cold caches."
+        "A share is of processor time as the kernel counts it, so that other load does not enter but by cold caches. "
+        "What being followed adds is a mean over the turns, and its budget what 95 % of such means would be by chance."
     )
     write_report("classroom", "A rig that a class follows", rows(counts, class_share), notes)
 

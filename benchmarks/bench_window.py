@@ -12,7 +12,6 @@ size that xdotool finds it to have at the end.
 from __future__ import annotations
 
 import argparse
-import math
 import os
 import subprocess
 from collections.abc import Iterator
@@ -20,8 +19,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
-from report import Row, write_report
-from scipy import stats
+from report import Row, noise, write_report
 from watched_rig import WatchedRig, print_alarms
 
 from tests.virtual_display import VirtualDisplay
@@ -96,9 +94,8 @@ def harm(alone: list[list[Row]], drawn: list[list[Row]]) -> list[Row]:
         pairs = [(_value(one, f"window: {name}"), _value(two, f"no window: {name}")) for one, two in
                  zip(drawn, alone, strict=True)]  # fmt: skip
         differences = np.array([one - two for one, two in pairs])
-        n = len(differences)
-        noise = float(stats.t.ppf(0.975, n - 1) * differences.std(ddof=1) / math.sqrt(n)) if n > 1 else math.inf
-        rows.append(Row(f"{loop}: misses that the window adds, less than noise", float(differences.mean()), "%", noise))
+        name = f"{loop}: misses that the window adds, less than noise"
+        rows.append(Row(name, float(differences.mean()), "%", noise(differences)))
     return rows
 
 

@@ -33,7 +33,9 @@ from pathlib import Path
 from types import FrameType
 
 import numpy as np
+from scipy import stats
 
+from services.mechanics.arrays import FloatArray
 from services.runtime.machine import processor_name
 
 RESULTS = Path(__file__).resolve().parent / "results"
@@ -147,6 +149,12 @@ def _time_once(call: Callable[[], object], inner: int) -> float:
     for _ in range(inner):
         call()
     return (time.perf_counter_ns() - start) * 1e-9 / inner
+
+
+def noise(differences: FloatArray) -> float:
+    """Return what the mean of paired differences (n,) stays below by chance: 95 %, by Student's t."""
+    n = len(differences)
+    return float(stats.t.ppf(0.975, n - 1) * differences.std(ddof=1) / math.sqrt(n)) if n > 1 else math.inf
 
 
 def write_report(
