@@ -52,6 +52,7 @@ class Felt:
     error_mn: tuple[float, float]  # median and largest, where the press has force
     limp_percent: float
     step_n_s: float
+    missed_percent: float
     refused_percent: float
     state_age_ms: tuple[float, float]
     clock_ms: float
@@ -88,8 +89,9 @@ def felt(bench: str, road: tuple[float, float, float], seen: dict[str, object], 
     error_mn = 1e3 * np.linalg.norm(forces_n - reference_n[moments], axis=1)[pressed]
     limp = np.linalg.norm(forces_n, axis=1)[pressed] < NONE_N
     gauges = [health["gateway"].gauges["models_invalid"] for health in (before, after)]
-    asked = [next(path.asked for path in health["gateway"].paths if path.name == "device_model")
-             for health in (before, after)]  # fmt: skip
+    was, now = (next(path for path in health["gateway"].paths if path.name == "device_model")
+                for health in (before, after))  # fmt: skip
+    asked, answered = max(1, now.asked - was.asked), now.answered - was.answered
     ages = [next(row.age for row in health["haptics"].topics if row.topic == "physics.state" and row.age)
             for health in (before, after)]  # fmt: skip
     counts = ages[1].counts.view() - ages[0].counts.view()
@@ -97,7 +99,7 @@ def felt(bench: str, road: tuple[float, float, float], seen: dict[str, object], 
     said = ["gateway: no force"] if "no force" in after["gateway"].detail else []
     return Felt(
         bench, road, (float(np.median(error_mn)), float(error_mn.max())), 100.0 * float(limp.mean()),
-        max(force_rates_n_s(samples)), 100.0 * (gauges[1] - gauges[0]) / max(1, asked[1] - asked[0]),
+        max(force_rates_n_s(samples)), 100.0 * (1.0 - answered / asked), 100.0 * (gauges[1] - gauges[0]) / asked,
         tuple(1e-6 * quantile_ns(counts, ages[1].deadline_ns, q) for q in (0.5, 0.99)),
         1e3 * after["haptics"].gauges.get("clock_off_s.physics", 0.0),
         "; ".join([*said, *(text for text, _ in shown.most_common(1))]),
@@ -137,18 +139,19 @@ def page(rows: list[Felt]) -> str:
         f"{run['cores']} cores of {run['cpu']}, load {run['load']}; network and time namespaces, TCP over packets that "
         "come late or not.", "",
         "Bench: what is there beside the gateway. Road: delay one way + jitter, packets lost. Error: against the "
-        f"undelayed press of 110 mN, median/largest. Limp: of the press. Step: limit {limit:.0f} N/s. Refused: models. "
-        "Age: of physics at haptics, median/p99. Clock: uncertainty.", "",
-        "|bench|road|error mN|limp|step N/s|refused|age ms|clock ms|shown most|",
-        "|---|---|---|---|---|---|---|---|---|",
+        f"undelayed press of 110 mN, median/largest. Limp: of the press. Step: limit {limit:.0f} N/s. Missed: ticks "
+        "whose model had not come by the next. Refused: models. Age: of physics at haptics, median/p99. Clock: "
+        "uncertainty.", "",
+        "|bench|road|error mN|limp|step N/s|missed|refused|age ms|clock ms|shown most|",
+        "|---|---|---|---|---|---|---|---|---|---|",
     ]  # fmt: skip
     for row in rows:
         delay, jitter, lost = row.road
         road = f"{delay:g}{f'+{jitter:g}' if jitter else ''}ms{f',{lost:g}%' if lost else ''}"
         lines.append(
             f"|{row.bench}|{road}|{row.error_mn[0]:.1f}/{row.error_mn[1]:.0f}|{row.limp_percent:.0f}%|"
-            f"{row.step_n_s:.0f}|{row.refused_percent:.0f}%|{row.state_age_ms[0]:.1f}/{row.state_age_ms[1]:.1f}|"
-            f"{row.clock_ms:.1f}|{row.shown}|"
+            f"{row.step_n_s:.0f}|{row.missed_percent:.0f}%|{row.refused_percent:.0f}%|"
+            f"{row.state_age_ms[0]:.1f}/{row.state_age_ms[1]:.1f}|{row.clock_ms:.1f}|{row.shown}|"
         )
     return "\n".join(lines) + "\n"
 
