@@ -42,6 +42,8 @@ class HealthReporter:
         Figures that the process writes when they change.
     counts
         Returns further ones: asked when a report is made, not in every tick.
+    before
+        Called before each report, as a piece of its own.
     """
 
     def __init__(self, process: str, bus: Bus, meter: LoopMeter | None = None) -> None:
@@ -54,6 +56,7 @@ class HealthReporter:
         self._pieces: Iterator[None] | None = None  # of the report that is being made
         self.gauges: dict[str, float] = {}
         self.counts: Callable[[], Mapping[str, float]] = dict
+        self.before: Callable[[], None] | None = None
         self.realtime: list[Fact] = []
         self.quality_level = 0
         self._bus = bus
@@ -110,6 +113,9 @@ class HealthReporter:
     def _make(self) -> Iterator[None]:
         """Make and send a report, pausing after each piece that is about as long as the others."""
         began_ns = time.monotonic_ns()
+        if self.before is not None:
+            self.before()
+            yield
         health = yield from self._compose()
         step_aside()
         self._due_ns = began_ns + _PERIOD_NS

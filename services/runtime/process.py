@@ -19,6 +19,7 @@ from services.runtime.errors import BusError, UserError
 from services.runtime.flight import SUFFIX, FlightRing, flight_directory
 from services.runtime.health import HealthReporter
 from services.runtime.loop import LoopMeter
+from services.runtime.reservation_keeper import ReservationKeeper
 from services.runtime.rig import Rig
 from services.runtime.scene_requirements import EVERYTHING, SceneRequirements, scene_requirements
 from services.runtime.scheduling import Scheduling
@@ -74,12 +75,25 @@ class Process(ProcessConfig):
             had = realtime.scheduling_fact(self._scheduling)
             if had not in self.facts:  # others have reserved since what it was promised
                 _warn_of(had, self.log)
-            self.facts[:] = [had if fact.name == had.name else fact for fact in self.facts]
+            self._tell(had)
+            if meter is not None and self._scheduling.may_reserve:
+                self.health.before = self._keep(ReservationKeeper(self._scheduling, meter, self.log))
         self.facts.extend((realtime.freeze_garbage_collector(), realtime.read_back()))
         self.health.realtime = self.facts
         self.health.change("ready")
         if not starts_others:  # who starts others speaks for them
             self.log.info("ready")
+
+    def _keep(self, keeper: ReservationKeeper) -> Callable[[], None]:
+        def keep() -> None:
+            if keeper.keep() and self._scheduling is not None:
+                self._tell(realtime.scheduling_fact(self._scheduling))
+                self._tell(realtime.read_back())
+
+        return keep
+
+    def _tell(self, had: realtime.Fact) -> None:
+        self.facts[:] = [had if fact.name == had.name else fact for fact in self.facts]
 
     def _share(self, ring: FlightRing) -> None:
         """Let others look at the last ticks; without that a rig runs as well."""

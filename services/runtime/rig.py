@@ -132,7 +132,7 @@ class ProcessSettings(Settings):
     priority: Annotated[int, Field(ge=1, le=89)] | None = Field(None, description="SCHED_FIFO; none: ordinary")
     nice: Annotated[int, Field(ge=-20, le=19)] | None = None
     share: Annotated[float, Field(gt=0, le=0.95)] = Field(
-        0.3, description="of a core: what SCHED_DEADLINE reserves, and what a container's real-time budget must hold"
+        0.3, description="of a core: SCHED_DEADLINE's at first, and what a container's real-time budget must hold"
     )
     restart: bool = Field(True, description="whether the supervisor restarts it when it dies or hangs")
     critical: bool = Field(True, description="whether the rig cannot run without it")

@@ -3,9 +3,10 @@
 1. **FIFO**, on its core. Refused without CAP_SYS_NICE or an rtprio limit. Where the kernel groups real-time tasks
    (containers on cgroup v1) it is not taken either if the group's budget is smaller than the loop's share: beyond it
    the whole group stands still for the rest of each second.
-2. **DEADLINE** for every thread: a share of a core, guaranteed by admission; no group's budget binds it. Such a thread
-   may not be pinned (the kernel admits it to all cores of its root domain or to none) and does not fork, so its
-   children are ordinary (`sched(7)`, Documentation/scheduler/sched-deadline.rst).
+2. **DEADLINE** for every thread: a share of a core, guaranteed by admission; no group's budget binds it. The loop's is
+   set anew when its need changes (`reservation_keeper`). Such a thread may not be pinned (the kernel admits it to all
+   cores of its root domain or to none) and does not fork, so its children are ordinary (`sched(7)`,
+   Documentation/scheduler/sched-deadline.rst).
 3. **nice -20** with a slice of 0.1 ms (Linux 6.12; before, the slice is the kernel's): it is put before all others soon
    after it wakes, but has to share. A group that the kernel made of its session gets that niceness too.
 4. **plain**.
@@ -13,11 +14,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import errno
 import os
 import platform
 import struct
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -45,7 +48,7 @@ _libc = ctypes.CDLL(None, use_errno=True)
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """What a loop asks for: FIFO `priority`; a `share` of a core, where that is what is given; a core; which rungs."""
+    """What a loop asks for: FIFO `priority`; first a `share` of a core, where that is given; a core; which rungs."""
 
     priority: int
     share: float
@@ -72,6 +75,7 @@ class Scheduling:
     _cores: frozenset[int] = frozenset()
     _niceness: int = 0
     _period_ns: int = PERIOD_NS
+    _alone: bool = False
 
     @classmethod
     def ask(cls, wish: Wish) -> Scheduling:
@@ -108,8 +112,60 @@ class Scheduling:
         What was granted before may be given to others by now (DEADLINE is admitted while there is room): then it is
         what comes next.
         """
-        self._period_ns = max(PERIOD_NS, period_ns)
+        self._period_ns, self._alone = max(PERIOD_NS, period_ns), alone
         self._climb(reset=alone)
+
+    @property
+    def reserves(self) -> bool:
+        """Whether what was granted is a share of a core."""
+        return self._name == "deadline"
+
+    @property
+    def may_reserve(self) -> bool:
+        """Whether a share is granted where there is room."""
+        return "deadline" in self.wish.rungs[: self._rung + 1] and not any(
+            refusal.startswith("deadline") and _WHY[errno.EBUSY] not in refusal for refusal in self.refused
+        )
+
+    def reserve(self, share: float, period_ns: int) -> bool:
+        """Reserve this share of a core for the calling thread, from a class below, too; return whether it was admitted.
+
+        The reserved time is had in each `period_ns`, or in the millisecond where that is longer.
+        """
+        before, self.wish = self.wish, replace(self.wish, share=share)
+        niceness = os.getpriority(os.PRIO_PROCESS, 0)
+        self._period_ns = max(PERIOD_NS, period_ns)
+        try:
+            if self.reserves:
+                self.had = self._reserve(_own_thread(), share)
+            else:
+                self._look_for_room(share)
+                self.had = self._deadline(self._alone)
+                self._rung = self.wish.rungs.index("deadline")
+        except OSError:
+            self.wish = before
+            if not self.reserves and os.getpriority(os.PRIO_PROCESS, 0) != niceness:  # the threads beside found none
+                self._climb(reset=self._alone)
+            return False
+        self.refused = [refusal for refusal in self.refused if not refusal.startswith("deadline")]
+        return True
+
+    def _look_for_room(self, share: float) -> None:
+        """Take it for this thread alone: where it is refused, that costs little, and nothing has changed."""
+        pinned = os.sched_getaffinity(0)
+        os.sched_setaffinity(0, self._cores)
+        try:
+            self._reserve(_own_thread(), share)
+        except OSError:
+            os.sched_setaffinity(0, pinned)
+            raise
+
+    def step_down(self) -> None:
+        """Take the class after DEADLINE: the share that there is does not hold."""
+        self.refused.append(f"deadline: {_WHY[errno.EBUSY]}")
+        self._rung += 1
+        _make_ordinary(self._niceness)
+        self._climb(reset=self._alone)
 
     def _climb(self, *, reset: bool) -> None:
         while self._rung < len(self.wish.rungs):
@@ -143,29 +199,24 @@ class Scheduling:
     def _deadline(self, reset: bool) -> str:
         pinned = os.sched_getaffinity(0)
         try:
-            for thread in own_threads():
-                os.sched_setaffinity(thread, self._cores)
-                own = thread == _own_thread()
-                set_attributes(
-                    thread,
-                    DEADLINE,
-                    _RESET_ON_FORK | _RECLAIM,
-                    runtime_ns=round((self.wish.share if own else BESIDE) * self._period_ns),
-                    period_ns=self._period_ns,
-                )
+            _pin_all(self._cores)
+            _of_each(lambda thread: self._reserve(thread, self.wish.share if thread == _own_thread() else BESIDE))
         except OSError:
             _make_ordinary(self._niceness)
-            for thread in own_threads():
-                os.sched_setaffinity(thread, pinned)
+            _pin_all(pinned)
             raise
         return f"DEADLINE {100 * self.wish.share:.0f} % of a core"
 
+    def _reserve(self, thread: int, share: float) -> str:
+        runtime_ns, flags = round(share * self._period_ns), _RESET_ON_FORK | _RECLAIM
+        set_attributes(thread, DEADLINE, flags, runtime_ns=runtime_ns, period_ns=self._period_ns)
+        return f"DEADLINE {100 * share:.0f} % of a core"
+
     def _nice(self, reset: bool) -> str:
         if self.wish.core in self._cores:
-            for thread in own_threads():
-                os.sched_setaffinity(thread, {self.wish.core})
-        for thread in own_threads():
-            set_attributes(thread, os.SCHED_OTHER, _RESET_ON_FORK if reset else 0, nice=_NICE, runtime_ns=_SLICE_NS)
+            _pin_all({self.wish.core})
+        flags = _RESET_ON_FORK if reset else 0
+        _of_each(lambda thread: set_attributes(thread, os.SCHED_OTHER, flags, nice=_NICE, runtime_ns=_SLICE_NS))
         set_group_niceness(_NICE)
         slice_ns = get_attributes(0)[5]
         return f"nice {_NICE}, slice {slice_ns / 1e6:g} ms" if slice_ns else f"nice {_NICE}, the kernel's slice"
@@ -193,16 +244,35 @@ def own_threads() -> list[int]:
     return sorted(int(task.name) for task in Path("/proc/self/task").iterdir())
 
 
-def _make_ordinary(niceness: int) -> None:
+def _of_each(do: Callable[[int], object]) -> None:
+    """Do something to each of this process' threads that has not ended meanwhile."""
     for thread in own_threads():
-        set_attributes(thread, os.SCHED_OTHER, 0, nice=niceness)
+        with contextlib.suppress(ProcessLookupError):
+            do(thread)
+
+
+def _pin_all(cores: Collection[int]) -> None:
+    _of_each(lambda thread: os.sched_setaffinity(thread, cores))
+
+
+def _make_ordinary(niceness: int) -> None:
+    _of_each(lambda thread: set_attributes(thread, os.SCHED_OTHER, 0, nice=niceness))
     set_group_niceness(niceness)
 
 
 def set_attributes(
-    thread: int, policy: int, flags: int, *, nice: int = 0, runtime_ns: int = 0, period_ns: int = PERIOD_NS
+    thread: int,
+    policy: int,
+    flags: int,
+    *,
+    nice: int = 0,
+    runtime_ns: int = 0,
+    period_ns: int = PERIOD_NS,
+    deadline_ns: int = 0,
 ) -> None:
     """Call ``sched_setattr(2)``, which neither Python nor every C library has; the period is DEADLINE's alone.
+
+    `deadline_ns` is how soon in each period the work is to be done; 0 for at its end.
 
     Raises
     ------
@@ -210,7 +280,8 @@ def set_attributes(
         if the kernel refuses.
     """
     period_ns = period_ns if policy == DEADLINE else 0
-    attributes = _ATTRIBUTES.pack(_ATTRIBUTES.size, policy, flags, nice, 0, runtime_ns, period_ns, period_ns)
+    due_ns = deadline_ns or period_ns
+    attributes = _ATTRIBUTES.pack(_ATTRIBUTES.size, policy, flags, nice, 0, runtime_ns, due_ns, period_ns)
     _call(0, thread, attributes, 0)
 
 

@@ -146,6 +146,72 @@ def test_where_nothing_is_left_to_reserve_the_next_rung_is_taken() -> None:
     assert had["refused"][1].startswith("deadline: no room")
 
 
+#: A loop whose ticks take 0.3 ms of a core, of which 0.7 are reserved at first; then what it reserves.
+_LOOP = """
+import json, logging, time
+from services.runtime import scheduling
+from services.runtime.loop import LoopMeter, ticks
+from services.runtime.reservation_keeper import ReservationKeeper
+from services.runtime.scheduling import Scheduling, Wish, get_attributes
+
+asked = Scheduling.ask(Wish(80, {share}, rungs=("deadline", "nice")))
+meter = LoopMeter(1000.0)
+asked.resume(period_ns=meter.period_ns)
+had = [asked.had]
+keeper = ReservationKeeper(asked, meter, logging.getLogger())
+for tick in ticks(meter, lambda: meter.ticks + meter.skipped > 2500):
+    until_ns = time.thread_time_ns() + 300_000
+    while time.thread_time_ns() < until_ns:
+        pass
+    keeper.keep()
+    if asked.had != had[-1]:
+        had.append(asked.had)
+_, policy, *_, runtime_ns, _, period_ns = get_attributes(0)
+print(json.dumps([policy, runtime_ns / period_ns, had, asked.refused]))
+"""
+#: Refuses the first reservation as a full machine does.
+_NO_ROOM_AT_FIRST = """
+import errno
+admit, asks = Scheduling._deadline, []
+def refuse_first(self, reset):
+    asks.append(1)
+    if len(asks) == 1:
+        raise OSError(errno.EBUSY, scheduling._WHY[errno.EBUSY])
+    return admit(self, reset)
+Scheduling._deadline = refuse_first
+"""
+
+
+@needs_deadline
+def test_a_loop_reserves_what_its_work_took() -> None:
+    script = _LOOP.format(share=0.7)
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=True)
+    policy, share, had, refused = json.loads(done.stdout)
+    assert policy == scheduling.DEADLINE
+    assert 0.37 < share < 0.69, had
+    assert had == ["DEADLINE 70 % of a core", f"DEADLINE {100 * share:.0f} % of a core"]
+    assert not refused
+
+
+@needs_deadline
+@needs_nice
+def test_a_loop_that_found_no_room_comes_back_when_there_is() -> None:
+    script = _LOOP.format(share=0.7).replace("asked.resume", _NO_ROOM_AT_FIRST + "asked.resume")
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=True)
+    policy, share, had, refused = json.loads(done.stdout)
+    assert had[0].startswith("nice -20")
+    assert had[-1] == f"DEADLINE {100 * share:.0f} % of a core"
+    assert policy == scheduling.DEADLINE
+    assert not refused
+
+
+def test_a_thread_that_ends_meanwhile_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A start failed by it: the thread ended between the look at the list and the call."""
+    ended = int(subprocess.run(["sh", "-c", "echo $$"], capture_output=True, text=True, check=True).stdout)
+    monkeypatch.setattr(scheduling, "own_threads", lambda: [ended])
+    scheduling._make_ordinary(0)
+
+
 @needs_nice
 def test_without_both_all_threads_are_before_all_others_and_on_their_core() -> None:
     had = take(more=NO_DEADLINE)

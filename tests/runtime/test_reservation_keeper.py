@@ -1,0 +1,114 @@
+"""The layer between a loop's ring, the decision and the kernel: what is asked for, and what is said."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+
+import pytest
+
+from services.runtime import reservation_keeper
+from services.runtime.loop import LoopMeter
+from services.runtime.reservation_keeper import ReservationKeeper, work_per_period
+from services.runtime.scheduling import Scheduling, Wish
+
+
+class Granting(Scheduling):
+    """A place on the ladder without a kernel: shares up to what is free are admitted."""
+
+    free = 0.9
+
+    def reserve(self, share: float, period_ns: int) -> bool:
+        if share > self.free + 1e-9:
+            return False
+        self._rung, self._period_ns, self.had = 1, period_ns, f"DEADLINE {100 * share:.0f} %"
+        return True
+
+    def step_down(self) -> None:
+        self._rung, self.had = 2, "nice -20"
+
+
+def run(meter: LoopMeter, work_ns: Sequence[int]) -> None:
+    for tick, each in enumerate(work_ns):
+        meter.flight.write(tick, 0, 0, 0, each, ())
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    now_ns = [1]
+    monkeypatch.setattr(reservation_keeper.time, "monotonic_ns", lambda: now_ns[0])
+    return now_ns
+
+
+def keeper(meter: LoopMeter, free: float = 0.9) -> tuple[ReservationKeeper, Granting]:
+    place = Granting(Wish(80, 0.5), had="DEADLINE 50 %", _rung=1)
+    place.free = free
+    return ReservationKeeper(place, meter, logging.getLogger("loop")), place
+
+
+def test_it_looks_once_a_second_and_reserves_what_the_ticks_took(clock: list[int]) -> None:
+    meter = LoopMeter(1000.0)
+    kept, place = keeper(meter)
+    run(meter, [240_000] * 1000)
+    assert not kept.keep()
+    clock[0] += 1_000_000_000
+    assert kept.keep()
+    assert place.had == "DEADLINE 30 %"
+    run(meter, [400_000] * 1000)
+    assert not kept.keep()
+    clock[0] += 1_000_000_000
+    assert kept.keep()
+    assert (place.had, place._period_ns) == ("DEADLINE 44 %", 1_000_000)
+
+
+def test_ticks_that_may_take_two_periods_are_counted_together(clock: list[int]) -> None:
+    meter = LoopMeter(1000.0)
+    meter.periods_allowed = 2
+    kept, place = keeper(meter)
+    run(meter, [10_000, 590_000] * 500)
+    assert set(work_per_period(meter.flight, 2)) == {600_000}
+    clock[0] += 1_000_000_000
+    assert kept.keep()
+    assert (place.had, place._period_ns) == ("DEADLINE 38 %", 2_000_000)
+
+
+def test_what_does_not_fit_is_said_once_with_what_to_do(clock: list[int], caplog: pytest.LogCaptureFixture) -> None:
+    meter = LoopMeter(1000.0)
+    kept, place = keeper(meter, free=0.6)
+    for _ in range(60):
+        run(meter, [500_000] * 100 + [650_000] * 20)
+        clock[0] += 1_000_000_000
+        kept.keep()
+    assert place.had == "DEADLINE 60 %"
+    (said,) = [record.getMessage() for record in caplog.records]
+    assert "no room for 72 % of a core" in said
+    assert "has DEADLINE 60 %" in said
+    assert "more cores" in said
+    assert "lower rung" in said
+
+
+def test_where_its_usual_work_does_not_fit_the_loop_takes_the_next_class(
+    clock: list[int], caplog: pytest.LogCaptureFixture
+) -> None:
+    meter = LoopMeter(1000.0)
+    kept, place = keeper(meter, free=0.5)
+    run(meter, [700_000] * 1000)
+    for _ in range(4):
+        assert place.had == "DEADLINE 50 %"
+        clock[0] += 1_000_000_000
+        kept.keep()
+    assert place.had == "nice -20"
+    assert "has nice -20" in caplog.records[-1].getMessage()
+    place.free = 1.0
+    clock[0] += 100_000_000_000
+    assert kept.keep()
+    assert place.had == "DEADLINE 88 %"
+
+
+def test_a_loop_that_has_hardly_run_says_nothing_yet(clock: list[int]) -> None:
+    meter = LoopMeter(1000.0)
+    kept, place = keeper(meter)
+    run(meter, [10_000] * 20)
+    clock[0] += 1_000_000_000
+    assert not kept.keep()
+    assert place.had == "DEADLINE 50 %"
