@@ -64,6 +64,8 @@ class Effect:
 
     n_local_modes: ClassVar[int] = 0
     """Modes beside supports that it needs at most, see `reduction.local_modes`."""
+    stretch_modes: ClassVar[bool] = False
+    """Whether it needs modes of the stretched wall, see `reduction.hyperelastic.stretch_loads`."""
     can_rest: ClassVar[bool] = False
     """Whether a rung of the quality ladder may leave it out for a while without a jump: a step without it needs nothing
     that an earlier step with it left behind, or it fades (`rest`, `wake`)."""

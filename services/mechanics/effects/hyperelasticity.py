@@ -39,8 +39,9 @@ class HyperelasticitySettings:
 
 
 class Hyperelasticity(Effect):
-    """The wall's membrane stiffens with its linear strain in the modes; what these leave out stays linear.
+    """The wall's membrane stiffens with its linear strain in the modes, those of the stretched wall among them.
 
+    What the modes leave out stays linear.
     The gradient of a convex energy that begins with the fourth power of the strain: small loads meet the linear wall.
     Implicit, so stable however stiff the wall becomes.
     """
@@ -49,6 +50,7 @@ class Hyperelasticity(Effect):
     of_wall = True
     kicks = True
     can_rest = True
+    stretch_modes = True
 
     def train(self, duct: ReducedDuct, progress: Progress) -> None:
         """Choose the triangles that stand for the wall, unless they are in the cache."""

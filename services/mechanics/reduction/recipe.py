@@ -18,8 +18,12 @@ SMALL_BYTES = 96 * MIB
 FORMAT = 1
 """Raised when what is stored, or how it is computed from a model, changes; the elements' code is hashed itself."""
 
-LOCAL_SOURCES = (Path(__file__).parent / "local_modes.py", Path(__file__).parent / "softening" / "load_sites.py")
-"""What local modes follow from beside the model."""
+_HERE = Path(__file__).parent
+LOCAL_SOURCES = tuple(_HERE / name for name in ("residual_vectors.py", "local_modes.py", "softening/load_sites.py"))
+STRETCH_SOURCES = tuple(
+    _HERE / name for name in ("residual_vectors.py", "hyperelastic/stretch_loads.py", "large_rotations/sections.py")
+)
+"""What further modes follow from beside the model."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +70,8 @@ class DuctRecipe:
     residual: ResidualChoice = field(default_factory=ResidualChoice)
     n_local_modes: int = 0
     """At most, beside supports, beyond ``n_modes``: see `local_modes`."""
+    stretch_modes: bool = False
+    """Whether there are modes of the stretched wall beyond ``n_modes``: see `hyperelastic.stretch_loads`."""
 
     def model(self) -> ShellModel:
         """Return the full model: assembled here, factorised at its first use."""
@@ -75,4 +81,5 @@ class DuctRecipe:
         """Return the name of the modes: a hash of everything they follow from, the elements' code included."""
         inputs = (self.mesh, self.section, self.supports, self.n_modes, self.elements)
         local = (self.n_local_modes, hash_sources(*LOCAL_SOURCES)) if self.n_local_modes else ()
-        return hash_content(*inputs, FORMAT, hash_sources(Path(fem.__file__).parent), *local)
+        stretch = (hash_sources(*STRETCH_SOURCES),) if self.stretch_modes else ()
+        return hash_content(*inputs, FORMAT, hash_sources(Path(fem.__file__).parent), *local, *stretch)

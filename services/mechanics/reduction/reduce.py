@@ -14,12 +14,14 @@ from services.mechanics.reduction import cache
 from services.mechanics.reduction.basis import ModalBasis
 from services.mechanics.reduction.build import Progress, build_basis, fill_full_residual, ignore_progress
 from services.mechanics.reduction.content_hash import hash_content
+from services.mechanics.reduction.hyperelastic.stretch_loads import with_stretch_modes
 from services.mechanics.reduction.recipe import DuctRecipe
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.reduction.residual.blocks import Residual
 from services.mechanics.reduction.residual.cyclic_residual import build_cyclic
 from services.mechanics.reduction.residual.patch_error import PatchError, measure_patches
 from services.mechanics.reduction.residual.patches import build_patches, largest_radius_m
+from services.mechanics.reduction.residual_vectors import whole_pairs
 from services.mechanics.surface.cyclic_symmetry import CyclicSymmetry, find_cyclic_symmetry
 
 CYCLIC_FORMAT = 1
@@ -27,8 +29,8 @@ CYCLIC_FORMAT = 1
 PATCH_FORMAT = 3
 """Raised when patches of the residual change: since 2 with an exact near field, since 3 with their error."""
 
-LOCAL_DAMPING_RATIO = 1.0
-"""At least, of modes beside supports: a step does not resolve them, and what they take the place of had no mass."""
+ADDED_DAMPING_RATIO = 1.0
+"""At least, of residual vectors: a step does not resolve them, and what they take the place of had no mass."""
 
 
 def reduce_duct(
@@ -56,8 +58,9 @@ def reduce_duct(
     basis = ModalBasis.from_modes(entry.load("omega"), entry.load("phi"))
     residual, error = _fetch_residual(folder, maker, basis)
     ratio = np.broadcast_to(np.asarray(damping_ratio, np.float64), (basis.n_modes,)).copy()
-    n_local = entry.facts["n_local_modes"] if recipe.n_local_modes else 0
-    ratio[basis.n_modes - n_local :] = np.maximum(ratio[basis.n_modes - n_local :], LOCAL_DAMPING_RATIO)
+    n_local = entry.facts.get("n_local_modes", 0)
+    added = slice(basis.n_modes - n_local - entry.facts.get("n_stretch_modes", 0), None)
+    ratio[added] = np.maximum(ratio[added], ADDED_DAMPING_RATIO)
     return ReducedDuct(recipe.mesh, basis, residual, ratio, recipe, folder, residual_error=error, n_local_modes=n_local)
 
 
@@ -118,20 +121,23 @@ class _Maker:
         self._progress = progress
 
     def make_basis(self, entry: cache.Entry) -> None:
-        basis, n_local = self._basis()
+        recipe, n_stretch, n_local = self.recipe, 0, 0
+        # One mode more, of which whole pairs are taken: a sector's residual is then that of all.
+        added = bool(recipe.n_local_modes or recipe.stretch_modes)
+        basis = build_basis(self._model, recipe.n_modes + int(added), self._progress)
+        if added:
+            basis = whole_pairs(basis)
+            if recipe.stretch_modes:
+                basis, n_stretch = with_stretch_modes(self._model, basis)
+            if recipe.n_local_modes:
+                # Imported where a wall has them: scipy's trees are a good part of what a process imports.
+                from services.mechanics.reduction.local_modes import with_local_modes
+
+                basis, n_local = with_local_modes(self._model, basis, recipe.n_local_modes)
         entry.save("omega", basis.omega_rad_s)
         entry.save("phi", basis.Phi)
-        facts = {"n_nodes": basis.n_nodes, "n_modes": basis.n_modes, "n_local_modes": n_local}
-        entry.describe(content_hash=basis.content_hash, **facts)
-
-    def _basis(self) -> tuple[ModalBasis, int]:
-        n_modes, n_local = self.recipe.n_modes, self.recipe.n_local_modes
-        if n_local == 0:
-            return build_basis(self._model, n_modes, self._progress), 0
-        # Imported where a wall has them: scipy's trees are a good part of what a process imports.
-        from services.mechanics.reduction.local_modes import with_local_modes
-
-        return with_local_modes(self._model, build_basis(self._model, n_modes + 1, self._progress), n_local)
+        facts = {"n_nodes": basis.n_nodes, "n_local_modes": n_local, "n_stretch_modes": n_stretch}
+        entry.describe(content_hash=basis.content_hash, n_modes=basis.n_modes, **facts)
 
     def make_full_residual(self, basis: ModalBasis, entry: cache.Entry) -> None:
         blocks = entry.create("blocks", (basis.n_nodes, basis.n_nodes, 3, 3), np.float32)

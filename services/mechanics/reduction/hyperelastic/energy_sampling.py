@@ -1,7 +1,7 @@
 """Which triangles stand for the wall, and how much each counts: energy-conserving sampling and weighting.
 
 Farhat, Avery, Chapman and Cortial (IJNME 98:625, 2014): few triangles with weights that are not negative, such that
-virtual works of the stiffening under many loads come out. What is sampled is an energy, so the force has a potential
+the forces of the stiffening under many loads come out. What is sampled is an energy, so the force has a potential
 whatever the weights are.
 """
 
@@ -19,7 +19,9 @@ from services.mechanics.reduction import cache
 from services.mechanics.reduction.basis import ModalBasis
 from services.mechanics.reduction.build import Progress, ignore_progress
 from services.mechanics.reduction.content_hash import hash_content, hash_sources
+from services.mechanics.reduction.hyperelastic.equilibrium import rest_shape
 from services.mechanics.reduction.hyperelastic.fung_membrane import MOST_Q
+from services.mechanics.reduction.hyperelastic.stretch_loads import stretch_loads
 from services.mechanics.reduction.nonlinear.membrane import Membrane
 from services.mechanics.reduction.recipe import DuctRecipe
 from services.mechanics.surface.mesh import vertex_normals
@@ -28,20 +30,24 @@ _HERE = Path(__file__).parent
 SOURCES = (
     _HERE,
     _HERE.parent / "free_dofs.py",
+    _HERE.parent / "residual_vectors.py",
+    _HERE.parent / "large_rotations" / "sections.py",
     _HERE.parent / "nonlinear" / "membrane.py",
     _HERE.parents[1] / "surface" / "mesh.py",
 )
 """What the numbers follow from beside the modes and the elements, which are in the name."""
 SEED = 1
-PLACES = 100
+PLACES = 40
 """Places on the wall that the loads of the training press and pull at, along three directions."""
 LARGEST_Q = (0.2, 1.0, 3.0)
-"""Largest Q of the states of the training, in turn."""
-PROBES = 16
-"""Displacements on which the virtual work of each state has to be right, beside its own."""
-BUCKETS = 800
-"""Sums, with random signs, of the virtual works: as hard to fool as each of them alone."""
-TOLERANCE = 0.003
+"""Largest Q of the states of the training under such loads, in turn."""
+STRETCHED = 120
+"""Rest shapes of the training under pressures and pulls along the wall, even by a third and mostly of one kind."""
+STRETCHED_Q = (0.2, 1.0, 4.0, 30.0, 120.0)
+"""Largest Q that the linear wall would have under these, in turn: to 2.5 of the one that stiffens."""
+BUCKETS = 1600
+"""Sums, with random signs, of the forces on modes: as hard to fool as each of them alone."""
+TOLERANCE = 0.0005
 MOST_SAMPLES = 160
 
 
@@ -87,8 +93,9 @@ def choose_samples(model: ShellModel, basis: ModalBasis, exponent: float) -> Str
     """Choose triangles and weights of a wall with this exponent of Fung's law."""
     every = every_triangle(model, basis, exponent)
     strain = every.strain.reshape(-1, 3, basis.n_modes)
-    states = _states(strain, _loads(model), basis)
-    chosen, weights = sparse_weights(*_works(strain @ states, every.energy_j), TOLERANCE, MOST_SAMPLES)
+    states = np.concatenate([_states(strain, _loads(model), basis), _stretched(every, model, basis)], axis=1)
+    works = _forces(strain, states, every.energy_j, basis.omega_rad_s)
+    chosen, weights = sparse_weights(works, works.sum(axis=1), TOLERANCE, MOST_SAMPLES)
     return StretchSamples(
         np.ascontiguousarray(strain[chosen].reshape(-1, basis.n_modes)), weights * every.energy_j[chosen]
     )
@@ -165,16 +172,34 @@ def _states(strain: FloatArray, loads: FloatArray, basis: ModalBasis) -> FloatAr
     return scaled
 
 
-def _works(strain: FloatArray, energy_j: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(p, m) virtual works of every triangle in states with these strains (m, 3, s), and their sums (p,)."""
-    n_states = strain.shape[2]
-    form = np.sum(strain**2, axis=1)
-    stress = (2.0 * energy_j[:, None] * np.expm1(np.minimum(form, MOST_Q)))[:, None] * strain
-    own = np.sum(stress * strain, axis=(0, 1))
+def _stretched(every: StretchSamples, model: ShellModel, basis: ModalBasis) -> FloatArray:
+    """(r, s) modal coordinates at rest under random sums of the loads that stretch the wall as a whole."""
     random = np.random.default_rng(SEED)
-    works = np.zeros((min(BUCKETS, (PROBES + 1) * n_states), strain.shape[0]))
-    for shift in range(min(PROBES + 1, n_states)):
-        work = np.sum(stress * np.roll(strain, shift, axis=2), axis=1) / own
-        for state in range(n_states):
-            works[random.integers(len(works))] += random.choice((-1.0, 1.0)) * work[:, state]
-    return works, works.sum(axis=1)
+    groups = stretch_loads(model)
+    single = np.einsum("nar,kna->kr", basis.Phi, np.concatenate(groups), optimize=True)
+    single /= np.linalg.norm(single / basis.omega_rad_s, axis=1)[:, None]
+    sizes = [len(group) for group in groups]
+    states = []
+    for largest in np.resize(STRETCHED_Q, STRETCHED):
+        mostly_one = np.repeat(random.standard_normal(len(sizes)) ** 3, sizes)
+        force = (mostly_one * (1.0 + 0.3 * random.standard_normal(len(single)))) @ single
+        strain = (every.strain @ (force / basis.omega_rad_s**2)).reshape(-1, 3)
+        force *= np.sqrt(largest / np.sum(strain**2, axis=1).max())
+        states.append(rest_shape(every.strain, every.energy_j, basis.omega_rad_s, force))
+    return np.stack(states, axis=1)
+
+
+def _forces(strain: FloatArray, states: FloatArray, energy_j: FloatArray, omega_rad_s: FloatArray) -> FloatArray:
+    """(p, m) parts of every triangle in the forces on modes in states (r, s), over what would move all modes alike.
+
+    A soft mode, which hardly stretches the wall, would be moved far by a small error of its force.
+    """
+    random = np.random.default_rng(SEED)
+    forces = np.zeros((min(BUCKETS, states.size), strain.shape[0]))
+    for state in states.T:
+        at = strain @ state
+        slope = 2.0 * energy_j * np.expm1(np.minimum(np.sum(at**2, axis=1), MOST_Q))
+        force = np.einsum("ma,mar->rm", slope[:, None] * at, strain) / omega_rad_s[:, None] ** 2
+        force *= random.choice((-1.0, 1.0), size=(len(force), 1)) / np.linalg.norm(force.sum(axis=1))
+        np.add.at(forces, random.integers(len(forces), size=len(force)), force)
+    return forces

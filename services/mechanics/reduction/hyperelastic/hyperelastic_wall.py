@@ -2,8 +2,8 @@ r"""Implicit force of the stiffening wall: an impulse at the start of a step tha
 
 An explicit kick would be stable only while the stiffening is weaker than the linear wall. So the force f at the end of
 the step is solved for: the modes end at x = p + G f, with p their end without f and G the displacement per impulse. f
-minimises :math:`\frac12 f G f + E(p + G f)`, which is strictly convex as E is. Newton's method
-with conjugate gradients, begun with the last force, takes two products with the samples' strains an iteration.
+minimises :math:`\frac12 f G f + E(p + G f)`, which is strictly convex as E is. Newton's method with conjugate
+gradients, begun where the last two forces point, reads the samples' strains once an iteration, in single precision.
 
 p assumes the contact forces of the last step. At rest the force is then exactly that of the law. As E is convex, the
 force at the end of a step does no more work than E falls by, unless contacts change, as where the wall is let go;
@@ -19,7 +19,7 @@ from typing import Annotated
 
 import numpy as np
 
-from services.mechanics.arrays import AnyArray, FloatArray
+from services.mechanics.arrays import AnyArray, Float32Array, FloatArray
 from services.mechanics.compiled import kernel, summing_kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.reduction.hyperelastic.energy_sampling import StretchSamples
@@ -29,7 +29,7 @@ NEWTON_STEPS = 2
 GRADIENT_STEPS = 4
 SEARCH_STEPS = 6
 RELATIVE = 1e-3
-"""Residual over the force at which Newton's method ends; conjugate gradients end at a tenth of theirs."""
+"""Residual over the force at which Newton's method ends; conjugate gradients end at half of it."""
 UNBOUNDED = math.inf
 FADE_S = 0.25
 """Time in which all of the stiffening fades out or in; the same as that of the softening wall."""
@@ -43,19 +43,22 @@ ENERGY, TANK = range(2)
 class HyperelasticWall(Struct):
     """k samples, n = 3 k of their strains, r modes."""
 
-    strain: Annotated[FloatArray, "n", "r"]
+    strain: Annotated[Float32Array, "n", "r"]  # halves what is read; force and energy are of the same rounded rows
     energy: Annotated[FloatArray, "k"]
-    scaled: Annotated[FloatArray, "n", "r"]  # strain per root of what an impulse moves a mode by
+    scaled: Annotated[Float32Array, "n", "r"]  # strain per root of what an impulse moves a mode by
     root: Annotated[FloatArray, "r"]
     pull: Annotated[FloatArray, "r"]  # state: root times force
+    before: Annotated[FloatArray, "r"]  # state: the same of the step before
     ahead: Annotated[FloatArray, "r"]
     at: Annotated[FloatArray, "n"]
+    slope: Annotated[FloatArray, "k"]  # 2 w' and 4 w'' of each sample's energy there
+    curvature: Annotated[FloatArray, "k"]
     along: Annotated[FloatArray, "n"]
-    stress: Annotated[FloatArray, "n"]
-    residual: Annotated[FloatArray, "r"]
-    step: Annotated[FloatArray, "r"]
-    search: Annotated[FloatArray, "r"]
-    image: Annotated[FloatArray, "r"]
+    searched: Annotated[FloatArray, "n"]
+    residual: Annotated[Float32Array, "r"]
+    step: Annotated[Float32Array, "r"]
+    search: Annotated[Float32Array, "r"]
+    image: Annotated[Float32Array, "r"]
     faded: Annotated[FloatArray, 1]  # state: part of the energy that does not act
     books: Annotated[FloatArray, 2]  # state: the energy, and what steps have lost of it
 
@@ -63,7 +66,7 @@ class HyperelasticWall(Struct):
     def of(cls, samples: StretchSamples) -> HyperelasticWall:
         """Take the samples on, at rest; `take_gain` comes before the first step."""
         k, r = len(samples.energy_j), samples.strain.shape[1]
-        strain, energy = np.ascontiguousarray(samples.strain), np.ascontiguousarray(samples.energy_j)
+        strain, energy = np.ascontiguousarray(samples.strain, np.float32), np.ascontiguousarray(samples.energy_j)
         return cls.zeros(strain=strain, energy=energy, n=3 * k, k=k, r=r)
 
     def fade(self, part: float, dt_s: float) -> None:
@@ -74,14 +77,14 @@ class HyperelasticWall(Struct):
     def take_gain(self, gain: FloatArray) -> None:
         """Prepare for steps in which an impulse f dt moves the modes by ``gain`` (r,) times f."""
         root = np.sqrt(np.maximum(gain, LEAST_GAIN * gain.max()))
-        force = np.divide(self.pull, self.root, out=np.zeros_like(root), where=self.root > 0.0)
+        for pull in (self.pull, self.before):
+            pull *= np.divide(root, self.root, out=np.zeros_like(root), where=self.root > 0.0)
         self.root[:] = root
-        self.pull[:] = force * root
         self.scaled[:] = self.strain * root
 
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays of the state."""
-        return self.pull, self.faded, self.books
+        return self.pull, self.before, self.faded, self.books
 
 
 wall_at = reader(HyperelasticWall)
@@ -99,6 +102,7 @@ def stretch_force(
     wall = wall_at(address)
     for mode in range(wall.root.shape[0]):
         wall.ahead[mode] = free_end[mode] / wall.root[mode] + wall.root[mode] * contact_force[mode]
+    _extrapolate(wall.pull, wall.before)
     for _ in range(NEWTON_STEPS):
         if _newton_step(wall):
             break
@@ -107,13 +111,27 @@ def stretch_force(
 
 
 @kernel
+def _extrapolate(pull: FloatArray, before: FloatArray) -> None:
+    """Go on as the last two steps went, unless they differ by no more than errors do: a wall at rest would rattle."""
+    moved, size = 0.0, 0.0
+    for mode in range(pull.shape[0]):
+        moved += (pull[mode] - before[mode]) ** 2
+        size += pull[mode] * pull[mode]
+    goes_on = 1.0 if moved > 4.0 * RELATIVE * RELATIVE * size else 0.0
+    for mode in range(pull.shape[0]):
+        last = pull[mode]
+        pull[mode] += goes_on * (last - before[mode])
+        before[mode] = last
+
+
+@kernel
 def stretch_energy(address: Address[HyperelasticWall], q: FloatArray) -> float:
     """Return the energy beyond the linear one at modal coordinates (r,), in J."""
     wall = wall_at(address)
-    _strains(wall.strain, q, wall.at)
     total = 0.0
     for sample in range(wall.energy.shape[0]):
-        total += _energy(wall, sample) * beyond_linear(_form(wall.at, sample))[0]
+        a, b, c = _strains(wall.strain, sample, q)
+        total += _energy(wall, sample) * beyond_linear(a * a + b * b + c * c)[0]
     return total
 
 
@@ -131,23 +149,24 @@ def energy_and_loss(
 @kernel
 def _newton_step(wall: HyperelasticWall) -> bool:
     """Take one step towards the least of |h|^2 / 2 + E(ahead + h), h the pull; True when it was there already."""
-    residual, pull, step = wall.residual, wall.pull, wall.step
+    residual, pull, step, at = wall.residual, wall.pull, wall.step, wall.at
     for mode in range(pull.shape[0]):
         step[mode] = wall.ahead[mode] + pull[mode]
         residual[mode] = -pull[mode]
-    _strains(wall.scaled, step, wall.at)
     for sample in range(wall.energy.shape[0]):
-        slope = 2.0 * _energy(wall, sample) * beyond_linear(_form(wall.at, sample))[1]
-        for i in range(3 * sample, 3 * sample + 3):
-            wall.stress[i] = slope * wall.at[i]
-    _add_pulls(wall.scaled, wall.stress, -1.0, residual)
+        i = 3 * sample
+        at[i], at[i + 1], at[i + 2] = _strains(wall.scaled, sample, step)
+        _, first, second = beyond_linear(_form(at, sample))
+        slope = wall.slope[sample] = 2.0 * _energy(wall, sample) * first
+        wall.curvature[sample] = 4.0 * _energy(wall, sample) * second
+        _add_pull(wall.scaled, sample, (-slope * at[i], -slope * at[i + 1], -slope * at[i + 2]), residual)
     size, wrong = 0.0, 0.0
     for mode in range(pull.shape[0]):
         size += pull[mode] * pull[mode]
         wrong += residual[mode] * residual[mode]
     if wrong <= RELATIVE * RELATIVE * size:
         return True
-    _solve_tangent(wall, wrong)
+    _solve_tangent(wall, wrong, 0.25 * RELATIVE * RELATIVE * size)
     length = _line_search(wall)
     for mode in range(pull.shape[0]):
         pull[mode] += length * step[mode]
@@ -155,10 +174,14 @@ def _newton_step(wall: HyperelasticWall) -> bool:
 
 
 @kernel
-def _solve_tangent(wall: HyperelasticWall, wrong: float) -> None:
-    """Write the step (1 + H) step = residual, by conjugate gradients, and its strains."""
+def _solve_tangent(wall: HyperelasticWall, wrong: float, enough: float) -> None:
+    """Write the step (1 + H) step = residual, by conjugate gradients, and its strains.
+
+    ``wrong`` is the residual's square, ``enough`` that at which it ends, or a hundredth of `RELATIVE` of what it was.
+    """
     residual, step, search, image = wall.residual, wall.step, wall.search, wall.image
     step[:] = 0.0
+    wall.along[:] = 0.0
     for mode in range(step.shape[0]):
         search[mode] = residual[mode]
     left = wrong
@@ -173,28 +196,28 @@ def _solve_tangent(wall: HyperelasticWall, wrong: float) -> None:
             step[mode] += length * search[mode]
             residual[mode] -= length * image[mode]
             left += residual[mode] * residual[mode]
-        if left <= 0.01 * RELATIVE * wrong:
+        for i in range(wall.along.shape[0]):
+            wall.along[i] += length * wall.searched[i]
+        if left <= max(enough, 0.01 * RELATIVE * wrong):
             break
         for mode in range(step.shape[0]):
             search[mode] = residual[mode] + left / before * search[mode]
-    _strains(wall.scaled, step, wall.along)
 
 
 @kernel
 def _apply_tangent(wall: HyperelasticWall) -> None:
-    """Write image = (1 + H) search."""
-    search, image, at, along = wall.search, wall.image, wall.at, wall.along
+    """Write image = (1 + H) search, and the strains of the search."""
+    search, image, at, searched = wall.search, wall.image, wall.at, wall.searched
     for mode in range(image.shape[0]):
         image[mode] = search[mode]
-    _strains(wall.scaled, search, along)
     for sample in range(wall.energy.shape[0]):
-        _, slope, curvature = beyond_linear(_form(at, sample))
-        turned = 0.0
-        for i in range(3 * sample, 3 * sample + 3):
-            turned += at[i] * along[i]
-        for i in range(3 * sample, 3 * sample + 3):
-            wall.stress[i] = _energy(wall, sample) * (2.0 * slope * along[i] + 4.0 * curvature * turned * at[i])
-    _add_pulls(wall.scaled, wall.stress, 1.0, image)
+        i = 3 * sample
+        a, b, c = _strains(wall.scaled, sample, search)
+        searched[i], searched[i + 1], searched[i + 2] = a, b, c
+        along = wall.slope[sample]
+        turned = wall.curvature[sample] * (at[i] * a + at[i + 1] * b + at[i + 2] * c)
+        pull = along * a + turned * at[i], along * b + turned * at[i + 1], along * c + turned * at[i + 2]
+        _add_pull(wall.scaled, sample, pull, image)
 
 
 @kernel
@@ -245,19 +268,20 @@ def _form(strain: FloatArray, sample: int) -> float:
 
 
 @summing_kernel
-def _strains(rows: FloatArray, q: FloatArray, out: FloatArray) -> None:
-    """Write rows @ q."""
-    for i in range(rows.shape[0]):
-        total = 0.0
-        for mode in range(q.shape[0]):
-            total += rows[i, mode] * q[mode]
-        out[i] = total
+def _strains(rows: Float32Array, sample: int, q: AnyArray) -> tuple[float, float, float]:
+    """Return a sample's three strains at q (r,), summed in the precision of the products."""
+    i = 3 * sample
+    a = b = c = q.dtype.type(0.0)
+    for mode in range(q.shape[0]):
+        a += rows[i, mode] * q[mode]
+        b += rows[i + 1, mode] * q[mode]
+        c += rows[i + 2, mode] * q[mode]
+    return a, b, c
 
 
 @kernel
-def _add_pulls(rows: FloatArray, stress: FloatArray, factor: float, out: FloatArray) -> None:
-    """Add factor times rows^T @ stress."""
-    for i in range(rows.shape[0]):
-        pull = factor * stress[i]
-        for mode in range(out.shape[0]):
-            out[mode] += rows[i, mode] * pull
+def _add_pull(rows: Float32Array, sample: int, stress: tuple[float, float, float], out: Float32Array) -> None:
+    """Add a sample's strains times its stress to (r,)."""
+    i, a, b, c = 3 * sample, np.float32(stress[0]), np.float32(stress[1]), np.float32(stress[2])
+    for mode in range(out.shape[0]):
+        out[mode] += rows[i, mode] * a + rows[i + 1, mode] * b + rows[i + 2, mode] * c
