@@ -39,7 +39,7 @@ def rest_shape(strain: FloatArray, energy_j: FloatArray, omega_rad_s: FloatArray
         stiff += along.T @ ((4.0 * energy_j * curvature)[:, None] * along)
         return stiff
 
-    ends = {"gtol": RELATIVE * np.linalg.norm(load)}
-    found = minimize(value, np.zeros(force.size), jac=True, hess=tangent, method="trust-exact", options=ends)
+    most = RELATIVE * float(np.linalg.norm(load))
+    found = minimize(value, np.zeros(force.size), method="trust-exact", jac=True, hess=tangent, options={"gtol": most})
     q: FloatArray = found.x / omega_rad_s
     return q
