@@ -40,6 +40,7 @@ class ToolGeometry(Struct):
     pad: Annotated[FloatArray, N_TOOLS, 2]  # how deep it may be in them, in m
     thinned: Annotated[FloatArray, N_TOOLS, N_CELLS]  # and one that they squeeze, along them
     thinning: Annotated[FloatArray, N_TOOLS, N_CELLS]  # by how much more than that per radian of opening, in m
+    layer: float  # how thick the wall is, in m
 
 
 class RodGeometry(Struct):
@@ -84,6 +85,7 @@ class ContactGeometry(Struct):
                 pad=tools.pad_m,
                 thinned=tools.thinned_m,
                 thinning=tools.thinning_m_rad,
+                layer=2.0 * bodies.half_thickness_m,
             ),
             rod=RodGeometry(position=catheter.start_m, motion=catheter.motion_m, radius=catheter.radius_m),
             wall=WallGeometry(

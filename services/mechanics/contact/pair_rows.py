@@ -86,19 +86,20 @@ def _squeeze(
 def thinned_m(tools: ToolGeometry, tool: int, jaw: int, s: float, normal: Vector) -> tuple[float, float]:
     """Return how much thinner the wall is at a place along a jaw, and by how much more per radian of opening.
 
-    Nothing where the normal does not lead out of the jaws. Jaws are round: beside the line in which they are nearest
-    there is more room between them.
+    Nothing where the normal does not lead out of the jaws. Jaws are round: along a normal at an angle a to the way in
+    which they open, the plane midway between them is (r + h / 2) / cos(a) - r away from a jaw of radius r, h being
+    their distance, and the middle of a layer half as far. For a = 0 half a layer is thinner by t / 2 - h / 4.
     """
-    opens = dot(normal, row_at(tools.frame[tool], 0))
-    if (opens > 0.0) != (jaw == JAW_A):
+    facing = (1.0 if jaw == JAW_A else -1.0) * dot(normal, row_at(tools.frame[tool], 0))
+    if facing <= 0.0:
         return -math.inf, 0.0
-    facing = abs(opens)
     cell = min(max(s * N_CELLS - 0.5, 0.0), N_CELLS - 1.0)
     first = min(int(cell), N_CELLS - 2)
     share = cell - first
     thinned = (1.0 - share) * tools.thinned[tool, first] + share * tools.thinned[tool, first + 1]
-    slope = facing * ((1.0 - share) * tools.thinning[tool, first] + share * tools.thinning[tool, first + 1])
-    return facing * (thinned - 0.5 * tools.radius[tool, jaw] * (1.0 - facing)), slope
+    slope = (1.0 - share) * tools.thinning[tool, first] + share * tools.thinning[tool, first + 1]
+    beside = 0.5 * (1.0 - facing) * (tools.layer + tools.radius[tool, jaw])
+    return (thinned - beside) / facing, slope / facing
 
 
 @kernel

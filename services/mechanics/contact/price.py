@@ -20,7 +20,7 @@ from services.mechanics.compiled.vectors import Vector, dot, put_row, row, scale
 from services.mechanics.contact import laws
 from services.mechanics.contact.geometry import ToolGeometry
 from services.mechanics.contact.identity import PARTICLE, target_kind_of, target_of, tool_segment_of
-from services.mechanics.contact.pair_rows import thinned_m
+from services.mechanics.contact.pair_rows import thinned_m, touches
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.working_set import (
@@ -105,8 +105,9 @@ def _find_violations(
         d, s, _, before = closest_pair(start, listed.clusters.triangles, p, t)
         if found.gap_m[i] < -DEEP * listed.thickness[p] or dot(normal, before) < 0.0:
             # The axis went through the middle surface, or nearly: it is to stay on the side of the start.
-            normal = before
-            end = dot(before, _end_offset(listed, p, t, found.s[i], row(found.weight, i))) - listed.thickness[p]
+            normal, ends = before, (listed.ends, listed.position)
+            away = offset(ends, listed.clusters.triangles, (p, t), found.s[i], row(found.weight, i))
+            end = dot(before, away) - listed.thickness[p]
             if end >= -tolerance_m:
                 continue
         elif _is_row(state.rows, p, t):
@@ -118,16 +119,9 @@ def _find_violations(
 
 
 @kernel
-def _end_offset(listed: CandidateList, p: int, t: int, s: float, w: Vector) -> Vector:
-    return offset((listed.ends, listed.position), listed.clusters.triangles, (p, t), s, w)
-
-
-@kernel
 def is_touching(tools: ToolGeometry, p: int) -> bool:
     """Return whether a piece touches anything: pieces of tools that are gone, or wait, do not."""
-    if p >= N_TOOL_PIECES:
-        return True
-    return bool(tools.present[p // 3] and not tools.waiting[p // 3])
+    return bool(p >= N_TOOL_PIECES or touches(tools, p // 3))
 
 
 @kernel
