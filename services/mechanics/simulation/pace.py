@@ -45,15 +45,17 @@ class Pace:
 
     def __init__(self, world: World) -> None:
         self._world = world
-        velocity, duct = world.catheter.state.velocity_m_s, world.duct
+        catheter, duct = world.catheter, world.duct
+        velocity = catheter.state.velocity_m_s
         self._moving = Moving(velocity=velocity, before=duct.q_start, after=duct.state.q)
+        self._way = catheter.start_m, catheter.state.position_m, np.ones(len(velocity), np.bool_)
         self._modes, self._longest = sampled_modes(world.duct.reduced.basis.Phi)
 
     def compile_kernels(self) -> None:
         """Compile what only a wall that moves far asks for."""
         furthest(self._modes, self._world.duct.q_start, self._world.duct.state.q)
         tools = self._world.tools
-        furthest_hand(tools.port_m, tools.hand, tools.present, tools.present)
+        furthest_point(tools.port_m, tools.hand, tools.present)
 
     def parts(self, tools: ToolInputs, dt_s: float) -> tuple[int, float]:
         """Return the number of parts of a step, a power of two, and how far anything moves in one, in m."""
@@ -68,12 +70,16 @@ class Pace:
             if self._longest * way * scale > seen_m:
                 moved_m = max(moved_m, furthest(self._modes, duct.q_start, duct.state.q) * scale)
         if dt_s * FASTEST_HAND_M_S > seen_m:
-            away_m = furthest_hand(tools.position_m, body.hand, tools.present, body.present)
+            away_m = furthest_point(tools.position_m, body.hand, tools.present & body.present)
             moved_m = max(moved_m, min(away_m, dt_s * FASTEST_HAND_M_S))
         parts = 1
         while parts < MOST_PARTS and (moved_m > parts * most_m or speed_m_s * dt_s > parts * seen_m):
             parts *= 2
         return parts, moved_m / parts
+
+    def is_seen(self) -> bool:
+        """Return whether the catheter went no further in the solved step than contacts were seen ahead of it."""
+        return bool(furthest_point(*self._way) <= MOST_AHEAD_M)
 
 
 def sampled_modes(Phi: FloatArray) -> tuple[FloatArray, float]:
@@ -126,14 +132,11 @@ def furthest(modes: FloatArray, before: FloatArray, after: FloatArray) -> float:
 
 
 @kernel
-def furthest_hand(position: FloatArray, hand: FloatArray, present: BoolArray, was_present: BoolArray) -> float:
-    """Return how far in m a tool that stays has been asked to go, from `hand` (2, 4) to ``position`` (2, 3)."""
+def furthest_point(start: FloatArray, end: FloatArray, counts: BoolArray) -> float:
+    """Return how far in m those points (n, 3) go that count, from their places at the start to those at the end."""
     largest_2 = 0.0
-    for tool in range(position.shape[0]):
-        if present[tool] and was_present[tool]:
-            way_2 = 0.0
-            for axis in range(3):
-                way_2 += (position[tool, axis] - hand[tool, axis]) ** 2
-            if way_2 > largest_2:
-                largest_2 = way_2
+    for i in range(counts.shape[0]):
+        if counts[i]:
+            x, y, z = end[i, 0] - start[i, 0], end[i, 1] - start[i, 1], end[i, 2] - start[i, 2]
+            largest_2 = max(largest_2, x * x + y * y + z * z)
     return math.sqrt(largest_2)

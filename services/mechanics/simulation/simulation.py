@@ -175,7 +175,7 @@ class Simulation:
         is_settled = self.solver.solve(dt_s)
         marks[5] = perf_counter_ns()
         self.cost_ns[:5] = map(add, self.cost_ns, map(sub, marks[1:6], marks[:5]))
-        return is_settled
+        return is_settled and self.pace.is_seen()
 
     def _end_step(self, dt_s: float) -> None:
         """Let effects act on the end of a step, and write what tools feel."""

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from services.mechanics.contact.working_set import MOST_AHEAD_M
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from studies.stability.drive import reduced_duct
@@ -50,3 +51,35 @@ def test_a_try_that_is_taken_back_leaves_nothing_behind(kind, ticks):
     plain, tried = run(play, lambda _: None), run(play, take_back_every_try)
     assert np.abs(plain[-1]).max() > 1e-3, "something presses"
     np.testing.assert_allclose(tried, plain, rtol=0.0, atol=ROUNDING)
+
+
+class Ways:
+    """How far the catheter went in each part of a step, and how long that was."""
+
+    def __init__(self, simulation):
+        self._catheter, self.parts = simulation.catheter, []
+        simulation.watcher = self
+
+    def begin(self):
+        self._start_m = self._catheter.state.position_m.copy()
+
+    def end(self, dt_s):
+        way_m = np.linalg.norm(self._catheter.state.position_m - self._start_m, axis=1).max()
+        self.parts.append((dt_s, way_m))
+
+
+def test_a_catheter_that_snaps_goes_no_further_in_a_part_than_contacts_are_seen_ahead():
+    """It is slow when the step begins: nobody knows before how fast it gets."""
+    play = KINDS["jammed"](np.random.default_rng(3))
+    simulation, tools = Simulation(play.scene, reduced_duct(play.scene)), ToolInputs()
+    tools.present[:] = False
+    for _ in range(20):
+        simulation.step(tools)
+    catheter, ways = simulation.catheter.state, Ways(simulation)
+    catheter.velocity_m_s[:] = 0.05
+    catheter.position_m[-8:, 2] += 1e-3 * np.linspace(0.0, 1.0, 8) ** 2
+    catheter.position_m[-1, 2] += 1.5e-3
+    simulation.step(tools)
+    assert sum(dt_s for dt_s, _ in ways.parts) == pytest.approx(1e-3)
+    assert len(ways.parts) > 1
+    assert max(way_m for _, way_m in ways.parts) <= MOST_AHEAD_M
