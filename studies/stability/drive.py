@@ -19,6 +19,7 @@ from services.mechanics.simulation.scene_duct import build_scene_duct
 from services.mechanics.surface.mesh import TriangleMesh
 from studies.energy_book import EnergyBook
 from studies.stability.criteria import CRITERIA, HAND_SPEED_M_S, REST_S, REST_SPEED_M_S, Figures
+from studies.stability.finely import Explained, take_finely
 from studies.stability.hands import HandMotions
 from studies.stability.watch import Watch, is_at_rest
 
@@ -26,8 +27,12 @@ QUIET_S = 0.1
 """So long in a row at rest ends a run."""
 SETTLE_S = 4.0
 """A scene that nobody disturbs has so long to come to rest."""
+MOST_SUDDEN = 8
+"""Of a run in which forces change at once more often nothing is asked of finer steps: it has failed."""
+LEFT_S = 0.1
+"""Within so long after the hands have left, what they have bent and stretched is as fast as it gets."""
 FASTEST_M_S = 1.0
-"""What hands leave behind swings about as fast as this at most."""
+"""What hands leave behind is taken to swing as fast as this at least."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,12 +77,27 @@ class Driven:
 
 
 def drive(play: Play) -> Driven:
-    """Run a play to its end and return its figures."""
+    """Run a play to its end and return its figures.
+
+    Where a force changes at once, the run is taken again with what finer steps make of that tick.
+    """
+    driven, sudden = _drive(play, {})
+    if not 0 < len(sudden) <= MOST_SUDDEN:
+        return driven
+    return _drive(play, {(step, tool): _finely_n(play, step)[:, tool] for step, tool in sudden})[0]
+
+
+def _finely_n(play: Play, step: int) -> FloatArray:
+    simulation = Simulation(play.scene, reduced_duct(play.scene, play.mesh))
+    return take_finely(simulation, play.hands, step, play.dt_s, play.before_step)
+
+
+def _drive(play: Play, explained: Explained) -> tuple[Driven, list[tuple[int, int]]]:
     simulation, tools = Simulation(play.scene, reduced_duct(play.scene, play.mesh)), ToolInputs()
     speed_m_s = play.hands.top_speed_m_s(play.dt_s)
     play.hands.write(0, tools)
     simulation.step(tools, play.dt_s)
-    watch = Watch(simulation, speed_m_s)
+    watch = Watch(simulation, speed_m_s, explained)
     run = _Run(simulation, EnergyBook(simulation, watch), watch, tools, play)
     is_sound = run.through_hands() and run.until_quiet()
     figures = watch.worst | watch.energy_figures()
@@ -95,7 +115,8 @@ def drive(play: Play) -> Driven:
         figures |= {"rest": rest_s} if run.longest_s == REST_S else {"rest_damped": rest_s / run.longest_s}
     if is_sound and play.has_one_shape and simulation.inserted_length_m > 0.0:
         figures["shape"] = _distance_m(simulation, play)
-    return Driven({name: figures[name] for name in CRITERIA if name in figures}, run.watch.digest(), run.steps)
+    driven = Driven({name: figures[name] for name in CRITERIA if name in figures}, watch.digest(), run.steps)
+    return driven, watch.sudden
 
 
 @dataclass(slots=True)
@@ -109,22 +130,29 @@ class _Run:
     rest_s: float = np.inf
     longest_s: float = REST_S
 
-    def __post_init__(self) -> None:
-        simulation = self.simulation
-        settling_times_s = wall_settling_s(simulation.duct.reduced), catheter_settling_s(simulation.catheter.properties)
-        self.longest_s = max(REST_S, *settling_times_s)
+    def _let_it_swing(self, fastest_m_s: float) -> None:
+        """Allow what swings so fast the time in which its own damping brings it to rest."""
+        simulation, speed_m_s = self.simulation, max(fastest_m_s, FASTEST_M_S)
+        wall_s = wall_settling_s(simulation.duct.reduced, speed_m_s)
+        catheter_s = catheter_settling_s(simulation.catheter.properties, speed_m_s)
+        self.longest_s = max(REST_S, wall_s, catheter_s)
 
     def through_hands(self) -> bool:
         return all(self._step() for _ in range(1, len(self.play.hands)))
 
     def until_quiet(self) -> bool:
         """Go on without hands, until it has been quiet for a while; or not, for as long as it may take."""
-        dt_s, quiet_s, gone_s = self.play.dt_s, 0.0, 0.0
+        dt_s, quiet_s, gone_s, fastest_m_s = self.play.dt_s, 0.0, 0.0, 0.0
+        self._let_it_swing(fastest_m_s)
         while quiet_s < QUIET_S and gone_s < self.longest_s + 2.0 * QUIET_S and self.play.rests:
             if not self._step():
                 return False
             gone_s += dt_s
-            quiet_s = quiet_s + dt_s if is_at_rest(self.watch.speed_m_s()) else 0.0
+            speed_m_s = self.watch.speed_m_s()
+            if gone_s <= LEFT_S and speed_m_s > fastest_m_s:
+                fastest_m_s = speed_m_s
+                self._let_it_swing(fastest_m_s)
+            quiet_s = quiet_s + dt_s if is_at_rest(speed_m_s) else 0.0
         if quiet_s >= QUIET_S:
             self.rest_s = gone_s - quiet_s
         return True
@@ -143,23 +171,23 @@ class _Run:
         return self.watch.look(play.dt_s, self.book.flow)
 
 
-def wall_settling_s(duct: ReducedDuct) -> float:
+def wall_settling_s(duct: ReducedDuct, speed_m_s: float = FASTEST_M_S) -> float:
     """In how long the slowest mode of a wall comes to rest by its own damping: it falls as exp(-zeta omega t)."""
-    return _settling_s(float(np.min(duct.damping_ratio * duct.basis.omega_rad_s)))
+    return _settling_s(float(np.min(duct.damping_ratio * duct.basis.omega_rad_s)), speed_m_s)
 
 
-def catheter_settling_s(rod: RodProperties) -> float:
+def catheter_settling_s(rod: RodProperties, speed_m_s: float = FASTEST_M_S) -> float:
     """In how long a catheter comes to rest whose material, and whose supports, damp it nowhere: by its drag alone.
 
     Drag is proportional to mass along a uniform rod, so every one of its vibrations, whatever bends or hangs it, falls
     as exp(-c t / 2 m) at least, c and m being the drag and the mass of a particle. The material's damping comes on top.
     """
-    return _settling_s(float(np.min(rod.particle_drag_n_s_m() / rod.particle_mass_kg())) / 2.0)
+    return _settling_s(float(np.min(rod.particle_drag_n_s_m() / rod.particle_mass_kg())) / 2.0, speed_m_s)
 
 
-def _settling_s(rate_1_s: float) -> float:
-    """In how long what falls at a rate comes to rest from the speed that hands leave behind."""
-    return math.log(FASTEST_M_S / REST_SPEED_M_S) / rate_1_s if rate_1_s > 0.0 else math.inf
+def _settling_s(rate_1_s: float, speed_m_s: float) -> float:
+    """In how long what falls at a rate comes to rest from a speed."""
+    return math.log(speed_m_s / REST_SPEED_M_S) / rate_1_s if rate_1_s > 0.0 else math.inf
 
 
 def _distance_m(simulation: Simulation, play: Play) -> float:

@@ -19,6 +19,7 @@ from studies.energy_book import EnergyFlow, implicit_integrator
 from studies.judge.overlaps import OF_TOOLS, OverlapJudge
 from studies.stability.criteria import CRITERIA, REST_SPEED_M_S, Figures
 from studies.stability.crossings import count_crossings
+from studies.stability.finely import Explained, contact_forces_n, nearest_on
 
 G_M_S2 = 9.81
 CROSSINGS_EVERY = 50
@@ -34,10 +35,17 @@ FALL_N_S = 250.0
 
 
 class Watch:
-    """Keeps the worst of everything that the criteria ask for."""
+    """Keeps the worst of everything that the criteria ask for.
 
-    def __init__(self, simulation: Simulation, hand_speed_m_s: float) -> None:
-        self._simulation = simulation
+    Attributes
+    ----------
+    sudden : list of (int, int)
+        Steps and tools in which a force changed by more than its criterion, as far as nothing explains it.
+    """
+
+    def __init__(self, simulation: Simulation, hand_speed_m_s: float, explained: Explained | None = None) -> None:
+        self._simulation, self._explained = simulation, explained or {}
+        self.sudden: list[tuple[int, int]] = []
         self._rod = _Rod(simulation)
         self._hand_m_s = min(hand_speed_m_s, FASTEST_SWEEP_M_S)
         self._energy = _Energy()
@@ -116,10 +124,13 @@ class Watch:
         ticks, given_j = max(dt_s / 1e-3, 1.0), 0.0
         for tool in np.flatnonzero(self._present & tools.present):
             error_n = felt_n[tool] - contact_n[tool]
-            fallen_n = _fall(self._contact_n[tool], contact_n[tool]) * (not is_healed)
+            fallen_n = self._fallen_n(int(tool), contact_n[tool]) * (not is_healed)
+            step_n = _size(contact_n[tool] + fallen_n - self._contact_n[tool]) / ticks
+            if step_n > CRITERIA["force_step"].limit:
+                self.sudden.append((self._steps, int(tool)))
             gone_n = self._gone_n[tool] + fallen_n
             self._gone_n[tool] = gone_n * max(1.0 - FALL_N_S * dt_s / max(_size(gone_n), 1e-12), 0.0)
-            self._keep("force_step", _size(contact_n[tool] + fallen_n - self._contact_n[tool]) / ticks)
+            self._keep("force_step", step_n)
             self._keep("force_fall", _size(fallen_n) / ticks)
             self._keep("felt_step", _size(felt_n[tool] - self._force_n[tool]) / ticks)
             self._keep("felt_error", _size(error_n - self._gone_n[tool] + _fall(self._gone_n[tool], error_n)))
@@ -131,13 +142,15 @@ class Watch:
 
     def _contact_forces_n(self, is_healed: bool) -> FloatArray:
         """Return the contact force on each tool (2, 3), before the limiter; none in a tick that ended in a heal."""
-        simulation, forces = self._simulation, np.zeros((N_TOOLS, 3))
-        rows, n = simulation.contacts, simulation.contacts.n_contacts
-        if n and not is_healed:
-            by_tool = rows.tool[:n] != NO_TOOL
-            each = np.einsum("kac,ka->kc", rows.lever[:n, :, :3], simulation.contact_force_n)
-            np.add.at(forces, rows.tool[:n][by_tool], each[by_tool])
-        return forces
+        return np.zeros((N_TOOLS, 3)) if is_healed else contact_forces_n(self._simulation)
+
+    def _fallen_n(self, tool: int, contact_n: FloatArray) -> FloatArray:
+        """Return by how much a force fell at once; with finer steps known, by what they lead nearest to it."""
+        before_n, known_n = self._contact_n[tool], self._explained.get((self._steps, tool))
+        if known_n is None:
+            return _fall(before_n, contact_n)
+        fallen_n: FloatArray = before_n - nearest_on(known_n, contact_n)
+        return fallen_n
 
     def _look_at_rod(self) -> None:
         rod = self._rod

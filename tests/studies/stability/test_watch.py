@@ -12,9 +12,11 @@ from services.mechanics.rod import Supports, build_integrator
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from studies.energy_book import EnergyBook
+from studies.stability import finely
 from studies.stability.criteria import CRITERIA, REST_S, failures
 from studies.stability.drive import Play, catheter_settling_s, drive, reduced_duct, wall_settling_s
-from studies.stability.situations import beside, threaded
+from studies.stability.hands import least_jerk
+from studies.stability.situations import LEAD_STEPS, beside, threaded
 from studies.stability.watch import Watch
 
 
@@ -222,3 +224,38 @@ def test_a_catheter_settles_by_its_drag_in_the_time_that_it_is_given(heavier):
     half, swing = len(speeds) // 2, len(speeds) // 8
     assert max(speeds[-swing:]) < 3e-3
     assert max(speeds[half - swing : half]) > 10e-3
+
+
+def test_a_step_of_force_is_a_fault_as_far_as_finer_steps_lack_it():
+    start, tools = beside(), ToolInputs()
+    simulation = Simulation(start.scene, reduced_duct(start.scene))
+    start.hands.write(0, tools)
+    simulation.step(tools)
+    way_n = np.array([[0.0, 0.0, 0.0], [0.0, 0.6, 0.0], [0.8, 0.6, 0.0]])
+    for force_n, step_n, is_sudden in (((0.4, 0.6, 0.0), 0.0, False), ((0.4, 1.0, 0.0), 0.4, True)):
+        watch = Watch(simulation, 0.1, {(1, 0): way_n})
+        push_a_contact(simulation)
+        simulation.contact_force_n[0] = force_n
+        simulation.tool_results.force_n[0] = force_n
+        watch.look(1e-3, None)
+        assert watch.worst["force_step"] == pytest.approx(step_n, abs=1e-12)
+        assert watch.sudden == [(1, 0)] * is_sudden
+
+
+def test_a_tick_in_parts_begins_with_what_the_run_had(monkeypatch):
+    """In one part it is the run's own to the last bit, in sixteenths it is nearly that."""
+    start, tools = threaded(), ToolInputs()
+    way_m = least_jerk(5e-3, np.array([0.0, 0.0, 1.0]), 0.1)
+    hands, step = start.hands.then(100).moved(0, way_m, LEAD_STEPS), LEAD_STEPS + 60
+    simulation = Simulation(start.scene, reduced_duct(start.scene))
+    for k in range(step + 1):
+        hands.write(k, tools)
+        simulation.step(tools)
+    force_n = finely.contact_forces_n(simulation)
+    assert np.abs(force_n).max() > 0.05
+    fine_n = finely.take_finely(Simulation(start.scene, reduced_duct(start.scene)), hands, step, 1e-3)
+    assert fine_n.shape == (2 * finely.PARTS, 2, 3)
+    assert np.abs(fine_n[finely.PARTS - 1] - force_n).max() < 0.03
+    monkeypatch.setattr(finely, "PARTS", 1)
+    one = finely.take_finely(Simulation(start.scene, reduced_duct(start.scene)), hands, step, 1e-3)
+    assert np.array_equal(one[0], force_n)

@@ -1,0 +1,80 @@
+"""What a run does in a tick if that is taken in many parts: whether a force that changes at once would do so anyway.
+
+A catheter that snaps off a jaw turns the force on it by newtons in a millisecond, and no step however short makes that
+less. So a force that changes by more than its criterion is no fault as far as the same tick shows it that begins with
+the same state and is taken in sixteenths. When it happens, a step of a tick only knows to a tick: so what counts is
+how far the force is from all that it is in those sixteenths, until a tick later. A step of force that comes of
+collision detection, of a solve that has not ended or of too long a step is not confirmed: finer steps lack it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.collision.pairs import NO_TOOL
+from services.mechanics.scene.tools import N_TOOLS, ToolInputs
+from services.mechanics.simulation import Simulation
+from studies.stability.hands import HandMotions
+
+PARTS = 16
+
+Explained = dict[tuple[int, int], FloatArray]
+"""By step and tool: forces (k, 3) that finer steps lead through, in N."""
+
+
+def contact_forces_n(simulation: Simulation) -> FloatArray:
+    """Return the contact force on each tool (2, 3), before the limiter."""
+    rows, n, forces = simulation.contacts, simulation.contacts.n_contacts, np.zeros((N_TOOLS, 3))
+    if n:
+        by_tool = rows.tool[:n] != NO_TOOL
+        each = np.einsum("kac,ka->kc", rows.lever[:n, :, :3], simulation.contact_force_n)
+        np.add.at(forces, rows.tool[:n][by_tool], each[by_tool])
+    return forces
+
+
+def take_finely(
+    simulation: Simulation,
+    hands: HandMotions,
+    step: int,
+    dt_s: float,
+    before_step: Callable[[Simulation, int], None] | None = None,
+) -> FloatArray:
+    """Return the forces (k, 2, 3) in the parts of a step and of the next one.
+
+    All steps before it are taken as the run has taken them; in its parts hands go straight on.
+    """
+    tools, found = ToolInputs(), []
+    for k in range(step + 2):
+        if before_step is not None and k > 0:
+            before_step(simulation, k)
+        parts = PARTS if k >= step else 1
+        for part in range(1, parts + 1):
+            _write_between(hands, k, part / parts, tools)
+            simulation.step(tools, dt_s / parts)
+            if k >= step:
+                found.append(contact_forces_n(simulation))
+    return np.array(found)
+
+
+def nearest_on(path_n: FloatArray, force_n: FloatArray) -> FloatArray:
+    """Return the force (3,) nearest to ``force_n`` on the way through those of ``path_n`` (k, 3)."""
+    start, way = path_n[:-1], np.diff(path_n, axis=0)
+    length_2 = np.maximum((way**2).sum(axis=1), 1e-30)
+    share = np.clip(((force_n - start) * way).sum(axis=1) / length_2, 0.0, 1.0)
+    places = start + share[:, None] * way
+    nearest: FloatArray = places[np.argmin(((places - force_n) ** 2).sum(axis=1))]
+    return nearest
+
+
+def _write_between(hands: HandMotions, step: int, share: float, out: ToolInputs) -> None:
+    """Write where hands are on their way to the row of a step."""
+    hands.write(step, out)
+    if share < 1.0:
+        before = ToolInputs()
+        hands.write(step - 1, before)
+        for name in ("position_m", "jaw_angle_rad", "roll_rad"):
+            start, end = getattr(before, name), getattr(out, name)
+            end[:] = start + share * (end - start)
