@@ -216,10 +216,24 @@ def let_go(instruments: list[Instrument]) -> bool:
 
 
 def prepare(process_config: ProcessConfig) -> SceneHands:
-    """Find out what the scene is for, where a device follows that."""
-    if not scene_hands.are_called_for(process_config.rig.gateway):
-        return SceneHands()
-    return scene_hands.find_scene_hands(process_config.scene_name, process_config.scene_overrides)
+    """Find out what the scene is for, where a device follows that; compile what a tick calls, if that is all."""
+    gateway, hands = process_config.rig.gateway, SceneHands()
+    if scene_hands.are_called_for(gateway):
+        hands = scene_hands.find_scene_hands(process_config.scene_name, process_config.scene_overrides)
+    if process_config.prepare_only:
+        _rehearse(build_instruments(gateway, hands=hands.hands))
+    return hands
+
+
+def _rehearse(instruments: list[Instrument]) -> None:
+    """Open every device and compile what a tick calls."""
+    try:
+        for instrument in instruments:
+            instrument.open()
+            instrument.warm()
+    finally:
+        for instrument in instruments:
+            instrument.close()
 
 
 def rehearse(process_config: ProcessConfig, hands: SceneHands) -> None:

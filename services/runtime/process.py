@@ -46,6 +46,7 @@ class ProcessConfig:
     scene_overrides: tuple[str, ...]
     log: logging.Logger
     requirements: SceneRequirements = EVERYTHING
+    prepare_only: bool = False
 
 
 @dataclass(slots=True, kw_only=True)
@@ -140,7 +141,7 @@ def load_process_config(name: str, options: Options) -> ProcessConfig:
     wanted = scene_requirements(scene, scene_overrides)
     return ProcessConfig(
         name=name, rig=wanted.fitted(rig), scene_name=scene, scene_overrides=scene_overrides, log=log.set_up(name),
-        requirements=wanted,
+        requirements=wanted, prepare_only=options.prepare_only,
     )  # fmt: skip
 
 
