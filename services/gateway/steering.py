@@ -202,7 +202,8 @@ class SteeredGrasp(HandGrasp):
         return 1.0 - max(closed, 0.0) if self._touched and not self.fault else None
 
     def clear_fault(self) -> None:
-        """Look for the device again."""
+        """Look for the device again; after one was away the grip stays as it is until the trigger is pressed."""
+        self._touched &= not self.fault
         self.fault = self._source.open_anew()
 
     def close(self) -> None:

@@ -6,6 +6,7 @@ instruments: a newer one takes them over. What it sends is the body of ``visuali
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
 import hmac
 import json
@@ -35,7 +36,7 @@ class Page(Protocol):
         ...
 
     async def close(self, code: int, reason: str) -> None:
-        """End the connection; one that is gone already is none of the caller's business."""
+        """End the connection, which may take long; one that is gone already is none of the caller's business."""
         ...
 
 
@@ -68,6 +69,7 @@ class PageHands:
         self._devices = devices
         self._token_sha256 = token_sha256
         self._holder: Page | None = None
+        self._closing: set[asyncio.Task[None]] = set()
 
     async def serve(self, page: Page) -> None:
         """Talk with one page until it goes or another takes over."""
@@ -76,8 +78,10 @@ class PageHands:
             await page.close(REFUSED, reason)
             return
         former, self._holder = self._holder, page
-        if former is not None:
-            await former.close(TAKEN_OVER, "another page has taken the instruments")
+        if former is not None:  # nobody waits for it: its browser may stand still
+            closing = asyncio.create_task(former.close(TAKEN_OVER, "another page has taken the instruments"))
+            self._closing.add(closing)
+            closing.add_done_callback(self._closing.discard)
         try:
             greeted: int | None = None
             while self._holder is page:
@@ -85,7 +89,9 @@ class PageHands:
                 if greeted is None or (devices is not None and devices.begins != greeted):
                     greeted = devices.begins if devices is not None else 0
                     await page.send_text(_greeting(self._tools(devices), greeted))
-                self._take(await page.receive_text())
+                text = await page.receive_text()
+                if self._holder is page:  # else it was on its way when a newer page came
+                    self._take(text)
         finally:
             if self._holder is page:
                 self._holder = None

@@ -194,6 +194,26 @@ def test_a_drive_that_tells_no_position_is_a_fault_that_says_what_to_do(odrive: 
     assert "node 1) sends no position" in odrive.grasp.fault
 
 
+@pytest.mark.parametrize("turns", [0.5, 9.0, -0.4, 1e30])
+def test_an_angle_that_no_hand_can_make_is_a_fault_with_a_sentence_and_no_angle(odrive: Odrive, turns: float) -> None:
+    """A wrong zero, a gear that is not as the file says, an encoder that slipped: jaws would turn through."""
+    odrive.grasp.enable()
+    odrive.run(0.3, torque_nm=0.1)
+    odrive.node.speaking = False
+    estimates = cansimple.identifier(1, cansimple.GET_ENCODER_ESTIMATES)
+    for _ in range(5):
+        data = cansimple.pack_floats(turns, 0.0)
+        odrive.host.send(can.Message(arbitration_id=estimates, data=data, is_extended_id=False))
+        assert odrive.run(0.001) == pytest.approx(0.5, abs=0.06), "it is where it was"
+    assert not odrive.grasp.ready
+    assert "node 1) says that its handle is at" in odrive.grasp.fault
+    assert "shut_at_motor_turns" in odrive.grasp.fault
+    odrive.node.speaking = True
+    odrive.run(0.3)
+    assert odrive.grasp.fault == ""
+    assert odrive.grasp.ready
+
+
 def test_own_echoes_strange_frames_and_lies_are_not_believed(odrive: Odrive) -> None:
     odrive.grasp.enable()
     odrive.run(0.3)

@@ -148,6 +148,28 @@ def test_an_unplugged_input_is_a_fault_the_tool_stays_and_arming_finds_it_again(
     assert not input_events._open
 
 
+def test_the_grip_stays_as_it_is_while_the_input_is_away_and_after_it_is_back(pad: InputStandIn) -> None:
+    """What was held would fall at the moment of the replug: a trigger that comes back says that it is not pressed."""
+    hand = Hand("gamepad")
+    pad.say("ABS_Z", 255)
+    hand.run(1500)
+    shut = hand.handle[servo_arrays.HANDLE_ANGLE]
+    assert shut == pytest.approx(0.0)
+    pad.unplug()
+    hand.run(1500)
+    assert hand.handle[servo_arrays.HANDLE_ANGLE] == pytest.approx(shut)
+    anew = input_stand_in.gamepad()
+    with input_stand_in.only(anew):
+        for device in (hand.arm, hand.grasp):
+            device.clear_fault()
+        hand.run(1500)
+        assert hand.handle[servo_arrays.HANDLE_ANGLE] == pytest.approx(shut), "nobody has touched the trigger yet"
+        anew.say("ABS_Z", 100)
+        hand.run(1500)
+        assert hand.handle[servo_arrays.HANDLE_ANGLE] > 0.3
+        hand.close()
+
+
 def test_arming_while_it_is_still_away_says_so_and_raises_nothing() -> None:
     source = input_stand_in.gamepad()
     with input_stand_in.only(source):

@@ -144,3 +144,44 @@ def test_a_newer_page_takes_over_and_the_older_is_told() -> None:
     asyncio.run(both())
     assert len(rig.published) == 1
     assert second.closed is None
+
+
+class Hung(Page):
+    """A page whose browser stands still: what is sent to it waits, and closing it does, too."""
+
+    def __init__(self, *messages: object) -> None:
+        super().__init__(*messages, stays=True)
+        self.wakes = asyncio.Event()
+
+    async def close(self, code: int, reason: str) -> None:
+        self.closed = (code, reason)
+        await self.wakes.wait()
+
+    async def receive_text(self) -> str:
+        if not self.messages:
+            await self.wakes.wait()
+            return json.dumps([[ROW]])
+        return self.messages.pop(0)
+
+
+def test_a_page_that_was_taken_over_publishes_nothing_more_and_cannot_block_the_new_one() -> None:
+    """Its last message was on its way when the newer page came, and its connection does not end."""
+    rig, hung, newer = Rig("left"), Hung(TOKEN), Page(TOKEN, [[[*ROW[:2], 0.7, 1.0]]], stays=True)
+
+    async def both() -> None:
+        hanging = asyncio.create_task(rig.hands.serve(hung))
+        await asyncio.sleep(0)
+        taking = asyncio.create_task(rig.hands.serve(newer))
+        for _ in range(5):
+            await asyncio.sleep(0)
+        assert [body.hands[0].roll_rad for body in rig.published] == [0.7], "the newer one is served at once"
+        assert hung.closed is not None
+        assert hung.closed[0] == TAKEN_OVER
+        hung.wakes.set()
+        await hanging
+        assert len(rig.published) == 1
+        newer.ended.set()
+        with pytest.raises(GoneError):
+            await taking
+
+    asyncio.run(both())

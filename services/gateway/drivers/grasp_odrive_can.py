@@ -26,6 +26,8 @@ from services.runtime.errors import DeviceError
 from services.runtime.rig import DriverSettings, Settings
 
 _ARM_TIMEOUT_S = 0.5
+#: A handle that is pressed shut may be so far below its zero, as a share of its largest angle.
+_BELOW_SHUT = 0.25
 
 
 class OdriveSettings(Settings):
@@ -70,6 +72,7 @@ class OdriveGrasp(GraspHandle, ABC):
         self._wanted = False
         self._opening: BackgroundOpen[can.BusABC] | None = None
         self._not_opened = ""
+        self._angle_rad = self._said_rad = 0.0  # the newest that a hand can have made, and what the drive says
 
     @abstractmethod
     def open_bus(self) -> can.BusABC:
@@ -171,9 +174,17 @@ class OdriveGrasp(GraspHandle, ABC):
             link = self._go_on(self._opening) or link
         if self._has_bus:
             self._listen(link)
-        handle[HANDLE_ANGLE] = self._rad_per_turn * (link.angle_turns - self.file.shut_at_motor_turns)
-        handle[HANDLE_RATE] = self._rad_per_turn * link.rate_turns_s
+        self._said_rad = self._rad_per_turn * (link.angle_turns - self.file.shut_at_motor_turns)
+        if self._is_possible:
+            self._angle_rad = self._said_rad
+        handle[HANDLE_ANGLE] = self._angle_rad
+        handle[HANDLE_RATE] = self._rad_per_turn * link.rate_turns_s if self._is_possible else 0.0
         self._judge(link, self._clock.monotonic_ns())
+
+    @property
+    def _is_possible(self) -> bool:
+        """Whether a hand can have made the newest angle: not where zero or gear are not as the device file says."""
+        return -_BELOW_SHUT * self.file.widest_rad <= self._said_rad <= self.file.widest_rad
 
     def _listen(self, link: OdriveLink) -> None:
         """Take what has come; a drive that speaks soon after a person has had its bus opened anew is armed."""
@@ -200,6 +211,11 @@ class OdriveGrasp(GraspHandle, ABC):
             self.fault = self._silence()
         elif link.errors:
             self.fault = f"the grasp drive (node {self.node}) let go: {cansimple.error_names(link.errors)}"
+        elif not self._is_possible:
+            self.fault = (
+                f"the grasp drive (node {self.node}) says that its handle is at {self._said_rad:.3g} rad, which no "
+                "hand can make: look at shut_at_motor_turns and motor_turns_per_handle_turn in its device file"
+            )
         elif self._wanted and not closed and now_ns > self._arming_until_ns:
             self.fault = f"the grasp drive (node {self.node}) did not close its loop"
         elif self._wanted and closed and now_ns - link.estimated_ns > self.file.heartbeat_timeout_s * 1e9:
