@@ -15,10 +15,20 @@ def butterworth(cut_off_hz: float, period_s: float = 1e-3) -> FloatArray:
 
     What `scipy.signal.butter` returns, whose import takes half a second of a start.
     """
-    k = math.tan(math.pi * cut_off_hz * period_s)
+    coefficients = np.zeros(5)
+    design(cut_off_hz, period_s, coefficients)
+    return coefficients
+
+
+@kernel
+def design(cut_off_hz: float, period_s: float, out: FloatArray) -> None:
+    """Write the coefficients of `butterworth` into `out`, (5,); a cut-off beyond half the rate is taken just below."""
+    k = math.tan(math.pi * min(cut_off_hz * period_s, 0.49))
     scale = 1.0 / (1.0 + math.sqrt(2.0) * k + k * k)
-    b0 = k * k * scale
-    return np.array([b0, 2.0 * b0, b0, 2.0 * (k * k - 1.0) * scale, (1.0 - math.sqrt(2.0) * k + k * k) * scale])
+    out[0] = out[2] = k * k * scale
+    out[1] = 2.0 * out[0]
+    out[3] = 2.0 * (k * k - 1.0) * scale
+    out[4] = (1.0 - math.sqrt(2.0) * k + k * k) * scale
 
 
 @kernel

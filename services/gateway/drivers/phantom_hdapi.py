@@ -108,6 +108,11 @@ class Driver(Arm):
         """Whether the arm is being opened anew, or will be."""
         return self._wants_reopening or self._reopening is not None
 
+    def gauges(self) -> dict[str, float]:
+        """Return how often a second the library calls, as measured."""
+        period_ns = float(self._arm.port.newest[cells.SEEN_PERIOD]) if self._arm is not None else 0.0
+        return {"servo_rate_hz": 1e9 / period_ns} if period_ns else {}
+
     def enable(self) -> None:
         """Let force through, once the arm is calibrated."""
         self._enabled = self._arm is not None

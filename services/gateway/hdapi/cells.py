@@ -24,12 +24,12 @@ ORDER_SIZE = ORDER_MODEL + MODEL_COLUMNS
 
 # To the gateway: time of the newest reading, calibration, buttons, error that ended the arm's or everybody's work, the
 # newest refusal of force and how many frames in a row had one, frames that came late, the newest ORDER_ARMED, how far
-# orders are trusted; then the reading, the force applied, and what the law remembers.
+# orders are trusted, from frame to frame in ns; then the reading, the force applied, and what the law remembers.
 (
     SEEN_TIME, SEEN_CALIBRATION, SEEN_BUTTONS, SEEN_ERROR, SEEN_STOPPED, SEEN_REFUSAL, SEEN_REFUSED, SEEN_LATE,
-    SEEN_ARMED, SEEN_TRUST, SEEN_POSITION,
-) = range(11)  # fmt: skip
-SEEN_VELOCITY, SEEN_TEMPERATURE, SEEN_ROLL, SEEN_FORCE, SEEN_MEMORY = 13, 16, 17, 18, 21
+    SEEN_ARMED, SEEN_TRUST, SEEN_PERIOD, SEEN_POSITION,
+) = range(12)  # fmt: skip
+SEEN_VELOCITY, SEEN_TEMPERATURE, SEEN_ROLL, SEEN_FORCE, SEEN_MEMORY = 14, 17, 18, 19, 22
 SEEN_SIZE = SEEN_MEMORY + MEMORY_SIZE
 
 # Where in `ArmCell.numbers`, which C writes: position, gimbal angles, temperatures, force.
@@ -82,6 +82,10 @@ class ArmCell(Struct):
     has_gimbal: bool
     max_force_n: float
     max_force_rate_n_s: float
+    cut_off_hz: float
+    period_ns: float  # from frame to frame, as measured
+    counted_ns: int = 0  # since when frames are counted for it, and how many
+    counted: int = 0
     frames: int = 0
     last_ns: int = 0
     read_ns: int = 0

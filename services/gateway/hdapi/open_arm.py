@@ -102,6 +102,8 @@ def _cell(terms: Terms, **of_the_device: int) -> ArmCell:
         filter=butterworth(terms.velocity_filter_hz),
         max_force_n=terms.max_force_n,
         max_force_rate_n_s=terms.max_force_rate_n_s,
+        cut_off_hz=terms.velocity_filter_hz,
+        period_ns=1e6,
         **of_the_device,
     )
 

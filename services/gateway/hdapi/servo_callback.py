@@ -35,6 +35,7 @@ from services.gateway.hdapi.cells import (
     SEEN_FORCE,
     SEEN_LATE,
     SEEN_MEMORY,
+    SEEN_PERIOD,
     SEEN_POSITION,
     SEEN_REFUSAL,
     SEEN_REFUSED,
@@ -56,13 +57,16 @@ from services.gateway.hdapi.error_stack import drain, unreachable
 from services.gateway.hdapi.handover import put, take
 from services.gateway.servo_arrays import MEMORY_SIZE
 from services.gateway.servo_law import MAX_STEP_S
-from services.gateway.velocity_filter import low_pass
+from services.gateway.velocity_filter import design, low_pass
 from services.mechanics import compiled
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 
-TICK_S, TICK_NS = 1e-3, 1_000_000
-LATE_NS = 2_000_000
+TICK_NS = 1_000_000
+#: A frame is late after so many periods.
+LATE_PERIODS = 2.0
+#: The library's rate is measured over so long; what is nearly what it was told is that, whatever the host held up.
+_COUNT_NS, _NEARLY = 250_000_000, 0.1
 #: After so many frames in a row in which the library did not know the handle there is nothing left to let go.
 _FORGOTTEN_FRAMES = 3
 _CHECK_EVERY, _RECHECK_EVERY = 100, 1000
@@ -98,11 +102,29 @@ def _serve(servo: ServoCell, arm: ArmCell, now_ns: int) -> None:
     _take_order(arm)
     dt_ns = now_ns - arm.last_ns if arm.last_ns != 0 else TICK_NS
     arm.last_ns = now_ns
-    if dt_ns > LATE_NS:
+    if dt_ns > LATE_PERIODS * arm.period_ns:
         arm.late += 1
+    _measure_rate(arm, now_ns)
     if not (unreachable(arm.error) and not arm.motors_on):
         _frame(servo, arm, now_ns, min(max(1e-9 * dt_ns, 0.0), MAX_STEP_S))  # a clock may go back
     _report(servo, arm)
+
+
+@kernel
+def _measure_rate(arm: ArmCell, now_ns: int) -> None:
+    """Count frames: a library may call at another rate than it was told, and velocity is a way by its time."""
+    passed_ns = now_ns - arm.counted_ns
+    if 0 <= passed_ns < _COUNT_NS:
+        arm.counted += 1
+        return
+    if 0 < passed_ns < 2 * _COUNT_NS:  # else it stood still, or time has gone back
+        period_ns = passed_ns / (arm.counted + 1)
+        if abs(period_ns - TICK_NS) < _NEARLY * TICK_NS:
+            period_ns = float(TICK_NS)
+        if abs(period_ns - arm.period_ns) > 0.5 * _NEARLY * arm.period_ns:
+            arm.period_ns = period_ns
+            design(arm.cut_off_hz, 1e-9 * period_ns, arm.filter)
+    arm.counted_ns, arm.counted = now_ns, 0
 
 
 @kernel
@@ -167,9 +189,9 @@ def _accept(arm: ArmCell, now_ns: int) -> None:
     z = 1e-3 * numbers[POSITION + 1] - arm.centre_m[1]
     if not math.isfinite(x + y + z):
         return
-    ticks = 0.0 if arm.read_ns == 0 else max(1.0, math.floor((now_ns - arm.read_ns) / TICK_NS + 0.5))
+    periods = 0.0 if arm.read_ns == 0 else max(1.0, math.floor((now_ns - arm.read_ns) / arm.period_ns + 0.5))
     for axis, now in enumerate((x, y, z)):
-        raw = 0.0 if ticks == 0.0 else (now - arm.position_m[axis]) / (ticks * TICK_S)
+        raw = 0.0 if periods == 0.0 else (now - arm.position_m[axis]) / (1e-9 * periods * arm.period_ns)
         arm.position_m[axis] = now
         report[SEEN_POSITION + axis] = now
         report[SEEN_VELOCITY + axis] = low_pass(raw, arm.filtered, axis, arm.filter)
@@ -177,9 +199,11 @@ def _accept(arm: ArmCell, now_ns: int) -> None:
     hottest = 1.0 if arm.warm else 0.0
     arm.warm = False
     for k in range(FORCE - TEMPERATURE):
-        hottest = max(hottest, numbers[TEMPERATURE + k])
+        if math.isfinite(numbers[TEMPERATURE + k]):
+            hottest = max(hottest, numbers[TEMPERATURE + k])
     report[SEEN_TEMPERATURE] = hottest
-    report[SEEN_ROLL] = -numbers[GIMBAL + 2]
+    if math.isfinite(numbers[GIMBAL + 2]):
+        report[SEEN_ROLL] = -numbers[GIMBAL + 2]
     buttons = arm.integers[0]
     if buttons != 0 and report[SEEN_BUTTONS] == 0.0:
         arm.confirmed = True
@@ -212,6 +236,7 @@ def _report(servo: ServoCell, arm: ArmCell) -> None:
     report[SEEN_LATE] = arm.late
     report[SEEN_ARMED] = arm.armed
     report[SEEN_TRUST] = arm.trust
+    report[SEEN_PERIOD] = arm.period_ns
     for axis in range(3):
         report[SEEN_FORCE + axis] = arm.force_n[axis] if arm.motors_on else 0.0
     for k in range(MEMORY_SIZE):

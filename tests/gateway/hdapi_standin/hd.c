@@ -175,13 +175,16 @@ void hdGetDoublev(unsigned parameter, double *out)
     switch (parameter) {
     case 0x2050:
         for (int i = 0; i < 3; i++)
-            out[i] = arm->not_a_number ? NAN : 1e3 * arm->position[i];
+            out[i] = arm->not_a_number & 1 ? NAN : 1e3 * arm->position[i];
         break;
-    case 0x2150: memcpy(out, arm->gimbal, sizeof arm->gimbal); break;
+    case 0x2150:
+        for (int i = 0; i < 3; i++)
+            out[i] = arm->not_a_number & 2 ? NAN : arm->gimbal[i];
+        break;
     case 0x2603: *out = arm->max_force; break;
     case 0x2605:
         for (int i = 0; i < arm->dof; i++)
-            out[i] = i == 1 ? arm->temperature : 0.5 * arm->temperature;
+            out[i] = arm->not_a_number & 2 ? NAN : i == 1 ? arm->temperature : 0.5 * arm->temperature;
         break;
     default: raise_error(INVALID_ENUM, current);
     }

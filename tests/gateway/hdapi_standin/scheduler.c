@@ -17,7 +17,7 @@ static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER; /* a test's hook waits 
 static pthread_t thread;
 static Callback callback;
 static void *user_data;
-static int threaded, scheduled, stalled, overrun_us;
+static int threaded, scheduled, stalled, overrun_us, period_us = 1000;
 static int dropped; /* forces that fell to nothing at once as the scheduler stopped */
 static atomic_int stopping;
 static unsigned refuse_start;
@@ -34,7 +34,7 @@ static int64_t real_ns(void)
 static void tick(void)
 {
     for (int k = 0; k < ARMS; k++) {
-        move_arm(&arms[k], 1e-3);
+        move_arm(&arms[k], 1e-6 * period_us);
         arms[k].framed = 0;
     }
     if (!scheduled || stalled > 0) {
@@ -158,7 +158,8 @@ HOOK(standin_unplug, (int k, int yes), arms[k].unplugged = yes)
 HOOK(standin_pull, (int k), arms[k].unplugged = 1; arms[k].open = arms[k].motors = arms[k].in_frame = 0)
 /* A handle that is unknown though the device is there, and holds what it was told last. */
 HOOK(standin_forget, (int k, int yes), arms[k].open = !yes)
-HOOK(standin_not_a_number, (int k, int yes), arms[k].not_a_number = yes)
+/* 1: position; 2: angles and temperatures; 3: all. */
+HOOK(standin_not_a_number, (int k, int what), arms[k].not_a_number = what)
 HOOK(standin_lack, (int k, int parameter), arms[k].lacks = parameter)
 HOOK(standin_style, (int k, int style), arms[k].style = style)
 HOOK(standin_inkwell, (int k, int yes), arms[k].in_inkwell = yes)
@@ -171,6 +172,8 @@ HOOK(standin_hand, (int k, const double *at), memcpy(arms[k].hand, at, sizeof ar
 HOOK(standin_place, (int k, const double *at), memcpy(arms[k].position, at, sizeof arms[k].position);
      memcpy(arms[k].hand, at, sizeof arms[k].hand); memset(arms[k].velocity, 0, sizeof arms[k].velocity))
 HOOK(standin_stall, (int ticks), stalled = ticks)
+/* How far apart the ticks are that a test drives: a library that does not keep to the rate that it was told. */
+HOOK(standin_period_us, (int us), period_us = us)
 HOOK(standin_overrun, (int us), overrun_us = us)
 HOOK(standin_refuse_init, (unsigned code), refuse_init = code)
 HOOK(standin_complain_init, (unsigned code), complain_init = code)
