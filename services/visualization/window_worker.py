@@ -59,7 +59,7 @@ class Window:
             self._layout = codec.decode_hello(data.decode())
         elif kind == NOTICE:
             notice = json.loads(data)
-            self._rig_starts = notice["state"] in ("off", "starting")
+            self._rig_starts = notice["state"] in ("unknown", "off", "starting")
             self._overlay.tell_rig(notice["state"], notice["reason"], safe_stop=notice["safe_stop"])
         elif kind == FRAME and self._layout is not None:
             self._shown = codec.decode(data, self._layout)[0]
