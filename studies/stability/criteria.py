@@ -85,6 +85,7 @@ CRITERIA: dict[str, Criterion] = {
         0.3,
     ),
     "force_fall": Criterion("that fall: told, not judged", "N", math.inf),
+    "snaps": Criterion("changes of a force that finer steps have been asked about: told, not judged", "", math.inf),
     "felt_step": Criterion(
         "the same of the force that the simulation reports, which changes by 250 N/s at most", "N", 0.2501
     ),

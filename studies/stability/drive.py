@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -84,7 +84,8 @@ def drive(play: Play) -> Driven:
     driven, sudden = _drive(play, {})
     if not 0 < len(sudden) <= MOST_SUDDEN:
         return driven
-    return _drive(play, {(step, tool): _finely_n(play, step)[:, tool] for step, tool in sudden})[0]
+    driven = _drive(play, {(step, tool): _finely_n(play, step)[:, tool] for step, tool in sudden})[0]
+    return replace(driven, figures=driven.figures | {"snaps": float(len(sudden))})
 
 
 def _finely_n(play: Play, step: int) -> FloatArray:
