@@ -45,4 +45,4 @@ class JawMoment:
         at_m = min(max((arm_m + self._radius_m * normal) @ jaw, 0.0), self._length_m)
         cells_m = self._length_m * (np.arange(N_CELLS) + 0.5) / N_CELLS
         swells = np.interp(at_m, cells_m, self._simulation.tools.thinning_m_rad[self._tool])
-        return float(abs(normal @ self._frame[0]) * swells * (normal @ force))
+        return float(swells / abs(normal @ self._frame[0]) * (normal @ force))
