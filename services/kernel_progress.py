@@ -15,10 +15,8 @@ _APART_S = 0.2
 class KernelProgress:
     """Counts our kernels that numba compiles.
 
-    Parameters
-    ----------
-    say
-        Takes a line for people and how far it is, 0 to 1.
+    Args:
+        say: Takes a line for people and how far it is, 0 to 1.
     """
 
     def __init__(self, say: Callable[[str, float], None]) -> None:

@@ -18,10 +18,8 @@ _IMPORT = re.compile(r"^[ \t]*import[ \t]+([^\n]*)", re.MULTILINE)
 class Sources:
     """The modules below a folder, each read once.
 
-    Parameters
-    ----------
-    root : Path
-        The folder that holds the packages ``PACKAGES``.
+    Args:
+        root: Path. The folder that holds the packages ``PACKAGES``.
     """
 
     def __init__(self, root: Path) -> None:

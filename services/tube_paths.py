@@ -13,12 +13,9 @@ Values = NDArray[np.float64]
 class TubePaths:
     """Polylines (m, 3) that begin at the mouth together; where two part, their points differ from there on.
 
-    Attributes
-    ----------
-    path_m : dict of str to (m, 3) float64
-        By the name of the end.
-    arc_m : dict of str to (m,) float64
-        Length of the way to each point.
+    Attributes:
+        path_m: dict of str to (m, 3) float64. By the name of the end.
+        arc_m: dict of str to (m,) float64. Length of the way to each point.
     """
 
     def __init__(self, path_m: Mapping[str, Values]) -> None:

@@ -23,14 +23,10 @@ N_TICKS = 1300  # until it is 20 mm in
 class EffectCost:
     """Of a step, in microseconds.
 
-    Attributes
-    ----------
-    extra_us
-        Median of (step with the effect - step without it), tick by tick; negative where noise is larger.
-    noise_us
-        The same between two simulations that are alike: what an idle effect shows.
-    step_us
-        Median step without the effect.
+    Attributes:
+        extra_us: Median of (step with the effect - step without it), tick by tick; negative where noise is larger.
+        noise_us: The same between two simulations that are alike: what an idle effect shows.
+        step_us: Median step without the effect.
     """
 
     extra_us: float
@@ -44,11 +40,7 @@ def measure_effect(name: str, scene: SceneModel, build_duct: Callable[[SceneMode
     Three simulations, one with and two without, take every tick one after the other, in an order that turns, so that
     what else the machine does meets all alike. An effect that the scene has keeps its settings, another takes its
     defaults, and one that does not go with it is left out of all three.
-
-    Raises
-    ------
-    ValueError
-        An effect that does not exist, or that this scene cannot have.
+    Raises ValueError: an effect that does not exist, or that this scene cannot have.
     """
     if name not in EFFECTS:
         raise ValueError(f"unknown effect '{name}'; known: {', '.join(EFFECTS)}")

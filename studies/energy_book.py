@@ -27,35 +27,23 @@ from studies.rod_forces import internal_forces
 class EnergyFlow:
     """Energy in J since the books were opened; everything but ``input_j`` and ``stored_j`` is dissipated.
 
-    Attributes
-    ----------
-    input_j
-        Work of the hands on the couplings and jaws, by rolling them against the moment of contacts about the shaft, and
-        of a drive that twists and steers.
-    stored_j
-        Change of everything stored: kinetic, elastic, in couplings and grips, and by effects.
-    coupling_j
-        Dampers of the virtual couplings.
-    rod_j
-        Damping of the catheter's material and its drag.
-    duct_j
-        Damping of the modes.
-    friction_j
-        Sliding in contacts and in the introducer, and slipping holds.
-    effects_j
-        What effects say that they dissipate.
-    impact_j
-        Normal forces over the approach in the tick of a touch; negative where an overlap is pushed out.
-    healing_j
-        What was stored before the parts of steps that ended in states that were not sound, less what is stored in those
-        that were taken up again. The part itself is not entered: nothing was felt of it.
-    released_j
-        What holds had stored that were let go, and couplings of tools that came back elsewhere; less what holds come
-        back with that had found no row for a while.
-    numerical_j
-        What implicit steps take out: of the catheter, the couplings, the grips, the residual compliance and a wall that
-        is squeezed, with what that loses where it slides out from between jaws; and what kicks of the wall miss of the
-        energy that they are the gradient of.
+    Attributes:
+        input_j: Work of the hands on the couplings and jaws, by rolling them against the moment of contacts about the
+            shaft, and of a drive that twists and steers.
+        stored_j: Change of everything stored: kinetic, elastic, in couplings and grips, and by effects.
+        coupling_j: Dampers of the virtual couplings.
+        rod_j: Damping of the catheter's material and its drag.
+        duct_j: Damping of the modes.
+        friction_j: Sliding in contacts and in the introducer, and slipping holds.
+        effects_j: What effects say that they dissipate.
+        impact_j: Normal forces over the approach in the tick of a touch; negative where an overlap is pushed out.
+        healing_j: What was stored before the parts of steps that ended in states that were not sound, less what is
+            stored in those that were taken up again. The part itself is not entered: nothing was felt of it.
+        released_j: What holds had stored that were let go, and couplings of tools that came back elsewhere; less what
+            holds come back with that had found no row for a while.
+        numerical_j: What implicit steps take out: of the catheter, the couplings, the grips, the residual compliance
+            and a wall that is squeezed, with what that loses where it slides out from between jaws; and what kicks of
+            the wall miss of the energy that they are the gradient of.
     """
 
     input_j: float = 0.0

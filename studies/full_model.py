@@ -46,11 +46,9 @@ class DirectNewmark:
     B = alpha M as in Appendix B, plus beta K, which the paper has not. One sparse factorisation for one step
     length, one back-substitution a step. Unconditionally stable; conserves energy where B = 0.
 
-    Attributes
-    ----------
-    u, v, a : (d,) float64
-        Displacement, velocity and acceleration of the free dofs at the current time; rotations are massless
-        and follow.
+    Attributes:
+        u, v, a: (d,) float64. Displacement, velocity and acceleration of the free dofs at the current time; rotations
+            are massless and follow.
     """
 
     def __init__(self, model: ShellModel, dt_s: float, alpha_1_s: float = 0.0, beta_s: float = 0.0) -> None:
@@ -98,11 +96,7 @@ class CentralDifference:
 
     Conditionally stable: the step may not exceed T_n / pi = 2 / omega_max (paper V.C.1 i; Bathe). The limit is
     computed from the highest frequency and enforced.
-
-    Raises
-    ------
-    ValueError
-        The step is beyond the stability limit, which the message names.
+    Raises ValueError if the step is beyond the stability limit, which the message names.
     """
 
     def __init__(self, model: ShellModel, dt_s: float, alpha_1_s: float = 0.0) -> None:

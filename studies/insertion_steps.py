@@ -20,16 +20,11 @@ _EVERY_S = 1e-3
 class Inserted(NamedTuple):
     """What a run tells, once a millisecond.
 
-    Attributes
-    ----------
-    force_n : (k, 2, 3) float64
-        On both tools.
-    tip_m : (k, 3) float64
-        Of the catheter.
-    length_m : float
-        Inserted at the end.
-    wall_m : (n, 3) float64
-        Nodes of the duct at the end.
+    Attributes:
+        force_n: (k, 2, 3) float64. On both tools.
+        tip_m: (k, 3) float64. Of the catheter.
+        length_m: float. Inserted at the end.
+        wall_m: (n, 3) float64. Nodes of the duct at the end.
     """
 
     force_n: FloatArray

@@ -12,10 +12,7 @@ from pathlib import Path
 def read_as_ours(folder: Path) -> Iterator[None]:
     """Make what comes of reading results that we have not written, or that something has broken, one sentence.
 
-    Raises
-    ------
-    ValueError
-        Names the folder.
+    Raises ValueError that names the folder.
     """
     try:
         yield

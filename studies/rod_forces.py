@@ -15,12 +15,9 @@ def internal_forces(model: RodModel, state: RodState, work: RodWork | None = Non
 
     With a state at rest they are the elastic ones. Allocates, so not for the 1 kHz step.
 
-    Parameters
-    ----------
-    model, state
-        The rod, and where its particles are.
-    work
-        Scratch to use again, for calls in every tick.
+    Args:
+        model, state: The rod, and where its particles are.
+        work: Scratch to use again, for calls in every tick.
     """
     work = work or allocate_work(len(state.position_m))
     work.force[:] = 0.0

@@ -38,17 +38,11 @@ from services.scenes.hands import hands_of
 def simulate(scene: Scene, progress: Progress = ignore_progress) -> Simulation:
     """Return a simulation of a scene at rest; its duct is computed once and then kept in the cache.
 
-    Parameters
-    ----------
-    scene : Scene
-        Of `load_scene`, or put together from its parts.
-    progress : callable, optional
-        Gets the name of each part of the work and how much of it is done, 0 to 1.
+    Raises ConfigError: one sentence, if the duct of the scene cannot be used.
 
-    Raises
-    ------
-    ConfigError
-        one sentence, if the duct of the scene cannot be used.
+    Args:
+        scene: Scene. Of `load_scene`, or put together from its parts.
+        progress: callable, optional. Gets the name of each part of the work and how much of it is done, 0 to 1.
     """
     return Simulation(scene, load_duct(scene, cache_directory(), progress))
 
@@ -75,10 +69,7 @@ def expert(simulation: Simulation) -> Motion:
 def add_effect(name: str, kind: type[Effect], what: str) -> None:
     """Let scenes of this process name an effect of your own; it acts after all others.
 
-    Raises
-    ------
-    ValueError
-        if there is an effect of this name.
+    Raises ValueError if there is an effect of this name.
     """
     if name in EFFECTS:
         raise ValueError(f"there is an effect {name!r} already: {EFFECTS[name].what}")

@@ -111,13 +111,7 @@ def build_app(classroom: Classroom) -> Starlette:
 
 
 def serve(file: Path, host: str, port: int) -> None:
-    """Serve the class until Ctrl-C.
-
-    Raises
-    ------
-    UserError
-        if the file cannot be used, or the port is taken.
-    """
+    """Serve the class until Ctrl-C. Raises UserError if the file cannot be used, or the port is taken."""
     classroom = Classroom(file)
     sock = listen(host, port, "--port N")
     shown = sock.getsockname()

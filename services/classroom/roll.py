@@ -47,10 +47,7 @@ class Roll(Settings):
 def load_roll(path: Path) -> Roll:
     """Return the class that a TOML file tells of.
 
-    Raises
-    ------
-    ConfigError
-        with the place in the file, if it cannot be used.
+    Raises ConfigError with the place in the file, if it cannot be used.
     """
     try:
         told = tomllib.loads(path.read_text(encoding="utf-8"))

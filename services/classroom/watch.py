@@ -112,10 +112,7 @@ class Watch:
     def picture(self) -> bytes:
         """Wait for a picture of the rig and return it as PNG.
 
-        Raises
-        ------
-        UserError
-            if it has none, or one is being drawn already.
+        Raises UserError if it has none, or one is being drawn already.
         """
         if not self._drawing.acquire(blocking=False):
             raise UserError("a picture is being drawn already")
@@ -164,10 +161,7 @@ def _connection(address: str, patience_s: float) -> http.client.HTTPConnection:
 def _get(link: http.client.HTTPConnection, path: str, most: int) -> bytes:
     """Return the body of an answer.
 
-    Raises
-    ------
-    OSError, HTTPException, ValueError
-        if there is none, it is an error, or it is longer than `most` bytes.
+    Raises OSError or HTTPException or ValueError if there is none, it is an error, or it is longer than `most` bytes.
     """
     link.request("GET", path)
     answer = link.getresponse()

@@ -23,10 +23,7 @@ WHO = "the command line"
 def run_command(what: What, rig_name: str, overrides: tuple[str, ...], address: str | None, token: str | None) -> None:
     """Send ``arm`` or ``safe_stop`` to the rig's supervisor; print what came of it.
 
-    Raises
-    ------
-    UserError
-        if there is no supervisor, or it refuses.
+    Raises UserError if there is no supervisor, or it refuses.
     """
     if address is not None:
         print(ask_at(address, token or "", what))
@@ -62,13 +59,7 @@ def ask_at(address: str, token: str, what: str, asked: object = None) -> str:
 
 
 def state_at(address: str) -> dict[str, Any]:
-    """Return the state of a rig as its page has it.
-
-    Raises
-    ------
-    BusError
-        if nobody answers there.
-    """
+    """Return the state of a rig as its page has it. Raises BusError if nobody answers there."""
     try:
         with urllib.request.urlopen(f"{address.rstrip('/')}/api/state", timeout=PATIENCE_S) as answer:
             state: dict[str, Any] = json.load(answer)
@@ -78,13 +69,7 @@ def state_at(address: str) -> dict[str, Any]:
 
 
 def page_address(rig: Rig) -> str:
-    """Return the address of the page of `rig` on this host.
-
-    Raises
-    ------
-    BusError
-        if no supervisor has left its page file.
-    """
+    """Return the address of the page of `rig` on this host. Raises BusError if no supervisor has left its page file."""
     path = page_file(rig.transport)
     try:
         with open_text(path) as file:

@@ -18,10 +18,7 @@ from services.training.scenario import Scenario, load_scenario, scenario_names
 def made_of(name: str, scene: str | None, overrides: tuple[str, ...]) -> tuple[str, tuple[str, ...]]:
     """Return the scene of a scenario, and the overrides that make a rig of it; those given come after its own.
 
-    Raises
-    ------
-    ConfigError
-        if the scenario cannot be used, or another scene is named beside it.
+    Raises ConfigError if the scenario cannot be used, or another scene is named beside it.
     """
     scenario = load_scenario(name)
     if scene not in (None, scenario.scene):
@@ -38,10 +35,7 @@ def run_order(rig: str, overrides: tuple[str, ...], what: str, value: float = 0.
 def run_status(rig: str, overrides: tuple[str, ...], as_json: bool) -> None:
     """Print the attempt as the rig's page has it.
 
-    Raises
-    ------
-    BusError
-        if there is no rig, or nothing in it follows attempts.
+    Raises BusError if there is no rig, or nothing in it follows attempts.
     """
     address = page_address(config.load_rig(rig, overrides))
     attempt = state_at(address).get("attempt")

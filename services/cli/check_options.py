@@ -29,10 +29,7 @@ Attempt = tuple[str, Callable[[], object]]
 def checked_rig(name: str, scene: str | None, overrides: Sequence[str]) -> Checked[Rig]:
     """Return a rig whose scene could be built, and whose drivers take their settings; nothing is made for it.
 
-    Raises
-    ------
-    UserError
-        that names the option at fault.
+    Raises UserError that names the option at fault.
     """
 
     def attempts() -> Iterator[Attempt]:
@@ -47,10 +44,7 @@ def checked_rig(name: str, scene: str | None, overrides: Sequence[str]) -> Check
 def checked_scene(name: str, overrides: Sequence[str]) -> Checked[SceneModel]:
     """Return a scene whose duct could be built: with a mesh that is there, and so many modes as it has.
 
-    Raises
-    ------
-    UserError
-        that names the option at fault.
+    Raises UserError that names the option at fault.
     """
 
     def attempts() -> Iterator[Attempt]:

@@ -37,13 +37,7 @@ def run_down(rig_name: str, overrides: tuple[str, ...], as_json: bool) -> None:
 
 
 def end_all(rig: Rig, found: dict[str, int]) -> list[str]:
-    """End the processes in `found`; return their names.
-
-    Raises
-    ------
-    UserError
-        naming the process that may not be ended.
-    """
+    """End the processes in `found`; return their names. Raises UserError naming the process that may not be ended."""
     supervisor = {name: pid for name, pid in found.items() if name == "supervisor"}
     _end(supervisor, _SUPERVISOR_S)
     left = lock_holders(rig.transport)

@@ -20,10 +20,8 @@ FORMATS = {"csv": "a folder", "parquet": "a folder", "npz": "a file", "mp4": "a 
 def run_export(file: Path, to: str, out: Path | None, topics: Collection[str]) -> None:
     """Write what a recording holds in another form, and say where.
 
-    Raises
-    ------
-    RecordingError
-        if it is no recording, holds nothing of the topics, or a package is missing that the form needs.
+    Raises RecordingError if it is no recording, holds nothing of the topics, or a package is missing that the form
+    needs.
     """
     for topic in topics:
         if topic not in TOPICS:

@@ -29,13 +29,7 @@ class _Newest:
 
 
 def write_film(path: Path, out: Path, rate_hz: int = 25, size: tuple[int, int] = (800, 600)) -> None:
-    """Draw a recording in its own time.
-
-    Raises
-    ------
-    RecordingError
-        if it cannot be drawn, or a package is missing.
-    """
+    """Draw a recording in its own time. Raises RecordingError if it cannot be drawn, or a package is missing."""
     os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")  # else VTK complains of no display
     try:
         import av

@@ -41,13 +41,7 @@ _LEGEND = (
 def run_latency(
     files: Sequence[Path], rig: str, worst: int, trace_file: Path | None, as_json: bool, overrides: tuple[str, ...]
 ) -> None:
-    """Show the worst ticks.
-
-    Raises
-    ------
-    UserError
-        if there is nothing to look at, or a file cannot be read or written.
-    """
+    """Show the worst ticks. Raises UserError if there is nothing to look at, or a file cannot be read or written."""
     targets.look_at_file("--trace", trace_file)
     taken = [read_file(path) for path in files]
     kept = None

@@ -32,10 +32,8 @@ class Player:
 
     It stays at the recording's end, so that one can go back; `until_s` ends it.
 
-    Attributes
-    ----------
-    place_s
-        Seconds since the recording's first frame.
+    Attributes:
+        place_s: Seconds since the recording's first frame.
     """
 
     def __init__(self, path: Path, bus: Bus, rate: float, until_s: float | None, *, loop: bool) -> None:

@@ -25,16 +25,11 @@ _OPTIONS = {"PREEMPT_NONE": "none", "PREEMPT_VOLUNTARY": "voluntary", "PREEMPT":
 def model(version: str, command_line: str = "", config: str = "", chosen: str = "") -> str:
     """Return how the kernel preempts: none, voluntary, full, lazy or rt; empty where nobody tells.
 
-    Parameters
-    ----------
-    version
-        As `platform.version` has it.
-    command_line
-        What the kernel was started with.
-    config
-        What it was built with: lines as ``CONFIG_PREEMPT_NONE=y``.
-    chosen
-        What it says itself, where it may be asked: all of them, one in brackets.
+    Args:
+        version: As `platform.version` has it.
+        command_line: What the kernel was started with.
+        config: What it was built with: lines as ``CONFIG_PREEMPT_NONE=y``.
+        chosen: What it says itself, where it may be asked: all of them, one in brackets.
     """
     if "PREEMPT_RT" in version:
         return _REALTIME

@@ -20,10 +20,7 @@ _LONG = 12
 def unpack(data: bytes) -> dict[str, Any]:
     """Return envelope and body of a frame by name; what cannot be named stays a list.
 
-    Raises
-    ------
-    ValueError
-        if `data` is not one msgpack array.
+    Raises ValueError if `data` is not one msgpack array.
     """
     try:
         values = msgpack.unpackb(data, strict_map_key=False)

@@ -12,10 +12,7 @@ from services.recordings.repair import repair
 def run_repair(files: Iterable[Path], as_json: bool) -> None:
     """Mend each file in place and say what was found.
 
-    Raises
-    ------
-    RecordingError
-        for the first that is no recording, is being written, or has holes.
+    Raises RecordingError for the first that is no recording, is being written, or has holes.
     """
     for path in files:
         found = repair(path)

@@ -26,10 +26,7 @@ from services.supervisor.supervisor import Supervisor
 def run_check(path: Path, as_json: bool) -> None:
     """Run the inputs of a recording again and say whether the states are those recorded; exit code 1 if not.
 
-    Raises
-    ------
-    RecordingError
-        if it cannot be run again, with the reason.
+    Raises RecordingError if it cannot be run again, with the reason.
     """
     inputs = read_inputs(path)
     inputs.check_mechanics()
@@ -69,10 +66,7 @@ class Replay:
 def run_replay(asked: Replay, fork_server: ForkServer) -> None:
     """Start a rig whose device frames are those of a recording, in the scene of the recording.
 
-    Raises
-    ------
-    RecordingError
-        if it cannot be run again, with the reason.
+    Raises RecordingError if it cannot be run again, with the reason.
     """
     if asked.pictures:
         return _show(asked, fork_server)

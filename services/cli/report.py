@@ -34,10 +34,7 @@ class Request:
 def run_report(request: Request) -> None:
     """Write the report, or one of each attempt in a recording, and say where it is.
 
-    Raises
-    ------
-    RecordingError, ConfigError, StoreError
-        one sentence, if something of what is named cannot be used.
+    Raises RecordingError or ConfigError or StoreError: one sentence, if something of what is named cannot be used.
     """
     out = request.out or Path(f"report-{Path(request.what).stem}.html")
     if request.what.isdecimal():

@@ -43,10 +43,7 @@ class Rerun:
     def step(self, intake: Intake) -> tuple[ToolContacts | None, PhysicsState | None]:
         """Take in what was taken in at one tick; return what haptics told physics, and the state, where there is one.
 
-        Raises
-        ------
-        RecordingError
-            if haptics saw a state that was never made.
+        Raises RecordingError if haptics saw a state that was never made.
         """
         bus = self._haptics_process.bus
         if intake.seen_tick not in (-1, self._seen):
@@ -80,16 +77,12 @@ class Rerun:
 class Comparison:
     """What came of running a recording again.
 
-    Attributes
-    ----------
-    compared, alike
-        States and contacts that were kept, and those that are the same to the bit.
-    first_difference
-        One sentence, empty for none.
-    apart_m
-        How far the catheter's particles are from the recorded ones in the last state.
-    has_other_modes
-        Whether another processor computed the modes of its wall: then no state is alike, and `apart_m` is what counts.
+    Attributes:
+        compared, alike: States and contacts that were kept, and those that are the same to the bit.
+        first_difference: One sentence, empty for none.
+        apart_m: How far the catheter's particles are from the recorded ones in the last state.
+        has_other_modes: Whether another processor computed the modes of its wall: then no state is alike, and `apart_m`
+            is what counts.
     """
 
     ticks: int = 0
@@ -101,13 +94,7 @@ class Comparison:
 
 
 def load(inputs: RecordedInputs) -> tuple[SceneModel, ReducedDuct]:
-    """Return scene and duct of a recording.
-
-    Raises
-    ------
-    ConfigError
-        if the scene cannot be used.
-    """
+    """Return scene and duct of a recording. Raises ConfigError if the scene cannot be used."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "scene.yaml"
         path.write_bytes(inputs.attachments["scene.yaml"])

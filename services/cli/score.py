@@ -25,10 +25,7 @@ def run_score(
 ) -> None:
     """Judge a recording, and keep its attempts where a trainee is named.
 
-    Raises
-    ------
-    RecordingError, ConfigError, StoreError
-        one sentence, if something of what is named cannot be used.
+    Raises RecordingError or ConfigError or StoreError: one sentence, if something of what is named cannot be used.
     """
     found = assess_file(file, load_rules(rules), scenario, experts)
     numbers = [] if trainee is None else _kept(found, trainee, database, file)

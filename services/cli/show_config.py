@@ -22,10 +22,7 @@ KINDS = ("rig", "scene", "device")
 def run_show(origin: bool, as_json: bool, overrides: tuple[str, ...], **names: str | None) -> None:
     """Print the configuration that has a name, by kind, as YAML or JSON; with `origin`, where each value came from.
 
-    Raises
-    ------
-    UserError
-        for whatever `trocar up` would refuse, as far as no device and no eigenvalue is needed to know.
+    Raises UserError for whatever `trocar up` would refuse, as far as no device and no eigenvalue is needed to know.
     """
     named = [kind for kind in KINDS if names[kind] is not None]
     if len(named) > 1:

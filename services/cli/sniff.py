@@ -79,10 +79,7 @@ def run_sniff(
 ) -> None:
     """Print the frames of one topic, or the rates of all.
 
-    Raises
-    ------
-    UserError
-        for a topic that does not exist, or silence.
+    Raises UserError for a topic that does not exist, or silence.
     """
     transport = config.load_rig(rig, overrides).transport
     if topic is not None and topic not in TOPICS:

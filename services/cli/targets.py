@@ -14,10 +14,8 @@ from services.runtime.errors import ConfigError, UserError
 def look_at_file(option: str, path: Path | None, *, makes_folder: bool = False) -> None:
     """Refuse a file that could not be written in the end; with `makes_folder`, its folder is made.
 
-    Raises
-    ------
-    ConfigError
-        naming the option: the path is a folder, its folder is not there, or one of them is closed to this user.
+    Raises ConfigError naming the option: the path is a folder, its folder is not there, or one of them is closed to
+    this user.
     """
     if path is None:
         return
@@ -36,10 +34,7 @@ def look_at_file(option: str, path: Path | None, *, makes_folder: bool = False) 
 def make_folder(option: str, path: Path) -> None:
     """Make a folder for results, with those above it, unless it is there.
 
-    Raises
-    ------
-    ConfigError
-        naming the option: a file is in its place, or it cannot be made or written to.
+    Raises ConfigError naming the option: a file is in its place, or it cannot be made or written to.
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -55,10 +50,7 @@ def make_folder(option: str, path: Path) -> None:
 def writing(option: str, path: Path) -> Iterator[None]:
     """Turn what the system refuses meanwhile (a full disk) into one sentence.
 
-    Raises
-    ------
-    UserError
-        naming the option and the reason.
+    Raises UserError naming the option and the reason.
     """
     try:
         yield
@@ -69,10 +61,7 @@ def writing(option: str, path: Path) -> Iterator[None]:
 def write_text(option: str, path: Path, text: str) -> None:
     """Write a file so that a reader sees all of it or what was there before, as `atomic_file` says.
 
-    Raises
-    ------
-    UserError
-        naming the option and the reason.
+    Raises UserError naming the option and the reason.
     """
     with writing(option, path), atomic_file(path) as half:
         half.write_text(text, encoding="utf-8")

@@ -106,13 +106,7 @@ def _unheard_row(report: bodies.ProcessReport) -> dict[str, Any]:
 
 
 def run_top(rig: str, once: bool, as_json: bool, seconds: float, overrides: tuple[str, ...]) -> None:
-    """Show the rig until Ctrl-C, or once.
-
-    Raises
-    ------
-    BusError
-        if nobody is heard.
-    """
+    """Show the rig until Ctrl-C, or once. Raises BusError if nobody is heard."""
     transport = config.load_rig(rig, overrides).transport
     reads = [*(f"{name}.health" for name in protocol.PROCESSES), "supervisor.state"]
     bus = ZmqBus(transport, reads=reads)

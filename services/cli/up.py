@@ -35,13 +35,7 @@ class Request:
     ends_when: Callable[[Supervisor], bool] | None = None
 
     def options(self) -> Options:
-        """Return the options of every process.
-
-        Raises
-        ------
-        UserError
-            one sentence that names what no rig can run with.
-        """
+        """Return the options of every process. Raises UserError: one sentence that names what no rig can run with."""
         scene, overrides = self.scene, self.overrides
         if self.scenario is not None:
             scene, overrides = made_of(self.scenario, scene, overrides)

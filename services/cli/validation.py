@@ -33,10 +33,7 @@ class RefusedError(UserError):
 def validate(rig: str, scene: str | None, overrides: Sequence[str]) -> None:
     """Refuse a rig, scene or override that a process of the rig would refuse.
 
-    Raises
-    ------
-    RefusedError
-        one sentence that names the option.
+    Raises RefusedError: one sentence that names the option.
     """
     fingerprint, memory = _fingerprint(rig, scene, overrides), cache_directory() / "sound-options"
     with suppress(OSError):

@@ -13,10 +13,8 @@ class AttemptOrders:
     First every hand is let go, at the rate limit. Then the scene begins, or time stands; force comes back by
     re-engagement once time goes again. Without a training process that speaks, it goes.
 
-    Attributes
-    ----------
-    begins
-        How often the scene was begun again: travels in every frame, so that all begin with the same tick.
+    Attributes:
+        begins: How often the scene was begun again: travels in every frame, so that all begin with the same tick.
     """
 
     def __init__(self, instruments: list[Instrument], time: RigTime) -> None:

@@ -14,10 +14,8 @@ T = TypeVar("T")
 class BackgroundOpen(Generic[T]):
     """Opens a bus or a device, and keeps it until it is taken.
 
-    Parameters
-    ----------
-    open_it
-        Returns what was opened; what it raises is why there is none.
+    Args:
+        open_it: Returns what was opened; what it raises is why there is none.
     """
 
     def __init__(self, open_it: Callable[[], T]) -> None:

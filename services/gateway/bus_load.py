@@ -23,12 +23,9 @@ _EXTENDED = tuple(frame_bits(n, is_extended=True) for n in range(9))
 class BusLoad:
     """Counts frames, and says which share of the bus they take: at most, since stuffing is taken as the worst.
 
-    Parameters
-    ----------
-    bitrate
-        Of the bus, bit/s.
-    clock
-        By which the share is told.
+    Args:
+        bitrate: Of the bus, bit/s.
+        clock: By which the share is told.
     """
 
     def __init__(self, bitrate: float, clock: Clock) -> None:

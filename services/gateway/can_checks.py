@@ -37,12 +37,9 @@ _MODULES = (
 def check(handles: Sequence[tuple[dict[str, Any], int]], in_use: bool, root: Path = Path("/")) -> Iterator[HostCheck]:
     """Yield what a person should know before handles, each a bus' settings and a node, are opened.
 
-    Parameters
-    ----------
-    in_use
-        Whether a rig runs: then no bus is opened.
-    root
-        Of the file system that says what the kernel has.
+    Args:
+        in_use: Whether a rig runs: then no bus is opened.
+        root: Of the file system that says what the kernel has.
     """
     for k, (bus, _node) in enumerate(handles):
         if any(bus == earlier for earlier, _ in handles[:k]):

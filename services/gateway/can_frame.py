@@ -20,10 +20,7 @@ def pack(identifier: int, data: bytes) -> bytes:
 def unpack(frames: bytes) -> Iterator[tuple[int, bytes]]:
     """Yield of each frame the identifier with its flags, and the data.
 
-    Raises
-    ------
-    struct.error
-        if the last frame is not whole.
+    Raises struct.error if the last frame is not whole.
     """
     for identifier, length, data in _FRAME.iter_unpack(frames):
         yield identifier, data[:length]

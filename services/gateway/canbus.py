@@ -39,11 +39,7 @@ def open_bus(settings: dict[str, Any], where: str) -> can.BusABC:
     """Return the bus that `settings` (python-can's own: interface, channel, ...) name.
 
     No filters are set: those of python-can's software kind make a non-blocking `recv` stop early.
-
-    Raises
-    ------
-    DeviceError
-        one sentence, whatever python-can or the system says.
+    Raises DeviceError: one sentence, whatever python-can or the system says.
     """
     try:
         if settings.get("interface") == "slcan":
@@ -66,10 +62,7 @@ def _open_slcan(settings: dict[str, Any]) -> can.BusABC:
 def check_keys(settings: dict[str, Any]) -> None:
     """Refuse a key that the named interface does not know: python-can passes it over, and takes its own value instead.
 
-    Raises
-    ------
-    ValueError
-        naming the key, or one that is missing with those that are there.
+    Raises ValueError naming the key, or one that is missing with those that are there.
     """
     if "interface" not in settings:
         raise ValueError(f"interface: this key is missing; given: {', '.join(map(str, settings)) or 'none'}")
@@ -92,10 +85,7 @@ def check_keys(settings: dict[str, Any]) -> None:
 def bitrate(settings: dict[str, Any]) -> float:
     """Return the bit rate of a bus in bit/s: 1 Mbit/s where its settings do not say.
 
-    Raises
-    ------
-    ValueError
-        if what they say is not a finite number.
+    Raises ValueError if what they say is not a finite number.
     """
     said = settings.get("bitrate", DEFAULT_BITRATE)
     if isinstance(said, bool) or not isinstance(said, int | float) or not math.isfinite(said):

@@ -67,13 +67,7 @@ def pack_heartbeat(errors: int, state: int, procedure_result: int, trajectory_do
 
 
 def unpack_heartbeat(data: bytes) -> tuple[int, int]:
-    """Return errors and axis state of a heartbeat.
-
-    Raises
-    ------
-    struct.error
-        if the payload has another length.
-    """
+    """Return errors and axis state of a heartbeat. Raises struct.error if the payload has another length."""
     errors, state, _, _ = _HEARTBEAT.unpack(data)
     return errors, state
 

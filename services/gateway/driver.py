@@ -67,14 +67,10 @@ class Place:
 class Device(ABC):
     """What arms and handles share.
 
-    Attributes
-    ----------
-    fault : str
-        Empty, or one sentence: the device must not be used until a person has looked.
-    prompt : str
-        Empty, or one sentence: what a person has to do so that it can be used, such as calibrating it.
-    has_force : bool
-        False for a device that only measures.
+    Attributes:
+        fault: str. Empty, or one sentence: the device must not be used until a person has looked.
+        prompt: str. Empty, or one sentence: what a person has to do so that it can be used, such as calibrating it.
+        has_force: bool. False for a device that only measures.
     """
 
     fault: str = ""
@@ -85,10 +81,7 @@ class Device(ABC):
     def open(self) -> None:
         """Make the device ready to be read; force stays off. May take seconds. `close` follows, failed or not.
 
-        Raises
-        ------
-        DeviceError
-            one sentence, if it is not there.
+        Raises DeviceError: one sentence, if it is not there.
         """
 
     @abstractmethod
@@ -123,16 +116,12 @@ class Device(ABC):
 class Arm(Device):
     """A force-feedback arm. Its frame: z up, origin at the middle of its workspace.
 
-    Attributes
-    ----------
-    limits : ArmLimits
-    calibrated : bool
-        Whether positions can be trusted; before that no force is written.
-    buttons : int
-        Bit mask.
-    own_servo : bool
-        Whether the device has a thread of its own that evaluates the force law and applies what it says: then
-        `evaluate` hands the law over, and `write` is not called.
+    Attributes:
+        limits: ArmLimits
+        calibrated: bool. Whether positions can be trusted; before that no force is written.
+        buttons: int. Bit mask.
+        own_servo: bool. Whether the device has a thread of its own that evaluates the force law and applies what it
+            says: then `evaluate` hands the law over, and `write` is not called.
     """
 
     limits: ArmLimits
@@ -146,10 +135,8 @@ class Arm(Device):
 
         What the device does not measure, temperature or roll, stays as it is.
 
-        Parameters
-        ----------
-        time_ns
-            Time of the tick on the rig's grid: a simulated device moves on to it.
+        Args:
+            time_ns: Time of the tick on the rig's grid: a simulated device moves on to it.
         """
 
     def evaluate(
@@ -166,11 +153,9 @@ class Arm(Device):
 class GraspHandle(Device):
     """A handle whose opening is measured and loaded with a torque.
 
-    Attributes
-    ----------
-    max_torque_nm : float
-    ready : bool
-        Whether the drive is on and has answered lately: without that no torque is asked for.
+    Attributes:
+        max_torque_nm: float
+        ready: bool. Whether the drive is on and has answered lately: without that no torque is asked for.
     """
 
     max_torque_nm: float
@@ -198,12 +183,8 @@ def load_arm(settings: DriverSettings, place: Place) -> Arm:
 def load_grasp(settings: DriverSettings, place: Place) -> GraspHandle:
     """Return the handle that the rig file names, not yet open.
 
-    Raises
-    ------
-    DeviceError
-        one sentence, if there is no such driver, it is of the other kind, or a library that it needs is missing.
-    ConfigError
-        naming the key, if its settings or its device file cannot be used.
+    Raises DeviceError: one sentence, if there is no such driver, it is of the other kind, or a library that it needs is
+    missing. Raises ConfigError naming the key, if its settings or its device file cannot be used.
     """
     return cast(GraspHandle, _load(settings, "handle", place))
 
@@ -244,10 +225,7 @@ def read_settings(kind: type[T], settings: DriverSettings, place: Place) -> T:
 def read_device_file(kind: type[T], settings: DriverSettings, place: Place) -> T:
     """Return the device file that the rig file names, checked.
 
-    Raises
-    ------
-    ConfigError
-        if none is named, or it cannot be used.
+    Raises ConfigError if none is named, or it cannot be used.
     """
     if settings.device is None:
         raise ConfigError(f"instrument {place.instrument!r}: driver {settings.driver!r} needs a `device` file")

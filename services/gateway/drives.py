@@ -24,10 +24,8 @@ _running: dict[tuple[int | None, int | None], DriveProcess] = {}
 class DriveProcess:
     """Starts with the first drive that joins, ends with the last that leaves.
 
-    Parameters
-    ----------
-    core, priority
-        Where it runs, and with which real-time priority; None for anywhere and none.
+    Args:
+        core, priority: Where it runs, and with which real-time priority; None for anywhere and none.
     """
 
     def __init__(self, core: int | None, priority: int | None) -> None:

@@ -50,14 +50,10 @@ class Handle:
 class EmulatedDrive:
     """One axis: `receive` frames of the host, `step` time, take the frames to send from both.
 
-    Parameters
-    ----------
-    node
-        CAN node number.
-    watchdog_s
-        ``axis.config.watchdog_timeout``.
-    handle
-        What hangs on the motor; one motor turn is one handle turn.
+    Args:
+        node: CAN node number.
+        watchdog_s: ``axis.config.watchdog_timeout``.
+        handle: What hangs on the motor; one motor turn is one handle turn.
     """
 
     def __init__(self, node: int, watchdog_s: float, handle: Handle) -> None:

@@ -28,10 +28,8 @@ class State(StrEnum):
 class Engagement:
     """State and gain (0 limp to 1 full) of one instrument.
 
-    Parameters
-    ----------
-    ramp_s
-        Time from the first force to full force.
+    Args:
+        ramp_s: Time from the first force to full force.
     """
 
     def __init__(self, ramp_s: float) -> None:
@@ -81,16 +79,11 @@ class Engagement:
     def step(self, dt_s: float, *, fresh: bool, alive: bool, demand_n: float, calibrated: bool) -> bool:
         """Advance by `dt_s`; return True in the tick in which force begins, so that motors can be switched on.
 
-        Parameters
-        ----------
-        fresh
-            Whether the newest model is young enough to be used as it is.
-        alive
-            Whether the newest model is younger than its ``ttl_s``.
-        demand_n
-            Force that the model asks for at the present pose.
-        calibrated
-            Whether the device knows where it is.
+        Args:
+            fresh: Whether the newest model is young enough to be used as it is.
+            alive: Whether the newest model is younger than its ``ttl_s``.
+            demand_n: Force that the model asks for at the present pose.
+            calibrated: Whether the device knows where it is.
         """
         if self.state is State.CALIBRATING and calibrated:
             self.state = State.READY

@@ -36,14 +36,10 @@ class HandSettings(Settings):
 class HandArm(Arm):
     """Follows a target with a hand that yields to the tool's force. What the target is, a driver says in `follow`.
 
-    Attributes
-    ----------
-    target : ndarray (3,)
-        Where the junction shall be, world, m; kept within reach.
-    target_roll : float
-        Roll about the shaft, rad.
-    felt_n : ndarray (3,)
-        What a hand would feel now, world, N.
+    Attributes:
+        target: ndarray (3,). Where the junction shall be, world, m; kept within reach.
+        target_roll: float. Roll about the shaft, rad.
+        felt_n: ndarray (3,). What a hand would feel now, world, N.
     """
 
     has_force = False

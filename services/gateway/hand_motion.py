@@ -65,10 +65,7 @@ def fitted(motion: HandMotion, range_rad: tuple[float, float]) -> HandMotion:
 def recorded(path: Path) -> HandMotion:
     """Return the handle angles of a 1 kHz recording, played forwards and back so that it never jumps.
 
-    Raises
-    ------
-    DeviceError
-        if the file cannot be used.
+    Raises DeviceError if the file cannot be used.
     """
     angles = np.ascontiguousarray(read_table(path, (_COLUMN,))[_COLUMN], np.float64)
     return HandMotion(np.concatenate((angles, angles[-2:0:-1])), repeats=True)

@@ -20,10 +20,8 @@ class HandleSchedule:
     def next(self, *, late: bool) -> int | None:
         """Return the number of the handle to serve now, None for none.
 
-        Parameters
-        ----------
-        late
-            Whether the answer to this tick's sample has not come yet.
+        Args:
+            late: Whether the answer to this tick's sample has not come yet.
         """
         if late and self._waited < PATIENCE:
             self._waited += 1

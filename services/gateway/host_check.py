@@ -13,12 +13,9 @@ from dataclasses import dataclass
 class HostCheck:
     """One finding.
 
-    Attributes
-    ----------
-    advice : str
-        What to do where it is not `ok`.
-    needed : bool
-        Whether the rig cannot run without it.
+    Attributes:
+        advice: str. What to do where it is not `ok`.
+        needed: bool. Whether the rig cannot run without it.
     """
 
     name: str

@@ -61,14 +61,10 @@ class Source(Protocol):
 class Kind:
     """How one kind of device is told among all input devices.
 
-    Attributes
-    ----------
-    name
-        In sentences.
-    is_one
-        Of what a device can do, as ``{type: [codes]}``.
-    for_both
-        Whether one device has enough axes for both hands.
+    Attributes:
+        name: In sentences.
+        is_one: Of what a device can do, as ``{type: [codes]}``.
+        for_both: Whether one device has enough axes for both hands.
     """
 
     name: str
@@ -99,10 +95,8 @@ SPACEMOUSE = Kind(
 class Inputs:
     """One device and what its axes and buttons say, -1 to 1.
 
-    Attributes
-    ----------
-    fault
-        Empty, or one sentence: it went away.
+    Attributes:
+        fault: Empty, or one sentence: it went away.
     """
 
     source: Source
@@ -192,10 +186,7 @@ def _range_of(code: int, low: float, high: float) -> tuple[float, float]:
 def code_of(name: str) -> tuple[int, int]:
     """Return type and code of an axis or button, such as ``ABS_X``, ``REL_RZ`` or ``BTN_SOUTH``.
 
-    Raises
-    ------
-    ValueError
-        if the kernel knows no such name.
+    Raises ValueError if the kernel knows no such name.
     """
     code = ecodes.ecodes.get(name)
     kinds = {"ABS": ecodes.EV_ABS, "REL": ecodes.EV_REL, "BTN": ecodes.EV_KEY, "KEY": ecodes.EV_KEY}
@@ -211,10 +202,7 @@ _open: dict[str, Inputs] = {}
 def open_inputs(kind: Kind, path: str | None, index: int, where: str) -> Inputs:
     """Return the device at `path`, or the one for the instrument of `index` among those of `kind`.
 
-    Raises
-    ------
-    DeviceError
-        one sentence, if there is none, or it cannot be opened.
+    Raises DeviceError: one sentence, if there is none, or it cannot be opened.
     """
     path = path or _choose(kind, index, where)
     if path not in _open or _open[path].fault:

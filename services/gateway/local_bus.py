@@ -19,10 +19,8 @@ class LocalBus(can.BusABC):  # type: ignore[misc]  # python-can is not read by m
 
     All frames that are there are read at once, and then handed out; so to find that there are no more costs nothing.
 
-    Parameters
-    ----------
-    end
-        Of a pair ``AF_UNIX``, ``SOCK_STREAM``, on which nothing but whole frames is ever sent.
+    Args:
+        end: Of a pair ``AF_UNIX``, ``SOCK_STREAM``, on which nothing but whole frames is ever sent.
     """
 
     def __init__(self, end: socket.socket) -> None:

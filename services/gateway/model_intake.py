@@ -18,20 +18,14 @@ _REMEMBERED = 128
 class ModelIntake:
     """Gives contact models to the servos and measures the latency from the device sample.
 
-    Parameters
-    ----------
-    instruments
-        In the order of the device frames.
-    arrival
-        Latency from a device sample to the arrival of the first model that answers it. Only ``timed`` samples count: a
-        gateway that does not wait for a model does not know when it arrived.
-    force
-        Latency from a device sample to the first force computed from that model.
+    Args:
+        instruments: In the order of the device frames.
+        arrival: Latency from a device sample to the arrival of the first model that answers it. Only ``timed`` samples
+            count: a gateway that does not wait for a model does not know when it arrived.
+        force: Latency from a device sample to the first force computed from that model.
 
-    Attributes
-    ----------
-    refused : dict
-        Models not used, by reason.
+    Attributes:
+        refused: dict. Models not used, by reason.
     """
 
     def __init__(self, instruments: list[Instrument], arrival: LatencyPath, force: LatencyPath) -> None:

@@ -17,20 +17,14 @@ _TORQUE_BYTES = 4
 class OdriveLink:
     """Frames to and from one node.
 
-    Parameters
-    ----------
-    patience_s
-        What has piled up while nobody listened for longer is passed over: how old it is cannot be known, since a queue
-        that is full keeps the oldest frames.
+    Args:
+        patience_s: What has piled up while nobody listened for longer is passed over: how old it is cannot be known,
+            since a queue that is full keeps the oldest frames.
 
-    Attributes
-    ----------
-    angle_turns, rate_turns_s : float
-        Newest encoder estimates.
-    errors, state : int
-        Of the newest heartbeat; None before the first.
-    estimated_ns, heartbeat_ns : int
-        When those came, by this host's monotonic clock.
+    Attributes:
+        angle_turns, rate_turns_s: float. Newest encoder estimates.
+        errors, state: int. Of the newest heartbeat; None before the first.
+        estimated_ns, heartbeat_ns: int. When those came, by this host's monotonic clock.
     """
 
     def __init__(self, bus: can.BusABC, node: int, clock: Clock, patience_s: float, bitrate: float) -> None:

@@ -77,10 +77,7 @@ def jacobian(angles: FloatArray, out: FloatArray) -> None:
 def inverse(position: FloatArray) -> FloatArray:
     """Return the angles (3,) that put the end point at `position`, elbow up.
 
-    Raises
-    ------
-    ValueError
-        if the arm does not reach that far.
+    Raises ValueError if the arm does not reach that far.
     """
     out = math.hypot(position[0], position[1])
     far2 = out**2 + position[2] ** 2

@@ -43,11 +43,7 @@ def read_hand(path: Path, columns: tuple[str, ...], place: Place) -> npt.NDArray
 
     Positions are in the frame of the arm, wherever the recorded arm stood. A recording ends where its gateway began
     anew.
-
-    Raises
-    ------
-    DeviceError
-        naming the file, if it cannot be used.
+    Raises DeviceError naming the file, if it cannot be used.
     """
     if path.suffix != ".mcap":
         return read_table(path, columns)
@@ -70,11 +66,8 @@ def read_hand(path: Path, columns: tuple[str, ...], place: Place) -> npt.NDArray
 def read_table(path: Path, columns: tuple[str, ...]) -> npt.NDArray[np.void]:
     """Return a csv file with a header line as a structured array of two rows or more, in the order of its time.
 
-    Raises
-    ------
-    DeviceError
-        naming the file, if it cannot be read, lacks one of `columns`, or holds something else than finite numbers; or
-        if ``time_s``, where it is there, does not increase.
+    Raises DeviceError naming the file, if it cannot be read, lacks one of `columns`, or holds something else than
+    finite numbers; or if ``time_s``, where it is there, does not increase.
     """
     try:
         lines = path.read_text(encoding="utf-8").splitlines()

@@ -17,10 +17,8 @@ _HOLD_NS = 20_000_000
 class Replay:
     """Publishes recorded device frames.
 
-    Attributes
-    ----------
-    next_tick
-        Of the rig's clock, after those that were replayed.
+    Attributes:
+        next_tick: Of the rig's clock, after those that were replayed.
     """
 
     def __init__(self, process: Process, settings: ReplaySettings, meter: LoopMeter) -> None:

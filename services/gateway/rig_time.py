@@ -9,14 +9,10 @@ class RigTime:
     At full pace they are the same, lost ones included: so the rig's time is that of the clock. Below it a tick of the
     loop in which the rig's time stands answers the tick before once more.
 
-    Attributes
-    ----------
-    index
-        The rig's tick.
-    time_ns
-        When it is due on the rig's grid: what simulated devices move on to.
-    pace
-        Of the rig's time, 0 to 1.
+    Attributes:
+        index: The rig's tick.
+        time_ns: When it is due on the rig's grid: what simulated devices move on to.
+        pace: Of the rig's time, 0 to 1.
     """
 
     def __init__(self, period_ns: int) -> None:

@@ -12,10 +12,7 @@ from services.runtime.rig import Vector3
 def scenario_player(name: str, index: int, port_m: Vector3, pace: float = 1.0) -> Player:
     """Return what the hand of instrument `index` does in a scenario; at its end it holds still.
 
-    Raises
-    ------
-    ConfigError
-        naming the known scenarios, or saying that this one has nothing for the instrument to do.
+    Raises ConfigError naming the known scenarios, or saying that this one has nothing for the instrument to do.
     """
     if name not in SCENARIOS:
         near = did_you_mean(name, SCENARIOS)

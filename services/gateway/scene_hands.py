@@ -49,11 +49,7 @@ def find_scene_hands(scene: str, overrides: tuple[str, ...] = ()) -> SceneHands:
 
     It is kept by what the scene says and by the code that finds it; not where the scene names a surface file, whose
     content nobody here has read.
-
-    Raises
-    ------
-    ConfigError
-        one sentence, if the scene cannot be used.
+    Raises ConfigError: one sentence, if the scene cannot be used.
     """
     data = config.read_scene(scene, overrides)
     if "mesh_file" in (data.get("duct") or {}):

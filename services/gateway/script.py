@@ -57,16 +57,12 @@ class Script(Settings):
 class Player:
     """Samples one motion of a script at any time, played at a pace: 0.5 takes twice as long.
 
-    Attributes
-    ----------
-    lasts_s : float
-        Time of the last breakpoint.
-    repeats : bool
-        Whether it begins again then; else it stays.
-    times, values : (k,) and (k, COLUMNS) float64
-        The breakpoints, for the point `beyond_m` beyond the junction; `port` is what the tool turns about.
-    value, rate : (COLUMNS,) float64
-        Junction in the world, roll, handle, and their rates, of the last `sample`.
+    Attributes:
+        lasts_s: float. Time of the last breakpoint.
+        repeats: bool. Whether it begins again then; else it stays.
+        times, values: (k,) and (k, COLUMNS) float64. The breakpoints, for the point `beyond_m` beyond the junction;
+            `port` is what the tool turns about.
+        value, rate: (COLUMNS,) float64. Junction in the world, roll, handle, and their rates, of the last `sample`.
     """
 
     def __init__(self, motion: Motion, loop: bool, port_m: Vector3, pace: float = 1.0) -> None:
@@ -95,10 +91,7 @@ class Player:
 def read_player(name: str, instrument: str, port_m: Vector3, pace: float = 1.0) -> Player:
     """Return the motion of an instrument in a script of configs/scripts.
 
-    Raises
-    ------
-    ConfigError
-        if the script cannot be read or has no motion for the instrument.
+    Raises ConfigError if the script cannot be read or has no motion for the instrument.
     """
     path = config.find("script", name)
     script = config.load(Script, path)[0]

@@ -89,11 +89,7 @@ def share(settings: dict[str, Any], open_adapter: Callable[..., can.BusABC]) -> 
     """Return a place on the adapter at ``settings["channel"]``, which is opened with `settings` by the first.
 
     One that is gone is opened anew, whoever is still on it.
-
-    Raises
-    ------
-    ValueError
-        if it is open with other settings: an adapter has one bit rate.
+    Raises ValueError if it is open with other settings: an adapter has one bit rate.
     """
     key = os.path.realpath(str(settings["channel"]))
     with _opening:  # two handles may look for theirs at once

@@ -30,12 +30,9 @@ HAND_TARGET, HAND_RATE, HAND_STIFFNESS, HAND_DAMPING, HAND_GRIP, HAND_SIZE = 0, 
 class ArmState:
     """Angles, rates and temperatures of a simulated arm, and the filter of the measured velocity.
 
-    Parameters
-    ----------
-    angles : (3,) float64
-        Where it stands.
-    velocity_filter_hz
-        Cut-off of the second-order Butterworth filter on the differences of encoder positions.
+    Args:
+        angles: (3,) float64. Where it stands.
+        velocity_filter_hz: Cut-off of the second-order Butterworth filter on the differences of encoder positions.
     """
 
     def __init__(self, angles: FloatArray, velocity_filter_hz: float) -> None:
@@ -138,13 +135,11 @@ def hottest(heat: FloatArray) -> float:
 def place_hand(value: FloatArray, rate: FloatArray, stand: FloatArray, hand: FloatArray) -> None:
     """Write where a script wants the hand, in the world, into the frame of the arm's base.
 
-    Parameters
-    ----------
-    value, rate : (3+,) float64
-        Position and velocity in the world.
-    stand : (8,) float64
-        Cosine and sine of the arm's yaw, its centre in the world, its centre in the frame of its base.
-    hand : (HAND_SIZE,) float64
+    Args:
+        value, rate: (3+,) float64. Position and velocity in the world.
+        stand: (8,) float64. Cosine and sine of the arm's yaw, its centre in the world, its centre in the frame of its
+            base.
+        hand: (HAND_SIZE,) float64
     """
     c, s = stand[0], stand[1]
     x, y = value[0] - stand[2], value[1] - stand[3]

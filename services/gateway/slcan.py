@@ -25,10 +25,9 @@ class SlcanBus(slcanBus):  # type: ignore[misc]  # python-can is not read by myp
     each write; and takes the answer to a command for "nothing more has come", so that frames pile up by one for each
     that is sent.
 
-    Parameters
-    ----------
-    settings
-        python-can's: ``channel``, the serial port; ``bitrate`` of the bus; ``tty_baudrate``, ``sleep_after_open``.
+    Args:
+        settings: python-can's: ``channel``, the serial port; ``bitrate`` of the bus; ``tty_baudrate``,
+            ``sleep_after_open``.
     """
 
     def __init__(self, **settings: Any) -> None:

@@ -95,10 +95,8 @@ def shaft_axes(hip: FloatArray, port: FloatArray) -> FloatArray:
 class Source:
     """The input device of one driver: found when it opens, and looked for again when a person arms the rig.
 
-    Attributes
-    ----------
-    inputs : Inputs or None
-        None while there is none.
+    Attributes:
+        inputs: Inputs or None. None while there is none.
     """
 
     def __init__(self, kind: Kind, settings: DeviceSettings, place: Place) -> None:

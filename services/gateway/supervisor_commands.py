@@ -13,20 +13,14 @@ class SupervisorCommands:
     A supervisor that starts anew does not know of the stop; its silence about it must not arm the rig. A rig that is
     armed while it runs has what is at fault tried again; no other hand is let go for that.
 
-    Parameters
-    ----------
-    instruments
-        That obey.
-    timeout_s
-        A supervisor that is silent for so long can no longer stop anything: every hand is let go, as when the stream
-        of models dies, until one is heard again. None: the rig has none.
+    Args:
+        instruments: That obey.
+        timeout_s: A supervisor that is silent for so long can no longer stop anything: every hand is let go, as when
+            the stream of models dies, until one is heard again. None: the rig has none.
 
-    Attributes
-    ----------
-    unsupervised
-        Whether hands are let go for that.
-    line
-        Where anybody may ask for a safe stop; then the supervisor makes it its own, which ends as any.
+    Attributes:
+        unsupervised: Whether hands are let go for that.
+        line: Where anybody may ask for a safe stop; then the supervisor makes it its own, which ends as any.
     """
 
     def __init__(self, instruments: list[Instrument], timeout_s: float | None) -> None:

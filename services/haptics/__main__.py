@@ -33,10 +33,8 @@ STAGES = ("model", "detect", "send")
 class Haptics:
     """Grasps and haptic rendering of one scene.
 
-    Attributes
-    ----------
-    ticks_per_step : int
-        So many ticks physics takes as one step now: it is told of tools and grasps no more often.
+    Attributes:
+        ticks_per_step: int. So many ticks physics takes as one step now: it is told of tools and grasps no more often.
     """
 
     def __init__(self, process: Process, meter: LoopMeter, scene: SceneModel, duct: ReducedDuct) -> None:

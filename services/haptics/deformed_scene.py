@@ -16,18 +16,12 @@ from services.mechanics.scene import SceneModel
 class DeformedScene:
     """Read-only copy of what physics simulates.
 
-    Attributes
-    ----------
-    q : (r,) float64
-        The duct's coordinates.
-    loads : (l,) int32 and (l, 3) float64
-        Its loaded nodes and the forces on them in N.
-    particles_m : (n, 3) float64
-        The catheter's particles.
-    has_catheter
-        Whether anything is known yet.
-    refused
-        Frames that do not fit this scene, by what was wrong.
+    Attributes:
+        q: (r,) float64. The duct's coordinates.
+        loads: (l,) int32 and (l, 3) float64. Its loaded nodes and the forces on them in N.
+        particles_m: (n, 3) float64. The catheter's particles.
+        has_catheter: Whether anything is known yet.
+        refused: Frames that do not fit this scene, by what was wrong.
     """
 
     q: FloatArray

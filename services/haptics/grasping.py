@@ -18,12 +18,10 @@ from services.mechanics.scene.tools import GraspHold
 class Grasping:
     """The grasps of a scene's tools, wherever its hands come from: a rig's devices or an agent.
 
-    Parameters
-    ----------
-    scene, duct
-        As physics has them.
-    reactions : (2, REACTION_COLUMNS), instruments : (2, INSTRUMENT_COLUMNS)
-        Live tables of what was solved and of what the hands do.
+    Args:
+        scene, duct: As physics has them.
+        reactions: (2, REACTION_COLUMNS), instruments: (2, INSTRUMENT_COLUMNS). Live tables of what was solved and of
+            what the hands do.
     """
 
     def __init__(self, scene: SceneModel, duct: ReducedDuct, reactions: FloatArray, instruments: FloatArray) -> None:

@@ -21,10 +21,8 @@ _ROW_BYTES = 8 * INSTRUMENT_COLUMNS
 class InstrumentTable:
     """The instruments that the scene has forceps for.
 
-    Attributes
-    ----------
-    rows : (2, INSTRUMENT_COLUMNS) float64
-        The first `count` mean something.
+    Attributes:
+        rows: (2, INSTRUMENT_COLUMNS) float64. The first `count` mean something.
     """
 
     def __init__(self, n_forceps: int) -> None:

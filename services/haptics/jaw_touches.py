@@ -31,17 +31,13 @@ _NO_PARTICLES = np.zeros((0, 3))
 class JawTouches:
     """Looks where the jaws of some tools touch wall and catheter.
 
-    Parameters
-    ----------
-    scene : SceneModel
-    duct : ReducedDuct
-    radius_m : (2, 3)
-        Of the tools' segments, zero where there is none.
+    Args:
+        scene: SceneModel
+        duct: ReducedDuct
+        radius_m: (2, 3). Of the tools' segments, zero where there is none.
 
-    Attributes
-    ----------
-    pairs : ContactPairs
-        Of each jaw the closest touch of the wall, and those of the catheter's segments.
+    Attributes:
+        pairs: ContactPairs. Of each jaw the closest touch of the wall, and those of the catheter's segments.
     """
 
     def __init__(self, scene: SceneModel, duct: ReducedDuct, radius_m: FloatArray) -> None:

@@ -66,12 +66,10 @@ class LocalModels:
     that touches nothing gets the free model: no force is ever drawn out of thin air. A handle beyond the stops of its
     jaws does not move them: there the torque stays what it is.
 
-    Parameters
-    ----------
-    tools
-        Of the scene.
-    reactions : (2, REACTION_COLUMNS), instruments : (2, INSTRUMENT_COLUMNS)
-        Live tables of what was solved and of what the hands do.
+    Args:
+        tools: Of the scene.
+        reactions: (2, REACTION_COLUMNS), instruments: (2, INSTRUMENT_COLUMNS). Live tables of what was solved and of
+            what the hands do.
     """
 
     def __init__(self, tools: tuple[ToolScene, ...], reactions: FloatArray, instruments: FloatArray) -> None:

@@ -15,9 +15,8 @@ from services.runtime.flat_view import flat_view
 class Reactions:
     """The newest solved reaction of each tool.
 
-    Attributes
-    ----------
-    rows : (2, REACTION_COLUMNS) float64
+    Attributes:
+        rows: (2, REACTION_COLUMNS) float64
     """
 
     def __init__(self) -> None:

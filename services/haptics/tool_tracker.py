@@ -39,17 +39,13 @@ class ToolTracker:
 
     Between two frames of physics a proxy moves with its hand: what physics knows is the stretch of the coupling.
 
-    Parameters
-    ----------
-    scene
-        Whose tools they are.
-    reactions : (2, REACTION_COLUMNS), instruments : (2, INSTRUMENT_COLUMNS)
-        Live tables of what was solved and of what the hands do.
+    Args:
+        scene: Whose tools they are.
+        reactions: (2, REACTION_COLUMNS), instruments: (2, INSTRUMENT_COLUMNS). Live tables of what was solved and of
+            what the hands do.
 
-    Attributes
-    ----------
-    segments_m : (2, 3, 2, 3), radius_m : (2, 3), present : (2,)
-        What collision detection takes.
+    Attributes:
+        segments_m: (2, 3, 2, 3), radius_m: (2, 3), present: (2,). What collision detection takes.
     """
 
     def __init__(self, scene: SceneModel, reactions: FloatArray, instruments: FloatArray) -> None:

@@ -25,12 +25,9 @@ _HOLDERS = (list, dict, set, deque)
 class Beginning:
     """What `root` and all that it refers to remember now.
 
-    Parameters
-    ----------
-    root
-        Objects of `services.mechanics`, or a tuple or list of them.
-    constant
-        Objects that never change, with whatever they refer to.
+    Args:
+        root: Objects of `services.mechanics`, or a tuple or list of them.
+        constant: Objects that never change, with whatever they refer to.
     """
 
     def __init__(self, root: object, constant: tuple[object, ...] = ()) -> None:

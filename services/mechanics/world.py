@@ -32,28 +32,20 @@ class KeepsState(Protocol):
 class World:
     """The parts of one simulation, which owns them and steps them.
 
-    Attributes
-    ----------
-    scene : SceneModel
-    duct : DuctBody
-    catheter : CatheterBody
-    tools : ToolBody
-    system : ContactSystem
-        Rows, compliance and forces of this step's contacts.
-    holds : HoldRegistry
-        What the jaws hold.
-    seal : IntroducerSeal
-        What the introducer holds.
-    squeeze : JawSqueeze
-        What the jaws squeeze.
-    search : ContactSearch
-        Collision detection.
-    pairs : ContactPairs
-        This step's candidate pairs of the catheter.
-    acceleration_m_s2 : (3,) float64
-        Of the body forces on everything that has mass, in scene axes: zero unless an effect has added to it.
-    effects : tuple of effects
-        Those of the scene.
+    Attributes:
+        scene: SceneModel
+        duct: DuctBody
+        catheter: CatheterBody
+        tools: ToolBody
+        system: ContactSystem. Rows, compliance and forces of this step's contacts.
+        holds: HoldRegistry. What the jaws hold.
+        seal: IntroducerSeal. What the introducer holds.
+        squeeze: JawSqueeze. What the jaws squeeze.
+        search: ContactSearch. Collision detection.
+        pairs: ContactPairs. This step's candidate pairs of the catheter.
+        acceleration_m_s2: (3,) float64. Of the body forces on everything that has mass, in scene axes: zero unless an
+            effect has added to it.
+        effects: tuple of effects. Those of the scene.
     """
 
     scene: SceneModel

@@ -19,10 +19,7 @@ TEXT_BYTES = {".stl": 250, ".obj": 45}
 def judge_place(path: Path) -> None:
     """Refuse what is no file, or one that this user may not read.
 
-    Raises
-    ------
-    MeshError
-        Names the file and the reason.
+    Raises MeshError that names the file and the reason.
     """
     try:
         mode = path.stat().st_mode
@@ -40,11 +37,7 @@ def judge_file(path: Path) -> int:
     """Return how many faces a file announces, or about how many it can hold.
 
     One that is empty, cut off, or holds more triangles than are read is refused.
-
-    Raises
-    ------
-    MeshError
-        Names the file, what it announces, and what there is.
+    Raises MeshError that names the file, what it announces, and what there is.
     """
     size = path.stat().st_size
     if not size:

@@ -32,11 +32,7 @@ def load_branching(tubes: list[Tube], edge_m: float | None, cache_dir: Path | No
 
     The first tube is the trunk, whose near end is the set ``mouth``. Each open end has a set with its tube's name, the
     rim; a blind one has its furthest vertices.
-
-    Raises
-    ------
-    MeshError
-        The tubes touch each other where they do not join, or the edge is too long for them.
+    Raises MeshError if the tubes touch each other where they do not join, or the edge is too long for them.
     """
     narrowest_m = min(min(tube.radius_m, tube.end_radius_m) for tube in tubes)
     edge_m = edge_m or EDGE_OF_RADIUS * narrowest_m

@@ -31,11 +31,7 @@ def load_mesh(
 
     See `services.meshes.loading.SurfaceSettings` for the choices. The entry's name is made of the file's bytes, the
     choices, this package's code and the versions of the mesh libraries.
-
-    Raises
-    ------
-    MeshError
-        The surface cannot be used; the sentence names the file, the reason and the place.
+    Raises MeshError if the surface cannot be used; the sentence names the file, the reason and the place.
     """
     settings = SurfaceSettings(units, clamped, mouth, edge_m, lumen_diameter_m)
     judge_place(path)

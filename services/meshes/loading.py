@@ -56,10 +56,7 @@ def _silent(step: str) -> None:
 def load_duct_surface(path: Path, settings: SurfaceSettings, on_step: OnStep = _silent) -> DuctSurface:
     """Load any triangle surface file as a duct; its clamped end is put at the origin and its mouth on +x.
 
-    Raises
-    ------
-    MeshError
-        The surface cannot be used; the sentence names the file, the reason and the place.
+    Raises MeshError if the surface cannot be used; the sentence names the file, the reason and the place.
     """
     on_step("reading")
     raw = read_surface(path, settings.units)

@@ -19,10 +19,7 @@ from services.meshes.errors import MeshError
 def read_obj(path: Path) -> tuple[FloatArray, IntArray]:
     """Return (n, 3) vertices in the file's unit and (m, 3) triangles; polygons are split round their first corner.
 
-    Raises
-    ------
-    MeshError
-        Names the line of a vertex or a face that is none.
+    Raises MeshError that names the line of a vertex or a face that is none.
     """
     vertices: list[tuple[float, ...]] = []
     triangles: list[tuple[int, int, int]] = []

@@ -56,10 +56,7 @@ def enclosed_volume_m3(mesh: TriangleMesh) -> float:
 def lumen_diameter_m(mesh: TriangleMesh) -> float:
     """Diameter of the circle with the area of the cross-section one width inside the widest open end.
 
-    Raises
-    ------
-    MeshError
-        The surface has no open end, or the plane misses it.
+    Raises MeshError if the surface has no open end, or the plane misses it.
     """
     import pyvista
 
@@ -80,10 +77,8 @@ def lumen_diameter_m(mesh: TriangleMesh) -> float:
 def name_ends(mesh: TriangleMesh, clamped: Sequence[str], mouth: str) -> TriangleMesh:
     """Add vertex sets ``clamped`` and ``mouth``, and one per open end, to an outward-wound surface.
 
-    Raises
-    ------
-    MeshError
-        An end does not exist or is both clamped and the mouth; the message lists the ends with their places.
+    Raises MeshError if an end does not exist or is both clamped and the mouth; the message lists the ends with their
+    places.
     """
     openings = {opening.name: opening for opening in find_openings(mesh)}
     for name in (*clamped, mouth):

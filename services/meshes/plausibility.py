@@ -18,10 +18,7 @@ MOST_TRIANGLES = 200_000
 def judge_unit(mesh: TriangleMesh, units: str) -> None:
     """Refuse a surface whose size in ``units`` is no duct's.
 
-    Raises
-    ------
-    MeshError
-        Names the size, and the units in which it would be one.
+    Raises MeshError that names the size, and the units in which it would be one.
     """
     length_m = float(np.linalg.norm(np.ptp(mesh.vertices_m, axis=0)))
     low, high = DUCT_LENGTH_M
@@ -40,10 +37,7 @@ def judge_unit(mesh: TriangleMesh, units: str) -> None:
 def judge_size(mesh: TriangleMesh) -> None:
     """Refuse a surface that is to be solved as it stands and would not fit: its repair alone takes minutes.
 
-    Raises
-    ------
-    MeshError
-        Names the number of vertices, the memory they take and what is free.
+    Raises MeshError that names the number of vertices, the memory they take and what is free.
     """
     try:
         check_memory(mesh.n_triangles // 2)
@@ -54,10 +48,7 @@ def judge_size(mesh: TriangleMesh) -> None:
 def judge_remeshing(n_vertices: int, edge_m: float) -> None:
     """Refuse an edge so short that the new mesh would be too large.
 
-    Raises
-    ------
-    MeshError
-        Names the edge, how many triangles it makes, and what they would take.
+    Raises MeshError that names the edge, how many triangles it makes, and what they would take.
     """
     if 2 * n_vertices > MOST_TRIANGLES:
         raise MeshError(

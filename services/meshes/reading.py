@@ -22,18 +22,12 @@ READABLE = (".stl", ".obj", ".ply", ".vtp")
 def read_surface(path: Path, units: str) -> TriangleMesh:
     """Read a surface as it stands, polygons split into triangles, positions in metres.
 
-    Parameters
-    ----------
-    path
-        STL, OBJ, PLY or VTP.
-    units
-        Unit of length in the file, which no such format states: m, cm, mm, um or in.
+    Raises MeshError if the file is missing, unreadable, cut off, of another kind, too large or too far away, holds no
+    triangles, or has faces that name vertices that are not there.
 
-    Raises
-    ------
-    MeshError
-        The file is missing, unreadable, cut off, of another kind, too large or too far away, holds no triangles, or
-        has faces that name vertices that are not there.
+    Args:
+        path: STL, OBJ, PLY or VTP.
+        units: Unit of length in the file, which no such format states: m, cm, mm, um or in.
     """
     if units not in METRES_PER_UNIT:
         raise MeshError(f"{path}: unknown units '{units}'; known: {', '.join(METRES_PER_UNIT)}")

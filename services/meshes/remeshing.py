@@ -24,11 +24,8 @@ def remesh(mesh: TriangleMesh, edge_m: float) -> TriangleMesh:
     long triangles where a wall is straight, whose clusters touch.
 
     Open rims stay open but lose up to half an edge of length.
-
-    Raises
-    ------
-    MeshError
-        The edge is too short for the surface: too many triangles; or too long: rims close, or sheets touch.
+    Raises MeshError if the edge is too short for the surface: too many triangles; or too long: rims close, or sheets
+    touch.
     """
     if not edge_m > 0.0:
         raise MeshError(f"edge_m must be positive, is {edge_m}")

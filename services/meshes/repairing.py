@@ -32,11 +32,7 @@ def repair_surface(mesh: TriangleMesh, is_used: bool = True) -> RepairedMesh:
     """Merge, drop, cut loose, orient and close pinholes until nothing is left to find.
 
     ``is_used`` says whether the triangles are used as they are; see `check_surface`.
-
-    Raises
-    ------
-    MeshError
-        A defect remains that cannot be mended without guessing; says which and where.
+    Raises MeshError if a defect remains that cannot be mended without guessing; says which and where.
     """
     actions: list[str] = []
     for step in (merge_and_drop, _keep_largest_piece, _wind_consistently, _close_pinholes):

@@ -17,10 +17,7 @@ from services.meshes.errors import MeshError
 def read_vtp(path: Path) -> tuple[FloatArray, IntArray]:
     """Return (n, 3) vertices in the file's unit and (m, 3) triangles; polygons are split.
 
-    Raises
-    ------
-    MeshError
-        Says what VTK said first.
+    Raises MeshError: says what VTK said first.
     """
     import pyvista
 

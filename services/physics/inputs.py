@@ -39,12 +39,9 @@ table_at = reader(ToolTable)
 class ContactsReader:
     """Holds the tools and grasps of the newest accepted frame.
 
-    Attributes
-    ----------
-    tools
-        What a step takes; overwritten in place by `take`.
-    refused
-        Frames with a grasp of what is not there.
+    Attributes:
+        tools: What a step takes; overwritten in place by `take`.
+        refused: Frames with a grasp of what is not there.
     """
 
     def __init__(self, simulation: Simulation) -> None:

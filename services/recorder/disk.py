@@ -26,18 +26,12 @@ PENDING_MAX = 128 << 20
 class RecordingFile:
     """An MCAP file being written. One thread hands over, another compresses and writes.
 
-    Parameters
-    ----------
-    path
-        Of a file that does not exist.
-    shared
-        Whether other users may read it, as far as the umask lets them, and its folder be theirs, too; else it is this
-        user's alone.
+    Raises RecordingError if the file cannot be made.
 
-    Raises
-    ------
-    RecordingError
-        if the file cannot be made.
+    Args:
+        path: Of a file that does not exist.
+        shared: Whether other users may read it, as far as the umask lets them, and its folder be theirs, too; else it
+            is this user's alone.
     """
 
     def __init__(self, path: Path, *, shared: bool = False) -> None:
@@ -91,10 +85,7 @@ class RecordingFile:
     def close(self) -> None:
         """Write what is pending and the index, and close.
 
-        Raises
-        ------
-        RecordingError
-            if not everything could be written: what was is there, and readable.
+        Raises RecordingError if not everything could be written: what was is there, and readable.
         """
         self._queue.put(None)
         self._thread.join()

@@ -29,14 +29,10 @@ class RecordingWriter:
     Times in the file are wall clock: the monotonic clock of the bus is mapped once, at the start, and the mapping is
     kept in the metadata, so a wall clock that steps during the recording does not matter.
 
-    Attributes
-    ----------
-    frames
-        Frames taken.
-    lost
-        Frames not taken because the disk is too slow, by topic.
-    to_wall_ns
-        What is added to a time of the bus; of one that was recorded before, what was added then.
+    Attributes:
+        frames: Frames taken.
+        lost: Frames not taken because the disk is too slow, by topic.
+        to_wall_ns: What is added to a time of the bus; of one that was recorded before, what was added then.
     """
 
     def __init__(
@@ -94,13 +90,7 @@ class RecordingWriter:
             self._end_chunk()
 
     def turn(self, now_ns: int) -> None:
-        """End a chunk that is old enough.
-
-        Raises
-        ------
-        RecordingError
-            if the disk does not take what is written.
-        """
+        """End a chunk that is old enough. Raises RecordingError if the disk does not take what is written."""
         self._file.check()
         if now_ns - self._chunk_began_ns > CHUNK_NS:
             self._end_chunk()
@@ -123,10 +113,7 @@ class RecordingWriter:
     def close(self) -> None:
         """Write what is left and the index, and close the file.
 
-        Raises
-        ------
-        RecordingError
-            if not everything could be written: what was is there, and readable.
+        Raises RecordingError if not everything could be written: what was is there, and readable.
         """
         self._end_chunk()
         self._file.close()

@@ -24,12 +24,10 @@ _LEVEL = -5
 class OpenChunk:
     """A chunk that is being filled.
 
-    Attributes
-    ----------
-    size
-        Bytes in it so far, before compression.
-    index
-        By channel: log time and offset of each message, one after the other, as the file's message indexes hold them.
+    Attributes:
+        size: Bytes in it so far, before compression.
+        index: By channel: log time and offset of each message, one after the other, as the file's message indexes hold
+            them.
     """
 
     size: int = 0

@@ -15,16 +15,11 @@ from services.runtime.bus import Bus
 class InjectedBus:
     """What one process says and sees.
 
-    Attributes
-    ----------
-    frame, is_fresh_now
-        What `latest` returns next, once, and whether it may be acted on.
-    said
-        The last frame of each topic that was published.
-    through
-        The real bus, where there is one: what is said is published there too.
-    is_live
-        Whether everything is asked of the real bus.
+    Attributes:
+        frame, is_fresh_now: What `latest` returns next, once, and whether it may be acted on.
+        said: The last frame of each topic that was published.
+        through: The real bus, where there is one: what is said is published there too.
+        is_live: Whether everything is asked of the real bus.
     """
 
     def __init__(self, through: Bus | None = None) -> None:

@@ -28,16 +28,11 @@ _SOLVED = ("physics.state", "haptics.contacts")
 class Intake:
     """What haptics and physics took in at one tick of the rig's clock.
 
-    Attributes
-    ----------
-    devices
-        The device frame.
-    seen_tick
-        Of the newest state that haptics knew, -1 for none; `is_fresh`: whether it was fit to act on.
-    ticks
-        By how many ticks physics was to go on with the answer of haptics, 0 if it did not see that.
-    level
-        Rung of the quality ladder.
+    Attributes:
+        devices: The device frame.
+        seen_tick: Of the newest state that haptics knew, -1 for none; `is_fresh`: whether it was fit to act on.
+        ticks: By how many ticks physics was to go on with the answer of haptics, 0 if it did not see that.
+        level: Rung of the quality ladder.
     """
 
     tick: int
@@ -52,16 +47,12 @@ class Intake:
 class RecordedInputs:
     """Inputs and, where they were kept, results of a recorded simulation.
 
-    Attributes
-    ----------
-    intakes
-        In the order of the clock, from the beginning of the simulation.
-    states, contacts
-        By tick: what was kept of what physics and haptics said.
-    ended
-        Why they end before the file does, empty where they do not.
-    guessed
-        Ticks at the beginning whose device frames are missing, with hands that move: taken where they were seen first.
+    Attributes:
+        intakes: In the order of the clock, from the beginning of the simulation.
+        states, contacts: By tick: what was kept of what physics and haptics said.
+        ended: Why they end before the file does, empty where they do not.
+        guessed: Ticks at the beginning whose device frames are missing, with hands that move: taken where they were
+            seen first.
     """
 
     path: Path
@@ -93,10 +84,7 @@ class RecordedInputs:
 def read_inputs(path: Path) -> RecordedInputs:
     """Return what a recording holds of its simulation's inputs, up to where a process was restarted.
 
-    Raises
-    ------
-    RecordingError
-        if it is no recording, or does not hold the inputs from the simulation's beginning.
+    Raises RecordingError if it is no recording, or does not hold the inputs from the simulation's beginning.
     """
     metadata, attachments = read_extras(path)
     inputs = RecordedInputs(path, metadata.get("trocar", {}), attachments)

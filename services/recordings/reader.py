@@ -47,20 +47,12 @@ def read_frames(path: Path, topics: Collection[str] = (), from_ns: int = 0) -> I
     """Yield the frames of a recording by the time at which they were sent.
 
     A file that was cut ends after its last whole chunk. Bodies of former versions are lifted to today's.
+    Raises RecordingError: one sentence, if it is no recording, or holds a message that is not what its topic declares.
 
-    Parameters
-    ----------
-    path
-        Of the file.
-    topics
-        Names of bus topics that are wanted; all of them where it is empty.
-    from_ns
-        Wall-clock time before which nothing is wanted.
-
-    Raises
-    ------
-    RecordingError
-        one sentence, if it is no recording, or holds a message that is not what its topic declares.
+    Args:
+        path: Of the file.
+        topics: Names of bus topics that are wanted; all of them where it is empty.
+        from_ns: Wall-clock time before which nothing is wanted.
     """
     wanted = {channel_name(name): name for name in topics or TOPICS}
     with opened(path) as file:
@@ -97,13 +89,7 @@ def channel_name(topic: str) -> str:
 
 @contextmanager
 def opened(path: Path) -> Iterator[IO[bytes]]:
-    """Open a recording to be read.
-
-    Raises
-    ------
-    RecordingError
-        if there is no such file, or it is no MCAP file.
-    """
+    """Open a recording to be read. Raises RecordingError if there is no such file, or it is no MCAP file."""
     try:
         with path.open("rb") as file:
             if file.read(6) != b"\x89MCAP0":
@@ -152,10 +138,7 @@ def _whole_records(file: IO[bytes]) -> Iterator[tuple[Channel, Message]]:
 def read_extras(path: Path) -> tuple[dict[str, dict[str, str]], dict[str, bytes]]:
     """Return metadata and attachments of a recording by name; of two with one name the last.
 
-    Raises
-    ------
-    RecordingError
-        if it is no recording.
+    Raises RecordingError if it is no recording.
     """
     metadata: dict[str, dict[str, str]] = {}
     attachments: dict[str, bytes] = {}

@@ -45,12 +45,8 @@ class RepairedRecording:
 def repair(path: Path, every_chunk: bool = True) -> RepairedRecording | None:
     """Mend the end of the recording `path` in place; None if there is nothing to mend. Then look into `every_chunk`.
 
-    Raises
-    ------
-    HoleError
-        if chunks do not hold what was written; they stay as they are, the end is mended.
-    RecordingError
-        if it is no recording, is being written, or is broken within: then it stays as it is.
+    Raises HoleError if chunks do not hold what was written; they stay as they are, the end is mended. Raises
+    RecordingError if it is no recording, is being written, or is broken within: then it stays as it is.
     """
     with _opened(path) as file:
         is_whole = _is_whole(file)
@@ -120,10 +116,8 @@ def _is_whole(file: int) -> bool:
 class _Scan:
     """A walk over the records of a file, up to where it is torn.
 
-    Attributes
-    ----------
-    end
-        Of the last whole record of the data section.
+    Attributes:
+        end: Of the last whole record of the data section.
     """
 
     file: int

@@ -30,10 +30,7 @@ class Schedule:
 def read_schedule(settings: ReplaySettings) -> Schedule:
     """Return the schedule of a recording, up to where the replay is to end.
 
-    Raises
-    ------
-    RecordingError
-        if it cannot be run again.
+    Raises RecordingError if it cannot be run again.
     """
     inputs = read_inputs(settings.file)
     inputs.check_mechanics()

@@ -48,12 +48,10 @@ def is_copied(field: Field) -> bool:
 def file_descriptor(body: type[msgspec.Struct], *, arrays_as_bytes: bool = False) -> descriptor_pb2.FileDescriptorSet:
     """Return the self-contained descriptor set of `body`.
 
-    Parameters
-    ----------
-    body
-        A body type of the wire.
-    arrays_as_bytes
-        Whether to declare arrays whose bytes are copied as `bytes`, which serialise alike: for whoever writes them.
+    Args:
+        body: A body type of the wire.
+        arrays_as_bytes: Whether to declare arrays whose bytes are copied as `bytes`, which serialise alike: for whoever
+            writes them.
     """
     file = descriptor_pb2.FileDescriptorProto(name=f"{PACKAGE}/{body.__name__}.proto", package=PACKAGE, syntax="proto3")
     rows = {field.spec.row for field in fields(body) if field.spec is not None and field.spec.row is not None}

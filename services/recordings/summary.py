@@ -121,11 +121,7 @@ def finish(file: int, summary: Summary, end: int) -> None:
     """Cut a file after its last whole group of records, at `end`, and append the summary.
 
     Where there is no room for it, the last chunks make room.
-
-    Raises
-    ------
-    OSError
-        if not even an empty recording can be written.
+    Raises OSError if not even an empty recording can be written.
     """
     while True:
         os.ftruncate(file, end)

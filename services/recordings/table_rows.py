@@ -23,10 +23,7 @@ def encoded_rows(table: Array, row: type[msgspec.Struct], number: int) -> bytes:
 def decoded_rows(messages: Iterable[Any], row: type[msgspec.Struct]) -> Array:
     """Return the table of messages of protobuf's library.
 
-    Raises
-    ------
-    ValueError
-        if a vector in one has another length than the column.
+    Raises ValueError if a vector in one has another length than the column.
     """
     assert issubclass(row, TableRow)
     rows = [[getattr(message, name) for name in row.order()] for message in messages]

@@ -25,14 +25,11 @@ Values = npt.NDArray[Any]
 class Columns:
     """What the messages of one topic hold.
 
-    Attributes
-    ----------
-    time_ns
-        Wall clock, one for each message.
-    values
-        By name, such as ``instruments.left.position_m`` or ``duct.q``: what each message that has it holds of it.
-    rows
-        By name: which messages those are.
+    Attributes:
+        time_ns: Wall clock, one for each message.
+        values: By name, such as ``instruments.left.position_m`` or ``duct.q``: what each message that has it holds of
+            it.
+        rows: By name: which messages those are.
     """
 
     time_ns: list[int] = field(default_factory=list)
@@ -83,10 +80,7 @@ class Columns:
 def read_columns(path: Path, topics: Collection[str] = ()) -> dict[str, Columns]:
     """Return the columns of each topic that a recording has messages of.
 
-    Raises
-    ------
-    RecordingError
-        if it is no recording, or has no message of any of the topics.
+    Raises RecordingError if it is no recording, or has no message of any of the topics.
     """
     found: dict[str, Columns] = {}
     for topic, time_ns, body in read_messages(path, topics):

@@ -44,12 +44,8 @@ def to_protobuf(frame: Frame) -> bytes:
 def to_frame(topic: str, data: bytes) -> Frame:
     """Return the frame in a serialised message of `topic`, its body lifted to the current version.
 
-    Raises
-    ------
-    ValueError
-        if a body does not hold what its type declares, or is of a version that nobody knows any more.
-    google.protobuf.message.DecodeError
-        if it is no message.
+    Raises ValueError if a body does not hold what its type declares, or is of a version that nobody knows any more.
+    Raises google.protobuf.message.DecodeError if it is no message.
     """
     row = TOPICS[topic]
     envelope = _message_class(_Anything).FromString(data).envelope

@@ -35,10 +35,7 @@ def config_directory() -> Path:
 def find(kind: str, name: str | Path) -> Path:
     """Return the file of a rig, scene or device given its path or its bare name.
 
-    Raises
-    ------
-    ConfigError
-        naming the file and, for a bare name, the known ones.
+    Raises ConfigError naming the file and, for a bare name, the known ones.
     """
     path = Path(name)
     if path.suffix in (".yaml", ".yml"):
@@ -65,10 +62,7 @@ def _is_there(path: Path) -> bool:
 def read_yaml(path: Path) -> dict[str, Any]:
     """Return the mapping in a YAML file.
 
-    Raises
-    ------
-    ConfigError
-        naming file and line, if it cannot be read, is not YAML, or is not a mapping.
+    Raises ConfigError naming file and line, if it cannot be read, is not YAML, or is not a mapping.
     """
     try:
         with path.open(encoding="utf-8") as file:
@@ -94,10 +88,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
 def apply_overrides(data: dict[str, Any], overrides: Iterable[str], origins: Origins) -> None:
     """Put each ``a.b=c`` of `overrides` into `data`; values are YAML, list items are addressed by number.
 
-    Raises
-    ------
-    ConfigError
-        naming the option that cannot be applied.
+    Raises ConfigError naming the option that cannot be applied.
     """
     for override in overrides:
         key, equals, text = override.partition("=")
@@ -135,11 +126,7 @@ def read_scene(scene: str | Path, overrides: Iterable[str] = (), origins: Origin
     """Return what a scene file, or one's name in configs/scenes, says with overrides on top, unchecked.
 
     Another file of that is the same scene, wherever it lies: the path of a surface file does not count from anywhere.
-
-    Raises
-    ------
-    ConfigError
-        if there is no such scene, or the file is not YAML.
+    Raises ConfigError if there is no such scene, or the file is not YAML.
     """
     path = find("scene", scene)
     data = read_yaml(path)
@@ -162,11 +149,7 @@ def build(kind: type[T], data: Mapping[str, Any], where: str) -> T:
     """Return `data` as a checked `kind` (a pydantic model or a dataclass).
 
     It is checked as JSON: what is strict there takes no string for a number, but still a list for a tuple.
-
-    Raises
-    ------
-    ConfigError
-        one sentence: file, path of the key, what is wrong, and for an unknown key the known ones.
+    Raises ConfigError: one sentence: file, path of the key, what is wrong, and for an unknown key the known ones.
     """
     try:
         return TypeAdapter(kind).validate_json(json.dumps(data, default=str))

@@ -71,22 +71,14 @@ class _Peer:
 class DirectSender:
     """Publishes at a path: each frame to all who have subscribed and can take it; never waits.
 
-    Attributes
-    ----------
-    path
-        Of the socket.
-    sends
-        Frames sent, counted for each reader.
+    Raises OSError if the path cannot be bound.
 
-    Parameters
-    ----------
-    path
-        Of the socket; what is there is replaced, so the caller holds the lock of the endpoint.
+    Attributes:
+        path: Of the socket.
+        sends: Frames sent, counted for each reader.
 
-    Raises
-    ------
-    OSError
-        if the path cannot be bound.
+    Args:
+        path: Of the socket; what is there is replaced, so the caller holds the lock of the endpoint.
     """
 
     def __init__(self, path: str) -> None:
@@ -172,12 +164,9 @@ class DirectSender:
 class DirectReader:
     """Subscribes at a path and keeps the newest frame; connects anew when its publisher is gone.
 
-    Attributes
-    ----------
-    path
-        Of the socket.
-    violations
-        How often the publisher said what is not ZMTP, or longer than a frame may be.
+    Attributes:
+        path: Of the socket.
+        violations: How often the publisher said what is not ZMTP, or longer than a frame may be.
     """
 
     def __init__(self, path: str) -> None:

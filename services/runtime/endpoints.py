@@ -28,11 +28,7 @@ def run_directory(transport: Transport) -> Path:
     """Return the directory of the rig's sockets and locks, private to this user.
 
     That is ``transport.directory``, else one in ``$XDG_RUNTIME_DIR``, else one in ``/tmp``.
-
-    Raises
-    ------
-    BusError
-        if it cannot be had, or others could have their hands in it.
+    Raises BusError if it cannot be had, or others could have their hands in it.
     """
     directory = transport.directory
     if directory is None:
@@ -45,10 +41,7 @@ def run_directory(transport: Transport) -> Path:
 def endpoint(transport: Transport, topic: str, host: str | None = None) -> str:
     """Return the ZeroMQ endpoint of `topic`; for tcp at `host`, by default the publisher's of the rig file.
 
-    Raises
-    ------
-    BusError
-        if an ipc path would be longer than the system allows.
+    Raises BusError if an ipc path would be longer than the system allows.
     """
     if transport.kind == "tcp":
         port = transport.base_port + zlib.crc32(topic.encode()) % _PORTS
@@ -65,10 +58,7 @@ def ipc_path(transport: Transport, topic: str) -> str:
 def check(transport: Transport) -> None:
     """Refuse a directory that is too deep for sockets; makes nothing.
 
-    Raises
-    ------
-    BusError
-        naming the path that would be longer than the system allows.
+    Raises BusError naming the path that would be longer than the system allows.
     """
     if transport.kind == "ipc" and transport.directory is not None:
         for topic in TOPICS:
@@ -85,10 +75,7 @@ def _ipc_path(directory: Path, topic: str) -> str:
 def claim(transport: Transport, topic: str) -> IO[str]:
     """Take the lock of `topic`'s endpoint and return it; closing it, or dying, gives it up.
 
-    Raises
-    ------
-    BusError
-        naming the process that has it.
+    Raises BusError naming the process that has it.
     """
     path = run_directory(transport) / f"{topic}.lock"
     lock = open_text(path, os.O_RDWR | os.O_CREAT)

@@ -11,10 +11,7 @@ from numpy.typing import NDArray
 def flat_view(array: NDArray[Any]) -> Any:
     """Return a view (size,) of the items of a contiguous array, of its own type: what is written there is in the array.
 
-    Raises
-    ------
-    ValueError
-        if the array is not contiguous: its items are no flat row.
+    Raises ValueError if the array is not contiguous: its items are no flat row.
     """
     if not array.flags.c_contiguous:
         raise ValueError("only a contiguous array has a flat view")

@@ -36,12 +36,9 @@ _MEMORY = Path("/dev/shm")
 class FlightRing:
     """The last ticks of one loop. One thread writes.
 
-    Attributes
-    ----------
-    stages
-        Names of what a tick is made of, in order.
-    written
-        Rows since the start; the ring keeps the newest `capacity`.
+    Attributes:
+        stages: Names of what a tick is made of, in order.
+        written: Rows since the start; the ring keeps the newest `capacity`.
     """
 
     def __init__(self, rate_hz: float, stages: Sequence[str] = ()) -> None:
@@ -71,10 +68,7 @@ class FlightRing:
     def share(self, path: Path) -> None:
         """Go on in the file `path`, a new one in a private directory; to be called before there is anything to lose.
 
-        Raises
-        ------
-        BusError, OSError
-            if it cannot be made.
+        Raises BusError or OSError if it cannot be made.
         """
         temporary = path.with_name(f".{path.name}.{os.getpid()}")
         descriptor = open_private(temporary, os.O_RDWR | os.O_CREAT | os.O_TRUNC)
@@ -109,11 +103,7 @@ def flight_directory(run_directory: Path) -> Path:
     """Return where the rings of the rig of `run_directory` are: there, where that is memory, else in ``/dev/shm``.
 
     A page of a file on a disk is taken away to be written, and who writes to it then waits for the disk.
-
-    Raises
-    ------
-    BusError
-        if it cannot be had, or others could have their hands in it.
+    Raises BusError if it cannot be had, or others could have their hands in it.
     """
     if is_memory(run_directory) or not _MEMORY.is_dir():
         return run_directory

@@ -36,10 +36,9 @@ _NO_FLIGHTS = (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zl
 class Flight:
     """The last ticks of one loop.
 
-    Attributes
-    ----------
-    rows : (ticks, 5 + stages) int64
-        Columns as `services.runtime.flight.COLUMNS` has them, then the stages; oldest first.
+    Attributes:
+        rows: (ticks, 5 + stages) int64. Columns as `services.runtime.flight.COLUMNS` has them, then the stages; oldest
+            first.
     """
 
     name: str
@@ -170,13 +169,7 @@ def to_bytes(flights: Flights) -> bytes:
 
 
 def read_file(path: Path) -> Flights:
-    """Return the flights of a file.
-
-    Raises
-    ------
-    UserError
-        if it is none, or cannot be read.
-    """
+    """Return the flights of a file. Raises UserError if it is none, or cannot be read."""
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
             about = json.loads(bytes(data[_META]))

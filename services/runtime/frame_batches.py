@@ -78,10 +78,8 @@ def count_readers(socket: Socket, before: int) -> int:
 class BatchSender:
     """The frames of one topic for its observers.
 
-    Attributes
-    ----------
-    readers
-        How many had subscribed at the last look.
+    Attributes:
+        readers: How many had subscribed at the last look.
     """
 
     def __init__(self, socket: Socket) -> None:

@@ -36,14 +36,10 @@ class LatencyPath:
 class HealthReporter:
     """Collects a process' figures and sends them when they are due.
 
-    Attributes
-    ----------
-    gauges
-        Figures that the process writes when they change.
-    counts
-        Returns further ones: asked when a report is made, not in every tick.
-    before
-        Called before each report, as a piece of its own.
+    Attributes:
+        gauges: Figures that the process writes when they change.
+        counts: Returns further ones: asked when a report is made, not in every tick.
+        before: Called before each report, as a piece of its own.
     """
 
     def __init__(self, process: str, bus: Bus, meter: LoopMeter | None = None) -> None:

@@ -43,9 +43,8 @@ def _whole_edges_ns(deadline_ns: int) -> tuple[int, ...]:
 class LatencyHistogram:
     """Counts of durations. Recording costs a quarter of a microsecond and takes no lock; one thread writes.
 
-    Attributes
-    ----------
-    counts : (BUCKETS,) int64
+    Attributes:
+        counts: (BUCKETS,) int64
     """
 
     __slots__ = ("_cells", "_edges_ns", "counts", "deadline_ns", "max_ns", "sum_ns")

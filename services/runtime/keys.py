@@ -110,10 +110,7 @@ class ZapAuthenticator:
 def make(directory: Path) -> Path:
     """Make the keys of a rig in `directory`, readable by this user only, and return the secret's file.
 
-    Raises
-    ------
-    ConfigError
-        if keys are there already, or the directory cannot be written.
+    Raises ConfigError if keys are there already, or the directory cannot be written.
     """
     file = directory / f"{_NAME}.key_secret"
     if file.exists():
@@ -131,13 +128,7 @@ def make(directory: Path) -> Path:
 
 
 def load(directory: Path) -> Keys:
-    """Return the keys in `directory`.
-
-    Raises
-    ------
-    ConfigError
-        naming the file that is missing, open to others, or no key.
-    """
+    """Return the keys in `directory`. Raises ConfigError naming the file that is missing, open to others, or no key."""
     file = directory / f"{_NAME}.key_secret"
     try:
         if file.stat().st_mode & 0o077:

@@ -31,19 +31,14 @@ _STALLS_KEPT = 8
 class LoopMeter:
     """Counts of a loop: lateness of the start, work, period, misses. A tick that never ran is a miss too.
 
-    Attributes
-    ----------
-    tick
-        Which one of the rig's is being worked on: written by the process in each.
-    stages_ns
-        What each of `stages` took in this one, in ns: likewise; nothing, unless it is said.
-    flight
-        The last ticks, one by one.
-    periods_allowed
-        In how many periods after it was due a tick must be done: more than one where it does the work of several.
-    beyond_work
-        Of the misses those that less work would not have spared: their deadline passed while the thread was not run,
-        by the host or for somebody else, or while it had nothing to do yet.
+    Attributes:
+        tick: Which one of the rig's is being worked on: written by the process in each.
+        stages_ns: What each of `stages` took in this one, in ns: likewise; nothing, unless it is said.
+        flight: The last ticks, one by one.
+        periods_allowed: In how many periods after it was due a tick must be done: more than one where it does the work
+            of several.
+        beyond_work: Of the misses those that less work would not have spared: their deadline passed while the thread
+            was not run, by the host or for somebody else, or while it had nothing to do yet.
     """
 
     def __init__(self, rate_hz: float, stages: Sequence[str] = ()) -> None:
@@ -160,14 +155,11 @@ def ticks(
     The body of the ``for`` is the work of the tick. Work that overruns whole periods loses those ticks: they are
     counted as skipped and the loop goes on at the next point of the grid, never in a burst.
 
-    Parameters
-    ----------
-    meter
-        Rate and counts of the loop.
-    stop
-        Asked before every tick.
-    wait_until
-        What to do until the next point of the grid; it must return at that time (a bus may listen meanwhile).
+    Args:
+        meter: Rate and counts of the loop.
+        stop: Asked before every tick.
+        wait_until: What to do until the next point of the grid; it must return at that time (a bus may listen
+            meanwhile).
     """
     index = 0
     scheduled = time.monotonic_ns() + meter.period_ns

@@ -15,14 +15,10 @@ from services.runtime.flat_view import flat_view
 class NanGuard:
     """Watches named arrays; keeps their last `depth` values so that the moment before a NaN can be looked at.
 
-    Parameters
-    ----------
-    arrays
-        The live arrays by name. They must be changed in place, never replaced.
-    directory
-        Where a dump goes: ``nan-<name>-<monotonic ns>.npz``, one array (depth, ...) per name, oldest first.
-    depth
-        How many ticks back the dump reaches.
+    Args:
+        arrays: The live arrays by name. They must be changed in place, never replaced.
+        directory: Where a dump goes: ``nan-<name>-<monotonic ns>.npz``, one array (depth, ...) per name, oldest first.
+        depth: How many ticks back the dump reaches.
     """
 
     def __init__(self, name: str, arrays: dict[str, NDArray[np.float64]], directory: Path, depth: int = 100) -> None:

@@ -25,10 +25,7 @@ _AS_IT_IS = os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK
 def make_private(path: Path) -> Path:
     """Return `path` as a directory that nobody else can enter; made with mode 0700 where it is missing.
 
-    Raises
-    ------
-    BusError
-        if it is a link, somebody else's, open to others, or in a folder where others may replace it.
+    Raises BusError if it is a link, somebody else's, open to others, or in a folder where others may replace it.
     """
     with _opened(path):
         return path
@@ -38,13 +35,8 @@ def open_private(path: Path, flags: int) -> int:
     """Return a descriptor of the file `path` in a private directory, never of what a link there points to.
 
     A file that this makes can be read by this user only.
-
-    Raises
-    ------
-    BusError
-        if the directory is not private, or the file is a link, or no file at all.
-    FileNotFoundError
-        if it is not there and `flags` do not make it.
+    Raises BusError if the directory is not private, or the file is a link, or no file at all. Raises FileNotFoundError
+    if it is not there and `flags` do not make it.
     """
     with _opened(path.parent) as directory:
         try:

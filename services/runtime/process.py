@@ -131,10 +131,7 @@ def parse(process: str, arguments: Sequence[str] | None) -> Options:
 def load_process_config(name: str, options: Options) -> ProcessConfig:
     """Return what a process is to be, before anything of it is real-time or on the bus.
 
-    Raises
-    ------
-    ConfigError
-        if the rig file cannot be used, or there is no such scene.
+    Raises ConfigError if the rig file cannot be used, or there is no such scene.
     """
     rig = config.load_rig(options.rig, options.overrides)
     scene, scene_overrides = options.scene or rig.scene, config.split_overrides(options.overrides)[1]
@@ -153,11 +150,7 @@ def open_process(process_config: ProcessConfig, whole: Collection[str] = ()) -> 
 
     The order is the point: scheduling first, then the ZeroMQ context, whose thread inherits it. From then until `ready`
     the process itself is an ordinary one, so that opening devices starves nobody.
-
-    Raises
-    ------
-    UserError
-        if an endpoint cannot be used.
+    Raises UserError if an endpoint cannot be used.
     """
     name, rig, logger = process_config.name, process_config.rig, process_config.log
     settings = rig.process(name)
@@ -223,18 +216,13 @@ def main(
 ) -> int:
     """Run a process from its command line; return the exit code. What a person can mend is one sentence.
 
-    Parameters
-    ----------
-    name
-        Of the process.
-    run
-        Called with the open process, and with what `prepare` returned where there is one.
-    prepare
-        What takes long (bases, compiling kernels): done before the process is real-time, so that it starves nobody.
-    rehearse
-        Called as `run` is where the process is to prepare only: compiles what `prepare` could not.
-    whole
-        Returns the topics of which the process gets every frame, whatever the table says.
+    Args:
+        name: Of the process.
+        run: Called with the open process, and with what `prepare` returned where there is one.
+        prepare: What takes long (bases, compiling kernels): done before the process is real-time, so that it starves
+            nobody.
+        rehearse: Called as `run` is where the process is to prepare only: compiles what `prepare` could not.
+        whole: Returns the topics of which the process gets every frame, whatever the table says.
     """
     start_up.end()
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # until there is a loop to end in good order, just end

@@ -29,15 +29,11 @@ class Load(Enum):
 class Hysteresis:
     """How slowly a governor comes back.
 
-    Parameters
-    ----------
-    calm_s
-        How long there must have been room before a better rung is tried.
-    trial_s
-        A try has failed if the budget is overdrawn within this time after it, or within the calm that it waited for:
-        the next waits twice as long. One that has held halves what the next waits for.
-    longest_s
-        Beyond this the wait does not grow.
+    Args:
+        calm_s: How long there must have been room before a better rung is tried.
+        trial_s: A try has failed if the budget is overdrawn within this time after it, or within the calm that it
+            waited for: the next waits twice as long. One that has held halves what the next waits for.
+        longest_s: Beyond this the wait does not grow.
     """
 
     calm_s: float = 20.0
@@ -48,14 +44,10 @@ class Hysteresis:
 class QualityGovernor:
     """The memory of a ladder: level in force (0 is the best), the way down to it, how the last return went.
 
-    Parameters
-    ----------
-    n_levels
-        Length of the ladder.
-    hysteresis
-        How slowly it comes back.
-    way
-        Levels taken so far, best first: it begins at the last and can return to the others.
+    Args:
+        n_levels: Length of the ladder.
+        hysteresis: How slowly it comes back.
+        way: Levels taken so far, best first: it begins at the last and can return to the others.
     """
 
     def __init__(self, n_levels: int, hysteresis: Hysteresis, way: Sequence[int] = (0,)) -> None:

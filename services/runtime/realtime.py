@@ -57,20 +57,13 @@ def set_up(
 ) -> tuple[list[Fact], Scheduling | None]:
     """Pin the process, take its scheduling class, tighten its timers; return what was had, and its place on the ladder.
 
-    Parameters
-    ----------
-    core
-        Processor to run on, None for any.
-    priority
-        SCHED_FIFO priority 1..89, None for the ordinary class.
-    nice
-        Niceness of an ordinary process.
-    share
-        Of a core, that is reserved where SCHED_FIFO is refused and SCHED_DEADLINE granted.
-    rungs
-        Scheduling classes to try, see `services.runtime.scheduling`.
-    awake
-        Whether the cores shall not sleep while a process with a priority lives, see `keep_awake`.
+    Args:
+        core: Processor to run on, None for any.
+        priority: SCHED_FIFO priority 1..89, None for the ordinary class.
+        nice: Niceness of an ordinary process.
+        share: Of a core, that is reserved where SCHED_FIFO is refused and SCHED_DEADLINE granted.
+        rungs: Scheduling classes to try, see `services.runtime.scheduling`.
+        awake: Whether the cores shall not sleep while a process with a priority lives, see `keep_awake`.
     """
     scheduling = None if priority is None else Scheduling.ask(Wish(priority, share, core, rungs))
     facts = [

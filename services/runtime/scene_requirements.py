@@ -23,12 +23,9 @@ OF_CONTACT = ("gateway", "haptics", "training")
 class SceneRequirements:
     """The requirements of one scene.
 
-    Attributes
-    ----------
-    duct_alone
-        Whether there is nothing that could touch the duct.
-    tools
-        The kinds of the tools that are named, None where the file leaves that to the default.
+    Attributes:
+        duct_alone: Whether there is nothing that could touch the duct.
+        tools: The kinds of the tools that are named, None where the file leaves that to the default.
     """
 
     duct_alone: bool = False
@@ -85,10 +82,7 @@ def has_duct_alone(data: Mapping[str, Any]) -> bool:
 def scene_requirements(scene: str, overrides: Iterable[str] = ()) -> SceneRequirements:
     """Return the requirements of a scene file, or of one's name in configs/scenes.
 
-    Raises
-    ------
-    ConfigError
-        if there is no such scene, or the file is not YAML.
+    Raises ConfigError if there is no such scene, or the file is not YAML.
     """
     data = config.read_scene(scene, overrides)
     named = data.get("forceps")

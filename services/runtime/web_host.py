@@ -57,10 +57,7 @@ class KnownHost:
 def listen(host: str, port: int, option: str) -> socket.socket:
     """Return a socket that listens at an address; `option` is how a person chooses another.
 
-    Raises
-    ------
-    BusError
-        if the address cannot be had.
+    Raises BusError if the address cannot be had.
     """
     made = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_STREAM)
     made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

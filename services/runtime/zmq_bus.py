@@ -51,22 +51,14 @@ _ROUNDING_NS = 30_000  # select() may return this much early; the rest is slept
 class ZmqBus:
     """ZeroMQ sockets of one process. Make it after the real-time set-up: its I/O thread inherits core and priority.
 
-    Parameters
-    ----------
-    transport
-        Of the rig file.
-    publishes, reads
-        Topic names. State topics are read newest-only.
-    reads_every
-        Topics of which every frame is wanted, whatever the table says: for recorders and sniffers. Those of a fast
-        topic come in batches, so that nobody waits for such a reader (`services.runtime.frame_batches`).
-    samples
-        Topics of which a frame is wanted now and then: see `sample`.
+    Raises BusError if an endpoint is taken.
 
-    Raises
-    ------
-    BusError
-        if an endpoint is taken.
+    Args:
+        transport: Of the rig file.
+        publishes, reads: Topic names. State topics are read newest-only.
+        reads_every: Topics of which every frame is wanted, whatever the table says: for recorders and sniffers. Those
+            of a fast topic come in batches, so that nobody waits for such a reader (`services.runtime.frame_batches`).
+        samples: Topics of which a frame is wanted now and then: see `sample`.
     """
 
     def __init__(

@@ -31,13 +31,7 @@ def framed(data: bytes) -> bytes:
 
 
 def check_greeting(data: memoryview) -> None:
-    """Accept the 64 bytes that a peer begins with.
-
-    Raises
-    ------
-    ProtocolError
-        if it does not speak ZMTP 3 without keys.
-    """
+    """Accept the 64 bytes that a peer begins with. Raises ProtocolError if it does not speak ZMTP 3 without keys."""
     if data[0] != 0xFF or data[9] != 0x7F or data[10] < 3 or data[12:32] != _NULL:
         raise ProtocolError("a peer that does not speak ZMTP 3, or wants keys")
 
@@ -45,17 +39,12 @@ def check_greeting(data: memoryview) -> None:
 class Incoming:
     """What a peer says, cut into messages. Put bytes into `room`, then take what is complete.
 
-    Attributes
-    ----------
-    is_ready
-        Whether the peer has ended its handshake: libzmq takes no message before.
+    Attributes:
+        is_ready: Whether the peer has ended its handshake: libzmq takes no message before.
 
-    Parameters
-    ----------
-    n_bytes
-        Held at first; a longer message makes it grow.
-    longest
-        Length that no message may pass.
+    Args:
+        n_bytes: Held at first; a longer message makes it grow.
+        longest: Length that no message may pass.
     """
 
     def __init__(self, n_bytes: int, longest: int) -> None:
@@ -79,10 +68,7 @@ class Incoming:
     def messages(self, n_read: int) -> list[bytes]:
         """Return the messages that are complete now that `n_read` bytes were put into `room`.
 
-        Raises
-        ------
-        ProtocolError
-            if that is not ZMTP, or a message is too long; nothing can be taken from then on.
+        Raises ProtocolError if that is not ZMTP, or a message is too long; nothing can be taken from then on.
         """
         found: list[bytes] = []
         self._end += n_read

@@ -17,18 +17,13 @@ from services.mechanics.reduction.large_rotations.warping import SectionFrame
 class DrawnSurface:
     """Node positions ``X + Phi q + R f`` of one reduced duct, or those of its turned cross-sections.
 
-    Attributes
-    ----------
-    points_m : (n, 3) float32
-        Of the last update; at rest before the first.
+    Attributes:
+        points_m: (n, 3) float32. Of the last update; at rest before the first.
 
-    Parameters
-    ----------
-    duct
-        What moves.
-    reach_m
-        How far from a loaded node, at rest, its residual compliance is drawn: to draw it everywhere takes most of an
-        update, and what is beyond 4 mm is a hundredth of a millimetre.
+    Args:
+        duct: What moves.
+        reach_m: How far from a loaded node, at rest, its residual compliance is drawn: to draw it everywhere takes most
+            of an update, and what is beyond 4 mm is a hundredth of a millimetre.
     """
 
     def __init__(self, duct: ReducedDuct, reach_m: float = math.inf) -> None:

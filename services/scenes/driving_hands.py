@@ -31,11 +31,7 @@ def driving_hand(scene: SceneModel, mesh: TriangleMesh) -> ToolMotion:
 
     Before each place where another way parts it rolls until the tip bends to the side on which the target's way goes
     on, bends it by the handle where that steers it, and pushes past.
-
-    Raises
-    ------
-    ConfigError
-        The duct has no end of the target's name.
+    Raises ConfigError if the duct has no end of the target's name.
     """
     ways, mouth = TubePaths(centrelines(mesh)), mouth_opening(mesh)
     if scene.target not in ways.path_m:

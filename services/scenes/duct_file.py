@@ -35,12 +35,6 @@ def duct_file(duct: ReducedDuct) -> bytes:
 
 
 def read_duct(scene: str, overrides: Sequence[str]) -> bytes:
-    """Return the file of the duct of a scene.
-
-    Raises
-    ------
-    UserError
-        if the scene cannot be used.
-    """
+    """Return the file of the duct of a scene. Raises UserError if the scene cannot be used."""
     duct = load_duct(load_scene(scene, overrides), cache_directory(), lambda stage, fraction: None)
     return duct_file(duct)

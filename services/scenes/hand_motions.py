@@ -27,10 +27,7 @@ STROKES = 8
 def hand_motions(scene_name: str, overrides: Iterable[str] = ()) -> list[dict[str, Any]]:
     """Return for each tool of a scene its port and its motion, by the names of `services.gateway.script`.
 
-    Raises
-    ------
-    ConfigError
-        one sentence, if scene or surface cannot be used.
+    Raises ConfigError: one sentence, if scene or surface cannot be used.
     """
     scene = load_scene(scene_name, overrides)
     mesh = load_surface(scene, cache_directory())

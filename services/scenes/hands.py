@@ -44,12 +44,9 @@ _STROKE_S = 0.3, 0.5, 0.16, 0.56
 def hands_of(scene: SceneModel, mesh: TriangleMesh) -> Scenario:
     """Return what both hands do: what the scene's ``hands`` names.
 
-    Parameters
-    ----------
-    scene : SceneModel
-        With its catheter where it starts: see `place_catheter`.
-    mesh : TriangleMesh
-        The duct, with the vertex set ``mouth``.
+    Args:
+        scene: SceneModel. With its catheter where it starts: see `place_catheter`.
+        mesh: TriangleMesh. The duct, with the vertex set ``mouth``.
     """
     mouth = mouth_opening(mesh)
     makers = {"insertion": _insertion, "pinch": _pinch, "press": _press, "drive": _drive, "none": _nothing}

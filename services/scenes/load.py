@@ -15,10 +15,7 @@ from services.scenes.scene_file import build_scene
 def load_scene(name: str | Path, overrides: Iterable[str] = ()) -> SceneModel:
     """Return the scene of a file, or of a bare name in configs/scenes, with ``key.path=value`` overrides on top.
 
-    Raises
-    ------
-    ConfigError
-        one sentence that names the file and the key.
+    Raises ConfigError: one sentence that names the file and the key.
     """
     return scene_origins(name, overrides)[0]
 

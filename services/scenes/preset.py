@@ -15,11 +15,7 @@ def take_tissue(data: dict[str, Any], where: str, origins: config.Origins) -> No
 
     An orthotropic wall brings the effect ``anisotropy``; relaxation is taken where the scene has
     ``viscoelasticity``, the exponent of stiffening where it has ``hyperelasticity``.
-
-    Raises
-    ------
-    ConfigError
-        There is no such tissue.
+    Raises ConfigError if there is no such tissue.
     """
     duct, effects = data.get("duct"), data.get("effects", {})
     name = duct.get("tissue") if isinstance(duct, dict) else None

@@ -18,10 +18,7 @@ from services.runtime.errors import ConfigError
 def check_duct(scene: SceneModel, cache: Path) -> None:
     """Refuse what `load_duct` would refuse, without computing modes.
 
-    Raises
-    ------
-    ConfigError
-        if the mesh or the settings of the duct cannot be used.
+    Raises ConfigError if the mesh or the settings of the duct cannot be used.
     """
     with _one_sentence(scene):
         check_scene_duct(scene, _file_mesh(scene.duct, cache, ignore_progress))
@@ -30,10 +27,7 @@ def check_duct(scene: SceneModel, cache: Path) -> None:
 def load_duct(scene: SceneModel, cache: Path, progress: Progress) -> ReducedDuct:
     """Return the duct of `scene`, from the cache where it is there: every process gets the same.
 
-    Raises
-    ------
-    ConfigError
-        if the mesh or the settings of the duct cannot be used.
+    Raises ConfigError if the mesh or the settings of the duct cannot be used.
     """
     with _one_sentence(scene):
         return build_scene_duct(scene, cache / "bases", progress, mesh=_file_mesh(scene.duct, cache, progress))
@@ -42,10 +36,7 @@ def load_duct(scene: SceneModel, cache: Path, progress: Progress) -> ReducedDuct
 def load_surface(scene: SceneModel, cache: Path) -> TriangleMesh:
     """Return the surface of the duct as it is meshed, before any constant load; no modes are computed.
 
-    Raises
-    ------
-    ConfigError
-        if the mesh cannot be used.
+    Raises ConfigError if the mesh cannot be used.
     """
     with _one_sentence(scene):
         mesh = _file_mesh(scene.duct, cache, ignore_progress)

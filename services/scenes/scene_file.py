@@ -63,10 +63,7 @@ def _named_tools(data: Mapping[str, Any], where: str) -> tuple[type[ToolScene], 
 def build_scene(data: Mapping[str, Any], where: str) -> SceneModel:
     """Return the scene that the mapping of a file describes.
 
-    Raises
-    ------
-    ConfigError
-        one sentence that begins with `where` and the path of the key.
+    Raises ConfigError: one sentence that begins with `where` and the path of the key.
     """
     checked = config.build(scene_file_type(_named_tools(data, where)), data, where)
     said = {name: getattr(checked, name) for name in type(checked).model_fields}

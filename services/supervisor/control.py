@@ -76,11 +76,7 @@ def ask(transport: Transport, command: Command, patience_s: float = ANSWER_S) ->
 
     One that does not name its run of the rig is for the one that runs. Where the supervisor does not carry out a safe
     stop, the gateway itself is asked to let go.
-
-    Raises
-    ------
-    BusError
-        if there is no supervisor, or it does not answer.
+    Raises BusError if there is no supervisor, or it does not answer.
     """
     try:
         answer = _ask_supervisor(transport, command, patience_s)

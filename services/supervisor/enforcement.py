@@ -41,22 +41,15 @@ class Action:
 class Ladder:
     """How enforcement climbs.
 
-    Parameters
-    ----------
-    levels
-        The scene's quality ladder; one rung where there is nothing to lower.
-    patience_s
-        How long a breach stands before each step.
-    sudden_s
-        How long one of the fast window stands before quality is lowered, which is cheap and taken back: longer than
-        what a single stall leaves in that window.
-    try_s
-        The same while a better rung is tried, where the one to return to is known to hold: longer than a single stall
-        stands.
-    may_restart
-        False where another keeps the processes alive: judge and command only.
-    hysteresis
-        How slowly quality comes back.
+    Args:
+        levels: The scene's quality ladder; one rung where there is nothing to lower.
+        patience_s: How long a breach stands before each step.
+        sudden_s: How long one of the fast window stands before quality is lowered, which is cheap and taken back:
+            longer than what a single stall leaves in that window.
+        try_s: The same while a better rung is tried, where the one to return to is known to hold: longer than a single
+            stall stands.
+        may_restart: False where another keeps the processes alive: judge and command only.
+        hysteresis: How slowly quality comes back.
     """
 
     levels: tuple[Level, ...] = (Level(),)

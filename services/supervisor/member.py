@@ -27,12 +27,9 @@ _MINUTE_S = 60.0
 class RestartPolicy:
     """Delays that grow with the restarts of the last minute, and an end to them.
 
-    Parameters
-    ----------
-    backoff_s
-        Delay before the first, second, ... restart within a minute; the last holds for all further ones.
-    max_per_minute
-        Restarts within a minute after which the process is given up.
+    Args:
+        backoff_s: Delay before the first, second, ... restart within a minute; the last holds for all further ones.
+        max_per_minute: Restarts within a minute after which the process is given up.
     """
 
     def __init__(self, backoff_s: tuple[float, ...], max_per_minute: int) -> None:

@@ -91,13 +91,7 @@ class Link:
         return True
 
     def receive(self, kind: type[_T]) -> _T | None:
-        """Return the next message, None where there is none.
-
-        Raises
-        ------
-        ConnectionError
-            if the other end is gone.
-        """
+        """Return the next message, None where there is none. Raises ConnectionError if the other end is gone."""
         try:
             data = self._end.recv(_MESSAGE_MAX, socket.MSG_DONTWAIT)
         except BlockingIOError:

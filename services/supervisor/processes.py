@@ -21,16 +21,12 @@ ENVIRONMENT = {
 class ProcessSpec:
     """One process.
 
-    Parameters
-    ----------
-    name, module
-        Name on the bus, and what ``python -m`` runs.
-    critical
-        Whether the rig is safe-stopped when it cannot be kept alive. The rig file may lower this, not raise it.
-    starts_after
-        Processes that must have said that they are ready first.
-    stream
-        A 1 kHz topic it publishes: the silence of which is noticed much sooner than that of the heartbeat.
+    Args:
+        name, module: Name on the bus, and what ``python -m`` runs.
+        critical: Whether the rig is safe-stopped when it cannot be kept alive. The rig file may lower this, not raise
+            it.
+        starts_after: Processes that must have said that they are ready first.
+        stream: A 1 kHz topic it publishes: the silence of which is noticed much sooner than that of the heartbeat.
     """
 
     name: str

@@ -18,10 +18,8 @@ from services.supervisor.figures import of as figures_of
 class Tally:
     """What one process has counted since a moment, over its restarts; only its newest report is looked into, if asked.
 
-    Parameters
-    ----------
-    before
-        Its last report before that moment, None where it had made none.
+    Args:
+        before: Its last report before that moment, None where it had made none.
     """
 
     def __init__(self, before: bodies.Health | None) -> None:

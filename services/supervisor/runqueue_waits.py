@@ -17,17 +17,11 @@ _NAMED_AFTER_NS = 50_000
 class ThreadWait:
     """Files of the kernel about one thread, kept open: they never speak of another that takes its number.
 
-    Parameters
-    ----------
-    tasks
-        Descriptor of the process' folder of threads, ``/proc/PID/task``.
-    thread
-        Its number.
+    Raises OSError if it has ended.
 
-    Raises
-    ------
-    OSError
-        if it has ended.
+    Args:
+        tasks: Descriptor of the process' folder of threads, ``/proc/PID/task``.
+        thread: Its number.
     """
 
     def __init__(self, tasks: int, thread: int) -> None:
@@ -71,10 +65,8 @@ class ThreadWait:
 class BusWaits:
     """The waits of the threads that send for a process; threads are listed when their number has changed.
 
-    Parameters
-    ----------
-    tasks
-        As of `ThreadWait`; it stays the caller's.
+    Args:
+        tasks: As of `ThreadWait`; it stays the caller's.
     """
 
     def __init__(self, tasks: int) -> None:

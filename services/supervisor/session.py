@@ -65,24 +65,15 @@ class InterruptedStartError(UserError):
 class SessionOptions:
     """What a session is to do, and its callbacks.
 
-    Parameters
-    ----------
-    options
-        As given on the command line; the processes get the same.
-    table
-        The processes.
-    on_event
-        Called with every event.
-    on_turn
-        Called after every turn, fifty times a second; True ends the session.
-    remarks
-        Warnings that are events from the beginning, so that the page shows them too.
-    fork_server
-        What starts the processes while the rig starts; without one, each imports for itself.
-    switches
-        Whether `on_turn` ends the session when the supervisor has a `next_scenario`, and that is run next.
-    token
-        What commands of the page must carry.
+    Args:
+        options: As given on the command line; the processes get the same.
+        table: The processes.
+        on_event: Called with every event.
+        on_turn: Called after every turn, fifty times a second; True ends the session.
+        remarks: Warnings that are events from the beginning, so that the page shows them too.
+        fork_server: What starts the processes while the rig starts; without one, each imports for itself.
+        switches: Whether `on_turn` ends the session when the supervisor has a `next_scenario`, and that is run next.
+        token: What commands of the page must carry.
     """
 
     options: Options
@@ -98,10 +89,8 @@ class SessionOptions:
 def open_session(options: Options) -> Process:
     """Return the open supervisor process.
 
-    Raises
-    ------
-    UserError
-        if the configuration cannot be used, a rig is running on this transport already, or too few files may be open.
+    Raises UserError if the configuration cannot be used, a rig is running on this transport already, or too few files
+    may be open.
     """
     _make_room()
     _refuse_second_rig(options)
@@ -134,11 +123,8 @@ def _refuse_second_rig(options: Options) -> None:
 def run_session(process: Process, session: SessionOptions) -> None:
     """Run the rig until the process is asked to stop or `session.on_turn` ends it.
 
-    Raises
-    ------
-    UserError
-        if a process cannot start, was given up on the way, or a person ended the rig before it ran; everything started
-        is ended before.
+    Raises UserError if a process cannot start, was given up on the way, or a person ended the rig before it ran;
+    everything started is ended before.
     """
     setup = _setup(process, session)
     web = process.rig.supervisor.web
@@ -239,10 +225,7 @@ def _setup(process: Process, session: SessionOptions) -> Setup:
 def quality_levels(scene: str, overrides: Sequence[str] = ()) -> tuple[Level, ...]:
     """Return the quality ladder of a scene file, best rung first. The processes that use the scene check what is in it.
 
-    Raises
-    ------
-    ConfigError
-        if there is no such scene, or the file is not YAML.
+    Raises ConfigError if there is no such scene, or the file is not YAML.
     """
     ladder = config.read_scene(scene, overrides).get("quality")
     rungs = [each for each in ladder if isinstance(each, dict)] if isinstance(ladder, list) else []

@@ -21,21 +21,14 @@ class RigState(StrEnum):
 class Situation:
     """What the supervisor sees.
 
-    Parameters
-    ----------
-    all_ready
-        Every process that the rig waits for is ready.
-    trouble
-        Something is lost, hung, or breaks its contract.
-    settled
-        `all_ready` has held for the settling time.
-    calm
-        There was no `trouble` for the settling time.
-    safe_stop
-        A safe stop is in force: commanded, or nothing else is left. Only arming the rig clears it.
-    stalling
-        All have been ready, but again and again some fall silent for a moment: the machine is too slow for the scene,
-        and waiting for it to settle would be in vain.
+    Args:
+        all_ready: Every process that the rig waits for is ready.
+        trouble: Something is lost, hung, or breaks its contract.
+        settled: `all_ready` has held for the settling time.
+        calm: There was no `trouble` for the settling time.
+        safe_stop: A safe stop is in force: commanded, or nothing else is left. Only arming the rig clears it.
+        stalling: All have been ready, but again and again some fall silent for a moment: the machine is too slow for
+            the scene, and waiting for it to settle would be in vain.
     """
 
     all_ready: bool = False

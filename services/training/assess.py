@@ -44,11 +44,7 @@ def assess(messages: Iterable[Message], terms: Terms, source: str = "") -> Itera
     """Yield the attempts of a stream in which somebody moved, each when it has ended; the last may be incomplete.
 
     Without a word of `training.attempt` the whole stream is one attempt at the scenario without a name.
-
-    Raises
-    ------
-    UserError
-        naming the source, if ticks jump by more than a day.
+    Raises UserError naming the source, if ticks jump by more than a day.
     """
     running: _Running | None = None
     told = False

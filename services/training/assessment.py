@@ -19,12 +19,9 @@ _DIGITS = 6
 class RigQuality(msgspec.Struct, frozen=True, kw_only=True):
     """How well the rig kept its word: shares are of ticks, ages of the force model that the hand felt.
 
-    Attributes
-    ----------
-    faults
-        What the supervisor said while it was degraded or stopped, each sentence once.
-    model_age_ms
-        99th percentile; None where no device felt a force.
+    Attributes:
+        faults: What the supervisor said while it was degraded or stopped, each sentence once.
+        model_age_ms: 99th percentile; None where no device felt a force.
     """
 
     lost_ticks: float = 0.0
@@ -48,16 +45,11 @@ class Series(msgspec.Struct, frozen=True, kw_only=True):
 class Assessment(msgspec.Struct, frozen=True, kw_only=True):
     """One attempt. `outcome` is success, failure, abandoned, or incomplete: the recording ends before the attempt.
 
-    Attributes
-    ----------
-    began_ns, began_at_s
-        Its first motion: by the wall clock, and since the first device frame of the recording.
-    why_not
-        Why it does not count; nothing where it does.
-    par
-        What the simulated hands reach at the scenario, by metric.
-    not_judged
-        What could not be told from the recording.
+    Attributes:
+        began_ns, began_at_s: Its first motion: by the wall clock, and since the first device frame of the recording.
+        why_not: Why it does not count; nothing where it does.
+        par: What the simulated hands reach at the scenario, by metric.
+        not_judged: What could not be told from the recording.
     """
 
     attempt_id: str

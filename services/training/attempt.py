@@ -45,19 +45,13 @@ class Look:
 class Attempt:
     """Follows one attempt from look to look.
 
-    Parameters
-    ----------
-    goal
-        What ends it; None where there is none, and it goes on until it is abandoned.
+    Args:
+        goal: What ends it; None where there is none, and it goes on until it is abandoned.
 
-    Attributes
-    ----------
-    outcome : str
-        "success" or "failure" once it is done.
-    reason : str
-        Why it ended, a sentence.
-    why_not : str
-        Why it does not count; empty where it does.
+    Attributes:
+        outcome: str. "success" or "failure" once it is done.
+        reason: str. Why it ended, a sentence.
+        why_not: str. Why it does not count; empty where it does.
     """
 
     def __init__(self, goal: Goal | None) -> None:

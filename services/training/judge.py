@@ -16,12 +16,9 @@ from services.training.situation import Observer, Situation
 class Judge:
     """Takes every frame of an attempt, from its first motion on, and says at any time how it stands.
 
-    Parameters
-    ----------
-    scenario
-        Whose limits hold.
-    site
-        Where the mouth is; without it nothing is judged that needs it (E11, the view in E12, the opening in E2).
+    Args:
+        scenario: Whose limits hold.
+        site: Where the mouth is; without it nothing is judged that needs it (E11, the view in E12, the opening in E2).
     """
 
     def __init__(self, scenario: Scenario, site: Site | None = None) -> None:

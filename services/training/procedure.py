@@ -39,16 +39,13 @@ class Span(msgspec.Struct, frozen=True):
 class Procedure:
     """Follows one attempt. Every quantity is of simulated time, so a file gives what the live rig gave.
 
-    Attributes
-    ----------
-    time_s : float
-        Since the first situation.
-    phase : Phase
-    deepest_m : float
-        Largest inserted length so far.
-    grasps, regrasps, retries, slips, drops : int
-        Grasps of the catheter, those after each hand's first, approaches to the mouth after a withdrawal, holds that
-        slid through closed jaws, and times that the catheter was let go of before it was engaged.
+    Attributes:
+        time_s: float. Since the first situation.
+        phase: Phase
+        deepest_m: float. Largest inserted length so far.
+        grasps, regrasps, retries, slips, drops: int. Grasps of the catheter, those after each hand's first, approaches
+            to the mouth after a withdrawal, holds that slid through closed jaws, and times that the catheter was let go
+            of before it was engaged.
     """
 
     def __init__(self, scenario: Scenario) -> None:

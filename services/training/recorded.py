@@ -22,17 +22,12 @@ def assess_file(
 ) -> list[Assessment]:
     """Return the attempts in a recording, in the order in which they were made.
 
-    Parameters
-    ----------
-    scenario
-        A file, or a name in configs/scenarios, that all attempts are judged by; None: the one that each names.
-    experts
-        Reference attempts, as `trocar attempts export` writes them.
+    Raises RecordingError or ConfigError: one sentence, if recording, scenario or experts cannot be used.
 
-    Raises
-    ------
-    RecordingError, ConfigError
-        one sentence, if recording, scenario or experts cannot be used.
+    Args:
+        scenario: A file, or a name in configs/scenarios, that all attempts are judged by; None: the one that each
+            names.
+        experts: Reference attempts, as `trocar attempts export` writes them.
     """
     named = load_scenario(scenario) if scenario is not None else None
     site = _site(path)

@@ -49,14 +49,11 @@ def render(
 ) -> str:
     """Return the report.
 
-    Parameters
-    ----------
-    trainee
-        Pseudonym.
-    past
-        All attempts of the trainee at this scenario up to this one, which comes last; empty where nobody keeps them.
-    page
-        Address of the rig's page, which opens replays.
+    Args:
+        trainee: Pseudonym.
+        past: All attempts of the trainee at this scenario up to this one, which comes last; empty where nobody keeps
+            them.
+        page: Address of the rig's page, which opens replays.
     """
     experts: Band = band or {}
     return _template().render(

@@ -129,10 +129,7 @@ class Scenario:
 def load_scenario(name: str | Path) -> Scenario:
     """Return the scenario of a file, or of a bare name in configs/scenarios.
 
-    Raises
-    ------
-    ConfigError
-        one sentence that names the file and the key.
+    Raises ConfigError: one sentence that names the file and the key.
     """
     path = config.find("scenario", name)
     scenario = config.build(Scenario, {"name": path.stem} | config.read_yaml(path), str(path))
@@ -144,10 +141,7 @@ def load_scenario(name: str | Path) -> Scenario:
 def scenario_of(scene: str, name: str | None) -> Scenario | None:
     """Return the scenario of this name; without one the first that is made of the scene as it is, None if none is.
 
-    Raises
-    ------
-    ConfigError
-        if the scenario cannot be used, or is made of another scene.
+    Raises ConfigError if the scenario cannot be used, or is made of another scene.
     """
     if name is None:
         alike = (each for each in _usable() if each.scene == scene)

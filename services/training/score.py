@@ -54,10 +54,7 @@ class ScoreRules:
 def load_rules(name: str | Path = "mistels") -> ScoreRules:
     """Return the rules of a file, or of a bare name in configs/scores.
 
-    Raises
-    ------
-    ConfigError
-        one sentence that names the file and the key.
+    Raises ConfigError: one sentence that names the file and the key.
     """
     path = config.find("score", name)
     rules = config.build(ScoreRules, config.read_yaml(path), str(path))
@@ -126,10 +123,7 @@ def band_of(attempts: Iterable[Mapping[str, float]]) -> dict[str, Range]:
 def load_band(path: Path, scenario: str) -> dict[str, Range]:
     """Return the band of the successes at a scenario in a file that `trocar attempts export` has written.
 
-    Raises
-    ------
-    ConfigError
-        naming the file, if it cannot be read, or holds no such attempt.
+    Raises ConfigError naming the file, if it cannot be read, or holds no such attempt.
     """
     try:
         attempts = json.loads(path.read_text(encoding="utf-8"))["attempts"]

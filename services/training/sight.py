@@ -19,23 +19,15 @@ LATE, STOPPED, ANEW = "the rig was late", "the rig was stopped", "a part of the 
 class Sight:
     """Keeps the newest frames, and what they tell.
 
-    Parameters
-    ----------
-    spared
-        Processes of the rig that may be late, as no force waits for them.
-    ways, branch
-        Where the goal is a branch: the ways through the duct, and which of them.
+    Args:
+        spared: Processes of the rig that may be late, as no force waits for them.
+        ways, branch: Where the goal is a branch: the ways through the duct, and which of them.
 
-    Attributes
-    ----------
-    begins : int
-        How often the scene was begun again, as the gateway says; -1 not known yet.
-    held : tuple
-        Of each instrument what it holds: "catheter", "duct" or nothing.
-    force_n : float
-        Largest force on a tool.
-    pressed_s : float
-        For how long the first button of a device has been pressed.
+    Attributes:
+        begins: int. How often the scene was begun again, as the gateway says; -1 not known yet.
+        held: tuple. Of each instrument what it holds: "catheter", "duct" or nothing.
+        force_n: float. Largest force on a tool.
+        pressed_s: float. For how long the first button of a device has been pressed.
     """
 
     def __init__(self, spared: Collection[str] = (), ways: TubePaths | None = None, branch: str = "") -> None:

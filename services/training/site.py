@@ -25,16 +25,12 @@ Vec3 = tuple[float, float, float]
 class Site(msgspec.Struct, frozen=True, kw_only=True):
     """The duct at rest.
 
-    Attributes
-    ----------
-    mouth_m, inward, mouth_radius_m
-        Middle of the rim, the unit vector that leads in, and the rim's radius.
-    eye_m, looks_at_m
-        Place and aim of the endoscope; without them nobody is judged for leaving its view.
-    basis_hash, rim_gain
-        Mean outward way of the rim for each modal coordinate of this basis, in 1/sqrt(kg); empty where not known.
-    ways
-        From the mouth to each end that has a name: see `services.tube_paths`.
+    Attributes:
+        mouth_m, inward, mouth_radius_m: Middle of the rim, the unit vector that leads in, and the rim's radius.
+        eye_m, looks_at_m: Place and aim of the endoscope; without them nobody is judged for leaving its view.
+        basis_hash, rim_gain: Mean outward way of the rim for each modal coordinate of this basis, in 1/sqrt(kg); empty
+            where not known.
+        ways: From the mouth to each end that has a name: see `services.tube_paths`.
     """
 
     mouth_m: Vec3
@@ -47,12 +43,7 @@ class Site(msgspec.Struct, frozen=True, kw_only=True):
     ways: dict[str, tuple[Vec3, ...]] = {}
 
     def check_branch(self, name: str) -> None:
-        """Refuse the name of a branch that the duct has no way to.
-
-        Raises
-        ------
-        ConfigError
-        """
+        """Refuse, with a ConfigError, the name of a branch that the duct has no way to."""
         if name and name not in self.ways:
             raise ConfigError(f"goal.branch: the duct has no end {name!r}; it has: {', '.join(self.ways) or 'none'}")
 
@@ -66,17 +57,11 @@ _EYE = 0.85, 0.95, 0.95
 def site_of_duct(vertices_m: Values, triangles: Indices, modes: Values, basis_hash: str) -> Site:
     """Return the site of a duct as a recording carries it: `duct.npz`.
 
-    Parameters
-    ----------
-    vertices_m, triangles
-        (n, 3) and (t, 3).
-    modes
-        (n, 3, m); the held end has none.
+    Raises ValueError if it has no open end that moves.
 
-    Raises
-    ------
-    ValueError
-        It has no open end that moves.
+    Args:
+        vertices_m, triangles: (n, 3) and (t, 3).
+        modes: (n, 3, m); the held end has none.
     """
     rims = [rim for rim in _rims(triangles) if np.abs(modes[rim]).max() > 0.0]
     if not rims:
@@ -112,10 +97,7 @@ def site_of_duct(vertices_m: Values, triangles: Indices, modes: Values, basis_ha
 def read_site(attachment: bytes) -> Site:
     """Return the site of the attachment `duct.npz` of a recording.
 
-    Raises
-    ------
-    ValueError
-        It is not what the recorder attaches.
+    Raises ValueError if it is not what the recorder attaches.
     """
     try:
         with np.load(io.BytesIO(attachment), allow_pickle=False) as data:
@@ -142,11 +124,7 @@ def find_site(scene: str, overrides: Iterable[str] = ()) -> Site:
     """Return the site of a scene, found by a fork of this process: what is judged live runs none of the mechanics.
 
     A fork, as most of the time goes into imports that a process of the rig may have made already.
-
-    Raises
-    ------
-    ConfigError
-        one sentence, if the scene cannot be used.
+    Raises ConfigError: one sentence, if the scene cannot be used.
     """
     here, there = multiprocessing.Pipe(duplex=False)
     reader = multiprocessing.get_context("fork").Process(

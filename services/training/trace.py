@@ -54,12 +54,10 @@ class Trace:
 class Columns:
     """The series of a trace by name: times in s, lengths in m, forces in N; `names` are those of the hands.
 
-    Attributes
-    ----------
-    time_s, phase, inserted_m, tip_m, tissue_n, load_n
-        (n,) or (n, ...) of the situations; loads are those on the hands.
-    way_s, position_m, port_m
-        (k,), (k, 2, 3) and (k, 2, 3) of the devices.
+    Attributes:
+        time_s, phase, inserted_m, tip_m, tissue_n, load_n: (n,) or (n, ...) of the situations; loads are those on the
+            hands.
+        way_s, position_m, port_m: (k,), (k, 2, 3) and (k, 2, 3) of the devices.
     """
 
     def __init__(self, rows: Values, ways: Values, names: list[str]) -> None:

@@ -29,20 +29,13 @@ _MOST_STEPS = 1000
 class Trainer:
     """What the training process does, without bus and clock.
 
-    Parameters
-    ----------
-    scenario
-        What attempts are made at; None for practice without a goal.
-    again_after_s
-        So long after a success the next attempt begins by itself; None: never.
-    spared
-        As of `Sight`.
-    judges
-        Returns a new judge of phases and errors, for each attempt as it begins to run; None: nobody judges.
-    rules
-        What an attempt that is judged is scored by, once it is done; None: by nothing.
-    ways
-        Through the duct, for a goal that is a branch.
+    Args:
+        scenario: What attempts are made at; None for practice without a goal.
+        again_after_s: So long after a success the next attempt begins by itself; None: never.
+        spared: As of `Sight`.
+        judges: Returns a new judge of phases and errors, for each attempt as it begins to run; None: nobody judges.
+        rules: What an attempt that is judged is scored by, once it is done; None: by nothing.
+        ways: Through the duct, for a goal that is a branch.
     """
 
     def __init__(

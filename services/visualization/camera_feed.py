@@ -22,10 +22,8 @@ _RATE_HZ = 30.0
 class CameraFeed:
     """Starts the worker when a picture is asked for and ends it when nobody has asked for a while.
 
-    Attributes
-    ----------
-    fault : str
-        Why the last request got no picture.
+    Attributes:
+        fault: str. Why the last request got no picture.
     """
 
     def __init__(self) -> None:

@@ -55,13 +55,7 @@ def encode_hello(layout: PictureLayout) -> str:
 
 
 def decode_hello(text: str) -> PictureLayout:
-    """Return the layout in a hello.
-
-    Raises
-    ------
-    ValueError
-        if it speaks another protocol.
-    """
+    """Return the layout in a hello. Raises ValueError if it speaks another protocol."""
     hello = json.loads(text)
     if hello.get("protocol") != PROTOCOL:
         raise ValueError(f"view protocol {hello.get('protocol')!r}, this is {PROTOCOL!r}")
@@ -96,10 +90,7 @@ def encode(picture: Picture, sent_ns: int) -> bytes:
 def decode(data: bytes, layout: PictureLayout) -> tuple[Picture, int]:
     """Return the picture in a frame of `layout`, and when it was sent.
 
-    Raises
-    ------
-    ValueError
-        if the frame has another length than the layout says.
+    Raises ValueError if the frame has another length than the layout says.
     """
     sequence, sent_ns, origin_ns, tick = _HEAD.unpack_from(data)
     values = np.frombuffer(data, "<f4", offset=_HEAD.size)

@@ -29,12 +29,10 @@ _USUAL = ForcepsScene()
 class Composer:
     """Keeps the newest frame of each topic and makes pictures of them.
 
-    Attributes
-    ----------
-    layout : PictureLayout
-        Of the next picture; a new object with a higher epoch whenever duct, catheter or tools change.
-    refused : int
-        Frames whose duct is of another basis, or does not fit this one.
+    Attributes:
+        layout: PictureLayout. Of the next picture; a new object with a higher epoch whenever duct, catheter or tools
+            change.
+        refused: int. Frames whose duct is of another basis, or does not fit this one.
     """
 
     def __init__(

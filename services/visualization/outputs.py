@@ -20,10 +20,8 @@ from services.visualization.picture import Picture, PictureLayout
 class Output:
     """A place where pictures go; by itself nowhere: what a headless run without a page costs.
 
-    Attributes
-    ----------
-    closed : bool
-        Whether a person has closed it.
+    Attributes:
+        closed: bool. Whether a person has closed it.
     """
 
     def __init__(self, painted: LatencyPath) -> None:
@@ -62,10 +60,7 @@ class Output:
 class WebOutput(Output):
     """Streams pictures to browsers, which draw them.
 
-    Raises
-    ------
-    UserError
-        if the view's port is taken, or the web packages are not installed.
+    Raises UserError if the view's port is taken, or the web packages are not installed.
     """
 
     def __init__(self, settings: ViewSettings, painted: LatencyPath, log: logging.Logger, hands: PageHands) -> None:
@@ -117,10 +112,7 @@ class WebOutput(Output):
 def open_output(settings: ViewSettings, painted: LatencyPath, log: logging.Logger, hands: PageHands) -> Output:
     """Return the output that the rig file's ``visualization.viewer`` asks for.
 
-    Raises
-    ------
-    UserError
-        if a window is asked for where there is no display, or the view's port is taken.
+    Raises UserError if a window is asked for where there is no display, or the view's port is taken.
     """
     viewer = settings.viewer
     if viewer == "auto":

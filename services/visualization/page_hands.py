@@ -43,17 +43,12 @@ class Page(Protocol):
 class PageHands:
     """Lets pages move the instruments that follow one.
 
-    Parameters
-    ----------
-    followers
-        Names of the instruments whose arm is driven by the page.
-    publish
-        Called with what a page asks for.
-    devices
-        Returns what the gateway last said, None before it has: where a hand that takes the instruments finds them. When
-        the scene has begun again a page is told so, and where they are then.
-    token_sha256
-        Returns the hash of the session's token as the supervisor tells it, empty while it is not known.
+    Args:
+        followers: Names of the instruments whose arm is driven by the page.
+        publish: Called with what a page asks for.
+        devices: Returns what the gateway last said, None before it has: where a hand that takes the instruments finds
+            them. When the scene has begun again a page is told so, and where they are then.
+        token_sha256: Returns the hash of the session's token as the supervisor tells it, empty while it is not known.
     """
 
     def __init__(

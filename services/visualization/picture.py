@@ -31,20 +31,14 @@ class ToolShape:
 class PictureLayout:
     """Everything that a renderer must know before the first picture.
 
-    Attributes
-    ----------
-    epoch : int
-        Goes up with every change; a picture belongs to one epoch.
-    rest_m : (n, 3) float32
-        Undeformed mid-surface of the duct: where the tissue's grain is anchored. Empty until the duct is known.
-    triangles : (t, 3) int32
-        Counter-clockwise seen from outside.
-    thickness_m : float
-        Of the wall, half on each side of the mid-surface.
-    mouth, clamped : tuple of int
-        Nodes of the free rim and of the held one; empty on a surface that names none.
-    n_particles : int
-        Of the catheter.
+    Attributes:
+        epoch: int. Goes up with every change; a picture belongs to one epoch.
+        rest_m: (n, 3) float32. Undeformed mid-surface of the duct: where the tissue's grain is anchored. Empty until
+            the duct is known.
+        triangles: (t, 3) int32. Counter-clockwise seen from outside.
+        thickness_m: float. Of the wall, half on each side of the mid-surface.
+        mouth, clamped: tuple of int. Nodes of the free rim and of the held one; empty on a surface that names none.
+        n_particles: int. Of the catheter.
     """
 
     epoch: int
@@ -63,18 +57,13 @@ class PictureLayout:
 class Picture:
     """One picture, world frame, SI units.
 
-    Attributes
-    ----------
-    points_m : (n, 3) float32
-        Mid-surface of the duct.
-    centreline_m : (m, 3) float32
-        Catheter particles, tip last.
-    poses : (k, 7) float32
-        Junction J and quaternion wxyz of each tool: x along the shaft from the port, y the way jaw A opens.
-    jaw_rad : (k,) float32
-        Opening between both jaws.
-    force_n : (k, 3) float32
-        Force of the tissue on each tool.
+    Attributes:
+        points_m: (n, 3) float32. Mid-surface of the duct.
+        centreline_m: (m, 3) float32. Catheter particles, tip last.
+        poses: (k, 7) float32. Junction J and quaternion wxyz of each tool: x along the shaft from the port, y the way
+            jaw A opens.
+        jaw_rad: (k,) float32. Opening between both jaws.
+        force_n: (k, 3) float32. Force of the tissue on each tool.
     """
 
     epoch: int

@@ -38,14 +38,10 @@ class Effects:
 class Renderer:
     """A pyvista scene that follows layouts and pictures. One thread makes it and draws with it: contexts demand that.
 
-    Parameters
-    ----------
-    off_screen
-        Draw without a window.
-    size
-        Width and height in pixels.
-    effects
-        What the picture is worth at first.
+    Args:
+        off_screen: Draw without a window.
+        size: Width and height in pixels.
+        effects: What the picture is worth at first.
     """
 
     def __init__(self, *, off_screen: bool, size: tuple[int, int] = (800, 600), effects: Effects | None = None) -> None:

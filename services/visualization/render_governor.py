@@ -44,10 +44,8 @@ SOFTWARE_RUNG = 2
 class RenderGovernor:
     """Follows how long pictures take, and says which of `RUNGS` to take.
 
-    Parameters
-    ----------
-    software
-        Whether the processor draws.
+    Args:
+        software: Whether the processor draws.
     """
 
     def __init__(self, *, software: bool) -> None:

@@ -28,13 +28,7 @@ def read(stream: BinaryIO) -> tuple[bytes, bytes] | None:
 
 
 async def read_message(stream: asyncio.StreamReader) -> tuple[bytes, bytes]:
-    """Return kind and bytes of the next message.
-
-    Raises
-    ------
-    asyncio.IncompleteReadError
-        if the stream ends first.
-    """
+    """Return kind and bytes of the next message. Raises asyncio.IncompleteReadError if the stream ends first."""
     kind, length = _HEAD.unpack(await stream.readexactly(_HEAD.size))
     return kind, await stream.readexactly(length)
 

@@ -44,10 +44,7 @@ class Wish(msgspec.Struct, tag="want", tag_field="type", frozen=True):
 class ViewServer:
     """WebSockets ``/ws`` and ``/hands``, ``/snapshot.png`` and ``/camera.mjpeg`` on the view's port.
 
-    Raises
-    ------
-    UserError
-        if the port is taken.
+    Raises UserError if the port is taken.
     """
 
     def __init__(self, settings: ViewSettings, feeds: Feeds, camera: CameraFeed, hands: PageHands) -> None:

@@ -14,12 +14,9 @@ REFINED_UP_TO = 3_000
 def refine(triangles: IntArray, n_points: int) -> tuple[IntArray, IntArray]:
     """Split every triangle in four.
 
-    Returns
-    -------
-    edges : (m, 2)
-        Ends of the edge on which each new vertex lies; vertex ``n_points + i`` is on edge i.
-    fine : (4 t, 3)
-        Triangles, wound as those they came from.
+    Returns:
+        edges: (m, 2). Ends of the edge on which each new vertex lies; vertex ``n_points + i`` is on edge i.
+        fine: (4 t, 3). Triangles, wound as those they came from.
     """
     a, b, c = triangles.T
     pairs = np.sort(np.stack([np.stack([a, b]), np.stack([b, c]), np.stack([c, a])]), axis=1)
@@ -40,23 +37,15 @@ def boundary(triangles: IntArray) -> IntArray:
 class ThickWall:
     """Outer and inner face and rim of a wall round a mid-surface.
 
-    Parameters
-    ----------
-    rest_m, triangles
-        Mid-surface (n, 3) and its triangles (t, 3), counter-clockwise seen from outside.
-    thickness_m
-        Half of it lies on each side.
-    fine
-        Whether each triangle is drawn as four, on the curved surface through its corners; up to `REFINED_UP_TO`.
+    Args:
+        rest_m, triangles: Mid-surface (n, 3) and its triangles (t, 3), counter-clockwise seen from outside.
+        thickness_m: Half of it lies on each side.
+        fine: Whether each triangle is drawn as four, on the curved surface through its corners; up to `REFINED_UP_TO`.
 
-    Attributes
-    ----------
-    triangles : (u, 3) int32
-        Of the drawn surface, whose vertices `update` writes.
-    outer : (v, 3) int32
-        Of its outer face.
-    n_middle, n_points : int
-        How many vertices the outer face has, the first, and the whole surface.
+    Attributes:
+        triangles: (u, 3) int32. Of the drawn surface, whose vertices `update` writes.
+        outer: (v, 3) int32. Of its outer face.
+        n_middle, n_points: int. How many vertices the outer face has, the first, and the whole surface.
     """
 
     def __init__(self, rest_m: Float32Array, triangles: IntArray, thickness_m: float, *, fine: bool) -> None:

@@ -32,10 +32,7 @@ _MARGIN_NS = 1_500_000  # asyncio rounds its waits up to milliseconds; the rest 
 class WindowOutput(Output):
     """A pyvista window that the trainee's monitor shows.
 
-    Raises
-    ------
-    UserError
-        if there is no display, pyvista is not installed, or no window opens.
+    Raises UserError if there is no display, pyvista is not installed, or no window opens.
     """
 
     def __init__(self, painted: LatencyPath, log: logging.Logger) -> None:

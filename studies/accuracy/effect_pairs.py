@@ -29,15 +29,13 @@ _WITHIN_NOISE = "0.55"
 class Matrix:
     """One quantity of all effects and pairs, as it differs from what is unchanged.
 
-    Attributes
-    ----------
-    title : str
-    unit : str
-    values : (n, n) float64
-        Symmetric; on the diagonal each effect alone. Not finite where two do not go together or were not tried.
-    noise : (n, n) float64
-        What a value may be by chance: zero but of costs.
-    is_signed : bool
+    Attributes:
+        title: str
+        unit: str
+        values: (n, n) float64. Symmetric; on the diagonal each effect alone. Not finite where two do not go together or
+            were not tried.
+        noise: (n, n) float64. What a value may be by chance: zero but of costs.
+        is_signed: bool
     """
 
     title: str

@@ -17,19 +17,12 @@ from studies.result_folder import read_as_ours
 class StudyLog:
     """Results in a folder: one line of JSON each, references as arrays.
 
-    Attributes
-    ----------
-    errors : dict
-        By study and setting, then by quantity.
-    costs : dict
-        By study, then by setting.
-    timed : set
-        Studies and groups of settings of which the costs are known.
+    Raises ValueError if the folder holds results of another size, seed or code.
 
-    Raises
-    ------
-    ValueError
-        The folder holds results of another size, seed or code.
+    Attributes:
+        errors: dict. By study and setting, then by quantity.
+        costs: dict. By study, then by setting.
+        timed: set. Studies and groups of settings of which the costs are known.
     """
 
     def __init__(self, folder: Path, draw: Draw, code: str) -> None:

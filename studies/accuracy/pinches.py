@@ -33,11 +33,9 @@ ALPHA_1_S, BETA_S = 20.0, 2e-4
 class Pinch:
     """Opposite unit forces on both sides of the middle of a straight duct, spread over nodes.
 
-    Attributes
-    ----------
-    nodes : (k,) int32
-    forces_n : (k, 3) float64
-        1 N inwards on either side.
+    Attributes:
+        nodes: (k,) int32
+        forces_n: (k, 3) float64. 1 N inwards on either side.
     """
 
     nodes: IntArray

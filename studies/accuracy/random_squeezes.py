@@ -30,11 +30,9 @@ TICKS = 300
 class Answers:
     """What the nonlinear shell answers to some loads, at points on the way of each; nan where it found none.
 
-    Attributes
-    ----------
-    force_n : (loads, points) float64
-    moved_m : (loads, points) float64
-        How far the jaws have moved.
+    Attributes:
+        force_n: (loads, points) float64
+        moved_m: (loads, points) float64. How far the jaws have moved.
     """
 
     force_n: FloatArray

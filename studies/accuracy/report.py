@@ -49,11 +49,7 @@ def write_report(rows: Sequence[Row], names: Sequence[str], facts: Facts, figure
 
     Those are the rows of each study and the figures that lie in ``figures``. Studies of the folder that are not among
     ``names`` stay as they are, with what they were made with.
-
-    Raises
-    ------
-    ValueError
-        The folder holds a study that cannot be read.
+    Raises ValueError if the folder holds a study that cannot be read.
     """
     folder = path.with_suffix("")
     folder.mkdir(parents=True, exist_ok=True)
@@ -69,10 +65,7 @@ def write_report(rows: Sequence[Row], names: Sequence[str], facts: Facts, figure
 def page_of(folder: Path) -> str:
     """Return the page that the studies of a folder make up.
 
-    Raises
-    ------
-    ValueError
-        The folder holds a study that cannot be read.
+    Raises ValueError if the folder holds a study that cannot be read.
     """
     files = {name: folder / f"{name}.json" for name in study_names()}
     sections = {name: read_section(file) for name, file in files.items() if file.exists()}

@@ -28,13 +28,7 @@ def write_section(rows: Sequence[Row], facts: Facts, path: Path) -> None:
 
 
 def read_section(path: Path) -> Section:
-    """Read them again.
-
-    Raises
-    ------
-    ValueError
-        The file holds something else.
-    """
+    """Read them again. Raises ValueError if the file holds something else."""
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
         rows = tuple(_row(each) for each in data["rows"])

@@ -43,16 +43,11 @@ class Draw:
 class Setting:
     """One point of a study.
 
-    Attributes
-    ----------
-    name : str
-        Tells it from all others of its study.
-    choices : mapping
-        What was chosen, by the names that a scene file has for it where it has one.
-    series : str
-        Settings of one series are drawn alike.
-    group : str
-        Settings of one group are timed in turns; others would only push one another out of the caches.
+    Attributes:
+        name: str. Tells it from all others of its study.
+        choices: mapping. What was chosen, by the names that a scene file has for it where it has one.
+        series: str. Settings of one series are drawn alike.
+        group: str. Settings of one group are timed in turns; others would only push one another out of the caches.
     """
 
     name: str
@@ -65,14 +60,11 @@ class Setting:
 class Error:
     """How far one quantity is from the reference.
 
-    Attributes
-    ----------
-    value : float
-        In ``unit``; not finite where the setting did not come through.
-    unit : str
-    is_known : bool
-        False where nothing is an error, as in what an effect changes, or nothing is to be chosen between: such points
-        have no frontier.
+    Attributes:
+        value: float. In ``unit``; not finite where the setting did not come through.
+        unit: str
+        is_known: bool. False where nothing is an error, as in what an effect changes, or nothing is to be chosen
+            between: such points have no frontier.
     """
 
     value: float
@@ -127,13 +119,7 @@ def study_names() -> list[str]:
 
 
 def load_study(name: str) -> Study:
-    """Return a study.
-
-    Raises
-    ------
-    ValueError
-        There is none of that name; the message lists those there are.
-    """
+    """Return a study. Raises ValueError if there is none of that name; the message lists those there are."""
     if name not in study_names():
         raise ValueError(f"there is no study '{name}'; known: {', '.join(study_names())}")
     return cast(Study, import_module(f"{sweeps.__name__}.{name}"))
@@ -143,11 +129,9 @@ def load_study(name: str) -> Study:
 class Cost:
     """Time of a millisecond of the scene, in microseconds.
 
-    Attributes
-    ----------
-    median_us, p99_us : float
-    noise_us : float
-        Half the range of the medians of interleaved repeats.
+    Attributes:
+        median_us, p99_us: float
+        noise_us: float. Half the range of the medians of interleaved repeats.
     """
 
     median_us: float

@@ -31,14 +31,12 @@ STILL_TIP_M, STILL_WALL = 1e-6, 1e-8
 class Run:
     """What the hands feel and the eye sees, once a millisecond.
 
-    Attributes
-    ----------
-    force_n : (k, 2, 4) float64
-        On both tools, and what their jaws press apart with at their tips: a pinch is hardly felt by anything else.
-    tip_m : (k, 3) float64
-        Way of the catheter's tip from where it began.
-    wall : (k,) float64
-        Norm of the modal coordinates: the wall's root mean square displacement, weighted by its mass, on any mesh.
+    Attributes:
+        force_n: (k, 2, 4) float64. On both tools, and what their jaws press apart with at their tips: a pinch is hardly
+            felt by anything else.
+        tip_m: (k, 3) float64. Way of the catheter's tip from where it began.
+        wall: (k,) float64. Norm of the modal coordinates: the wall's root mean square displacement, weighted by its
+            mass, on any mesh.
     """
 
     force_n: FloatArray

@@ -71,14 +71,10 @@ class Rung:
 class Tuned:
     """What came of it.
 
-    Attributes
-    ----------
-    rungs : list of Rung
-        From the finest down to the one that fits.
-    ladder : tuple of QualityLevel
-        Of the last rung, what can be switched while it runs: the best first.
-    fits : bool
-        Whether the last rung keeps the budget; else it is the cheapest there is.
+    Attributes:
+        rungs: list of Rung. From the finest down to the one that fits.
+        ladder: tuple of QualityLevel. Of the last rung, what can be switched while it runs: the best first.
+        fits: bool. Whether the last rung keeps the budget; else it is the cheapest there is.
     """
 
     rungs: list[Rung]
@@ -152,15 +148,11 @@ def tune(scene: SceneModel, budget_us: float, bench: TrialBench, tell: Tell) -> 
 
     What seems to free no more time than the noise is given up last, and only where all else is not enough.
 
-    Parameters
-    ----------
-    scene : SceneModel
-        Its hands do what it is judged by.
-    budget_us : float
-        For the median of a tick.
-    bench : Bench
-    tell : callable
-        Told what is being done, how much of it is done, and of how much.
+    Args:
+        scene: SceneModel. Its hands do what it is judged by.
+        budget_us: float. For the median of a tick.
+        bench: Bench
+        tell: callable. Told what is being done, how much of it is done, and of how much.
     """
     best = finest(scene)
     tell("reference", 0, 1)

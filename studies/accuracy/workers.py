@@ -60,10 +60,7 @@ class _Cluster:
 def open_workers(jobs: int, scheduler: str | None) -> Iterator[Workers]:
     """Open ``jobs`` processes here, or connect to the scheduler of a cluster.
 
-    Raises
-    ------
-    ConnectionError
-        There is no scheduler at that address.
+    Raises ConnectionError if there is no scheduler at that address.
     """
     if scheduler is not None:
         from distributed import Client

@@ -39,19 +39,12 @@ class Stages:
 def fem_command(file: Path, json_file: Path | None = None, vtu_file: Path | None = None) -> None:
     """Solve the case in a file and print what it gives.
 
-    Parameters
-    ----------
-    file
-        YAML, see `studies.fem.case.FemCase` and the examples in ``configs/fem``.
-    json_file, vtu_file
-        Where to write numbers for programs, and fields for ParaView.
+    Raises ConfigError: one sentence that names the file and the key or place. Raises UserError: what was found is
+    printed, but cannot be written.
 
-    Raises
-    ------
-    ConfigError
-        One sentence that names the file and the key or place.
-    UserError
-        What was found is printed, but cannot be written.
+    Args:
+        file: YAML, see `studies.fem.case.FemCase` and the examples in ``configs/fem``.
+        json_file, vtu_file: Where to write numbers for programs, and fields for ParaView.
     """
     targets.look_at_file("--json", json_file)
     targets.look_at_file("--vtu", vtu_file)

@@ -48,12 +48,8 @@ class Request:
 def run_haptics(request: Request) -> None:
     """Measure what is felt and write the page, with its figures in a folder beside it.
 
-    Raises
-    ------
-    ConfigError
-        A page in a folder that cannot be made, or that is closed to this user.
-    UserError
-        The disk is full.
+    Raises ConfigError: a page in a folder that cannot be made, or that is closed to this user. Raises UserError: the
+    disk is full.
     """
     targets.look_at_file("--out", request.out, makes_folder=True)
     figures = request.out.absolute().parent / request.out.stem
@@ -90,10 +86,7 @@ def _measure_running(file: Path, made_with: list[str]) -> None:
 def read_running(file: Path) -> Running | None:
     """Return what running processes were last seen to do, None if nobody has looked.
 
-    Raises
-    ------
-    UserError
-        The file is not one of ours.
+    Raises UserError if the file is not one of ours.
     """
     if not file.exists():
         return None

@@ -28,10 +28,7 @@ _STARTS_S, _INSERTS_S, _ENDS_S, _LOOK_S = 300.0, 60.0, 20.0, 0.005
 def run_insertion(directory: Path) -> tuple[list[GatewayState], list[PhysicsState]]:
     """Run the rig in `directory`, which is empty, until 20 mm are in; return all that gateway and physics said.
 
-    Raises
-    ------
-    UserError
-        The rig does not come up, or the catheter does not go in.
+    Raises UserError if the rig does not come up, or the catheter does not go in.
     """
     with _rig(directory) as (process, bus):
         said: list[GatewayState] = []

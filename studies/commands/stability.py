@@ -45,10 +45,7 @@ class Request:
 def run_stability(request: Request) -> None:
     """Run the suite, print its table, and end with exit code 1 if a case failed.
 
-    Raises
-    ------
-    ConfigError
-        An unknown family, a folder with results of something else, or a file that holds no results.
+    Raises ConfigError if an unknown family, a folder with results of something else, or a file that holds no results.
     """
     for name in request.families:
         if name not in FAMILIES:

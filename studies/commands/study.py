@@ -56,10 +56,7 @@ class Request:
 def run_study(request: Request) -> None:
     """Run studies and write table, figures and page into the folder; without a name, list what there is.
 
-    Raises
-    ------
-    ConfigError
-        An unknown study, a folder with results of something else, or a scheduler that does not answer.
+    Raises ConfigError: an unknown study, a folder with results of something else, or a scheduler that does not answer.
     """
     if not request.names:
         _list(request.json)

@@ -48,12 +48,8 @@ class Request:
 def run_tune(request: Request) -> None:
     """Tune a scene, print what was given up for what, and write it with its quality ladder.
 
-    Raises
-    ------
-    ConfigError
-        The scene, the budget or the name of the file cannot be used.
-    UserError
-        What was found is printed, but cannot be written.
+    Raises ConfigError if the scene, the budget or the name of the file cannot be used. Raises UserError: what was found
+    is printed, but cannot be written.
     """
     scene = _checked(request)
     tuned = _tuned(scene, request.budget_us)

@@ -47,25 +47,17 @@ FORCE_N, RATE_N_S = 3.0, 200.0
 class Attack:
     """One hand at one wall.
 
-    Attributes
-    ----------
-    stiffness_n_m
-        Of the wall, which lies in the middle of the workspace across z and pushes up.
-    bus_delay
-        Ticks from a pose to the model that answers it, at the servo.
-    lost
-        Part of the models that never come.
-    local
-        Whether stiffness travels, or only the force that the wall had when the model was made.
-    bounded
-        Whether a force gives no more than was put in.
-    hand_n_m, hand_n_s_m
-        Stiffness and damping of the hand.
-    depth_m, hertz
-        How far it goes to and fro across the wall, and how often.
-    cunning
-        0: a sinusoid with noise; 1: a hand that is stiff while the wall pushes it out, and lets go while it goes in.
-    seed
+    Attributes:
+        stiffness_n_m: Of the wall, which lies in the middle of the workspace across z and pushes up.
+        bus_delay: Ticks from a pose to the model that answers it, at the servo.
+        lost: Part of the models that never come.
+        local: Whether stiffness travels, or only the force that the wall had when the model was made.
+        bounded: Whether a force gives no more than was put in.
+        hand_n_m, hand_n_s_m: Stiffness and damping of the hand.
+        depth_m, hertz: How far it goes to and fro across the wall, and how often.
+        cunning: 0: a sinusoid with noise; 1: a hand that is stiff while the wall pushes it out, and lets go while it
+            goes in.
+        seed
     """
 
     stiffness_n_m: float
@@ -103,15 +95,11 @@ def random_attack(seed: int, *, local: bool = True, bounded: bool = True) -> Att
 class Book:
     """Energy of one attack, in J.
 
-    Attributes
-    ----------
-    servo_j
-        What the motors gave to the joints in all, the hand having left the wall: above 0 where more came out of the
-        servo than went in.
-    gained_j
-        The same without what the arm's own friction took: what is left for the hand.
-    moved_j
-        All that went to and fro through the motors: what these are to be compared with.
+    Attributes:
+        servo_j: What the motors gave to the joints in all, the hand having left the wall: above 0 where more came out
+            of the servo than went in.
+        gained_j: The same without what the arm's own friction took: what is left for the hand.
+        moved_j: All that went to and fro through the motors: what these are to be compared with.
     """
 
     servo_j: float
@@ -201,10 +189,8 @@ def _friction_j(angles: FloatArray, then: FloatArray, rates: FloatArray, rates_t
 def servo_settings(*, bounded: bool = True) -> tuple[FloatArray, FloatArray]:
     """Return the limits of the servo law, and its present as of a model that has just come: `layout` has their places.
 
-    Parameters
-    ----------
-    bounded
-        Whether a force gives no more than was put in; else the law takes the arm's friction for endless.
+    Args:
+        bounded: Whether a force gives no more than was put in; else the law takes the arm's friction for endless.
     """
     limits, now = np.zeros(LIMIT_SIZE), np.zeros(NOW_SIZE)
     own = premium_model.COUNT_M, premium_model.FRICTION_N if bounded else math.inf

@@ -22,14 +22,10 @@ def search(
 ) -> tuple[FloatArray, FloatArray]:
     """Return all points (n, dimensions) that a search for the largest value has looked at, and their values (n,).
 
-    Parameters
-    ----------
-    value
-        Of points (n, dimensions) in the unit cube: (n,).
-    generations
-        At most; a search that has come to rest ends before.
-    size
-        Points in a generation; none: 4 + 3 ln n, as the tutorial has it.
+    Args:
+        value: Of points (n, dimensions) in the unit cube: (n,).
+        generations: At most; a search that has come to rest ends before.
+        size: Points in a generation; none: 4 + 3 ln n, as the tutorial has it.
     """
     random, n = np.random.default_rng(seed), dimensions
     size = size or 4 + int(3 * math.log(n))

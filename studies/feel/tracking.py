@@ -50,15 +50,11 @@ class Apart(msgspec.Struct, frozen=True):
 class Pinched(msgspec.Struct, frozen=True):
     """A pinch at rest.
 
-    Attributes
-    ----------
-    force_n
-        On the forceps, as solved.
-    wall
-        By how much more work the full finite elements' wall takes up under the same loads, relative.
-    applied
-        How far the arm's force is from the solved one, relative. All are means over the time of rest, since an encoder
-        that counts to and fro moves the tool along the wall by more than is felt there.
+    Attributes:
+        force_n: On the forceps, as solved.
+        wall: By how much more work the full finite elements' wall takes up under the same loads, relative.
+        applied: How far the arm's force is from the solved one, relative. All are means over the time of rest, since an
+            encoder that counts to and fro moves the tool along the wall by more than is felt there.
     """
 
     force_n: float
@@ -69,12 +65,9 @@ class Pinched(msgspec.Struct, frozen=True):
 class Running(msgspec.Struct, frozen=True):
     """An insertion through running processes.
 
-    Attributes
-    ----------
-    lost
-        Ticks of the rig's clock that nobody told of, or that were not simulated one by one.
-    made_with
-        Command, code, date, machine, as lines.
+    Attributes:
+        lost: Ticks of the rig's clock that nobody told of, or that were not simulated one by one.
+        made_with: Command, code, date, machine, as lines.
     """
 
     ticks: int
@@ -88,13 +81,10 @@ class Running(msgspec.Struct, frozen=True):
 class Tracked:
     """How far apart forces are, as shares of the largest of each tool; (tools, ticks).
 
-    Attributes
-    ----------
-    solved : (tools, ticks)
-        What physics found, against the mechanics alone.
-    applied : (tools, ticks)
-        What the arms applied two ticks later.
-    lost : int
+    Attributes:
+        solved: (tools, ticks). What physics found, against the mechanics alone.
+        applied: (tools, ticks). What the arms applied two ticks later.
+        lost: int
     """
 
     solved: FloatArray
@@ -152,11 +142,7 @@ def find_pinch(
 
     The wall is linear: the force that a given indentation takes goes as the loads' work on what they displace. What the
     wall hangs by its own weight is taken off.
-
-    Raises
-    ------
-    UserError
-        Who looked on came too late to see the duct untouched.
+    Raises UserError: who looked on came too late to see the duct untouched.
     """
     scene, duct = wall
     touches = (k for k, body in enumerate(states) if (body.contacts.kind.view() == _CATHETER_ON_DUCT).any())

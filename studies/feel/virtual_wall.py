@@ -44,16 +44,11 @@ _LONGEST_DELAY = 256
 class VirtualWall:
     """A device and the wall that it meets.
 
-    Attributes
-    ----------
-    stiffness_n_m, damping_n_s_m
-        Of the wall, K and B.
-    mass_kg, friction_n_s_m
-        Of the device, m and b.
-    period_s
-        T: how often the servo runs.
-    delay
-        Whole periods from reading the position to applying the force that answers it.
+    Attributes:
+        stiffness_n_m, damping_n_s_m: Of the wall, K and B.
+        mass_kg, friction_n_s_m: Of the device, m and b.
+        period_s: T: how often the servo runs.
+        delay: Whole periods from reading the position to applying the force that answers it.
     """
 
     stiffness_n_m: float

@@ -26,17 +26,12 @@ def trace_arc_length(
 ) -> list[PathPoint]:
     """Equilibria along the path until the load is full; the last one is found at the full load.
 
-    Parameters
-    ----------
-    shell, load, settings, on_point
-        As in `services.mechanics.fem.nonlinear.trace_path`; the first step is as long as that of the load would be.
-    most_points
-        After which the path is given up.
+    Raises ValueError if the path cannot be followed; the message says how far it went.
 
-    Raises
-    ------
-    ValueError
-        The path cannot be followed; the message says how far it went.
+    Args:
+        shell, load, settings, on_point: As in `services.mechanics.fem.nonlinear.trace_path`; the first step is as long
+            as that of the load would be.
+        most_points: After which the path is given up.
     """
     settings = settings or PathSettings()
     newton = Newton(shell, load, settings.tolerance)
@@ -69,14 +64,10 @@ def trace_arc_length(
 class ArcState:
     """A point of the path, and the step that led to it.
 
-    Attributes
-    ----------
-    part, at, reaction, iterations, residual
-        See `equilibrium.PathPoint`.
-    last
-        (6 n,) the step that led here, zero at the start; the next one goes on in its direction.
-    length
-        Norm of the next step's translations in m.
+    Attributes:
+        part, at, reaction, iterations, residual: See `equilibrium.PathPoint`.
+        last: (6 n,) the step that led here, zero at the start; the next one goes on in its direction.
+        length: Norm of the next step's translations in m.
     """
 
     part: float
@@ -113,13 +104,7 @@ class ArcLength:
         return ArcState(0.0, at, zero.reshape(-1, 6), 0, 0.0, zero, length)
 
     def advance(self, state: ArcState) -> ArcState:
-        """Next point of the path.
-
-        Raises
-        ------
-        NotConvergedError
-            None was found at this length.
-        """
+        """Next point of the path. Raises NotConvergedError if none was found at this length."""
         newton, at, part = self._newton, state.at, state.part
         _, by_load = self._directions(at, part, None)
         delta = state.length / float(np.linalg.norm(by_load[self._is_translation]))

@@ -23,12 +23,9 @@ SHIFT = 0.9
 class BucklingModes:
     """Lowest load factors in ascending order, with the shapes that the shell buckles into.
 
-    Attributes
-    ----------
-    load_factor
-        (k,) positive multiples of the load; above the first the shell is unstable.
-    Phi
-        (n, 3, k) translations, the largest of each shape 1; zero at held dofs.
+    Attributes:
+        load_factor: (k,) positive multiples of the load; above the first the shell is unstable.
+        Phi: (n, 3, k) translations, the largest of each shape 1; zero at held dofs.
     """
 
     load_factor: FloatArray
@@ -42,20 +39,13 @@ def compute_buckling(
 
     The state before buckling is the linear one: displacements are taken as small until then, so a shell that buckles
     at large deflections, or by imperfections as thin cylinders under axial load do, fails earlier than its factor.
+    Raises ValueError if no positive multiple of the load buckles the shell while strains are small, or the model is
+    ill-conditioned.
 
-    Parameters
-    ----------
-    model, solution
-        The shell, and its equilibrium under the load.
-    n_modes
-        How many factors; fewer come back where fewer are positive.
-    pressure_pa
-        The part of the load that is a pressure inside: it stays normal to the wall as that moves.
-
-    Raises
-    ------
-    ValueError
-        No positive multiple of the load buckles the shell while strains are small, or the model is ill-conditioned.
+    Args:
+        model, solution: The shell, and its equilibrium under the load.
+        n_modes: How many factors; fewer come back where fewer are positive.
+        pressure_pa: The part of the load that is a pressure inside: it stays normal to the wall as that moves.
     """
     free = model.free_dofs
     if len(free) < 2:

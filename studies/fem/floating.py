@@ -26,12 +26,9 @@ from services.mechanics.surface.mesh import TriangleMesh, vertex_components
 class Floating:
     """What a shell's supports leave free to move rigidly.
 
-    Attributes
-    ----------
-    motions
-        (6 n, k) displacements and rotations of all dofs in each rigid motion, zero at held dofs.
-    pins
-        (k,) dofs 6 * node + component which, held too, would stop just these motions.
+    Attributes:
+        motions: (6 n, k) displacements and rotations of all dofs in each rigid motion, zero at held dofs.
+        pins: (k,) dofs 6 * node + component which, held too, would stop just these motions.
     """
 
     motions: FloatArray
@@ -75,19 +72,12 @@ def compute_floating_modes(
 ) -> EigenModes:
     """Lowest ``n_modes`` of the shell without its pins: the rigid motions at zero, then the elastic ones.
 
-    Parameters
-    ----------
-    pinned
-        The shell, its supports and the pins held, by elimination.
-    floating
-        The rigid motions, and the pins.
-    n_modes, on_solve
-        As `compute_modes`.
+    Raises ValueError if more modes are asked for than the shell has free translations, or the model is ill-conditioned.
 
-    Raises
-    ------
-    ValueError
-        More modes are asked for than the shell has free translations, or the model is ill-conditioned.
+    Args:
+        pinned: The shell, its supports and the pins held, by elimination.
+        floating: The rigid motions, and the pins.
+        n_modes, on_solve: As `compute_modes`.
     """
     moves = np.union1d(pinned.free_dofs, floating.pins)
     translations = moves[moves % 6 < 3]

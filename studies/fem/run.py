@@ -81,10 +81,7 @@ class FemResult:
 def solve_case(case: FemCase, folder: Path, on_stage: OnStage = _silent) -> FemResult:
     """Solve a case whose file lies in ``folder``, from where relative mesh paths count.
 
-    Raises
-    ------
-    ValueError
-        One sentence that names the key, the mesh file or the place that is wrong.
+    Raises ValueError: one sentence that names the key, the mesh file or the place that is wrong.
     """
     try:
         return _solve(case, folder, on_stage)

@@ -10,13 +10,7 @@ from studies.fem.case import Where
 
 
 def select(mesh: TriangleMesh, where: Where, key: str) -> IntArray:
-    """Vertices that a selector names.
-
-    Raises
-    ------
-    ValueError
-        It names none; the message says the key and what there is.
-    """
+    """Vertices that a selector names. Raises ValueError: it names none; the message says the key and what there is."""
     if where.vertex_set is not None:
         if where.vertex_set not in mesh.vertex_sets:
             known = ", ".join(mesh.vertex_sets) or "none"

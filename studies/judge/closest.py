@@ -100,14 +100,11 @@ def nearest_triangles(
 ) -> None:
     """Find how far segments are from all triangles.
 
-    Parameters
-    ----------
-    ends_m : (k, 2, 3)
-    reach_m : (k,)
-        What is farther away than this is of no interest.
-    vertices_m, triangles : (n, 3) and (m, 3)
-    out : (k, 3)
-        Written: the least distance in m, or `reach_m`; where on the segment (0 to 1); the triangle, or -1.
+    Args:
+        ends_m: (k, 2, 3)
+        reach_m: (k,). What is farther away than this is of no interest.
+        vertices_m, triangles: (n, 3) and (m, 3)
+        out: (k, 3). Written: the least distance in m, or `reach_m`; where on the segment (0 to 1); the triangle, or -1.
     """
     middles, around = _spheres_around(vertices_m, triangles)
     for i in range(ends_m.shape[0]):

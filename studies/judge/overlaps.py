@@ -34,14 +34,11 @@ class OverlapJudge:
     Jaws that squeeze the wall leave it as much room as there is between them, shared by the layers that the line
     between their middles passes through: what they have squeezed away is no overlap.
 
-    Parameters
-    ----------
-    simulation : Simulation
+    Args:
+        simulation: Simulation
 
-    Attributes
-    ----------
-    deepest : Depths
-        Of all looks so far.
+    Attributes:
+        deepest: Depths. Of all looks so far.
     """
 
     def __init__(self, simulation: Simulation) -> None:

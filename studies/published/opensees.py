@@ -18,13 +18,7 @@ BUNDLED_LIBRARIES = ("libquadmath.so.0", "libgfortran.so.4", "libblas.so.3", "li
 
 
 def load_opensees() -> Any:
-    """Import OpenSeesPy.
-
-    Raises
-    ------
-    ImportError
-        It is not installed or its libraries do not load.
-    """
+    """Import OpenSeesPy. Raises ImportError if it is not installed or its libraries do not load."""
     bundled = Path(sysconfig.get_paths()["purelib"]) / "openseespylinux" / "lib"
     try:
         for name in BUNDLED_LIBRARIES:

@@ -50,12 +50,9 @@ def tip_errors_m(steps_s: tuple[float, ...], spectral_radius: float, finest_s: f
 class Spin(NamedTuple):
     """What half a second has done to a free rod that spins about its middle.
 
-    Attributes
-    ----------
-    momentum
-        Angular momentum over that at the start.
-    energy
-        Kinetic and elastic energy over that at the start, after every step.
+    Attributes:
+        momentum: Angular momentum over that at the start.
+        energy: Kinetic and elastic energy over that at the start, after every step.
     """
 
     momentum: float

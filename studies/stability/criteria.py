@@ -13,13 +13,10 @@ Figures = dict[str, float]
 class Criterion:
     """One number of a run, and the largest value that passes.
 
-    Attributes
-    ----------
-    what : str
-        What is measured and how, for the table's reader.
-    unit : str
-        "" for ratios and counts.
-    limit : float
+    Attributes:
+        what: str. What is measured and how, for the table's reader.
+        unit: str. "" for ratios and counts.
+        limit: float
     """
 
     what: str

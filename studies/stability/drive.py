@@ -39,22 +39,16 @@ FASTEST_M_S = 1.0
 class Play:
     """A run: a scene, the hands, and what is to be judged of it.
 
-    Attributes
-    ----------
-    scene : SceneModel
-    hands : HandMotions
-        One row a step; after the last one both tools are gone.
-    dt_s : float
-    before_step : callable (simulation, step), optional
-        What else happens, as a switch of the quality level.
-    mesh : TriangleMesh, optional
-        Of the wall, in the place of the scene's.
-    rests : bool
-        Whether it has to come to rest when the hands have left: what is undamped need not.
-    has_one_shape : bool
-        Whether there is one shape of rest, whatever happened: no friction, and nothing that slides for free.
-    may_jump : bool
-        Whether the hands or the ticks are other than those of a person: overlaps may be larger then.
+    Attributes:
+        scene: SceneModel
+        hands: HandMotions. One row a step; after the last one both tools are gone.
+        dt_s: float
+        before_step: callable (simulation, step), optional. What else happens, as a switch of the quality level.
+        mesh: TriangleMesh, optional. Of the wall, in the place of the scene's.
+        rests: bool. Whether it has to come to rest when the hands have left: what is undamped need not.
+        has_one_shape: bool. Whether there is one shape of rest, whatever happened: no friction, and nothing that slides
+            for free.
+        may_jump: bool. Whether the hands or the ticks are other than those of a person: overlaps may be larger then.
     """
 
     scene: SceneModel

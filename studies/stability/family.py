@@ -48,14 +48,10 @@ class Draw:
 class Family:
     """A kind of hard case.
 
-    Attributes
-    ----------
-    what : str
-        For the table's reader.
-    cases : callable
-        From a draw to the cases, cheap: ducts and simulations are built when a case runs.
-    may_heal : bool
-        Whether its input is one that no state can be expected to bear, so that a heal is no failure.
+    Attributes:
+        what: str. For the table's reader.
+        cases: callable. From a draw to the cases, cheap: ducts and simulations are built when a case runs.
+        may_heal: bool. Whether its input is one that no state can be expected to bear, so that a heal is no failure.
     """
 
     what: str

@@ -15,13 +15,12 @@ from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs
 class HandMotions:
     """Both hands in T steps.
 
-    Attributes
-    ----------
-    present : (T, 2) bool
-    position_m : (T, 2, 3) float64
-    jaw_angle_rad, roll_rad : (T, 2) float64
-    holds : tuple of GraspHold, or None
-        What the caller says that the jaws hold, in every step; None leaves grasping to the simulation.
+    Attributes:
+        present: (T, 2) bool
+        position_m: (T, 2, 3) float64
+        jaw_angle_rad, roll_rad: (T, 2) float64
+        holds: tuple of GraspHold, or None. What the caller says that the jaws hold, in every step; None leaves grasping
+            to the simulation.
     """
 
     present: BoolArray

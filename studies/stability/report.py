@@ -167,10 +167,9 @@ def _failed(failed: Sequence[Result]) -> list[str]:
 def changes(before: Iterable[Mapping[str, Any]], results: Sequence[Result]) -> str:
     """Return what became of cases that both runs have: how many failed then and now, and which differ.
 
-    Parameters
-    ----------
-    before : of the results that `trocar stability --json` has written
-    results : sequence of Result
+    Args:
+        before: of the results that `trocar stability --json` has written
+        results: sequence of Result
     """
     now = {(result.family, result.case): result.failed for result in results}
     then = {(each["family"], each["case"]): failures(each["figures"]) for each in before}

@@ -99,10 +99,7 @@ def run_cases(order: Order, cases: Iterable[tuple[str, str]], jobs: int) -> Iter
 class Log:
     """Results in a folder, one line of JSON each: what is there is not run again.
 
-    Raises
-    ------
-    ValueError
-        The folder holds results of another order, or of other code.
+    Raises ValueError if the folder holds results of another order, or of other code.
     """
 
     def __init__(self, folder: Path, order: Order, code: str) -> None:

@@ -105,10 +105,8 @@ def _begin(order: FloatArray, time_ns: int, enabled: bool, armed: int) -> None:
 def look(address: Address[Port], has_roll: bool, reading: FloatArray) -> int:
     """Take the newest message into `newest` of the port and write `reading`, see `servo_arrays`.
 
-    Returns
-    -------
-    int
-        `NOTHING`, `AS_BEFORE` or, where more than the reading is new, or the reading is not, `CHANGED`.
+    Returns:
+        int: `NOTHING`, `AS_BEFORE` or, where more than the reading is new, or the reading is not, `CHANGED`.
     """
     port = port_at(address)
     if take(port.seen, port.arriving) <= 0:

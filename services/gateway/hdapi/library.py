@@ -46,10 +46,7 @@ class ErrorInfo(ctypes.Structure):
 class Library:
     """A loaded HDAPI. The functions of C are attributes of `c`, with their types.
 
-    Raises
-    ------
-    DeviceError
-        one sentence, if it cannot be loaded or lacks a function.
+    Raises DeviceError: one sentence, if it cannot be loaded or lacks a function.
     """
 
     def __init__(self, path: str, where: str) -> None:
@@ -80,10 +77,7 @@ class Library:
     def open_device(self, name: str | None, where: str) -> int:
         """Return the handle of the device that the vendor's set-up calls `name`; None: its default device.
 
-        Raises
-        ------
-        DeviceError
-            one sentence.
+        Raises DeviceError: one sentence.
         """
         self.take_error()
         handle = int(self.c.hdInitDevice(None if name is None else name.encode()))

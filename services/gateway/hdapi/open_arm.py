@@ -23,12 +23,9 @@ from services.runtime.rig import Mount, Vector3
 class Terms:
     """What an arm is to keep to.
 
-    Attributes
-    ----------
-    centre_m
-        Middle of the workspace in the axes of the library: right, up, toward the user.
-    mount
-        Where the arm stands in the world.
+    Attributes:
+        centre_m: Middle of the workspace in the axes of the library: right, up, toward the user.
+        mount: Where the arm stands in the world.
     """
 
     max_force_n: float
@@ -42,16 +39,11 @@ class Terms:
 class OpenArm:
     """An arm that the scheduler serves.
 
-    Attributes
-    ----------
-    model : str
-        What the device says that it is, with its serial number.
-    style : Style
-        How it is calibrated.
-    nominal_max_force_n : float
-        What it says that it can bear.
-    has_roll : bool
-        Whether it measures how the stylus is turned.
+    Attributes:
+        model: str. What the device says that it is, with its serial number.
+        style: Style. How it is calibrated.
+        nominal_max_force_n: float. What it says that it can bear.
+        has_roll: bool. Whether it measures how the stylus is turned.
     """
 
     cell: ArmCell
@@ -65,10 +57,7 @@ class OpenArm:
 def open_arm(library: Library, name: str | None, terms: Terms, where: str) -> OpenArm:
     """Open the device that the vendor's set-up calls `name`; its motors are off. The scheduler stands still.
 
-    Raises
-    ------
-    DeviceError
-        one sentence, if it is not there.
+    Raises DeviceError: one sentence, if it is not there.
     """
     handle = library.open_device(name, where)
     c = library.c

@@ -16,12 +16,9 @@ _LET_GO_NS, _PATIENCE_NS = 200_000_000, 20_000_000_000
 class Reopening:
     """Of one arm, begun by being made. Nobody waits: `go_on` is called until it has ended.
 
-    Parameters
-    ----------
-    servo, cells
-        What the scheduler works on, None where it does not run, and all its arms.
-    open_it
-        Stops the scheduler, opens the arm, starts the scheduler, with all other arms in any case.
+    Args:
+        servo, cells: What the scheduler works on, None where it does not run, and all its arms.
+        open_it: Stops the scheduler, opens the arm, starts the scheduler, with all other arms in any case.
     """
 
     def __init__(

@@ -44,10 +44,7 @@ class Session:
     def join(self, name: str | None, terms: Terms, where: str) -> OpenArm:
         """Return the arm that the vendor's set-up calls `name`, served from now on; its motors are off.
 
-        Raises
-        ------
-        DeviceError
-            one sentence, if it is not there or another instrument has it.
+        Raises DeviceError: one sentence, if it is not there or another instrument has it.
         """
         self._settle()
         if name in self._users:
@@ -88,15 +85,12 @@ class Session:
 
         Every other hand is let go meanwhile, and comes back as after a doubt: see `applied_force`.
 
-        Parameters
-        ----------
-        armed
-            How often a person has armed the rig so far: that is no word on the posture of the arm as it is opened.
+        Args:
+            armed: How often a person has armed the rig so far: that is no word on the posture of the arm as it is
+                opened.
 
-        Returns
-        -------
-        Reopening or None
-            to be asked to `go_on`; none while another arm is being opened.
+        Returns:
+            Reopening or None: to be asked to `go_on`; none while another arm is being opened.
         """
         if self._reopening is not None and not self._reopening.ended:
             return None
@@ -176,10 +170,7 @@ _sessions: dict[str, Session] = {}
 def find_session(path: str, clock: Clock, where: str) -> Session:
     """Return the session of a library, loaded by the first who asks.
 
-    Raises
-    ------
-    DeviceError
-        one sentence, if it cannot be loaded.
+    Raises DeviceError: one sentence, if it cannot be loaded.
     """
     if path not in _sessions:
         _sessions[path] = Session(Library(path, where), clock)

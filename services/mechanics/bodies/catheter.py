@@ -44,23 +44,19 @@ touch_at = reader(CatheterTouch)
 class CatheterBody:
     """Particles of the catheter, from the proximal end (0) to the tip.
 
-    Attributes
-    ----------
-    state : RodState
-    start_m, motion_m : (n, 3) float64
-        Positions at the start of the step, and the motion over it without contact forces.
-    constant_force_n : (n, 3) float64
-        Loads that effects put on the particles once and for all.
-    external_force_n : (n, 3) float64
-        Loads that effects put on the particles in this step, the constant ones included.
-    contact_force_n : (n, 3) float64
-        Contact forces of the last step.
-    step_address : Address[FreeStep], touch_address : Address[CatheterTouch]
-        Where kernels find its loads, and room for the compliance of what is touched.
-    slept : bool
-        Whether this step left it where it was.
-    n_own_rows : int
-        Contact rows of this step that touch no other body: the introducer's friction. They do not wake it.
+    Attributes:
+        state: RodState
+        start_m, motion_m: (n, 3) float64. Positions at the start of the step, and the motion over it without contact
+            forces.
+        constant_force_n: (n, 3) float64. Loads that effects put on the particles once and for all.
+        external_force_n: (n, 3) float64. Loads that effects put on the particles in this step, the constant ones
+            included.
+        contact_force_n: (n, 3) float64. Contact forces of the last step.
+        step_address: Address[FreeStep], touch_address: Address[CatheterTouch]. Where kernels find its loads, and room
+            for the compliance of what is touched.
+        slept: bool. Whether this step left it where it was.
+        n_own_rows: int. Contact rows of this step that touch no other body: the introducer's friction. They do not wake
+            it.
     """
 
     def __init__(
@@ -297,13 +293,7 @@ def rod_supports(scene: CatheterScene) -> Supports:
 
 
 def build_introducer(scene: CatheterScene) -> Introducer:
-    """The introducer that the catheter starts in.
-
-    Raises
-    ------
-    ValueError
-        Where the catheter would start outside.
-    """
+    """The introducer that the catheter starts in. Raises ValueError where the catheter would start outside."""
     direction = np.asarray(scene.direction) / np.linalg.norm(scene.direction)
     exit_m = np.asarray(scene.tip_position_m) - scene.introducer_to_tip_m * direction
     entry_m = exit_m - scene.introducer_length_m * direction

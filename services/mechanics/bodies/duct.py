@@ -28,29 +28,23 @@ class DuctBody:
     (contact chatter). As an impulse the static response is the same, an impact is inelastic, and a
     lasting contact does no work on the duct in equilibrium.
 
-    Attributes
-    ----------
-    state : ModalState
-    modes : (3 C, r) float64
-        Rows of the modes at the contact points, world axes, d position / d q at the start of the step; valid for
-        the contacts of this step, as the next two.
-    displacement_m, motion_m : (C, 3) float64
-        Displacement of the contact points at the start of the step, and their motion over it without contact forces.
-    load_nodes : (L,) int32, load_force_n : (L, 3) float64, n_loads : int
-        Contact forces on nodes, each node once; they act through the residual compliance.
-    motion_address : Address[DuctMotion], loads_address : Address[DuctLoads]
-        Where kernels find what drives the modes, and what contacts do.
-    kept_address : Address[NodeArrays] or None
-        Where they find the compliance cached between nodes, if there is a cache.
-    modal_force : (r,) float64
-        Loads that effects put on the modes in this step, the constant ones included.
-    constant_modal_force : (r,) float64
-    modal_kick : (r,) float64
-        Force that effects applied as an impulse at the start of this step, as contacts do.
-    given_back : (r,) float64
-        Rates that `end_load` took back at the start of this step.
-    taken : (r,) float64
-        Change of the rates at the end of the last step, see `pay_for_impulses`.
+    Attributes:
+        state: ModalState
+        modes: (3 C, r) float64. Rows of the modes at the contact points, world axes, d position / d q at the start of
+            the step; valid for the contacts of this step, as the next two.
+        displacement_m, motion_m: (C, 3) float64. Displacement of the contact points at the start of the step, and their
+            motion over it without contact forces.
+        load_nodes: (L,) int32, load_force_n: (L, 3) float64, n_loads: int. Contact forces on nodes, each node once;
+            they act through the residual compliance.
+        motion_address: Address[DuctMotion], loads_address: Address[DuctLoads]. Where kernels find what drives the
+            modes, and what contacts do.
+        kept_address: Address[NodeArrays] or None. Where they find the compliance cached between nodes, if there is a
+            cache.
+        modal_force: (r,) float64. Loads that effects put on the modes in this step, the constant ones included.
+        constant_modal_force: (r,) float64
+        modal_kick: (r,) float64. Force that effects applied as an impulse at the start of this step, as contacts do.
+        given_back: (r,) float64. Rates that `end_load` took back at the start of this step.
+        taken: (r,) float64. Change of the rates at the end of the last step, see `pay_for_impulses`.
     """
 
     def __init__(self, reduced: ReducedDuct, integrator: ModalIntegrator, capacity: int) -> None:

@@ -25,19 +25,16 @@ OUTSIDE = -1.0
 class Lumen:
     """What a duct's wall and the caps over its openings enclose, moving with the modes, and a catheter in it.
 
-    Parameters
-    ----------
-    duct : ReducedDuct
-    n_particles : int
+    Args:
+        duct: ReducedDuct
+        n_particles: int
 
-    Attributes
-    ----------
-    inside : (n_particles,) int8
-        One where a particle is in the lumen, as of the last `follow`.
-    openings : tuple of str
-        Names of the openings, each a set of vertices of the mesh; empty where an opening has none.
-    entered_by : str
-        Name of the opening by which the part with the tip came in, as of the last `follow`; empty if none.
+    Attributes:
+        inside: (n_particles,) int8. One where a particle is in the lumen, as of the last `follow`.
+        openings: tuple of str. Names of the openings, each a set of vertices of the mesh; empty where an opening has
+            none.
+        entered_by: str. Name of the opening by which the part with the tip came in, as of the last `follow`; empty if
+            none.
     """
 
     def __init__(self, duct: ReducedDuct, n_particles: int) -> None:

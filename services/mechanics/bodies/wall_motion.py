@@ -24,12 +24,10 @@ from services.mechanics.reduction.residual.rotated_residual import RotatedResidu
 class PointCompliance:
     """Compliance and residual displacement of up to ``n_points`` contact points, without a cache.
 
-    Attributes
-    ----------
-    reduced : ReducedDuct
-        Its residual compliance acts along world axes.
-    kept_address : Address[NodeArrays] or None
-        Where kernels find the compliance cached between nodes, if there is a cache.
+    Attributes:
+        reduced: ReducedDuct. Its residual compliance acts along world axes.
+        kept_address: Address[NodeArrays] or None. Where kernels find the compliance cached between nodes, if there is a
+            cache.
     """
 
     kept_address: Address[NodeArrays] | None = None

@@ -19,12 +19,9 @@ import numpy.typing as npt
 class ArrayField:
     """An array; its word holds the address of the first item.
 
-    Attributes
-    ----------
-    dtype : str
-        As numpy names it.
-    extents : tuple of int or str
-        Numbers are fixed, names stand for extents that fields of one struct share.
+    Attributes:
+        dtype: str. As numpy names it.
+        extents: tuple of int or str. Numbers are fixed, names stand for extents that fields of one struct share.
     """
 
     word: int
@@ -79,13 +76,7 @@ class Layout:
 
 
 def layout_of(cls: type, struct_base: type) -> Layout:
-    """Read the annotations of ``cls``.
-
-    Raises
-    ------
-    TypeError
-        A field is no annotated array, number or struct.
-    """
+    """Read the annotations of ``cls``. Raises TypeError if a field is no annotated array, number or struct."""
     hints = {
         name: hint
         for name, hint in get_type_hints(cls, include_extras=True).items()
@@ -129,12 +120,8 @@ def _named_extents(fields: Iterator[Field]) -> Iterator[str]:
 def check_array(label: str, field: ArrayField, value: object) -> npt.NDArray[Any]:
     """Return ``value`` if it is an array that kernels may take for one of ``field``.
 
-    Raises
-    ------
-    TypeError
-        No array, or one of another dtype.
-    ValueError
-        Another number of dimensions or another fixed extent, gaps between items, items out of line.
+    Raises TypeError: no array, or one of another dtype. Raises ValueError: another number of dimensions or another
+    fixed extent, gaps between items, items out of line.
     """
     if not isinstance(value, np.ndarray):
         raise TypeError(f"{label}: expected a {field}, got {type(value).__name__}")

@@ -18,11 +18,7 @@ def copy_table(targets: Sequence[AnyArray], sources: Sequence[AnyArray]) -> Long
     """Return (k, 3) of `copy_arrays`: where the bytes of each pair of arrays lie, and how many there are.
 
     Nothing keeps the arrays alive, nor where they are: whoever keeps the table keeps them, and never replaces one.
-
-    Raises
-    ------
-    ValueError
-        Two arrays are of different kinds or shapes, or one is not contiguous.
+    Raises ValueError if two arrays are of different kinds or shapes, or one is not contiguous.
     """
     table = np.zeros((len(targets), 3), np.int64)
     for row, (target, source) in enumerate(zip(targets, sources, strict=True)):

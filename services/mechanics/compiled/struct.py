@@ -43,17 +43,11 @@ class Struct:
 
     A number that Python reads is what a kernel has written last. An array may be replaced by one of the same extents.
     Neither copied nor pickled, as it holds addresses; not for two threads at once.
+    Raises TypeError or ValueError: a field that is missing, unknown, or of another type, dtype, number of dimensions or
+    extent, or not contiguous. The message begins with its name.
 
-    Attributes
-    ----------
-    address : Address[Self]
-        What a kernel is handed; good as long as the object lives.
-
-    Raises
-    ------
-    TypeError, ValueError
-        A field that is missing, unknown, or of another type, dtype, number of dimensions or extent, or not contiguous.
-        The message begins with its name.
+    Attributes:
+        address: Address[Self]. What a kernel is handed; good as long as the object lives.
     """
 
     layout: ClassVar[Layout]

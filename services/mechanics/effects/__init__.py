@@ -67,11 +67,8 @@ def go_together(one: str, other: str) -> bool:
 def build_effects(scene: SceneModel) -> dict[str, Effect]:
     """Construct the effects that the scene names, in the order of the table.
 
-    Raises
-    ------
-    ValueError
-        An effect that does not exist, settings that are another's, two effects of the same phenomenon, or a quality
-        ladder that cannot be.
+    Raises ValueError: an effect that does not exist, settings that are another's, two effects of the same phenomenon,
+    or a quality ladder that cannot be.
     """
     for name, settings in scene.effects.items():
         if name not in EFFECTS:
@@ -90,10 +87,7 @@ def build_effects(scene: SceneModel) -> dict[str, Effect]:
 def check_bodies(scene: SceneModel) -> None:
     """Refuse an effect of bodies that the scene does not have.
 
-    Raises
-    ------
-    ValueError
-        One sentence that begins with the key.
+    Raises ValueError: one sentence that begins with the key.
     """
     for name in scene.effects if scene.duct_alone else ():
         if not EFFECTS[name].kind.of_wall:
@@ -106,10 +100,7 @@ def check_bodies(scene: SceneModel) -> None:
 def check_ladder(scene: SceneModel) -> None:
     """Refuse a quality ladder that cannot be walked, and an essential effect that the scene does not have.
 
-    Raises
-    ------
-    ValueError
-        One sentence that begins with the key.
+    Raises ValueError: one sentence that begins with the key.
     """
     for name in scene.essential:
         if name not in scene.effects:

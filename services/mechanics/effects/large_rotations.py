@@ -38,10 +38,7 @@ class LargeRotations(Effect):
     def check_mesh(self, mesh: TriangleMesh) -> None:
         """Refuse a mesh whose cross-sections cannot be told apart.
 
-        Raises
-        ------
-        ValueError
-            The surface is not a tube held at one end, or its mesh is too coarse for the sections.
+        Raises ValueError if the surface is not a tube held at one end, or its mesh is too coarse for the sections.
         """
         held = mesh.vertex_sets["clamped"]
         with _named():

@@ -44,10 +44,7 @@ class NonlinearMembrane(Effect):
     def prepare(self, world: World) -> None:
         """Build the polynomial of the rest shape, or fetch it from where the duct's modes are kept.
 
-        Raises
-        ------
-        ValueError
-            Nothing says what the duct was reduced from.
+        Raises ValueError if nothing says what the duct was reduced from.
         """
         duct = world.duct.reduced
         recipe = replace(recipe_of(duct, "nonlinear_membrane"), mesh=duct.mesh)

@@ -50,10 +50,7 @@ class Softening(Effect):
     def train(self, duct: ReducedDuct, progress: Progress) -> None:
         """Train the softening of the wall, unless it is in the cache.
 
-        Raises
-        ------
-        ValueError
-            The surface encloses no lumen.
+        Raises ValueError if the surface encloses no lumen.
         """
         self._fetch(duct, progress)
 

@@ -27,10 +27,7 @@ class Support:
 def clamp(mesh: TriangleMesh, vertex_set: str = "clamped") -> Support:
     """Hold all six degrees of freedom of a named vertex set.
 
-    Raises
-    ------
-    ValueError
-        The mesh has no such set; the message lists those it has.
+    Raises ValueError if the mesh has no such set; the message lists those it has.
     """
     if vertex_set not in mesh.vertex_sets:
         known = ", ".join(mesh.vertex_sets) or "none"
@@ -71,10 +68,7 @@ def rigid_body_modes(positions_m: FloatArray, origin_m: FloatArray, length_m: fl
 def check_supported(mesh: TriangleMesh, held: IntArray) -> None:
     """Refuse a mesh with an unused vertex or a piece that can still move rigidly.
 
-    Raises
-    ------
-    ValueError
-        Names the piece, where it is, and in how many ways it is free.
+    Raises ValueError that names the piece, where it is, and in how many ways it is free.
     """
     used = np.zeros(mesh.n_vertices, bool)
     used[mesh.triangles] = True

@@ -92,14 +92,10 @@ def _without_rigid_motion(x: LongFloatArray, u: LongFloatArray) -> FloatArray:
 def refine(model: Shell, u: FloatArray, force: FloatArray, imposed: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return (6 n,) displacements and internal forces refined until the residual falls no further.
 
-    Parameters
-    ----------
-    model, force
-        The shell, and the load (6 n,) on it.
-    u
-        (6 n,) solution so far.
-    imposed
-        (6 n,) displacements of the held dofs.
+    Args:
+        model, force: The shell, and the load (6 n,) on it.
+        u: (6 n,) solution so far.
+        imposed: (6 n,) displacements of the held dofs.
     """
     long = u.astype(np.longdouble)
     spring = np.zeros(model.n_dofs)

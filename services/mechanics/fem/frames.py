@@ -14,10 +14,7 @@ DEGENERATE_HEIGHT_RATIO = 1e-6
 def local_frames(mesh: TriangleMesh) -> FloatArray:
     """(m, 3, 3) rows are the local x, y and z axes in global components (paper, section II-C.1 b).
 
-    Raises
-    ------
-    ValueError
-        A triangle is degenerate; the message names it and where it lies.
+    Raises ValueError if a triangle is degenerate; the message names it and where it lies.
     """
     p1, p2, p3 = (mesh.vertices_m[mesh.triangles[:, k]] for k in range(3))
     normal = np.cross(p2 - p1, p3 - p1)

@@ -33,10 +33,7 @@ def free_bytes() -> float:
 def check_memory(n_vertices: int) -> None:
     """Refuse a mesh whose factors would not fit.
 
-    Raises
-    ------
-    ValueError
-        Names the number of vertices, the memory they take and what is free.
+    Raises ValueError that names the number of vertices, the memory they take and what is free.
     """
     wanted, free = solve_bytes(n_vertices), free_bytes()
     if wanted > free:

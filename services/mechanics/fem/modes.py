@@ -16,14 +16,10 @@ from services.mechanics.fem.shell_model import ShellModel
 class EigenModes:
     """Lowest natural modes in ascending order, mass normalised: sum over nodes of mass |Phi|² is one.
 
-    Attributes
-    ----------
-    omega_rad_s
-        (r,) natural frequencies.
-    Phi
-        (n, 3, r) translations, zero at held dofs.
-    rotations
-        (n, 3, r) rotation vectors that go with them, rad per unit of modal coordinate.
+    Attributes:
+        omega_rad_s: (r,) natural frequencies.
+        Phi: (n, 3, r) translations, zero at held dofs.
+        rotations: (n, 3, r) rotation vectors that go with them, rad per unit of modal coordinate.
     """
 
     omega_rad_s: FloatArray
@@ -51,18 +47,11 @@ def compute_modes(model: ShellModel, n_modes: int, on_solve: Callable[[], None] 
     Solving with the full K and reading only translations is multiplication by the inverse of the condensed
     stiffness (paper eq. 15-16), so Lanczos on M^1/2 K⁻¹ M^1/2 restricted to translations is exactly the
     condensed problem, without its dense matrix.
+    Raises ValueError if more modes are asked for than the model has free translations, or the model is ill-conditioned.
 
-    Parameters
-    ----------
-    model, n_modes
-        What is solved, and how far.
-    on_solve
-        Called at every solve with the factors, of which there are about two to four per mode: for progress.
-
-    Raises
-    ------
-    ValueError
-        More modes are asked for than the model has free translations, or the model is ill-conditioned.
+    Args:
+        model, n_modes: What is solved, and how far.
+        on_solve: Called at every solve with the factors, of which there are about two to four per mode: for progress.
     """
     check_n_modes(model, n_modes)
     translations = model.free_translations

@@ -15,14 +15,10 @@ class Orthotropy:
 
     ``youngs_modulus_pa`` and ``poisson_ratio`` of the section then mean E1 and nu12, along the axis.
 
-    Attributes
-    ----------
-    axis
-        (3,) or (m, 3) material direction 1 in global components, projected into each triangle's plane.
-    modulus_ratio
-        E2 / E1, stiffness across the axis over stiffness along it.
-    shear_modulus_ratio
-        G12 / E1.
+    Attributes:
+        axis: (3,) or (m, 3) material direction 1 in global components, projected into each triangle's plane.
+        modulus_ratio: E2 / E1, stiffness across the axis over stiffness along it.
+        shear_modulus_ratio: G12 / E1.
     """
 
     axis: FloatArray
@@ -57,10 +53,7 @@ class ShellSection:
     def per_triangle(self, name: str, n_triangles: int) -> FloatArray:
         """(m,) values of one field.
 
-        Raises
-        ------
-        ValueError
-            The array given has another length than the mesh has triangles.
+        Raises ValueError if the array given has another length than the mesh has triangles.
         """
         value = np.asarray(getattr(self, name), dtype=np.float64)
         if value.ndim and value.shape != (n_triangles,):

@@ -35,16 +35,11 @@ PENALTY = 1e8
 class StaticSolution:
     """Equilibrium under one load case.
 
-    Attributes
-    ----------
-    displacement_m
-        (n, 3).
-    rotation_rad
-        (n, 3) small rotation vectors.
-    reaction
-        (n, 6) force (N) and moment (N m) that the supports exert on the shell, zero at free dofs.
-    residual
-        Norm of the unbalanced free forces over that of load and reactions, at most `RESIDUAL_LIMIT`.
+    Attributes:
+        displacement_m: (n, 3).
+        rotation_rad: (n, 3) small rotation vectors.
+        reaction: (n, 6) force (N) and moment (N m) that the supports exert on the shell, zero at free dofs.
+        residual: Norm of the unbalanced free forces over that of load and reactions, at most `RESIDUAL_LIMIT`.
     """
 
     displacement_m: FloatArray
@@ -56,19 +51,13 @@ class StaticSolution:
 class ShellModel:
     """Thin shell with supports; dof 6 * node + component, components (ux, uy, uz, rx, ry, rz) in global axes.
 
-    Parameters
-    ----------
-    mesh, section, elements
-        Geometry, material and the triangles that carry it.
-    supports
-        Held degrees of freedom; every connected piece must be kept from moving rigidly.
-    constraints
-        ``elimination`` removes held dofs; ``penalty`` keeps them and multiplies their diagonal (paper, II-C.1 d).
+    Raises ValueError if the mesh is too large, degenerate, thicker than wide, or not supported; the message says where.
 
-    Raises
-    ------
-    ValueError
-        The mesh is too large, degenerate, thicker than wide, or not supported; the message says where.
+    Args:
+        mesh, section, elements: Geometry, material and the triangles that carry it.
+        supports: Held degrees of freedom; every connected piece must be kept from moving rigidly.
+        constraints: ``elimination`` removes held dofs; ``penalty`` keeps them and multiplies their diagonal (paper,
+            II-C.1 d).
     """
 
     def __init__(
@@ -132,10 +121,7 @@ class ShellModel:
     def factor(self) -> SuperLU:
         """Sparse factors of ``K_free``, made at the first use.
 
-        Raises
-        ------
-        IllConditionedError
-            A pivot is zero; names the triangles whose stiffness is furthest apart.
+        Raises IllConditionedError if a pivot is zero; names the triangles whose stiffness is furthest apart.
         """
         try:
             return factorise(self.K_free)
@@ -150,10 +136,8 @@ class ShellModel:
     def check_condition(self) -> None:
         """Refuse an analysis that needs a well-conditioned model.
 
-        Raises
-        ------
-        IllConditionedError
-            `condition` is beyond `CONDITION_LIMIT`; names the triangles whose stiffness is furthest apart.
+        Raises IllConditionedError if `condition` is beyond `CONDITION_LIMIT`; names the triangles whose stiffness is
+        furthest apart.
         """
         if not self.condition <= CONDITION_LIMIT:
             raise IllConditionedError(f"condition {self.condition:.1g} leaves no digits: {stiffness_span(self)}")
@@ -167,17 +151,12 @@ class ShellModel:
     def solve_static(self, load: FloatArray, imposed: FloatArray | None = None) -> StaticSolution:
         """Equilibrium under nodal loads and displacements imposed on the held dofs.
 
-        Parameters
-        ----------
-        load
-            (n, 3) forces in N or (n, 6) with moments in N m.
-        imposed
-            (n, 6) values of which those at held dofs are used; none means zero.
+        Raises IllConditionedError: the residual stays above `RESIDUAL_LIMIT` after refinement; names the triangles that
+        cause it.
 
-        Raises
-        ------
-        IllConditionedError
-            The residual stays above `RESIDUAL_LIMIT` after refinement; names the triangles that cause it.
+        Args:
+            load: (n, 3) forces in N or (n, 6) with moments in N m.
+            imposed: (n, 6) values of which those at held dofs are used; none means zero.
         """
         force = self._full_vector(load, "load")
         u = np.zeros(self.n_dofs)

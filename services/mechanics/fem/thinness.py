@@ -33,10 +33,7 @@ def thickness_over_width(mesh: TriangleMesh, section: ShellSection) -> tuple[flo
 def check_thin(mesh: TriangleMesh, section: ShellSection) -> None:
     """Refuse a wall that is thicker than the piece it belongs to is wide.
 
-    Raises
-    ------
-    ValueError
-        Names the piece by its place, and both lengths.
+    Raises ValueError that names the piece by its place, and both lengths.
     """
     ratio, centre = thickness_over_width(mesh, section)
     if ratio > 1.0:

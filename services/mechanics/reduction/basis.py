@@ -15,16 +15,12 @@ from services.mechanics.reduction.content_hash import hash_content
 class ModalBasis:
     """The lowest r modes of a supported duct, mass normalised: Phi^T M Phi = 1, Phi^T K Phi = omega^2.
 
-    Attributes
-    ----------
-    omega_rad_s : (r,) float64
-        Circular frequencies in ascending order.
-    Phi : (n, 3, r) float64
-        Translations of every node, zero rows where a node is fixed. A node's three rows lie together, so
-        that a contact touches 24 r bytes of memory whatever the size of the mesh.
-    content_hash : str
-        Hash of the two arrays' bytes. Two bases agree bit by bit if their hashes do; the same duct solved on
-        another machine may return double modes turned against each other, and then has another hash.
+    Attributes:
+        omega_rad_s: (r,) float64. Circular frequencies in ascending order.
+        Phi: (n, 3, r) float64. Translations of every node, zero rows where a node is fixed. A node's three rows lie
+            together, so that a contact touches 24 r bytes of memory whatever the size of the mesh.
+        content_hash: str. Hash of the two arrays' bytes. Two bases agree bit by bit if their hashes do; the same duct
+            solved on another machine may return double modes turned against each other, and then has another hash.
     """
 
     omega_rad_s: FloatArray
@@ -65,14 +61,13 @@ def gather_modes(
 ) -> None:
     """Write the modes' rows at points of triangles, and what two states of the modes displace the points by.
 
-    Parameters
-    ----------
-    points : (nodes (k, 3), weights (k, 3))
-        Corners and barycentric coordinates; the weights are zero where a point is not on the duct.
-    Phi : (n, 3, r) float64
-    motion : (q (r,), dq (r,))
-    out : (rows (3 k, r), (k, 3), (k, 3))
-        ``rows @ q`` and ``rows @ dq`` are the displacements; ``rows.T @ f`` is the modal force of forces f.
+    Args:
+        points: (nodes (k, 3), weights (k, 3)). Corners and barycentric coordinates; the weights are zero where a point
+            is not on the duct.
+        Phi: (n, 3, r) float64
+        motion: (q (r,), dq (r,))
+        out: (rows (3 k, r), (k, 3), (k, 3)). ``rows @ q`` and ``rows @ dq`` are the displacements; ``rows.T @ f`` is
+            the modal force of forces f.
     """
     (nodes, weights), (q, dq), (rows, at_q, at_dq) = points, motion, out
     for point in range(nodes.shape[0]):

@@ -48,13 +48,7 @@ class Entry:
         (self.folder / MANIFEST).write_text(json.dumps(facts, indent=1), encoding="utf-8")
 
     def load(self, name: str) -> np.ndarray[Any, Any]:
-        """Read one array into memory of this process.
-
-        Raises
-        ------
-        CacheError
-            The file is missing or damaged.
-        """
+        """Read one array into memory of this process. Raises CacheError if the file is missing or damaged."""
         return self._read(name, None)
 
     def share(self, name: str) -> np.ndarray[Any, Any]:
@@ -62,11 +56,7 @@ class Entry:
 
         All processes that map it have it in memory once. A mapping that may be written to, copy on write, would become
         each one's own as soon as its memory is locked: the kernel then writes to every such page.
-
-        Raises
-        ------
-        CacheError
-            The file is missing or damaged.
+        Raises CacheError if the file is missing or damaged.
         """
         array = np.asarray(self._read(name, "r"))
         words_a_page = max(4096 // array.itemsize, 1)
@@ -82,13 +72,7 @@ class Entry:
 
     @property
     def facts(self) -> dict[str, Any]:
-        """The manifest.
-
-        Raises
-        ------
-        CacheError
-            It is missing or damaged.
-        """
+        """The manifest. Raises CacheError if it is missing or damaged."""
         try:
             facts: dict[str, Any] = json.loads((self.folder / MANIFEST).read_text(encoding="utf-8"))
         except (OSError, ValueError) as error:

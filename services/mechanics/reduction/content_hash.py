@@ -14,10 +14,7 @@ import numpy as np
 def hash_content(*values: object) -> str:
     """Return 32 hexadecimal digits for arrays, numbers, texts, and dataclasses, mappings and sequences of them.
 
-    Raises
-    ------
-    TypeError
-        A value is of a kind whose content cannot be named.
+    Raises TypeError if a value is of a kind whose content cannot be named.
     """
     digest = hashlib.blake2b(digest_size=16)
     for value in values:
@@ -28,10 +25,7 @@ def hash_content(*values: object) -> str:
 def hash_sources(*places: Path) -> str:
     """Return the hash of Python files and of all in and below folders, so that changed code does not meet old results.
 
-    Raises
-    ------
-    FileNotFoundError
-        A file that is named is not there.
+    Raises FileNotFoundError if a file that is named is not there.
     """
     files = sorted(path for place in places for path in (place.rglob("*.py") if place.is_dir() else (place,)))
     return hash_content([path.read_bytes() for path in files])

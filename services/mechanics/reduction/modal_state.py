@@ -69,10 +69,7 @@ class PreparedIntegrator:
     def gains(self, dt_s: float) -> ModalGains:
         """Return the change of the end state per unit modal force in a step of ``dt_s``.
 
-        Raises
-        ------
-        ValueError
-            The step has no length.
+        Raises ValueError if the step has no length.
         """
         if dt_s != self._dt_s:
             self._prepare(dt_s)

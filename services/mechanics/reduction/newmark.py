@@ -18,12 +18,9 @@ class Newmark(PreparedIntegrator):
     The period comes out too long by (omega dt)^2 / 12: 0.5 % at 40 Hz and 7 % at 150 Hz for 1 ms.
     A force given to a step acts at its end, t + dt.
 
-    Parameters
-    ----------
-    omega_rad_s : (r,) float64
-        Circular frequencies of the modes.
-    damping_ratio : (r,) float64
-        Fraction of critical damping of each mode, >= 0.
+    Args:
+        omega_rad_s: (r,) float64. Circular frequencies of the modes.
+        damping_ratio: (r,) float64. Fraction of critical damping of each mode, >= 0.
     """
 
     def __init__(self, omega_rad_s: FloatArray, damping_ratio: FloatArray) -> None:

@@ -65,13 +65,10 @@ arrays_at = reader(NodeArrays)
 class NodeCompliance:
     """Compliance of a duct in contact, from blocks between nodes that are kept.
 
-    Parameters
-    ----------
-    duct : ReducedDuct
-    n_points : int
-        Contact points there is room for.
-    n_places : int
-        How many nodes are followed; where contacts touch more, every tick gathers anew.
+    Args:
+        duct: ReducedDuct
+        n_points: int. Contact points there is room for.
+        n_places: int. How many nodes are followed; where contacts touch more, every tick gathers anew.
     """
 
     def __init__(self, duct: ReducedDuct, n_points: int, n_places: int = N_PLACES) -> None:

@@ -15,12 +15,9 @@ class ExactOscillator(PreparedIntegrator):
     Exact at any step length and damping, so neither the period nor the decay is distorted (Newmark's
     period is 7 % long at 150 Hz and 1 ms). A force given to a step acts during all of it.
 
-    Parameters
-    ----------
-    omega_rad_s : (r,) float64
-        Circular frequencies of the modes, > 0.
-    damping_ratio : (r,) float64
-        Fraction of critical damping of each mode, >= 0; overdamped modes are allowed.
+    Args:
+        omega_rad_s: (r,) float64. Circular frequencies of the modes, > 0.
+        damping_ratio: (r,) float64. Fraction of critical damping of each mode, >= 0; overdamped modes are allowed.
     """
 
     def __init__(self, omega_rad_s: FloatArray, damping_ratio: FloatArray) -> None:

@@ -30,16 +30,12 @@ STRETCH_SOURCES = tuple(
 class ResidualChoice:
     """How the residual compliance is kept.
 
-    Attributes
-    ----------
-    kind : str
-        "full" between all pairs of nodes; "cyclic" of one sector of a symmetric mesh, as exact; "patches" within a
-        radius; "none"; "auto" takes the full block of up to `SMALL_BYTES`, that of a sector where there is symmetry,
-        and else the full block where it fits the budget and patches beyond.
-    budget_bytes : int
-        Memory of the residual: 512 MiB hold the full block of 3,861 nodes.
-    patch_radius_m : float, optional
-        Radius of the patches; by default the largest that fits the budget.
+    Attributes:
+        kind: str. "full" between all pairs of nodes; "cyclic" of one sector of a symmetric mesh, as exact; "patches"
+            within a radius; "none"; "auto" takes the full block of up to `SMALL_BYTES`, that of a sector where there is
+            symmetry, and else the full block where it fits the budget and patches beyond.
+        budget_bytes: int. Memory of the residual: 512 MiB hold the full block of 3,861 nodes.
+        patch_radius_m: float, optional. Radius of the patches; by default the largest that fits the budget.
     """
 
     kind: Literal["auto", "full", "cyclic", "patches", "none"] = "auto"

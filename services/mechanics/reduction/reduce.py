@@ -41,16 +41,12 @@ def reduce_duct(
 ) -> ReducedDuct:
     """Return the reduced duct of a recipe, from the cache where it is there.
 
-    Parameters
-    ----------
-    recipe : DuctRecipe
-        What to reduce.
-    damping_ratio : float or (r,) float64
-        Fraction of critical damping, the same or per mode; not part of what is cached.
-    cache_dir : Path, optional
-        Where entries are kept; `cache_directory` by default.
-    progress : callable
-        Called as ``progress(stage, fraction)`` while something is computed.
+    Args:
+        recipe: DuctRecipe. What to reduce.
+        damping_ratio: float or (r,) float64. Fraction of critical damping, the same or per mode; not part of what is
+            cached.
+        cache_dir: Path, optional. Where entries are kept; `cache_directory` by default.
+        progress: callable. Called as ``progress(stage, fraction)`` while something is computed.
     """
     folder = cache_dir or cache_directory()
     maker = _Maker(recipe, progress)

@@ -21,27 +21,18 @@ from services.mechanics.surface.mesh import TriangleMesh
 class ReducedDuct:
     """Mesh, modes, residual compliance and damping of one duct.
 
-    Attributes
-    ----------
-    mesh : TriangleMesh
-        The undeformed mid-surface.
-    basis : ModalBasis
-        r modes.
-    residual : Residual
-        Static response of the modes left out.
-    damping_ratio : (r,) float64
-        Fraction of critical damping of each mode.
-    recipe : DuctRecipe, optional
-        What the modes were computed from.
-    cache_dir : Path, optional
-        Where modes and residual are kept, and what else is computed of the duct: the user's cache by default.
-    warp : TubeWarp, optional
-        Turns the cross-sections where large rotations are wanted. Code that places points of the wall applies it;
-        `displacements` stays linear.
-    residual_error : PatchError, optional
-        How far the residual is from the whole of it; none where it is the whole.
-    n_local_modes : int
-        How many of the modes, the last ones, are those beside supports (`local_modes`).
+    Attributes:
+        mesh: TriangleMesh. The undeformed mid-surface.
+        basis: ModalBasis. r modes.
+        residual: Residual. Static response of the modes left out.
+        damping_ratio: (r,) float64. Fraction of critical damping of each mode.
+        recipe: DuctRecipe, optional. What the modes were computed from.
+        cache_dir: Path, optional. Where modes and residual are kept, and what else is computed of the duct: the user's
+            cache by default.
+        warp: TubeWarp, optional. Turns the cross-sections where large rotations are wanted. Code that places points of
+            the wall applies it; `displacements` stays linear.
+        residual_error: PatchError, optional. How far the residual is from the whole of it; none where it is the whole.
+        n_local_modes: int. How many of the modes, the last ones, are those beside supports (`local_modes`).
     """
 
     mesh: TriangleMesh

@@ -14,12 +14,10 @@ from services.mechanics.compiled import kernel
 class PronySeries:
     """Relaxation E(t) = E0 (1 - sum_k g_k (1 - exp(-t / tau_k))) of the instantaneous modulus E0.
 
-    Attributes
-    ----------
-    g : tuple of float
-        Share of E0 that relaxes in each term, > 0, their sum below 1. The long-term modulus is E0 (1 - sum g).
-    tau_s : tuple of float
-        Relaxation times in s, > 0.
+    Attributes:
+        g: tuple of float. Share of E0 that relaxes in each term, > 0, their sum below 1. The long-term modulus is E0 (1
+            - sum g).
+        tau_s: tuple of float. Relaxation times in s, > 0.
     """
 
     g: tuple[float, ...]
@@ -54,12 +52,9 @@ class ViscousModes:
     with, only lowers it: the splitting is dissipative at any step, first order in dt / tau. With Newmark the same
     holds where the acceleration at the start of a step counts the force of that step.
 
-    Attributes
-    ----------
-    d : (k, r) float64
-        Lagging coordinates; d' = (q - d) / tau.
-    dissipated_j : float
-        Energy lost to relaxation so far.
+    Attributes:
+        d: (k, r) float64. Lagging coordinates; d' = (q - d) / tau.
+        dissipated_j: float. Energy lost to relaxation so far.
     """
 
     def __init__(self, omega_rad_s: FloatArray, series: PronySeries) -> None:

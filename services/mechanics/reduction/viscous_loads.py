@@ -50,10 +50,8 @@ class ViscousLoads:
     After each step `relax` replaces the contact loads f by the loads p that act through the residual. Without its
     contacts the wall is displaced by R times ``lasting``.
 
-    Attributes
-    ----------
-    dissipated_j : float
-        Energy lost to relaxation so far.
+    Attributes:
+        dissipated_j: float. Energy lost to relaxation so far.
     """
 
     def __init__(self, series: PronySeries, n_nodes: int, capacity: int) -> None:
@@ -73,13 +71,11 @@ class ViscousLoads:
     def relax(self, loads: tuple[IntArray, FloatArray, int], store: BlockStore, dt_s: float) -> int:
         """Let the lag follow for ``dt_s``, and write p over the loads; returns how many there are.
 
-        Parameters
-        ----------
-        loads : (nodes (l,) int32, forces (l, 3) float64, number of them)
-            Contact forces on the wall in N, each node once, in place.
-        store : BlockStore
-            Blocks of the residual.
-        dt_s : float
+        Args:
+            loads: (nodes (l,) int32, forces (l, 3) float64, number of them). Contact forces on the wall in N, each node
+                once, in place.
+            store: BlockStore. Blocks of the residual.
+            dt_s: float
         """
         arrays = self._arrays
         if loads[2] == 0 and arrays.count[0] == 0:

@@ -22,14 +22,10 @@ _CLOSE = 1e-12  # of a segment
 class CurvePoint(NamedTuple):
     """A point of the curve, and where it is seen from a point in space.
 
-    Attributes
-    ----------
-    first, weights
-        It is the weighted sum of three particles from ``first`` on.
-    direction
-        Unit tangent; zero at an end of the rod that is nearest itself.
-    offset
-        From the point in space to it, in m.
+    Attributes:
+        first, weights: It is the weighted sum of three particles from ``first`` on.
+        direction: Unit tangent; zero at an end of the rod that is nearest itself.
+        offset: From the point in space to it, in m.
     """
 
     first: int

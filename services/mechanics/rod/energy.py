@@ -20,13 +20,10 @@ from services.mechanics.rod.twist import TwistModel, twist_energy
 class RodEnergy:
     """Energies in joule.
 
-    Attributes
-    ----------
-    kinetic_j, stretch_j, twist_j : float
-    bending_j : float
-        Of joints and of clamped ends.
-    support_j : float
-        What the introducer's springs hold.
+    Attributes:
+        kinetic_j, stretch_j, twist_j: float
+        bending_j: float. Of joints and of clamped ends.
+        support_j: float. What the introducer's springs hold.
     """
 
     kinetic_j: float
@@ -51,14 +48,10 @@ def rod_energy(
 ) -> RodEnergy:
     """Return the energies of a state; allocates, so not for the 1 kHz step.
 
-    Parameters
-    ----------
-    model, twist
-        As an integrator holds them.
-    state
-        Where the particles are, and how fast.
-    work
-        Scratch to use again, for calls in every tick.
+    Args:
+        model, twist: As an integrator holds them.
+        state: Where the particles are, and how fast.
+        work: Scratch to use again, for calls in every tick.
     """
     work = work or allocate_work(len(state.position_m))
     np.copyto(work.position, state.position_m)

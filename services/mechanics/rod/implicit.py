@@ -74,10 +74,7 @@ class ImplicitIntegrator(StepGains):
     def predict(self, state: RodState, external_force_n: FloatArray, dt_s: float) -> None:
         """Advance ``state`` in place by ``dt_s`` under external forces (n, 3), held over the step.
 
-        Raises
-        ------
-        FloatingPointError
-            If the state or a force is not finite; ``state`` is then left as it was.
+        Raises FloatingPointError if the state or a force is not finite; ``state`` is then left as it was.
         """
         self._dt_s = dt_s
         self.is_factored = False
@@ -98,11 +95,7 @@ class ImplicitIntegrator(StepGains):
         """Do as `predict` and `correct` do of a rod without twist, in one kernel; return whether the rod slept.
 
         ``flags`` are those of `free_step.step_freely`.
-
-        Raises
-        ------
-        FloatingPointError
-            If the state or a force is not finite.
+        Raises FloatingPointError if the state or a force is not finite.
         """
         slow = state.slow_velocity_m_s
         is_start = slow is None
@@ -129,10 +122,7 @@ class ImplicitIntegrator(StepGains):
     def plan_again(self, state: RodState, address: Address[FreeStep], share: float) -> None:
         """Take the step again with other contact forces, see `free_step.plan_again`.
 
-        Raises
-        ------
-        FloatingPointError
-            If the state or a force is not finite.
+        Raises FloatingPointError if the state or a force is not finite.
         """
         assert state.slow_velocity_m_s is not None
         motion = (state.position_m, state.velocity_m_s, state.slow_velocity_m_s)
@@ -178,13 +168,7 @@ class ImplicitIntegrator(StepGains):
         pay_for_change_with_twist(self.addresses, address, motion, self._dt_s, task)
 
     def note_factors(self, is_factored: bool) -> None:
-        """Note whether B could be factorised.
-
-        Raises
-        ------
-        FloatingPointError
-            It could not.
-        """
+        """Note whether B could be factorised. Raises FloatingPointError if it could not."""
         self.is_factored = is_factored
         if not is_factored:
             raise FloatingPointError("the rod's state is not finite")

@@ -43,10 +43,7 @@ def build_integrator(
 ) -> RodIntegrator:
     """Return the integrator "implicit" with this numerical damping, or "semi_implicit", which has none.
 
-    Raises
-    ------
-    ValueError
-        There is none of this name, or the spectral radius is not within 0 and 1.
+    Raises ValueError if there is none of this name, or the spectral radius is not within 0 and 1.
     """
     if name == "implicit":
         return ImplicitIntegrator(properties, supports, spectral_radius=spectral_radius)

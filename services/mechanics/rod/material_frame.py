@@ -28,14 +28,10 @@ class MaterialFrame:
     The walls stand before the first segment and behind the last one, with directions of their own, so that a rod of n
     particles has m = n - 1 directors and up to two more. "First" and "last" below mean the walls where there are any.
 
-    Attributes
-    ----------
-    tangent, m1
-        (m, 3) unit vectors, m1 normal to the tangent; the third director is tangent x m1.
-    twist_rad
-        (m - 1,) angle of each joint, whole turns counted.
-    end_is_held
-        Whether the roll of the last director is prescribed; that of the first always is.
+    Attributes:
+        tangent, m1: (m, 3) unit vectors, m1 normal to the tangent; the third director is tangent x m1.
+        twist_rad: (m - 1,) angle of each joint, whole turns counted.
+        end_is_held: Whether the roll of the last director is prescribed; that of the first always is.
     """
 
     tangent: FloatArray
@@ -65,14 +61,12 @@ def initial_frame(
 ) -> MaterialFrame:
     """Return frames without twist along a centreline (n, 3).
 
-    Parameters
-    ----------
-    position_m
-        (n, 3) particles.
-    first_m1
-        The first director, from which the others are transported; made normal to its tangent. Any normal if None.
-    walls
-        (2, 3) directions of the clamped ends, as `Supports.wall_directions` gives them; NaN where an end is free.
+    Args:
+        position_m: (n, 3) particles.
+        first_m1: The first director, from which the others are transported; made normal to its tangent. Any normal if
+            None.
+        walls: (2, 3) directions of the clamped ends, as `Supports.wall_directions` gives them; NaN where an end is
+            free.
     """
     start_wall, end_wall = (wall[None] for wall in walls)
     edges = np.concatenate([start_wall, np.diff(position_m, axis=0), end_wall])

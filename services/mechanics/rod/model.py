@@ -59,13 +59,7 @@ model_at, work_at = reader(RodModel), reader(RodWork)
 
 
 def build_model(properties: RodProperties, supports: Supports) -> RodModel:
-    """Lay the numbers out.
-
-    Raises
-    ------
-    ValueError
-        The supports do not fit the rod.
-    """
+    """Lay the numbers out. Raises ValueError if the supports do not fit the rod."""
     EI = properties.per_segment("bending_stiffness_n_m2")
     held = supports.held_indices(properties.n_particles)
     is_held = np.zeros(properties.n_particles, dtype=np.bool_)

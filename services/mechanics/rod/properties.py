@@ -13,26 +13,21 @@ from services.mechanics.arrays import FloatArray
 class RodProperties:
     """A slender isotropic rod of equal segments; every stiffness may vary along it.
 
-    Attributes
-    ----------
-    n_segments, length_m, radius_m
-        Segments (at least 2), rest length and outer radius of the rod.
-    axial_stiffness_n
-        EA, a number or one per segment.
-    bending_stiffness_n_m2
-        EI, a number or one per segment; a joint between two segments takes their series (harmonic) mean.
-    linear_density_kg_m
-        rho A, a number or one per segment.
-    torsional_stiffness_n_m2
-        GJ, a number or one per segment, or None: then the rod has no material frame at all.
-    internal_damping_s
-        beta of a Kelvin-Voigt material: stress grows by beta times (modulus times strain rate). A mode of angular
-        frequency omega gets the damping ratio beta omega / 2. Conserves linear and angular momentum.
-    viscous_drag_n_s_m2
-        The paper's -b v, per metre of rod: force per length per velocity against the resting surroundings.
-    rest_curvature_1_m
-        (n_segments - 1, 3) per joint in the material frame: curvature about m1, about m2, and twist rate about
-        the tangent; None is a straight rod. Needs ``torsional_stiffness_n_m2``, for it turns with the material.
+    Attributes:
+        n_segments, length_m, radius_m: Segments (at least 2), rest length and outer radius of the rod.
+        axial_stiffness_n: EA, a number or one per segment.
+        bending_stiffness_n_m2: EI, a number or one per segment; a joint between two segments takes their series
+            (harmonic) mean.
+        linear_density_kg_m: rho A, a number or one per segment.
+        torsional_stiffness_n_m2: GJ, a number or one per segment, or None: then the rod has no material frame at all.
+        internal_damping_s: beta of a Kelvin-Voigt material: stress grows by beta times (modulus times strain rate). A
+            mode of angular frequency omega gets the damping ratio beta omega / 2. Conserves linear and angular
+            momentum.
+        viscous_drag_n_s_m2: The paper's -b v, per metre of rod: force per length per velocity against the resting
+            surroundings.
+        rest_curvature_1_m: (n_segments - 1, 3) per joint in the material frame: curvature about m1, about m2, and twist
+            rate about the tangent; None is a straight rod. Needs ``torsional_stiffness_n_m2``, for it turns with the
+            material.
     """
 
     n_segments: int
@@ -47,13 +42,7 @@ class RodProperties:
     rest_curvature_1_m: FloatArray | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what has no physical meaning.
-
-        Raises
-        ------
-        ValueError
-            With the name of the offending quantity.
-        """
+        """Refuse what has no physical meaning. Raises ValueError with the name of the offending quantity."""
         if self.n_segments < 2:
             raise ValueError(f"n_segments is {self.n_segments}; a rod needs at least 2 segments")
         for name in ("length_m", "radius_m", "linear_density_kg_m", "axial_stiffness_n"):
@@ -86,10 +75,7 @@ class RodProperties:
     def per_segment(self, name: str) -> FloatArray:
         """Return one value per segment of a quantity given as a number or an array.
 
-        Raises
-        ------
-        ValueError
-            The array has another length than there are segments.
+        Raises ValueError if the array has another length than there are segments.
         """
         value = np.asarray(getattr(self, name), dtype=np.float64)
         if value.ndim and value.shape != (self.n_segments,):

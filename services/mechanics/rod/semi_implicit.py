@@ -51,10 +51,7 @@ class SemiImplicitIntegrator(StepGains):
     def substeps(self, dt_s: float) -> int:
         """Return how many equal substeps a step of ``dt_s`` takes.
 
-        Raises
-        ------
-        ValueError
-            They would be more than ``max_substeps``.
+        Raises ValueError if they would be more than ``max_substeps``.
         """
         limit_s = SAFETY * self.stable_time_step_s
         count = max(math.ceil(dt_s / limit_s), 1)
@@ -68,10 +65,7 @@ class SemiImplicitIntegrator(StepGains):
     def predict(self, state: RodState, external_force_n: FloatArray, dt_s: float) -> None:
         """Advance ``state`` in place by ``dt_s`` under external forces (n, 3) alone, held constant over the substeps.
 
-        Raises
-        ------
-        FloatingPointError
-            If the state or a force is not finite; ``state`` is then lost.
+        Raises FloatingPointError if the state or a force is not finite; ``state`` is then lost.
         """
         self._dt_s = dt_s
         if self.twist is not None:

@@ -16,16 +16,13 @@ from services.mechanics.rod.properties import RodProperties
 class RodState:
     """Particles of the centreline; integrators change the arrays in place.
 
-    Attributes
-    ----------
-    position_m, velocity_m_s
-        (n, 3), n = n_segments + 1.
-    frame
-        The material frame of a rod with torsional stiffness; None for one without, and until the first step makes
-        an untwisted one.
-    slow_velocity_m_s
-        (n, 3) velocities that follow the others within about a step: what the implicit step's numerical damping
-        remembers. None before the first step, and where velocities were made up: the step then starts anew.
+    Attributes:
+        position_m, velocity_m_s: (n, 3), n = n_segments + 1.
+        frame: The material frame of a rod with torsional stiffness; None for one without, and until the first step
+            makes an untwisted one.
+        slow_velocity_m_s: (n, 3) velocities that follow the others within about a step: what the implicit step's
+            numerical damping remembers. None before the first step, and where velocities were made up: the step then
+            starts anew.
     """
 
     position_m: FloatArray
@@ -43,10 +40,7 @@ class RodState:
 def straight_rod(properties: RodProperties, start_m: ArrayLike, direction: ArrayLike) -> RodState:
     """Return an unstretched rod at rest from ``start_m`` along ``direction``, which may have any length.
 
-    Raises
-    ------
-    ValueError
-        The direction is zero.
+    Raises ValueError if the direction is zero.
     """
     axis = np.asarray(direction, dtype=np.float64)
     norm = float(np.linalg.norm(axis))
@@ -60,10 +54,7 @@ def straight_rod(properties: RodProperties, start_m: ArrayLike, direction: Array
 def rod_along(properties: RodProperties, curve_m: ArrayLike) -> RodState:
     """A rod at rest laid along a polyline (k, 3) from its first point, particles equally spaced by arc length.
 
-    Raises
-    ------
-    ValueError
-        If the polyline is shorter than the rod.
+    Raises ValueError if the polyline is shorter than the rod.
     """
     points = np.asarray(curve_m, dtype=np.float64)
     arc = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))

@@ -36,24 +36,17 @@ class Introducer:
     changes no force by a jump. The rod has to start in it, and stays: its first particle stops two segments before the
     exit (the catheter goes on behind the piece that is modelled), and the last ``least_tip_m`` cannot be drawn in.
 
-    Attributes
-    ----------
-    entry_m, exit_m
-        (3,) ends of the axis; the rod passes from entry to exit in the order of its particles.
-    lateral_stiffness_n_m
-        Per constrained point; solved implicitly, so that any value is stable in the implicit integrator.
-    friction
-        Coulomb coefficient against the wall, 0 for none. To the rod the introducer is smooth: this friction and that of
-        the seal are solved with the contacts, see `services.mechanics.contact.seal`.
-    bearing_length_m
-        Over which a push of the wall is spread along the axis, for friction: finer than a few diameters a rod does not
-        know how it bears.
-    seal_friction_n
-        Friction of a seal at the exit, whatever the rod's push on the wall.
-    stop_stiffness_n_m
-        Of both stops.
-    least_tip_m
-        Length at the end of the rod that stays beyond the exit, to be grasped again.
+    Attributes:
+        entry_m, exit_m: (3,) ends of the axis; the rod passes from entry to exit in the order of its particles.
+        lateral_stiffness_n_m: Per constrained point; solved implicitly, so that any value is stable in the implicit
+            integrator.
+        friction: Coulomb coefficient against the wall, 0 for none. To the rod the introducer is smooth: this friction
+            and that of the seal are solved with the contacts, see `services.mechanics.contact.seal`.
+        bearing_length_m: Over which a push of the wall is spread along the axis, for friction: finer than a few
+            diameters a rod does not know how it bears.
+        seal_friction_n: Friction of a seal at the exit, whatever the rod's push on the wall.
+        stop_stiffness_n_m: Of both stops.
+        least_tip_m: Length at the end of the rod that stays beyond the exit, to be grasped again.
     """
 
     entry_m: ArrayLike
@@ -66,13 +59,7 @@ class Introducer:
     least_tip_m: float = 5e-3
 
     def springs(self) -> IntroducerSprings:
-        """Return it as the kernels see it.
-
-        Raises
-        ------
-        ValueError
-            A number makes no sense; the message names it.
-        """
+        """Return it as the kernels see it. Raises ValueError if a number makes no sense; the message names it."""
         entry = np.array(self.entry_m, dtype=np.float64)
         axis = np.asarray(self.exit_m, dtype=np.float64) - entry
         length = float(np.linalg.norm(axis))
@@ -100,17 +87,13 @@ class Introducer:
 class Supports:
     """Everything that holds a rod.
 
-    Attributes
-    ----------
-    held
-        Particles (negative counts from the end) whose position is prescribed each step; see ``held_target_m`` of
-        the integrator.
-    start_direction, end_direction
-        (3,) direction, in the order of the particles, that a wall gives the tangent at the first or last particle; None
-        lets it turn freely. A half joint of stiffness 2 EI/l0: with the particle held it is the clamped end of beam
-        theory, second order in l0.
-    introducer
-        What the rod slides through, or None.
+    Attributes:
+        held: Particles (negative counts from the end) whose position is prescribed each step; see ``held_target_m`` of
+            the integrator.
+        start_direction, end_direction: (3,) direction, in the order of the particles, that a wall gives the tangent at
+            the first or last particle; None lets it turn freely. A half joint of stiffness 2 EI/l0: with the particle
+            held it is the clamped end of beam theory, second order in l0.
+        introducer: What the rod slides through, or None.
     """
 
     held: tuple[int, ...] = ()
@@ -119,13 +102,7 @@ class Supports:
     introducer: Introducer | None = field(default=None)
 
     def held_indices(self, n_particles: int) -> IntArray:
-        """Return the sorted indices of held particles.
-
-        Raises
-        ------
-        ValueError
-            One is outside the rod, or named twice.
-        """
+        """Return the sorted indices of held particles. Raises ValueError: one is outside the rod, or named twice."""
         indices = sorted(i + n_particles if i < 0 else i for i in self.held)
         if any(not 0 <= i < n_particles for i in indices) or len(set(indices)) != len(indices):
             raise ValueError(f"held particles {self.held} must be different and within the {n_particles} of the rod")

@@ -90,10 +90,7 @@ def add_frame_forces(model: TwistModel, state: RodState, force_n: FloatArray, *,
     With ``of_next_step`` to where `expect_middle` expects them in the middle of the next step, to second order;
     then it is to be called once before each.
 
-    Raises
-    ------
-    ValueError
-        The frame was made for other clamped ends.
+    Raises ValueError if the frame was made for other clamped ends.
 
     The forces enter a step as given numbers: no stiffness of theirs is in the implicit matrix. With the
     frames in equilibrium it is small against bending's (by the ratio of a segment to the rod) and needs no bound on dt.

@@ -18,11 +18,7 @@ def duct_tubes(duct: DuctScene) -> list[Tube]:
     """Return trunk and branches, parents first; the trunk's near end is the mouth.
 
     The trunk lies as the parametric duct does: its far end is the origin, which it leaves along +x, bending towards +y.
-
-    Raises
-    ------
-    ValueError
-        Names the key of what does not go together.
+    Raises ValueError that names the key of what does not go together.
     """
     if duct.cut_angle_rad or duct.slit_length_m:
         raise ValueError("duct: a duct with branches is cut neither obliquely nor open: no cut_angle_rad, no slit")

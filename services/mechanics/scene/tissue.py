@@ -37,17 +37,14 @@ class Quantity:
 class Tissue:
     """Wall of a duct.
 
-    Attributes
-    ----------
-    thickness_m, density_kg_m3 : Quantity
-    axial_modulus_pa, circumferential_modulus_pa : Quantity
-        Young's moduli along the duct and round it; equal in an isotropic wall.
-    major_poisson_ratio : Quantity
-        Contraction along the softer direction per stretch along the stiffer one.
-    relaxing_shares, relaxation_times_s : tuple of Quantity
-        Prony series of the instantaneous modulus.
-    stiffening_exponent : Quantity
-        Exponent of Fung's law: pulled one way by e the wall is exp(a e^2) times as stiff as at rest.
+    Attributes:
+        thickness_m, density_kg_m3: Quantity
+        axial_modulus_pa, circumferential_modulus_pa: Quantity. Young's moduli along the duct and round it; equal in an
+            isotropic wall.
+        major_poisson_ratio: Quantity. Contraction along the softer direction per stretch along the stiffer one.
+        relaxing_shares, relaxation_times_s: tuple of Quantity. Prony series of the instantaneous modulus.
+        stiffening_exponent: Quantity. Exponent of Fung's law: pulled one way by e the wall is exp(a e^2) times as stiff
+            as at rest.
     """
 
     thickness_m: Quantity
@@ -167,13 +164,7 @@ TISSUES: dict[str, Tissue] = {
 
 
 def tissue(name: str) -> Tissue:
-    """Return a preset.
-
-    Raises
-    ------
-    ValueError
-        There is no such preset; the message lists those there are.
-    """
+    """Return a preset. Raises ValueError if there is no such preset; the message lists those there are."""
     if name not in TISSUES:
         raise ValueError(f"unknown tissue '{name}'; known: {', '.join(TISSUES)}")
     return TISSUES[name]

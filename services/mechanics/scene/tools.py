@@ -19,21 +19,14 @@ class GraspHold:
     The simulation owns where the point sits in the jaws: it is fixed when a ``hold_id`` is first seen and
     moves only when the hold slips. A hold that is no longer named is released.
 
-    Attributes
-    ----------
-    hold_id : int
-        Never reused; a new grasp takes a new number.
-    tool : int
-    target_kind : int
-        `pairs.DUCT_TRIANGLE` or `pairs.CATHETER_SEGMENT`.
-    target : int
-        Triangle or segment at the moment of the grasp.
-    target_weights : (3,) float64
-        Barycentric in the triangle; (1 - s, s, 0) on the segment.
-    limit_n : float
-        Largest force the hold carries before it slips: grip friction times the squeeze.
-    jaw_angle_rad : float
-        Opening at which the grasp closed; there a catheter stops the jaws.
+    Attributes:
+        hold_id: int. Never reused; a new grasp takes a new number.
+        tool: int
+        target_kind: int. `pairs.DUCT_TRIANGLE` or `pairs.CATHETER_SEGMENT`.
+        target: int. Triangle or segment at the moment of the grasp.
+        target_weights: (3,) float64. Barycentric in the triangle; (1 - s, s, 0) on the segment.
+        limit_n: float. Largest force the hold carries before it slips: grip friction times the squeeze.
+        jaw_angle_rad: float. Opening at which the grasp closed; there a catheter stops the jaws.
     """
 
     hold_id: int
@@ -49,18 +42,13 @@ class GraspHold:
 class ToolInputs:
     """State of both instruments at the end of the tick: the measured HIP, never the proxy.
 
-    Attributes
-    ----------
-    present : (2,) bool
-        A tool that is absent touches nothing and feels nothing; one with a NaN or an infinity counts as absent.
-    position_m : (2, 3) float64
-        Junction point J of shaft and jaws.
-    roll_rad : (2,) float64
-        Rotation of the jaws about the shaft.
-    jaw_angle_rad : (2,) float64
-        Opening the handle asks for; the jaws stop earlier when something is between them.
-    holds : list of GraspHold, or None
-        None lets the simulation run the grasp itself.
+    Attributes:
+        present: (2,) bool. A tool that is absent touches nothing and feels nothing; one with a NaN or an infinity
+            counts as absent.
+        position_m: (2, 3) float64. Junction point J of shaft and jaws.
+        roll_rad: (2,) float64. Rotation of the jaws about the shaft.
+        jaw_angle_rad: (2,) float64. Opening the handle asks for; the jaws stop earlier when something is between them.
+        holds: list of GraspHold, or None. None lets the simulation run the grasp itself.
     """
 
     present: npt.NDArray[np.bool_] = field(default_factory=lambda: np.ones(N_TOOLS, np.bool_))
@@ -74,22 +62,16 @@ class ToolInputs:
 class ToolResults:
     """What each instrument feels, written in place by every step.
 
-    Attributes
-    ----------
-    force_n : (2, 3) float64
-        Force of the virtual world on the tool, reduced to J.
-    port_moment_nm : (2, 3) float64
-        Moment of the same forces about the port, which the trocar and the hand share.
-    grasp_torque_nm : (2,) float64
-        Torque that opens the jaws; positive pushes the handle open.
-    stiffness_n_m : (2, 3, 3) float64
-        Stiffness that a hand meets at J on an even way over 5 ms, coupling included; zero out of contact.
-    grasp_stiffness_nm_rad : (2,) float64
-        How much `grasp_torque_nm` falls per radian by which the hand opens the jaws, coupling included.
-    proxy_position_m : (2, 3) float64
-        Where J is when the coupling spring is stretched.
-    proxy_jaw_angle_rad : (2,) float64
-        Where the jaws are.
+    Attributes:
+        force_n: (2, 3) float64. Force of the virtual world on the tool, reduced to J.
+        port_moment_nm: (2, 3) float64. Moment of the same forces about the port, which the trocar and the hand share.
+        grasp_torque_nm: (2,) float64. Torque that opens the jaws; positive pushes the handle open.
+        stiffness_n_m: (2, 3, 3) float64. Stiffness that a hand meets at J on an even way over 5 ms, coupling included;
+            zero out of contact.
+        grasp_stiffness_nm_rad: (2,) float64. How much `grasp_torque_nm` falls per radian by which the hand opens the
+            jaws, coupling included.
+        proxy_position_m: (2, 3) float64. Where J is when the coupling spring is stretched.
+        proxy_jaw_angle_rad: (2,) float64. Where the jaws are.
     """
 
     force_n: FloatArray = field(default_factory=lambda: np.zeros((N_TOOLS, 3)))

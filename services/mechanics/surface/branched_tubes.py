@@ -19,14 +19,12 @@ _STRAIGHT_1_M = 1e-9
 class Tube:
     """A round tube with taper along an arc, from its near end on.
 
-    Attributes
-    ----------
-    name
-    origin_m, axes : (3,), (3, 3) float64
-        Its near end, and there the rows: its way on, the side to which it bends, and across both.
-    length_m, radius_m, end_radius_m, curvature_1_m
-    far_end
-        "held" or "free" for an opening, "blind", or "on" where a branch goes on from there.
+    Attributes:
+        name
+        origin_m, axes: (3,), (3, 3) float64. Its near end, and there the rows: its way on, the side to which it bends,
+            and across both.
+        length_m, radius_m, end_radius_m, curvature_1_m
+        far_end: "held" or "free" for an opening, "blind", or "on" where a branch goes on from there.
     """
 
     name: str

@@ -27,10 +27,7 @@ FEWEST_ON_RIM = 6
 def coarsened(mesh: TriangleMesh, n_vertices: int) -> tuple[TriangleMesh, IntArray]:
     """Return the surface on about ``n_vertices`` of its vertices, and which they are; its vertex sets keep theirs.
 
-    Raises
-    ------
-    ValueError
-        No such surface with the same holes and rims was found.
+    Raises ValueError if no such surface with the same holes and rims was found.
     """
     for part in TRIES:
         seeds = _spread(mesh, int(part * n_vertices))

@@ -18,12 +18,10 @@ _APART = 1e-9
 class CyclicSymmetry:
     """Sectors round the x axis, each the first one turned.
 
-    Attributes
-    ----------
-    n_sectors : int
-    seat : (n,) int32
-        Which node of the first sector each node is a copy of, 0 to n / n_sectors - 1.
-    sector : (n,) int32
+    Attributes:
+        n_sectors: int
+        seat: (n,) int32. Which node of the first sector each node is a copy of, 0 to n / n_sectors - 1.
+        sector: (n,) int32
     """
 
     n_sectors: int

@@ -18,14 +18,10 @@ class TriangleMesh:
 
     On a duct wall the triangles are wound so that normals point away from the lumen.
 
-    Attributes
-    ----------
-    vertices_m
-        (n, 3) positions.
-    triangles
-        (m, 3) vertex indices, counter-clockwise seen from outside.
-    vertex_sets
-        Name to vertex indices; ``clamped`` and ``mouth`` on a duct, rims in order round the rim.
+    Attributes:
+        vertices_m: (n, 3) positions.
+        triangles: (m, 3) vertex indices, counter-clockwise seen from outside.
+        vertex_sets: Name to vertex indices; ``clamped`` and ``mouth`` on a duct, rims in order round the rim.
     """
 
     vertices_m: FloatArray
@@ -149,10 +145,7 @@ def vertex_components(mesh: TriangleMesh) -> IntArray:
 def boundary_loops(mesh: TriangleMesh) -> list[IntArray]:
     """Open rims, longest first, each in order along the direction of its triangles' edges.
 
-    Raises
-    ------
-    ValueError
-        A rim branches at a vertex, so the surface is not a manifold there.
+    Raises ValueError if a rim branches at a vertex, so the surface is not a manifold there.
     """
     directed = half_edges(mesh)
     _, edge, counts = edge_of_half_edges(mesh)

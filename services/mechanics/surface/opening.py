@@ -17,15 +17,11 @@ _NEAREST, _FURTHEST = 2.0, 3.5
 class Opening:
     """An open end.
 
-    Attributes
-    ----------
-    centre_m : (3,) float64
-        Middle of the rim.
-    inward : (3,) float64
-        Unit vector from there to the middle of the lumen two to three and a half radii behind: the way in. A rim
-        that was cut aslant looks elsewhere.
-    radius_m : float
-        Mean distance of the rim from its middle.
+    Attributes:
+        centre_m: (3,) float64. Middle of the rim.
+        inward: (3,) float64. Unit vector from there to the middle of the lumen two to three and a half radii behind:
+            the way in. A rim that was cut aslant looks elsewhere.
+        radius_m: float. Mean distance of the rim from its middle.
     """
 
     centre_m: FloatArray
@@ -36,10 +32,8 @@ class Opening:
 def mouth_opening(mesh: TriangleMesh, name: str = "mouth") -> Opening:
     """Return the mouth of a duct, or another of its openings by the name of its set of vertices.
 
-    Raises
-    ------
-    ValueError
-        There is none of this name, or it is too short beside its width, or too coarse, for the way in to be told.
+    Raises ValueError: there is none of this name, or it is too short beside its width, or too coarse, for the way in to
+    be told.
     """
     if name not in mesh.vertex_sets:
         raise ValueError(f"duct: there is no opening {name!r}; there are {', '.join(sorted(mesh.vertex_sets))}")

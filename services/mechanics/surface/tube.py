@@ -18,28 +18,17 @@ MOST_TRIANGLES = 2_000_000
 class DuctGeometry:
     """Size and shape of a duct's mid-surface; clamped at the axis's start, open at its end (the mouth).
 
-    Attributes
-    ----------
-    radius_m
-        Radius of the mid-surface at the clamped end.
-    length_m
-        Length of the axis.
-    n_around
-        Triangle edges round a ring.
-    n_along
-        Rows of cells (two triangles each) along the axis.
-    wall_thickness_m
-        Thickness of the wall, half of it on each side of the mid-surface.
-    taper
-        Part of the radius lost on the way to the mouth: mouth radius = radius_m * (1 - taper).
-    curvature_1_m
-        Curvature of the axis, which leaves the clamped end along +x and bends towards +y.
-    cut_angle_rad
-        Angle between the mouth's plane and the axis's cross-section; the +y side is the longer one.
-    slit_length_m
-        Length of an incision along the wall, from the mouth inwards, on the +y side.
-    slit_width_m
-        Opening of the incision at the mouth; it closes linearly to its inner end.
+    Attributes:
+        radius_m: Radius of the mid-surface at the clamped end.
+        length_m: Length of the axis.
+        n_around: Triangle edges round a ring.
+        n_along: Rows of cells (two triangles each) along the axis.
+        wall_thickness_m: Thickness of the wall, half of it on each side of the mid-surface.
+        taper: Part of the radius lost on the way to the mouth: mouth radius = radius_m * (1 - taper).
+        curvature_1_m: Curvature of the axis, which leaves the clamped end along +x and bends towards +y.
+        cut_angle_rad: Angle between the mouth's plane and the axis's cross-section; the +y side is the longer one.
+        slit_length_m: Length of an incision along the wall, from the mouth inwards, on the +y side.
+        slit_width_m: Opening of the incision at the mouth; it closes linearly to its inner end.
     """
 
     radius_m: float

@@ -40,10 +40,8 @@ PHASES = "floor.phases"
 class Phases:
     """When in a millisecond the thread of each core wakes, in ns; -1: whenever. Memory that two processes look at.
 
-    Parameters
-    ----------
-    path
-        Of the file, in a private directory; `create` makes it anew.
+    Args:
+        path: Of the file, in a private directory; `create` makes it anew.
     """
 
     def __init__(self, path: Path, *, create: bool = False) -> None:

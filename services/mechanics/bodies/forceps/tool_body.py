@@ -66,40 +66,30 @@ class ToolBody:
     :math:`d^+ = (F + (B / \Delta t)\, d) / (K + B / \Delta t)`: stable for every tick, and passive seen from
     the world, because the rate of d is taken at the end of the step.
 
-    Attributes
-    ----------
-    proxy : (2, 4) float64
-        J in m and the opening in rad, at the end of the last step.
-    free : (2, 4) float64
-        Where the proxies would be at the end of this step without contact forces.
-    motion : (2, 4) float64
-        From the start of the step to ``free``.
-    rolled_rad : (2,) float64
-        Roll over the step: a hand's, which nothing resists.
-    held : (2, 2) bool
-        Whether the jaws of each tool hold wall (`DUCT_TRIANGLE`) or catheter (`CATHETER_SEGMENT`).
-    pad_m : (2, 2) float64
-        How deep what they hold, wall or catheter, may be in them before they push it, see `contact.engagement`.
-    thinned_m : (2, N_CELLS) float64
-        How much nearer the middle of a wall is to jaws that squeeze it, cell by cell along them.
-    thinning_m_rad : (2, N_CELLS) float64
-        By how much more than that for each radian by which they open in this step: less than zero.
-    jaw_stop_rad : (2,) float64
-        Opening below which a catheter that they hold resists the jaws; -inf where they hold none.
-    stop_arm_m : (2,) float64
-        How far from the hinge it is, along the shaft.
-    frame : (2, 3, 3) float64
-        Rows b, h, d of each tool.
-    segments : (2, 3, 2, 3) float64
-        Start and end of shaft, jaw A and jaw B. Of a tool that touches with a sphere, the shaft's is J twice.
-    radius_m : (2, 3) float64
-        0 where a tool has no such segment.
-    compliance : (2, 4) float64
-        Motion of the proxy at the end of the step per force (m/N) and per torque (rad/(N m)).
-    present : (2,) bool
-        Tools that are there; the others touch nothing.
-    waiting : (2,) bool
-        Tools that have come, and touch nothing until nothing is where they are; see `contact.engagement`.
+    Attributes:
+        proxy: (2, 4) float64. J in m and the opening in rad, at the end of the last step.
+        free: (2, 4) float64. Where the proxies would be at the end of this step without contact forces.
+        motion: (2, 4) float64. From the start of the step to ``free``.
+        rolled_rad: (2,) float64. Roll over the step: a hand's, which nothing resists.
+        held: (2, 2) bool. Whether the jaws of each tool hold wall (`DUCT_TRIANGLE`) or catheter (`CATHETER_SEGMENT`).
+        pad_m: (2, 2) float64. How deep what they hold, wall or catheter, may be in them before they push it, see
+            `contact.engagement`.
+        thinned_m: (2, N_CELLS) float64. How much nearer the middle of a wall is to jaws that squeeze it, cell by cell
+            along them.
+        thinning_m_rad: (2, N_CELLS) float64. By how much more than that for each radian by which they open in this
+            step: less than zero.
+        jaw_stop_rad: (2,) float64. Opening below which a catheter that they hold resists the jaws; -inf where they hold
+            none.
+        stop_arm_m: (2,) float64. How far from the hinge it is, along the shaft.
+        frame: (2, 3, 3) float64. Rows b, h, d of each tool.
+        segments: (2, 3, 2, 3) float64. Start and end of shaft, jaw A and jaw B. Of a tool that touches with a sphere,
+            the shaft's is J twice.
+        radius_m: (2, 3) float64. 0 where a tool has no such segment.
+        compliance: (2, 4) float64. Motion of the proxy at the end of the step per force (m/N) and per torque (rad/(N
+            m)).
+        present: (2,) bool. Tools that are there; the others touch nothing.
+        waiting: (2,) bool. Tools that have come, and touch nothing until nothing is where they are; see
+            `contact.engagement`.
     """
 
     def __init__(self, forceps: tuple[ToolScene, ...]) -> None:

@@ -27,13 +27,7 @@ else:  # made of the tables, so that a check of a configuration against its type
 
 
 def choose(table: Mapping[str, Element], name: str, kind: str) -> Element:
-    """Look up an element by name.
-
-    Raises
-    ------
-    ValueError
-        There is no such element; the message lists those there are.
-    """
+    """Look up an element by name. Raises ValueError if there is no such element; the message lists those there are."""
     if name not in table:
         raise ValueError(f"unknown {kind} element '{name}'; known: {', '.join(table)}")
     return table[name]

@@ -26,16 +26,13 @@ class StiffnessKernel(Protocol):
 class Element:
     """One row of a table of elements.
 
-    Attributes
-    ----------
-    stiffness
-        Of many triangles at once.
-    is_reference_only
-        The element fails the patch test or depends on the order of its nodes, so it serves comparisons only.
-    has_stiff_drilling
-        Of a membrane: its drilling rotations are about as stiff as its shear, which makes torsion of a thick wall of
-        short flat triangles too stiff (`studies.fem.facets.drilling_excess`) and a curved rim under forces too soft
-        (`studies.fem.facets.rim_eccentricity`).
+    Attributes:
+        stiffness: Of many triangles at once.
+        is_reference_only: The element fails the patch test or depends on the order of its nodes, so it serves
+            comparisons only.
+        has_stiff_drilling: Of a membrane: its drilling rotations are about as stiff as its shear, which makes torsion
+            of a thick wall of short flat triangles too stiff (`studies.fem.facets.drilling_excess`) and a curved rim
+            under forces too soft (`studies.fem.facets.rim_eccentricity`).
     """
 
     stiffness: StiffnessKernel

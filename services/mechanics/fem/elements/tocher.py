@@ -25,10 +25,7 @@ MIDSIDE_POINTS = np.array([[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5]])
 def stiffness(xy: FloatArray, D: FloatArray, thickness: FloatArray) -> FloatArray:
     """(m, 9, 9) bending stiffness; see `element.StiffnessKernel`.
 
-    Raises
-    ------
-    ValueError
-        A triangle is singular whichever node comes first.
+    Raises ValueError if a triangle is singular whichever node comes first.
     """
     rigidity = thickness[:, None, None] ** 3 / 12.0 * D
     first = _first_node(xy)

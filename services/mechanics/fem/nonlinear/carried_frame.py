@@ -15,14 +15,10 @@ from services.mechanics.fem.triangle import shape_gradients
 class CarriedFrame:
     """Frames of many triangles.
 
-    Attributes
-    ----------
-    axes
-        (k, 3, 3) rows are the axes in global components.
-    now, flat
-        (k, 3, 2) corners about their centroid, in the frame: at present, and undeformed.
-    spin
-        (k, 3, 18) turn of the frame, in its own axes, from local displacements and spins of the corners.
+    Attributes:
+        axes: (k, 3, 3) rows are the axes in global components.
+        now, flat: (k, 3, 2) corners about their centroid, in the frame: at present, and undeformed.
+        spin: (k, 3, 18) turn of the frame, in its own axes, from local displacements and spins of the corners.
     """
 
     axes: FloatArray

@@ -32,12 +32,9 @@ from services.mechanics.fem.shell_model import ShellModel
 class Configuration:
     """Where the nodes are and how far each has turned.
 
-    Attributes
-    ----------
-    position_m
-        (n, 3).
-    rotation
-        (n, 3, 3) matrices, the identity in the mesh as it was given.
+    Attributes:
+        position_m: (n, 3).
+        rotation: (n, 3, 3) matrices, the identity in the mesh as it was given.
     """
 
     position_m: FloatArray
@@ -58,17 +55,12 @@ class Configuration:
 class CorotationalShell:
     """Energy, forces and tangent of a shell at any configuration.
 
-    Parameters
-    ----------
-    model
-        Mesh, section, elements and supports of the linear shell; what was stress-free there is so here.
+    Args:
+        model: Mesh, section, elements and supports of the linear shell; what was stress-free there is so here.
 
-    Attributes
-    ----------
-    rest_frames
-        (m, 3, 3) axes of the triangles at rest, in rows.
-    flat
-        (m, 3, 2) corners of the triangles in those axes, from their middle.
+    Attributes:
+        rest_frames: (m, 3, 3) axes of the triangles at rest, in rows.
+        flat: (m, 3, 2) corners of the triangles in those axes, from their middle.
     """
 
     def __init__(self, model: ShellModel) -> None:
@@ -102,13 +94,10 @@ class CorotationalShell:
 
         Where the forces are not in equilibrium the derivative by spins is not symmetric: rotations do not commute.
 
-        Parameters
-        ----------
-        at
-            Where.
-        carried
-            (m, 18) forces that the triangles carry, see `carried_after`; if given, the parts of the tangent that are
-            due to force take them instead of the forces there.
+        Args:
+            at: Where.
+            carried: (m, 18) forces that the triangles carry, see `carried_after`; if given, the parts of the tangent
+                that are due to force take them instead of the forces there.
         """
         return sum_triangles(self.model.mesh, self._tangents(at, carried))
 

@@ -25,14 +25,10 @@ def cubic_tensor_and_energies(
     energy is 1/2 x K x + 1/6 T x x x and terms of fourth order. T is symmetric in its three indices. The triangles'
     third derivatives take most of the time and are computed once for both results.
 
-    Parameters
-    ----------
-    shell
-        At rest.
-    fields
-        (6 n, k) displacements and rotations of all nodes.
-    alone
-        (6 n, j) more of them, of which only the energy of each by itself is wanted.
+    Args:
+        shell: At rest.
+        fields: (6 n, k) displacements and rotations of all nodes.
+        alone: (6 n, j) more of them, of which only the energy of each by itself is wanted.
     """
     k = fields.shape[1]
     T, energy = np.zeros((k, k, k), np.float32), np.zeros(alone.shape[1])

@@ -22,12 +22,10 @@ GROWTH = 1.5
 class PathSettings:
     """How to follow a path.
 
-    Attributes
-    ----------
-    n_steps
-        Parts into which the load is divided, each of them a point of the path; one that does not converge is halved.
-    tolerance
-        Unbalanced force over load and reactions.
+    Attributes:
+        n_steps: Parts into which the load is divided, each of them a point of the path; one that does not converge is
+            halved.
+        tolerance: Unbalanced force over load and reactions.
     """
 
     n_steps: int = 10
@@ -38,16 +36,11 @@ class PathSettings:
 class PathPoint:
     """One equilibrium on the path.
 
-    Attributes
-    ----------
-    part
-        Of the full load and of the imposed displacements, 1 at the end.
-    at
-        Positions and rotations.
-    reaction
-        (n, 6) force (N) and moment (N m) that the supports exert, zero at free dofs.
-    iterations, residual
-        Newton's steps, and what remained unbalanced.
+    Attributes:
+        part: Of the full load and of the imposed displacements, 1 at the end.
+        at: Positions and rotations.
+        reaction: (n, 6) force (N) and moment (N m) that the supports exert, zero at free dofs.
+        iterations, residual: Newton's steps, and what remained unbalanced.
     """
 
     part: float
@@ -67,11 +60,7 @@ def trace_path(
 
     The load grows in equal parts, each of them a point; a part is halved where Newton's method fails. A path on which
     the load falls cannot be followed this way.
-
-    Raises
-    ------
-    ValueError
-        The path cannot be followed; the message says how far it went.
+    Raises ValueError if the path cannot be followed; the message says how far it went.
     """
     settings = settings or PathSettings()
     newton = Newton(shell, load, settings.tolerance)

@@ -18,16 +18,12 @@ from services.mechanics.surface.mesh import TriangleMesh
 class NonlinearLoad:
     """A full load, of which a path takes parts.
 
-    Attributes
-    ----------
-    dead
-        (n, 6) forces in N and moments in N m that keep their direction. A moment about a fixed axis does work that
-        depends on the path unless the nodes turn about that axis.
-    pressure_pa
-        Pressure inside, normal to the wall wherever that is.
-    imposed
-        (n, 6) displacements in m and rotations in rad, used at held dofs. Several rotations of one node are imposed
-        as one turn about their sum's axis.
+    Attributes:
+        dead: (n, 6) forces in N and moments in N m that keep their direction. A moment about a fixed axis does work
+            that depends on the path unless the nodes turn about that axis.
+        pressure_pa: Pressure inside, normal to the wall wherever that is.
+        imposed: (n, 6) displacements in m and rotations in rad, used at held dofs. Several rotations of one node are
+            imposed as one turn about their sum's axis.
     """
 
     dead: FloatArray

@@ -77,10 +77,7 @@ class Newton:
     def solve(self, start: Configuration, part_now: float, part: float) -> Equilibrium:
         """Equilibrium at ``part`` of the load, from one at ``part_now``.
 
-        Raises
-        ------
-        NotConvergedError
-            The residual did not fall below the tolerance.
+        Raises NotConvergedError if the residual did not fall below the tolerance.
         """
         at, to_impose = start, (part - part_now) * self.imposed
         residual, carried = np.inf, None
@@ -111,10 +108,7 @@ class Newton:
     def factorise(self, K: csr_array[np.float64]) -> Factors:
         """Factors over the free dofs: the tangent may be neither symmetric nor definite.
 
-        Raises
-        ------
-        NotConvergedError
-            It is singular.
+        Raises NotConvergedError if it is singular.
         """
         try:
             return Factors.of(K[self.free][:, self.free])

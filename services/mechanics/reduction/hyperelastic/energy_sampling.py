@@ -55,12 +55,9 @@ MOST_SAMPLES = 160
 class StretchSamples:
     """Triangles that stand for the wall.
 
-    Attributes
-    ----------
-    strain : (3 k, r) float64
-        Strain of each sample per modal coordinate, such that Q is the sum of three squares.
-    energy_j : (k,) float64
-        c / 2 times volume times weight.
+    Attributes:
+        strain: (3 k, r) float64. Strain of each sample per modal coordinate, such that Q is the sum of three squares.
+        energy_j: (k,) float64. c / 2 times volume times weight.
     """
 
     strain: FloatArray

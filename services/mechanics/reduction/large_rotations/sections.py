@@ -22,14 +22,10 @@ from services.mechanics.surface.mesh import (
 class Sections:
     """Stations along the axis of a tube held at one end.
 
-    Attributes
-    ----------
-    centres_m : (s + 1, 3) float64
-        Points of the axis, the first amid the held nodes.
-    segment : (n,) int32
-        Between which stations each node lies: ``segment`` and ``segment + 1``.
-    fraction : (n,) float64
-        How far between them, 0 to 1.
+    Attributes:
+        centres_m: (s + 1, 3) float64. Points of the axis, the first amid the held nodes.
+        segment: (n,) int32. Between which stations each node lies: ``segment`` and ``segment + 1``.
+        fraction: (n,) float64. How far between them, 0 to 1.
     """
 
     centres_m: FloatArray
@@ -53,19 +49,12 @@ class Sections:
 def cut_sections(mesh: TriangleMesh, held: IntArray, n_segments: int) -> Sections:
     """Divide a tube into ``n_segments`` from its held nodes to its farthest.
 
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        Any connected surface that is held at one end.
-    held : (k,) int
-        Nodes of the held end.
-    n_segments : int
-        At least two.
+    Raises ValueError if a section would hold no node.
 
-    Raises
-    ------
-    ValueError
-        A section would hold no node.
+    Args:
+        mesh: TriangleMesh. Any connected surface that is held at one end.
+        held: (k,) int. Nodes of the held end.
+        n_segments: int. At least two.
     """
     if n_segments > mesh.n_vertices:
         raise ValueError(f"the mesh is too coarse for {n_segments} cross-sections: it has {mesh.n_vertices} nodes")
@@ -85,10 +74,7 @@ def cut_sections(mesh: TriangleMesh, held: IntArray, n_segments: int) -> Section
 def refuse_unless_tube(mesh: TriangleMesh, held: IntArray) -> None:
     """Check that a mesh is a tube, a cylinder by its topology, and that one whole end of it is held.
 
-    Raises
-    ------
-    ValueError
-        It is not; the sentence says why.
+    Raises ValueError if it is not; the sentence says why.
     """
     rims = boundary_loops(mesh)
     euler = mesh.n_vertices - len(unique_edges(mesh)[0]) + mesh.n_triangles

@@ -36,18 +36,13 @@ from services.mechanics.surface.mesh import TriangleMesh, vertex_areas_m2
 class TubeWarp:
     """What warping needs of a duct, prepared once.
 
-    Attributes
-    ----------
-    sections : Sections
-        Stations along the axis.
-    turn : (s + 1, 3, r) float64
-        Rotation vector of each station per modal coordinate.
-    stretch : (s, 3, r) float64
-        Change of the axis between stations, in their frame, per modal coordinate: strain times length.
-    arm_m : (n, 3) float64
-        Each node from its point of the axis.
-    local : (n, 3, r) float64
-        What is left of the modes when the sections' rigid motion is taken off.
+    Attributes:
+        sections: Sections. Stations along the axis.
+        turn: (s + 1, 3, r) float64. Rotation vector of each station per modal coordinate.
+        stretch: (s, 3, r) float64. Change of the axis between stations, in their frame, per modal coordinate: strain
+            times length.
+        arm_m: (n, 3) float64. Each node from its point of the axis.
+        local: (n, 3, r) float64. What is left of the modes when the sections' rigid motion is taken off.
     """
 
     sections: Sections

@@ -28,14 +28,11 @@ CHUNK = 512
 class CubicForce:
     """Modal force of the membrane beyond the linear one.
 
-    Attributes
-    ----------
-    coordinates : (s,) int32
-        The modal coordinates it acts in.
-    quadratic : (s (s + 1) / 2, s) float64
-        Force per product q_j q_k, j <= k, in the order of `itertools.combinations_with_replacement`.
-    cubic : (s (s + 1) (s + 2) / 6, s) float64
-        Force per product q_j q_k q_l, j <= k <= l.
+    Attributes:
+        coordinates: (s,) int32. The modal coordinates it acts in.
+        quadratic: (s (s + 1) / 2, s) float64. Force per product q_j q_k, j <= k, in the order of
+            `itertools.combinations_with_replacement`.
+        cubic: (s (s + 1) (s + 2) / 6, s) float64. Force per product q_j q_k q_l, j <= k <= l.
     """
 
     coordinates: IntArray

@@ -24,15 +24,12 @@ from services.mechanics.fem.triangle import shape_gradients, signed_areas
 class Membrane:
     """The triangles of a wall as membranes of constant strain.
 
-    Attributes
-    ----------
-    triangles : (m, 3) int32
-    gradients : (m, 2, 3) float64
-        Gradients of the shape functions along the local axes, in 1/m.
-    tangents : (m, 2, 3) float64
-        The local axes in global components.
-    rigidity_n_m : (m, 3, 3) float64
-        Plane-stress matrix times thickness times area, in N m: energy per strain squared.
+    Attributes:
+        triangles: (m, 3) int32
+        gradients: (m, 2, 3) float64. Gradients of the shape functions along the local axes, in 1/m.
+        tangents: (m, 2, 3) float64. The local axes in global components.
+        rigidity_n_m: (m, 3, 3) float64. Plane-stress matrix times thickness times area, in N m: energy per strain
+            squared.
     """
 
     triangles: IntArray

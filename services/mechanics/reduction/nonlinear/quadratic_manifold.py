@@ -37,20 +37,13 @@ from services.mechanics.reduction.recipe import DuctRecipe
 def relaxed_membrane_force(model: ShellModel, basis: ModalBasis, n_coordinates: int) -> CubicForce:
     """Return the membrane force of the lowest ``n_coordinates`` modes, in-plane motion relaxed.
 
-    Parameters
-    ----------
-    model : ShellModel
-        With the membrane element ``cst``, whose strains the nonlinear energy has: only then is the energy a
-        complete square.
-    basis : ModalBasis
-        Linear modes, of this model or of one with a better membrane.
-    n_coordinates : int
-        How many of the lowest modes take part, up to 30; the others stay linear.
+    Raises ValueError if the model has another membrane element, or the basis fewer modes.
 
-    Raises
-    ------
-    ValueError
-        The model has another membrane element, or the basis fewer modes.
+    Args:
+        model: ShellModel. With the membrane element ``cst``, whose strains the nonlinear energy has: only then is the
+            energy a complete square.
+        basis: ModalBasis. Linear modes, of this model or of one with a better membrane.
+        n_coordinates: int. How many of the lowest modes take part, up to 30; the others stay linear.
     """
     if model.elements.membrane != "cst":
         raise ValueError(f"the nonlinear membrane needs the element 'cst', not '{model.elements.membrane}'")

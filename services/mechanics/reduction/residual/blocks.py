@@ -35,18 +35,13 @@ class Residual:
     whatever they were made of: blocks from the cache are memory that processes share, and a kernel is compiled for one
     kind of array.
 
-    Attributes
-    ----------
-    n_nodes : int
-        Nodes of the mesh, n.
-    blocks : (p, 3, 3) float32 or float64
-        With all pairs p = n^2, row after row. float32 rounds each entry by 1e-7.
-    starts : (n + 1,) int32
-        With patches, the blocks of node i are ``starts[i]`` to ``starts[i + 1]``; empty with all pairs.
-    neighbours : (p,) int32
-        With patches, the other node of each block, ascending in a row; empty with all pairs.
-    symmetry : CyclicStore
-        Of blocks in the frames of sectors.
+    Attributes:
+        n_nodes: int. Nodes of the mesh, n.
+        blocks: (p, 3, 3) float32 or float64. With all pairs p = n^2, row after row. float32 rounds each entry by 1e-7.
+        starts: (n + 1,) int32. With patches, the blocks of node i are ``starts[i]`` to ``starts[i + 1]``; empty with
+            all pairs.
+        neighbours: (p,) int32. With patches, the other node of each block, ascending in a row; empty with all pairs.
+        symmetry: CyclicStore. Of blocks in the frames of sectors.
     """
 
     n_nodes: int
@@ -63,13 +58,7 @@ class Residual:
 
     @classmethod
     def full(cls, blocks: BlockArray) -> Residual:
-        """Wrap the blocks (n, n, 3, 3) between all pairs of nodes.
-
-        Raises
-        ------
-        ValueError
-            The array has another shape.
-        """
+        """Wrap the blocks (n, n, 3, 3) between all pairs of nodes. Raises ValueError if the array has another shape."""
         if blocks.ndim != 4 or blocks.shape[0] != blocks.shape[1] or blocks.shape[2:] != (3, 3):
             raise ValueError(f"residual blocks have shape {blocks.shape}, expected (n, n, 3, 3)")
         empty = np.zeros(0, np.int32)
@@ -81,14 +70,11 @@ class Residual:
 
         F turns a sector's frame into the world's.
 
-        Parameters
-        ----------
-        symmetry : CyclicSymmetry
-            k nodes in each of m sectors.
-        blocks : (k, k, m, 3, 3) float32
-            B of two seats whose sectors are 0 to m - 1 apart.
-        odd : (k m, 3, o) float64
-            l: modes over their frequency, in the nodes' own frames, that are in the basis and whose partners are not.
+        Args:
+            symmetry: CyclicSymmetry. k nodes in each of m sectors.
+            blocks: (k, k, m, 3, 3) float32. B of two seats whose sectors are 0 to m - 1 apart.
+            odd: (k m, 3, o) float64. l: modes over their frequency, in the nodes' own frames, that are in the basis and
+                whose partners are not.
         """
         m, n = symmetry.n_sectors, len(symmetry.seat)
         if blocks.shape != (n // m, n // m, m, 3, 3):

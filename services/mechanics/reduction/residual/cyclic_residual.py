@@ -29,10 +29,7 @@ def build_cyclic(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the blocks and the odd modes of `Residual.cyclic`.
 
-    Raises
-    ------
-    RuntimeError
-        The wall is not as symmetric as its mesh.
+    Raises RuntimeError if the wall is not as symmetric as its mesh.
     """
     odd = odd_modes(model, basis, symmetry)
     pairs = ModalBasis.from_modes(basis.omega_rad_s[~odd], basis.Phi[:, :, ~odd])

@@ -43,17 +43,12 @@ def build_patches(
     `MOST_COLOURS` solves a direction allow. What the factor's own pattern holds, a node with itself and with those
     it shares a triangle with among it, is then replaced by the exact blocks (`selected_inverse`).
 
-    Parameters
-    ----------
-    model, basis
-        Full duct and its modes.
-    radius_m : float
-        Blocks are kept between nodes at most this far apart.
-    apart_m : float, optional
-        How far apart nodes that share a solve are; infinite for exact columns. By default exact up to
-        `EXACT_NODES` nodes, and beyond as far as the number of solves allows.
-    progress : callable
-        Called as ``progress(stage, fraction)``.
+    Args:
+        model, basis: Full duct and its modes.
+        radius_m: float. Blocks are kept between nodes at most this far apart.
+        apart_m: float, optional. How far apart nodes that share a solve are; infinite for exact columns. By default
+            exact up to `EXACT_NODES` nodes, and beyond as far as the number of solves allows.
+        progress: callable. Called as ``progress(stage, fraction)``.
     """
     vertices = model.mesh.vertices_m
     starts, neighbours = patch_pattern(vertices, radius_m)
@@ -92,10 +87,7 @@ def patch_pattern(vertices_m: FloatArray, radius_m: float) -> tuple[IntArray, In
 def largest_radius_m(vertices_m: FloatArray, budget_bytes: int) -> float:
     """Return the largest patch radius in m, to 1 %, whose blocks fit ``budget_bytes``.
 
-    Raises
-    ------
-    ValueError
-        Not even a block a node fits.
+    Raises ValueError if not even a block a node fits.
     """
     most_pairs = budget_bytes // PAIR_BYTES
     if most_pairs < len(vertices_m):

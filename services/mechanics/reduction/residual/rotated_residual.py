@@ -21,13 +21,10 @@ from services.mechanics.reduction.residual.blocks import Block, BlockStore, Resi
 class RotatedResidual(Residual):
     """R along world axes, in the state that ``frame`` was last updated to; a step allocates nothing here.
 
-    Attributes
-    ----------
-    frame : SectionFrame
-    corner_rotation : (3 c, 3, 3) float64
-        Scratch of `gather_points` at up to c points.
-    load_n : (6 c, 3) float64
-        Scratch of `apply`: loads along undeformed axes.
+    Attributes:
+        frame: SectionFrame
+        corner_rotation: (3 c, 3, 3) float64. Scratch of `gather_points` at up to c points.
+        load_n: (6 c, 3) float64. Scratch of `apply`: loads along undeformed axes.
     """
 
     frame: SectionFrame

@@ -25,12 +25,10 @@ from services.mechanics.reduction.residual.blocks import BlockArray, find_sorted
 class SelectedInverse:
     """Lower triangle of the inverse in the factor's order, in compressed columns with ascending rows.
 
-    Attributes
-    ----------
-    place : (f,) int32
-        Where each unknown went in the factor's order.
-    starts, rows : (f + 1,), (p,) int32
-    values : (p,) float64
+    Attributes:
+        place: (f,) int32. Where each unknown went in the factor's order.
+        starts, rows: (f + 1,), (p,) int32
+        values: (p,) float64
     """
 
     place: IntArray
@@ -42,10 +40,8 @@ class SelectedInverse:
     def of(cls, matrix: csc_array, factor: SuperLU) -> SelectedInverse:
         """Invert a matrix within the pattern of its symmetric factorisation; stored zeros count as pattern.
 
-        Raises
-        ------
-        ValueError
-            Rows and columns were permuted differently, so the factors are not those of a symmetric elimination.
+        Raises ValueError if rows and columns were permuted differently, so the factors are not those of a symmetric
+        elimination.
         """
         if not np.array_equal(factor.perm_r, factor.perm_c):
             raise ValueError("the selected inverse needs factors with pivots on the diagonal")

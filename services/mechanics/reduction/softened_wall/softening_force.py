@@ -72,21 +72,16 @@ def follow_loads(
 ) -> None:
     """Balance the energy of the last step and write the modal force of the next one; see `push_ahead` as well.
 
-    Parameters
-    ----------
-    address : Address[SoftenedWall]
-    loads : (nodes (l,), forces (l, 3))
-        Contact forces on the wall in the last step.
-    modal_force : (r,) float64
-        What they are on the modes.
-    motion : (q (r,), q_start (r,), qdot (r,), qddot (r,))
-        Modal coordinates at the end and at the start of the last step, and their rates and accelerations at its end.
-        Changed are the accelerations, from which the next step takes the force that it begins with, and all but
-        ``q_start`` where the force of the last step is corrected.
-    gains : (position (r,), velocity (r,), acceleration (r,))
-        What a force that acts at the end of a step makes there, see `ModalGains`.
-    dt_s : float
-        Length of the last step.
+    Args:
+        address: Address[SoftenedWall]
+        loads: (nodes (l,), forces (l, 3)). Contact forces on the wall in the last step.
+        modal_force: (r,) float64. What they are on the modes.
+        motion: (q (r,), q_start (r,), qdot (r,), qddot (r,)). Modal coordinates at the end and at the start of the last
+            step, and their rates and accelerations at its end. Changed are the accelerations, from which the next step
+            takes the force that it begins with, and all but ``q_start`` where the force of the last step is corrected.
+        gains: (position (r,), velocity (r,), acceleration (r,)). What a force that acts at the end of a step makes
+            there, see `ModalGains`.
+        dt_s: float. Length of the last step.
     """
     wall = softened_wall_at(address)
     q, _, _, qddot = motion
@@ -344,15 +339,14 @@ def push_ahead(
 ) -> None:
     """Write the force of the next step, of a pattern that stiffens: that of its end, where it stiffens.
 
-    Parameters
-    ----------
-    address : Address[SoftenedWall]
-    q, end : (r,) float64
-        Modal coordinates at the start of the step, and at its end if the force stays that of the last one.
-    position_gain : (r,) float64
-        What a force that acts at the end of the step moves them by there, see `ModalGains`.
-    qddot : (r,) float64
-        Accelerations at the start of the step; changed, as the step takes from them the force that it begins with.
+    Args:
+        address: Address[SoftenedWall]
+        q, end: (r,) float64. Modal coordinates at the start of the step, and at its end if the force stays that of the
+            last one.
+        position_gain: (r,) float64. What a force that acts at the end of the step moves them by there, see
+            `ModalGains`.
+        qddot: (r,) float64. Accelerations at the start of the step; changed, as the step takes from them the force that
+            it begins with.
     """
     wall = softened_wall_at(address)
     for mode in range(qddot.shape[0]):

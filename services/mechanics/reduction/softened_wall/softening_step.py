@@ -14,10 +14,8 @@ from services.mechanics.reduction.viscoelastic import NEVER, PronySeries
 class SofteningStep:
     """A softening wall that is stepped with the duct; the arguments are those of `SoftenedWall.of`.
 
-    Attributes
-    ----------
-    force : (r,) float64
-        Modal force of the next step.
+    Attributes:
+        force: (r,) float64. Modal force of the next step.
     """
 
     def __init__(

@@ -25,18 +25,14 @@ SCALES = (0.5, 2.0)
 class LoadSites:
     """Unit forces on some nodes, inward, and how other forces on the wall are made of them.
 
-    Attributes
-    ----------
-    nodes : (m,) int32
-    compliance_m_n : (m, m) float64
-        Inward displacement of the sites under unit forces on them.
-    local_m_n : (m, m) float64
-        The same less the rigid motion of the piece of wall round each site, so that a duct that is bent as a beam
-        counts for nothing; symmetric, not negative.
-    near : (n, K) int32, weights : (n, K, 3) float64
-        Force f on a node is ``weights @ f`` on its nearest sites: that which comes nearest in energy, times ``scale``.
-    scale : (n,) float64
-        With it a force on the node has the cubic energy of its own (`scaled_to_cubic`).
+    Attributes:
+        nodes: (m,) int32
+        compliance_m_n: (m, m) float64. Inward displacement of the sites under unit forces on them.
+        local_m_n: (m, m) float64. The same less the rigid motion of the piece of wall round each site, so that a duct
+            that is bent as a beam counts for nothing; symmetric, not negative.
+        near: (n, K) int32, weights: (n, K, 3) float64. Force f on a node is ``weights @ f`` on its nearest sites: that
+            which comes nearest in energy, times ``scale``.
+        scale: (n,) float64. With it a force on the node has the cubic energy of its own (`scaled_to_cubic`).
     """
 
     nodes: IntArray
@@ -57,12 +53,10 @@ class LoadSites:
 class Lumen:
     """The wall as seen from within.
 
-    Attributes
-    ----------
-    inward : (n, 3) float64
-        Normals of the nodes.
-    width_m : (n,) float64
-        From each node through the lumen to the wall; where there is none, as at an open rim, the median of the others.
+    Attributes:
+        inward: (n, 3) float64. Normals of the nodes.
+        width_m: (n,) float64. From each node through the lumen to the wall; where there is none, as at an open rim, the
+            median of the others.
     """
 
     inward: FloatArray
@@ -72,10 +66,7 @@ class Lumen:
     def of(cls, mesh: TriangleMesh) -> Lumen:
         """Look from every node inward.
 
-        Raises
-        ------
-        ValueError
-            No node sees the wall opposite: the surface is not wound round a lumen.
+        Raises ValueError if no node sees the wall opposite: the surface is not wound round a lumen.
         """
         inward = -vertex_normals(mesh)
         width = np.array([_width_m(mesh, node, inward[node]) for node in range(mesh.n_vertices)])
@@ -85,10 +76,7 @@ class Lumen:
 def lumen_width_m(mesh: TriangleMesh, nodes: IntArray, inward: FloatArray) -> float:
     """Return the median width of the lumen as some nodes see it along ``inward`` (n, 3).
 
-    Raises
-    ------
-    ValueError
-        None of them sees the wall opposite.
+    Raises ValueError if none of them sees the wall opposite.
     """
     return _median_m(np.array([_width_m(mesh, int(node), inward[node]) for node in nodes]))
 

@@ -33,15 +33,13 @@ REMAINDER_WIDTHS = 0.9
 class Remainder:
     """Cubic energy beside that of the sites, of forces along ``inward`` on n nodes; n is zero where it is not known.
 
-    Attributes
-    ----------
-    inward : (n, 3) float64
-    sites : (n, p) int32, nodes : (n, q) int32
-        Nearby each node, itself among them.
-    third : (n, p + q, p + q) float32
-        With z the forces on those, 6 E is larger than that of the sites by the sum of f_n z third z.
-    local_m_n : (n, n) float32
-        Inward displacement of nodes under unit forces on them, less rigid motion as in `LoadSites`.
+    Attributes:
+        inward: (n, 3) float64
+        sites: (n, p) int32, nodes: (n, q) int32. Nearby each node, itself among them.
+        third: (n, p + q, p + q) float32. With z the forces on those, 6 E is larger than that of the sites by the sum of
+            f_n z third z.
+        local_m_n: (n, n) float32. Inward displacement of nodes under unit forces on them, less rigid motion as in
+            `LoadSites`.
     """
 
     inward: FloatArray

@@ -61,15 +61,11 @@ def parts(rho: FloatArray) -> FloatArray:
 class Sample:
     """One equilibrium of the nonlinear reference, a data point of the fit.
 
-    Attributes
-    ----------
-    rho : float
-    excess : float
-        Y of this state.
-    share : float
-        V over the work of the forces: how much an error of Y counts.
-    place : (n,) float64
-        Shares of the nodes in the force, not negative, of sum one.
+    Attributes:
+        rho: float
+        excess: float. Y of this state.
+        share: float. V over the work of the forces: how much an error of Y counts.
+        place: (n,) float64. Shares of the nodes in the force, not negative, of sum one.
     """
 
     rho: float
@@ -82,14 +78,11 @@ class Sample:
 class SofteningLaw:
     """Y, made of parts.
 
-    Attributes
-    ----------
-    rho : (p,) float64
-        Evenly spaced from the least to the largest that was seen; beyond them Y stays what it is there.
-    work : (N_PARTS, p) float64
-        The parts of Y.
-    coefficients : (n, N_PARTS) float64
-        Of the parts, for forces on each node of the wall.
+    Attributes:
+        rho: (p,) float64. Evenly spaced from the least to the largest that was seen; beyond them Y stays what it is
+            there.
+        work: (N_PARTS, p) float64. The parts of Y.
+        coefficients: (n, N_PARTS) float64. Of the parts, for forces on each node of the wall.
     """
 
     rho: FloatArray
@@ -101,14 +94,12 @@ class SofteningLaw:
 class TwoLaws:
     """The softening laws of a wall: of the nodes far from supports, of the sites beside them.
 
-    Attributes
-    ----------
-    of_sites : SofteningLaw
-        For the energies that forces have once they are spread over the sites, scaled.
-    of_nodes : SofteningLaw
-        For those that they have themselves; over the same rho. Of no nodes where the wall's `Remainder` is not known.
-    share : (n,) float64
-        Of the second law, for forces on each node: of a load the mean over its nodes, counted by the forces on them.
+    Attributes:
+        of_sites: SofteningLaw. For the energies that forces have once they are spread over the sites, scaled.
+        of_nodes: SofteningLaw. For those that they have themselves; over the same rho. Of no nodes where the wall's
+            `Remainder` is not known.
+        share: (n,) float64. Of the second law, for forces on each node: of a load the mean over its nodes, counted by
+            the forces on them.
     """
 
     of_sites: SofteningLaw

@@ -56,14 +56,12 @@ LOCAL_WORK_SHARE = 1e-3
 class WallSoftening:
     """The trained softening of a wall.
 
-    Attributes
-    ----------
-    sites : LoadSites
-    third : (m, m, m) float32
-        T: third derivatives of the strain energy along the linear responses to unit forces on the sites.
-    remainder : Remainder
-        Not known of a wall of many nodes.
-    laws : TwoLaws
+    Attributes:
+        sites: LoadSites
+        third: (m, m, m) float32. T: third derivatives of the strain energy along the linear responses to unit forces on
+            the sites.
+        remainder: Remainder. Not known of a wall of many nodes.
+        laws: TwoLaws
     """
 
     sites: LoadSites
@@ -81,10 +79,7 @@ def fetch_softening(
 ) -> WallSoftening:
     """Return the softening of a recipe's wall, from the cache where it is there.
 
-    Raises
-    ------
-    ValueError
-        The wall encloses no lumen, or its supports hold some axes only.
+    Raises ValueError if the wall encloses no lumen, or its supports hold some axes only.
     """
 
     def make(entry: cache.Entry) -> None:

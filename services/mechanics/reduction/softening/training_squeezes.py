@@ -31,16 +31,11 @@ TOLERANCE = 1e-6
 class Squeeze:
     """Wall pressed at one place by straight jaws: displacement imposed along one line, at one side or at two that face.
 
-    Attributes
-    ----------
-    node : int
-        Middle of the patch; the line is its normal.
-    depth_m : float
-        By which the patch moves inward, or two patches towards each other; negative outward.
-    radius_m : float
-        Of the patches, at least a node each, of what stands out furthest.
-    is_pinch : bool
-        Whether two patches move.
+    Attributes:
+        node: int. Middle of the patch; the line is its normal.
+        depth_m: float. By which the patch moves inward, or two patches towards each other; negative outward.
+        radius_m: float. Of the patches, at least a node each, of what stands out furthest.
+        is_pinch: bool. Whether two patches move.
     """
 
     node: int
@@ -85,11 +80,7 @@ def follow(recipe: DuctRecipe, lumen: Lumen, squeeze: Squeeze) -> list[SqueezedS
     """Equilibria of the full nonlinear shell up to the squeeze's depth, or up to where it cannot be followed.
 
     The mesh is turned so that the line is the y axis: supports are along global axes.
-
-    Raises
-    ------
-    ValueError
-        A support of the recipe holds some axes only.
+    Raises ValueError if a support of the recipe holds some axes only.
     """
     if any(set(support.dofs) != set(DOF_NAMES) for support in recipe.supports):
         raise ValueError("squeezes of a wall need supports that hold all axes")
