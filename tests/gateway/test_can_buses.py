@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import socket
 import time
 import tracemalloc
 from collections.abc import Iterator
@@ -24,6 +23,7 @@ from services.runtime.rig import DriverSettings, Mount
 from tests.gateway.bench import SteppedClock
 from tests.gateway.slcan_adapter import Adapter
 from tests.gateway.virtual_node import VirtualNode
+from tests.ports import free_port
 
 TORQUE_NM = 0.1
 
@@ -279,7 +279,7 @@ def test_a_serial_port_that_is_not_there_is_one_sentence() -> None:
 
 def test_a_drive_on_udp_multicast_is_measured_and_loaded(monkeypatch: pytest.MonkeyPatch) -> None:
     """Frames are given back to who sent them there; when they come is the kernel's affair, so a drive may let go."""
-    bus = {"interface": "udp_multicast", "channel": "239.74.163.2", "hop_limit": 0, "fd": False, "port": _free_port()}
+    bus = {"interface": "udp_multicast", "channel": "239.74.163.2", "hop_limit": 0, "fd": False, "port": free_port()}
     _need_multicast(bus)
     monkeypatch.setenv(canbus.OPEN_BUS, "1")
     node = VirtualNode(can.Bus(**bus))
@@ -311,12 +311,6 @@ def _need_multicast(bus: dict[str, Any]) -> None:
         pytest.skip(f"this host has no multicast: {error}")
     if heard is None:
         pytest.skip("this host sends multicast to nobody")
-
-
-def _free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("", 0))
-        return int(probe.getsockname()[1])
 
 
 @pytest.mark.parametrize(

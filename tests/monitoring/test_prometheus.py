@@ -21,7 +21,8 @@ import yaml
 from services.runtime.rig import Transport
 from services.supervisor.page_place import page_file
 from tests.monitoring.exporter import DASHBOARDS, FOLDER, IN_FULL, RULES, panels
-from tests.rig.conftest import SCENE, Rig, free_port, running_rig
+from tests.ports import free_port
+from tests.rig.conftest import SCENE, Rig, running_rig
 from tests.with_us import with_us
 
 PROMETHEUS = shutil.which("prometheus")

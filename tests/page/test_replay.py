@@ -20,7 +20,7 @@ from services.runtime.rig import Transport
 from services.supervisor.page_place import page_file
 from tests import chromium
 from tests.chromium import Chromium
-from tests.rig.conftest import free_port
+from tests.ports import free_port
 from tests.with_us import with_us
 
 pytestmark = [

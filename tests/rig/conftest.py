@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -17,6 +16,7 @@ from protocol.bodies import GatewayState, PhysicsState, SupervisorState
 from services.runtime.endpoints import lock_holders
 from services.runtime.rig import Transport
 from services.runtime.zmq_bus import ZmqBus
+from tests.ports import free_port
 from tests.with_us import with_us
 
 HERE = Path(__file__).parent
@@ -92,12 +92,6 @@ class Rig:
     directory: Path
     process: subprocess.Popen[bytes]
     observer: Observer
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 @contextmanager

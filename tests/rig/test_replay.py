@@ -16,8 +16,8 @@ from services.recordings.inputs import RecordedInputs, read_inputs
 from services.recordings.provenance import machine, mechanics_digest
 from services.runtime.rig import Transport
 from services.runtime.zmq_bus import ZmqBus
+from tests.ports import free_port
 from tests.recorder.conftest import recorded
-from tests.rig.conftest import free_port
 from tests.with_us import with_us
 
 __all__ = ["recorded"]

@@ -19,7 +19,8 @@ import protocol.bodies as bodies
 from services.runtime import keys
 from services.runtime.rig import Transport
 from services.runtime.zmq_bus import ZmqBus
-from tests.rig.conftest import SCENE, START_S, Observer, free_port
+from tests.ports import free_port
+from tests.rig.conftest import SCENE, START_S, Observer
 from tests.with_us import with_us
 
 HERE = Path(__file__).parent

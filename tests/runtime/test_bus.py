@@ -24,7 +24,7 @@ from services.runtime.frame_batches import SENDS_PER_S, batch_endpoint
 from services.runtime.rig import Transport
 from services.runtime.zmq_bus import ZmqBus
 from tests.memory_bus import MemoryBus, MemoryHub
-from tests.runtime.ports import base_port
+from tests.ports import base_port
 
 STATE = "gateway.state"
 STALE_S = 60.0

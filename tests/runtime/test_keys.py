@@ -23,8 +23,8 @@ from services.runtime.health import HealthReporter
 from services.runtime.rig import Transport
 from services.runtime.zmq_bus import ZmqBus
 from tests.health_reports import report_of
+from tests.ports import base_port
 from tests.runtime.between import Between
-from tests.runtime.ports import base_port
 
 STATE = "gateway.state"
 PORT = base_port(23_800)

@@ -14,8 +14,8 @@ from services.runtime.clocks import ClockOffset
 from services.runtime.endpoints import endpoint
 from services.runtime.rig import Transport
 from services.runtime.zmq_bus import ZmqBus
+from tests.ports import base_port
 from tests.runtime.between import Between
-from tests.runtime.ports import base_port
 
 STATE, MODEL = "gateway.state", "haptics.contact_model"
 PORT = base_port(24_000)
