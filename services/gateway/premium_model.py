@@ -127,14 +127,6 @@ def accelerate(angles: FloatArray, rates: FloatArray, torque: FloatArray, out: F
 
 
 @kernel
-def energy(angles: FloatArray, rates: FloatArray) -> float:
-    """Return kinetic plus potential energy in J."""
-    m11, m22, m23, m33 = mass(angles)
-    kinetic = m11 * rates[0] ** 2 + m22 * rates[1] ** 2 + m33 * rates[2] ** 2 + 2.0 * m23 * rates[1] * rates[2]
-    return float(0.5 * kinetic + _G2 * math.sin(angles[1]) - _G3 * math.cos(angles[2]))
-
-
-@kernel
 def passive_torque(angles: FloatArray, rates: FloatArray, joint: int) -> float:
     """Return viscous friction and hard stops of a joint in N m: they never add energy. Dry friction is `rub`."""
     low, high = ANGLE_MIN[joint], ANGLE_MAX[joint]

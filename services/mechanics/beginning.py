@@ -53,11 +53,6 @@ class Beginning:
             (holder.extend if isinstance(holder, list | deque) else holder.update)(content)
         copy_arrays(self._put_back)
 
-    @property
-    def size_bytes(self) -> int:
-        """Bytes that are kept."""
-        return sum(array.nbytes for array in self._copies)
-
     def _follow(self, root: object, seen: dict[int, object]) -> None:
         """Note what `root` and all that it refers to remember, but for what was seen."""
         todo = [root]

@@ -82,10 +82,6 @@ class Assessment(msgspec.Struct, frozen=True, kw_only=True):
         """Whether it is compared with others."""
         return not self.why_not and self.outcome in ("success", "failure")
 
-    def to_json(self) -> bytes:
-        """Return it as JSON: the same attempt gives the same bytes."""
-        return msgspec.json.format(msgspec.json.encode(self), indent=1) + b"\n"
-
 
 def series_of(columns: Columns, tissues: Iterable[str]) -> Series:
     """Return the curves of an attempt, thinned: of forces the largest of each interval, of places the first."""
