@@ -14,7 +14,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.routing import Route
 
-from services.classroom.roll import Place, Roll, load_roll
+from services.classroom.roll import Place, load_roll
 from services.classroom.watch import Watch
 from services.runtime.errors import UserError
 from services.runtime.web_host import KnownHost, listen
@@ -35,21 +35,21 @@ class Classroom:
         self.remark = ""
         self._changed_ns = 0
         self._watches: dict[Place, Watch] = {}
-        self.roll = self._load()
+        self._load()
 
-    def _load(self) -> Roll:
+    def _load(self) -> None:
         self._changed_ns = self._file.stat().st_mtime_ns if self._file.exists() else 0
-        roll = load_roll(self._file)
+        self.roll = roll = load_roll(self._file)  # before anybody is watched: threads of rigs ask for it at once
         for place in self._watches.keys() - set(roll.rig):
             self._watches.pop(place).close()
         self._watches = {place: self._watches.get(place) or Watch(place, self._last_score) for place in roll.rig}
-        return roll
 
     def look(self) -> None:
         """Read the file again if it has changed; one that cannot be used changes nothing, and is told."""
         if self._file.exists() and self._file.stat().st_mtime_ns != self._changed_ns:
             try:
-                self.roll, self.remark = self._load(), ""
+                self._load()
+                self.remark = ""
             except UserError as error:
                 self.remark = str(error)
 

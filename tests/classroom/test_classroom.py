@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import socket
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
-from services.classroom import watch
+from services.classroom import app, watch
 from services.classroom.app import Classroom, build_app
 from services.classroom.roll import Place
 from services.classroom.watch import Watch
@@ -219,3 +219,19 @@ def test_what_is_told_is_json_of_rows(tmp_path: Path) -> None:
         assert set(msgspec.json.decode(classroom.told())) == {"remark", "rigs"}
     finally:
         classroom.close()
+
+
+def test_a_rig_may_ask_for_the_last_score_as_soon_as_it_is_watched(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a busy machine a rig's thread ran before the class knew its file, and ended: the rig was silent for ever."""
+    told: list[float | None] = []
+
+    class Hasty(Watch):
+        def __init__(self, place: Place, last_score: Callable[[str], float | None]) -> None:
+            told.append(last_score("heron-17"))
+            super().__init__(place, last_score)
+
+    monkeypatch.setattr(app, "Watch", Hasty)
+    Classroom(write_roll(tmp_path / "class.toml", ["http://127.0.0.1:1"])).close()
+    assert told == [None]
