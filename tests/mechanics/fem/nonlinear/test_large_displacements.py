@@ -46,9 +46,15 @@ def test_cantilever_under_shear(membrane):
         assert point.reaction[:, 2].sum() == pytest.approx(-4.0 * point.part, rel=1e-6)
 
 
-def test_cantilever_under_a_moment_closes_to_a_circle():
+@pytest.fixture(scope="module")
+def bent():
+    """A strip under a moment that bends it to a circle, and the tenths of its way."""
     problem = cantilever("moment")
-    end = trace_path(problem.shell, problem.load, PathSettings(n_steps=10))[-1]
+    return problem, trace_path(problem.shell, problem.load, PathSettings(n_steps=10))
+
+
+def test_cantilever_under_a_moment_closes_to_a_circle(bent):
+    problem, (*_, end) = bent
     tip, middle = problem.moved(end)
     assert tip == pytest.approx([-10.0, 0.0, 0.0], abs=0.02)
     assert middle == pytest.approx([-5.0, 0.0, 10.0 / np.pi], abs=0.03)
@@ -56,10 +62,10 @@ def test_cantilever_under_a_moment_closes_to_a_circle():
     assert problem.shell.energy_j(end.at) == pytest.approx(0.5 * moment * 2.0 * np.pi, rel=1e-3)
 
 
-def test_the_way_to_the_circle_is_the_closed_form():
+def test_the_way_to_the_circle_is_the_closed_form(bent):
     """At every tenth of the moment the strip is an arc of its length."""
-    problem = cantilever("moment")
-    for point in trace_path(problem.shell, problem.load, PathSettings(n_steps=10)):
+    problem, path = bent
+    for point in path:
         angle = 2.0 * np.pi * point.part
         tip = problem.moved(point)[0]
         arc = 10.0 * np.array([np.sin(angle) / angle - 1.0, 0.0, (1.0 - np.cos(angle)) / angle])
