@@ -22,19 +22,20 @@ class Between:
         self._listener = socket.create_server(("127.0.0.1", port + self.shift))
         self._port = port
         self._open = [self._listener]
-        threading.Thread(target=self._accept, daemon=True).start()
+        self._accepting = threading.Thread(target=self._accept, daemon=True)
+        self._accepting.start()
 
     def _accept(self) -> None:
         with suppress(OSError):
             while True:
                 reader = self._listener.accept()[0]
+                self._open.append(reader)
                 if self.plays:
-                    self._open.append(reader)
                     with suppress(OSError):
                         reader.sendall(self.said["publisher"])
                     continue
                 sender = socket.create_connection(("127.0.0.1", self._port))
-                self._open += [reader, sender]
+                self._open.append(sender)
                 for source, sink, back in ((reader, sender, False), (sender, reader, True)):
                     threading.Thread(target=self._pass, args=(source, sink, back), daemon=True).start()
 
@@ -55,7 +56,9 @@ class Between:
                 each.shutdown(socket.SHUT_RDWR)
 
     def close(self) -> None:
-        """Part both ends."""
+        """Part both ends, whoever has just come among them."""
+        self._listener.shutdown(socket.SHUT_RDWR)
+        self._accepting.join()
         for each in self._open:
             with suppress(OSError):  # one that is waited at is closed when the wait is over
                 each.shutdown(socket.SHUT_RDWR)
