@@ -64,8 +64,13 @@ def _step_catheter(scene: SceneModel) -> None:
 
 
 def compile_for_physics(scene: SceneModel, duct: ReducedDuct) -> None:
-    """Call what `services.physics.warm_up` calls last, and what it takes no steps with contacts for."""
+    """Call what physics alone asks for, and late: what both are at, each would compile."""
     simulation = Simulation(scene, duct)
     simulation.write_report(1e-3)
     simulation.catheter.predict(1e-3)
     compile_rare_kernels(simulation)
+    if simulation.catheter.plain_integrator is not None:
+        simulation.catheter.keep_plan()
+        simulation.catheter.plan_again(0.0)
+    _ = simulation.inserted_length_m
+    simulation.solver.pricing.compile_kernels()
