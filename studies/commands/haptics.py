@@ -24,6 +24,7 @@ from studies.accuracy.facts import Facts
 from studies.accuracy.study import Draw, Size
 from studies.commands.progress_bar import progress_line
 from studies.commands.running_insertion import SCENE, run_insertion
+from studies.feel.compare import compare
 from studies.feel.figures import draw_borders, draw_energies, draw_transparency
 from studies.feel.late import answer_late, solve
 from studies.feel.measure import energies, hunts, passive_borders, slow_rows, stable_borders, transparency
@@ -62,8 +63,9 @@ def run_haptics(request: Request) -> None:
         late = answer_late(solve(cache_directory() / "bases"))
         won = energies(request.hands, executor, tell)
         hunted, slow = hunts(request.hands, executor, tell), slow_rows(request.hands // 2)
+    compared = compare(max(40, request.hands // 4))
     running = read_running(figures / RUNNING)
-    felt = Felt(passive_borders(), stable_borders(), transparency(), won, late, hunted, slow, running)
+    felt = Felt(passive_borders(), stable_borders(), transparency(), won, late, hunted, slow, running, compared)
     if request.json:
         print(json.dumps({"page": str(request.out), **_data(felt)}))
     with targets.writing("--out", request.out):
@@ -101,6 +103,7 @@ def _data(felt: Felt) -> dict[str, object]:
         "worst_border": felt.worst_border(),
         "hunted": [asdict(each) for each in felt.hunted],
         "slow": [asdict(each) for each in felt.slow],
+        "compared": [asdict(each) for each in felt.compared],
         "running": None if felt.running is None else msgspec.to_builtins(felt.running),
         "energies": [
             {

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from services.atomic_file import atomic_file
+from studies.feel.compare import NOTICED, TRIED_N_M, Compared
 from studies.feel.hunt import Hunted
 from studies.feel.late import TOOLS, WITHIN, Late
 from studies.feel.measure import TABLE_HZ, WAYS, Border, Energies, Rendered
@@ -33,6 +34,7 @@ class Felt:
     hunted: Sequence[Hunted]
     slow: Sequence[Slow]
     running: Running | None = None
+    compared: Sequence[Compared] = ()
 
     def worst_border(self) -> float:
         """Return the largest relative distance of a measured border from theory."""
@@ -62,6 +64,7 @@ def _lines(felt: Felt, made_with: Sequence[str], figures: str) -> Iterator[str]:
     yield from _energies(felt.energies, figures)
     yield from _hunted(felt.hunted)
     yield from _slow(felt.slow)
+    yield from _compared(felt.compared)
     yield ""
 
 
@@ -264,6 +267,28 @@ def _slow(found: Sequence[Slow]) -> Iterator[str]:
     for arm in dict.fromkeys(each.arm for each in found):
         cells = [f"{each.law:.1%} ({each.model:.1%})" for each in found if each.arm == arm]
         yield f"| {arm} | " + " | ".join(cells) + " |"
+
+
+def _compared(found: Sequence[Compared]) -> Iterator[str]:
+    if not found:
+        return
+    arms, laws = (list(dict.fromkeys(getattr(each, name) for each in found)) for name in ("arm", "law"))
+    yield ""
+    yield "## Beside other laws"
+    yield ""
+    yield from _words(
+        "One wall computed in the servo, the same hands for each law (`studies/feel/laws`). By arm: the stiffest wall, "
+        f"of those tried up to {TRIED_N_M[-1]:,.0f} N/m, up to which no hand gains, and in brackets how stiff that one "
+        f"is felt. At {arms[0]} and 500 N/m: ms until the force is there, and gone; ticks in which a slow hand would "
+        f"tell the force from the wall's (by {NOTICED:.0%})."
+    )
+    yield ""
+    yield f"| law | {' | '.join(arms)} | met, ms | left, ms | told |"
+    yield "| --- |" + " --- |" * (len(arms) + 3)
+    for law in laws:
+        rows = [each for each in found if each.law == law]
+        stiff = " | ".join(f"{each.stiffest_n_m:,.0f} ({each.rendered_n_m:,.0f})" for each in rows)
+        yield f"| {law} | {stiff} | {rows[0].onset_ms:.0f} | {rows[0].loss_ms:.0f} | {rows[0].noticed:.0%} |"
 
 
 def _gaining(first: Energies) -> Iterator[str]:

@@ -31,6 +31,7 @@ from services.mechanics.simulation.scene_duct import build_scene_duct
 from services.runtime.errors import ConfigError, UserError
 from studies.commands.haptics import Request, read_running, run_haptics
 from studies.feel import measure
+from studies.feel.compare import Compared
 from studies.feel.hands import attack_servo, random_attack
 from studies.feel.hunt import Hunted
 from studies.feel.late import TICK_S, TOOLS, Late, Solved, answer_late, newest_answer
@@ -108,7 +109,8 @@ def test_the_page_tells_what_was_found(tmp_path: Path) -> None:
     apart = Apart("wall", "applied by the arm", 0.951, 0.234)
     running = Running(3500, 7, (apart,), Pinched(10.4e-3, -0.0046, 0.012), ("on a machine",))
     hunted, slow = [Hunted("touch", True, 960, 0, -1e-6)], [Slow("touch", (50.0, 600.0), 0.019, 0.017)]
-    felt = Felt([border], [border], rendered, [found], late, hunted, slow, running)
+    compared = [Compared("a spring alone", "touch", 316.0, 319.4, 2.0, 0.0, 0.154)]
+    felt = Felt([border], [border], rendered, [found], late, hunted, slow, running, compared)
     write_page(felt, ["made so"], tmp_path / "felt", tmp_path / "felt.md")
     page = (tmp_path / "felt.md").read_text(encoding="utf-8")
     assert "theory is **4.0 %**" in " ".join(page.split())
@@ -119,6 +121,7 @@ def test_the_page_tells_what_was_found(tmp_path: Path) -> None:
     assert "- 3,500 ticks, 7 of them lost" in page
     assert "| touch | yes | 960 | 0 | nothing |" in page
     assert "| touch | 1.9% (1.7%) |" in page
+    assert "| a spring alone | 316 (319) | 2 | 0 | 15% |" in page
     assert max(map(len, page.splitlines())) <= 120
     write_page(replace(felt, running=None), [], tmp_path / "felt", tmp_path / "felt.md")
     assert "Not measured: `trocar haptics --running`" in (tmp_path / "felt.md").read_text(encoding="utf-8")
