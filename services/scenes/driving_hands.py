@@ -39,16 +39,15 @@ def driving_hand(scene: SceneModel, mesh: TriangleMesh) -> ToolMotion:
         raise ConfigError(f"{scene.source}: target: the duct has no end {scene.target!r}; it has: {known}")
     before_m = float((mouth.centre_m - np.array(scene.catheter.tip_position_m)) @ mouth.inward)
     plan = _Plan(scene, before_m)
-    shared_m = {ways.shared_m(scene.target, name) for name in ways.path_m if name != scene.target}
-    path_m, arc_m = ways.path_m[scene.target], ways.arc_m[scene.target]
-    for parts_m in sorted(shared_m):
+    others = {ways.shared_m(scene.target, name): name for name in ways.path_m if name != scene.target}
+    for parts_m, other in sorted(others.items()):
         bend_m = max(parts_m - BEFORE_RADII * mouth.radius_m, 0.0)
         past_m = parts_m + BEYOND_RADII * mouth.radius_m
-        plan.turn(bend_m, _roll_rad(scene, path_m, arc_m, (bend_m, past_m)))
+        plan.turn(bend_m, _roll_rad(scene, ways, other, (bend_m, past_m)))
         plan.bend(bent=True)
         plan.push(past_m)
         plan.bend(bent=False)
-    plan.push(float(arc_m[-1]) - SHORT_RADII * mouth.radius_m)
+    plan.push(float(ways.arc_m[scene.target][-1]) - SHORT_RADII * mouth.radius_m)
     return plan.motion()
 
 
@@ -102,9 +101,9 @@ class _Plan:
 
 
 def _handle_rad(scene: SceneModel) -> float:
-    """Return how far the handle is turned to bend the tip: most of its way, none where it steers nothing."""
+    """Return how far the handle is turned to bend the tip: all its way, none where it steers nothing."""
     steers = any(any(section.steering_1_m_rad) for section in scene.catheter.sections)
-    return 0.8 * max(tool.handle_range[1] for tool in scene.forceps) if steers else 0.0
+    return max(tool.handle_range[1] for tool in scene.forceps) if steers else 0.0
 
 
 def _bend_axis(scene: SceneModel) -> FloatArray:
@@ -116,23 +115,26 @@ def _bend_axis(scene: SceneModel) -> FloatArray:
     return np.array([1.0, 0.0])
 
 
-def _roll_rad(scene: SceneModel, path_m: FloatArray, arc_m: FloatArray, span_m: tuple[float, float]) -> float:
-    """Return the roll of the drive at which the tip, where a span of the way begins, bends to where that ends."""
-    stations = np.linspace(0.0, span_m[0], _EDGES + 1)
-    points = np.stack([np.interp(stations, arc_m, path_m[:, axis]) for axis in range(3)], axis=1)
-    beyond_m = np.array([np.interp(span_m[1], arc_m, path_m[:, axis]) for axis in range(3)])
+def _roll_rad(scene: SceneModel, ways: TubePaths, other: str, span_m: tuple[float, float]) -> float:
+    """Return the roll of the drive at which the tip, where a span begins, bends away from another way at its end."""
+    points = _points(ways, scene.target, np.linspace(0.0, span_m[0], _EDGES + 1))
+    apart_m = _points(ways, scene.target, span_m[1]) - _points(ways, other, span_m[1])
     along = np.array(scene.catheter.direction) / float(np.linalg.norm(scene.catheter.direction))
     m1 = np.array(any_normal((along[0], along[1], along[2])))
     about_1, about_2 = _bend_axis(scene)
     bends = np.cross(about_1 * m1 + about_2 * np.cross(along, m1), along)
     for edge in np.diff(points, axis=0) if span_m[0] > 0.0 else ():
         bends, along = _carried(bends, along, edge / float(np.linalg.norm(edge)))
-    wanted = beyond_m - points[-1]
-    wanted = wanted - float(wanted @ along) * along
+    wanted = apart_m - float(apart_m @ along) * along
     if float(np.linalg.norm(wanted)) < _STRAIGHT:
         return 0.0
     # Roll turns a tool from e1 to e2 of `tool_frame`, whose cross product is against its own axis.
     return -math.atan2(float(along @ np.cross(bends, wanted)), float(bends @ wanted))
+
+
+def _points(ways: TubePaths, name: str, at_m: FloatArray | float) -> FloatArray:
+    """Return where a way is after lengths (n,): (n, 3), or (3,) after one."""
+    return np.stack([np.interp(at_m, ways.arc_m[name], axis) for axis in ways.path_m[name].T], axis=-1)
 
 
 def _carried(vector: FloatArray, along: FloatArray, onto: FloatArray) -> tuple[FloatArray, FloatArray]:

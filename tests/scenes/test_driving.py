@@ -1,5 +1,8 @@
 """Hands that drive: what they find from the geometry brings the tip into the branch, a judge from outside says."""
 
+import itertools
+import math
+
 import numpy as np
 import pytest
 
@@ -12,6 +15,7 @@ from services.scenes import load_scene
 from services.scenes.hands import hands_of
 from services.scenes.ready import load_duct, load_surface
 from services.tube_paths import TubePaths
+from tests.by_day import by_day
 
 
 def deepest_m(simulation):
@@ -28,8 +32,11 @@ def deepest_m(simulation):
 
 @pytest.mark.parametrize(
     ("name", "target"),
-    [("bronchoscopy", "left_lower"), ("bronchoscopy", "right_lower"), ("bronchoscopy", "left_upper"),
-     ("endovascular", "subclavian")],
+    by_day(
+        [("bronchoscopy", "left_lower"), ("bronchoscopy", "right_upper"), ("endovascular", "subclavian"),
+         ("endovascular", "carotid")],
+        [("bronchoscopy", "right_lower"), ("bronchoscopy", "left_upper"), ("endovascular", "brachiocephalic")],
+    ),
 )  # fmt: skip
 def test_hands_reach_the_target_and_never_cross_the_wall(name, target, own_cache):
     scene = load_scene(name, [f"target={target}"])
@@ -50,6 +57,22 @@ def test_hands_reach_the_target_and_never_cross_the_wall(name, target, own_cache
     assert deepest < 0.1e-3
     assert simulation.healed_states == 0
     assert not any(simulation.dropped_contacts)
+
+
+@pytest.mark.parametrize(
+    ("target", "turns"),
+    [("subclavian", [0]), ("carotid", [1, 0]), ("brachiocephalic", [1, 1, 0]), ("trunk", [1, 1, 1])],
+)
+def test_a_tip_is_turned_to_the_vessel_in_which_it_ends_and_away_from_those_before(target, turns, own_cache):
+    """All vessels and the arch lie in a plane, and the tip is bent in it from the beginning: half turns, no others."""
+    scene = load_scene("endovascular", [f"target={target}"])
+    mesh = load_surface(scene, own_cache)
+    hand, _ = hands_of(place_catheter(scene, mesh), mesh).motions
+    rolls = np.array(hand.roll_rad)
+    still = np.array([math.dist(a, b) < 1e-9 for a, b in itertools.pairwise(hand.grip_point_m)])
+    turned = rolls[1:][still][1:] / math.pi  # after the first pause
+    np.testing.assert_allclose(turned, np.round(turned), atol=0.01)
+    assert [round(each) % 2 for each in turned] == turns
 
 
 def test_a_target_that_is_none_is_one_sentence(own_cache):
