@@ -211,12 +211,20 @@ class Form(StrEnum):
     MP4 = "mp4"
 
 
+class View(StrEnum):
+    """How a film is seen."""
+
+    SCOPE = "scope"
+    FLUOROSCOPY = "fluoroscopy"
+
+
 @_verb("cli.export:run_export")
 def export(
     file: Annotated[Path, typer.Argument(help="A recording.")],
     to: Annotated[Form, typer.Option("--to", help="Tables (csv, parquet), arrays (npz) or a film (mp4).")],
     out: Annotated[Path | None, typer.Option(help="File, or folder of tables; default: beside the recording.")] = None,
     topics: Annotated[list[str] | None, typer.Option("--topic", help="Only this topic; may be given again.")] = None,
+    view: Annotated[View, typer.Option(help="Of a film: the endoscope's, or as by X-rays.")] = View.SCOPE,
 ) -> None:
     """Write what a recording holds as tables with a column for each number, as arrays, or as a film."""
 

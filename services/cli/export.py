@@ -17,8 +17,8 @@ from services.recordings.tables import Columns, read_columns
 FORMATS = {"csv": "a folder", "parquet": "a folder", "npz": "a file", "mp4": "a file"}
 
 
-def run_export(file: Path, to: str, out: Path | None, topics: Collection[str]) -> None:
-    """Write what a recording holds in another form, and say where.
+def run_export(file: Path, to: str, out: Path | None, topics: Collection[str], view: str = "scope") -> None:
+    """Write what a recording holds in another form, and say where; a film shows it in a view.
 
     Raises RecordingError if it is no recording, holds nothing of the topics, or a package is missing that the form
     needs.
@@ -30,7 +30,7 @@ def run_export(file: Path, to: str, out: Path | None, topics: Collection[str]) -
     if to == "mp4":
         from services.cli.film import write_film
 
-        write_film(file, place)
+        write_film(file, place, view)
     elif to == "npz":
         arrays = {f"{t}.{name}": a for t, c in read_columns(file, topics).items() for name, a in c.arrays().items()}
         place.parent.mkdir(parents=True, exist_ok=True)

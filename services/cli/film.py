@@ -16,6 +16,8 @@ from services.recordings.errors import RecordingError
 from services.recordings.inputs import RecordedInputs
 from services.recordings.reader import read_extras, read_frames
 from services.runtime.bus import Bus
+from services.visualization.composer import Composer
+from services.visualization.fluoroscopy import open_renderer
 
 
 class _Newest:
@@ -28,24 +30,27 @@ class _Newest:
         return {topic: self.frames[topic] for topic in topics if topic in self.frames}
 
 
-def write_film(path: Path, out: Path, rate_hz: int = 25, size: tuple[int, int] = (800, 600)) -> None:
-    """Draw a recording in its own time. Raises RecordingError if it cannot be drawn, or a package is missing."""
+def write_film(
+    path: Path, out: Path, view: str = "scope", rate_hz: int = 25, size: tuple[int, int] = (800, 600)
+) -> None:
+    """Draw a recording in its own time, as the endoscope sees it or as by X-rays.
+
+    Raises RecordingError if it cannot be drawn, or a package is missing.
+    """
     os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")  # else VTK complains of no display
-    try:
-        import av
-        import pyvista  # noqa: F401 - asked for here, so that what is missing has its name
-    except ModuleNotFoundError as error:
-        raise missing(str(error.name), "mp4") from None
-    from services.visualization.composer import Composer
-    from services.visualization.render import Renderer
 
     metadata, attachments = read_extras(path)
     if "scene.yaml" not in attachments:
         raise RecordingError(f"{path}: its scene is not in it")
     scene, duct = load(RecordedInputs(path, metadata.get("trocar", {}), attachments))
+    try:
+        import av
+
+        renderer = open_renderer(view, size)
+    except ModuleNotFoundError as error:
+        raise missing(str(error.name), "mp4") from None
     newest = _Newest()
     composer = Composer(cast(Bus, newest), scene, metadata["trocar"].get("scene", ""), duct)
-    renderer = Renderer(off_screen=True, size=size)
     drawn = 0
     with av.open(str(out), "w") as film:
         stream = film.add_stream("libx264", rate=rate_hz)

@@ -54,13 +54,16 @@ def test_tables_have_a_column_for_each_number(recorded: Path, tmp_path: Path, to
     assert sorted(each.stem for each in path.parent.iterdir()) == ["gateway.state", "physics.state"]
 
 
-def test_a_film_lasts_as_long_as_the_recording(recorded: Path, tmp_path: Path) -> None:
-    write_film(recorded, tmp_path / "a.mp4", rate_hz=2, size=(160, 120))
+@pytest.mark.parametrize("view", ["scope", "fluoroscopy"])
+def test_a_film_lasts_as_long_as_the_recording(recorded: Path, tmp_path: Path, view: str) -> None:
+    write_film(recorded, tmp_path / "a.mp4", view, rate_hz=2, size=(160, 120))
     times_ns = [time_ns for _, time_ns, _ in read_messages(recorded, ["gateway.state"])]
     with av.open(str(tmp_path / "a.mp4")) as film:
         images = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
     assert len(images) == pytest.approx(2 * (times_ns[-1] - times_ns[0]) * 1e-9, abs=3.0)
     assert np.std(images[-1]) > 10.0, "there is something in the picture"
+    is_grey = np.ptp(images[-1].astype(int), axis=2).max() < 12
+    assert is_grey == (view == "fluoroscopy")
 
 
 @pytest.mark.parametrize(("to", "package", "extra"), [("parquet", "pyarrow", "parquet"), ("mp4", "av", "video")])
