@@ -84,7 +84,7 @@ def test_without_randomisation_it_is_the_plain_simulation_to_the_bit(env: Insert
     expert = Expert(env)
     for _ in range(100):
         action = expert.action()
-        hands = type(env.hands)(scene.forceps, env.hands.limits, np.array(env.hands.mouth_m))
+        hands = type(env.hands)(scene.forceps, env.hands.limits, np.array(env.hands.middle_m))
         hands.state[:] = env.hands.state
         env.step(action)
         hands.steer(action.astype(float))
@@ -196,7 +196,7 @@ def test_an_observation_is_its_fields_one_after_the_other(env: Insertion) -> Non
     observation, _ = env.reset(seed=0)
     places = state.places()
     assert observation.shape == (state.SIZE,) == env.observation_space.shape
-    tip_m = env.simulation.catheter.state.position_m[-1] - np.array(env.hands.mouth_m)
+    tip_m = env.simulation.catheter.state.position_m[-1] - np.array(env.hands.middle_m)
     np.testing.assert_allclose(observation[places["catheter"]][:3], tip_m, atol=1e-7)
     assert observation[places["time"]] == 0.0
 

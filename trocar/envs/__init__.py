@@ -1,9 +1,9 @@
-"""Environments for learning machines, by the interface of Gymnasium: insertion of the catheter into the duct.
+"""Environments for learning machines, by the interface of Gymnasium: a catheter into the duct, or to a branch of it.
 
     import gymnasium
     import trocar.envs
 
-    env = gymnasium.make("trocar/Insertion-v0")
+    env = gymnasium.make("trocar/Insertion-v0")  # or trocar/Navigation-v0
 
 Success, errors and cost are those of the training procedure that judges people, and an episode can be recorded as a
 file of the rig. Needs the package gymnasium: ``pip install "trocar[envs]"``.
@@ -21,8 +21,10 @@ except ModuleNotFoundError as error:
 from trocar.envs.expert import Expert
 from trocar.envs.hands import HandLimits
 from trocar.envs.insertion import Insertion
+from trocar.envs.navigation import DriveLimits, Navigation
 from trocar.envs.randomisation import Randomisation
 
 gymnasium.register("trocar/Insertion-v0", entry_point="trocar.envs.insertion:Insertion", max_episode_steps=750)
+gymnasium.register("trocar/Navigation-v0", entry_point="trocar.envs.navigation:Navigation", max_episode_steps=1500)
 
-__all__ = ["Expert", "HandLimits", "Insertion", "Randomisation"]
+__all__ = ["DriveLimits", "Expert", "HandLimits", "Insertion", "Navigation", "Randomisation"]

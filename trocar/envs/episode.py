@@ -66,7 +66,7 @@ class Episode:
         self._grips = stage.grips
         self._framer = Framer(self.simulation, self._grips, hands)
         self._recording = EpisodeRecording(path, stage, self._framer) if path is not None else None
-        self._trainer = Trainer(scenario, judges=lambda each: Judge(each, stage.site), rules=rules)
+        self._trainer = Trainer(scenario, judges=lambda each: Judge(each, stage.site), rules=rules, ways=stage.ways)
         self._told: tuple[object, ...] = ()
         self.tick = 0
         self.frames: dict[str, Frame] = {}

@@ -22,13 +22,15 @@ COLUMNS = 5
 class HandLimits:
     """The fastest that a hand moves J in any axis, turns the instrument and opens its handle; assumptions.
 
-    ``reach_m`` is how far from the mouth J may be led: the workspace of the device.
+    ``reach_m`` is how far from the middle of the device's workspace J may be led, ``most_roll_rad`` how far either way
+    a wrist turns.
     """
 
     speed_m_s: float = 0.1
     roll_rad_s: float = 3.0
     handle_rad_s: float = 3.0
     reach_m: float = 0.08
+    most_roll_rad: float = math.pi
 
     @property
     def rates(self) -> FloatArray:
@@ -46,8 +48,9 @@ class HandArrays(Struct):
     position: Annotated[FloatArray, N_TOOLS, 3]
     roll: Annotated[FloatArray, N_TOOLS]
     opening: Annotated[FloatArray, N_TOOLS]
-    mouth: Annotated[FloatArray, 3]
+    middle: Annotated[FloatArray, 3]
     reach_m: float
+    most_roll: float
     n_tools: int
 
 
@@ -63,22 +66,23 @@ class DeviceHands:
         J in m and m/s in scene axes, roll and handle in rad and rad/s.
     inputs : ToolInputs
         The same for a simulation.
-    mouth_m : list of float
-        Middle of the workspace, in scene axes.
+    middle_m : list of float
+        Of the workspace, in scene axes: the mouth for hands that bring a catheter there.
     """
 
-    def __init__(self, tools: tuple[ToolScene, ...], limits: HandLimits, mouth_m: FloatArray) -> None:
+    def __init__(self, tools: tuple[ToolScene, ...], limits: HandLimits, middle_m: FloatArray) -> None:
         self.limits, self.n_tools = limits, len(tools)
-        self.mouth_m: list[float] = mouth_m.tolist()
+        self.middle_m: list[float] = middle_m.tolist()
         self.inputs = inputs = ToolInputs()
         inputs.present[: self.n_tools] = True
-        jaws = [tool.jaws for tool in tools]
+        ranges = [tool.handle_range for tool in tools]
         self._hands = HandArrays.zeros(
-            position=inputs.position_m, roll=inputs.roll_rad, opening=inputs.jaw_angle_rad, mouth=mouth_m.copy()
+            position=inputs.position_m, roll=inputs.roll_rad, opening=inputs.jaw_angle_rad, middle=middle_m.copy()
         )
         self._hands.n_tools, self._hands.reach_m = self.n_tools, limits.reach_m
-        self._hands.jaw_ratio[: self.n_tools] = [each.jaw_ratio if each else 1.0 for each in jaws]
-        self._hands.jaw_most[: self.n_tools] = [each.jaw_max_angle_rad if each else 0.0 for each in jaws]
+        self._hands.most_roll = limits.most_roll_rad
+        self._hands.jaw_ratio[: self.n_tools] = [ratio for ratio, _ in ranges]
+        self._hands.jaw_most[: self.n_tools] = [most for _, most in ranges]
         self.state, self.rate = self._hands.state, self._hands.rate
 
     def begin(self, start: ToolInputs) -> None:
@@ -112,13 +116,13 @@ def move_hands(address: Address[HandArrays], dt_s: float) -> None:
         away_2 = 0.0
         for axis in range(3):
             state[axis] += dt_s * rate[axis]
-            away_2 += (state[axis] - hands.mouth[axis]) ** 2
+            away_2 += (state[axis] - hands.middle[axis]) ** 2
         share = min(1.0, hands.reach_m / math.sqrt(away_2)) if away_2 > 0.0 else 1.0
         for axis in range(3):
             if share < 1.0:
-                state[axis] = hands.mouth[axis] + share * (state[axis] - hands.mouth[axis])
+                state[axis] = hands.middle[axis] + share * (state[axis] - hands.middle[axis])
             hands.position[tool, axis] = state[axis]
         ratio, most = hands.jaw_ratio[tool], hands.jaw_most[tool]
-        hands.roll[tool] = state[3] = min(max(state[3] + dt_s * rate[3], -math.pi), math.pi)
+        hands.roll[tool] = state[3] = min(max(state[3] + dt_s * rate[3], -hands.most_roll), hands.most_roll)
         state[4] = min(max(state[4] + dt_s * rate[4], 0.0), most / ratio)
         hands.opening[tool] = min(ratio * state[4], most)

@@ -2,62 +2,34 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Unpack
 
-import gymnasium
 import numpy as np
-from gymnasium import spaces
 
-import trocar
-from services.mechanics.scene.tools import ToolInputs
+from services.mechanics.arrays import FloatArray
 from services.runtime.errors import ConfigError
-from services.training.scenario import load_scenario
-from services.training.score import load_rules
-from services.training.situation import EVERY_TICKS, TICK_S
 from trocar.envs import state
-from trocar.envs.episode import FAST, Episode, Verdict, nearest_m
+from trocar.envs.episode import nearest_m
 from trocar.envs.hands import COLUMNS, DeviceHands, HandLimits
-from trocar.envs.picture import Camera
-from trocar.envs.randomisation import Bound, Randomisation
-from trocar.envs.stage import Stage
+from trocar.envs.task import Task, TaskOptions
 
 GRIP_BEYOND_J_M = 10e-3
 """Where jaws take what they hold."""
-_MOST_TICKS = 40
-"""Between two looks of the procedure: as in a recording at 25 Hz."""
 
 
-class Insertion(gymnasium.Env[Any, Any]):
+class Insertion(Task):
     """Take the catheter, lead its tip into the duct and push it to the scenario's depth.
 
     Actions are (tools, 5) in [-1, 1]: of each instrument the velocity of J in scene axes, the rates of roll and of the
-    handle, as parts of `HandLimits`. An observation is ``state.FIELDS`` one after the other, or an image. The reward is
-    the way made towards the goal, as a part of its depth: to the catheter, with it to the mouth, and in; plus 1 for
-    success, minus 1 for failure. ``info`` has ``is_success``, ``cost`` (penalties of this step's errors by the rules
-    of the score, in s) and what the procedure says.
+    handle, as parts of `HandLimits`. An observation is ``state.FIELDS`` one after the other, or an image. The way that
+    is rewarded goes to the catheter, with it to the mouth, and in.
 
     Parameters
     ----------
-    scenario : str or Path
-        Goal, limits and scene: a name in configs/scenarios, or a file.
-    observation : {"state", "image"}
-    quality : int, optional
-        Rung of the scene's quality ladder; None: the last.
-    overrides : sequence of str
-        ``key=value`` of the scene, on top of the scenario's.
-    randomise : mapping, optional
-        Keys of the scene and their ranges, drawn at each reset: see `Randomisation`.
-    record : str or Path, optional
-        Folder for a recording of each episode.
-    step_s : float
-        Time that an action holds, a multiple of 4 ms up to 40; the procedure looks once a step.
+    scenario, observation, **options
+        As for `Task`.
     limits : HandLimits
-    image_size : tuple of int
-        Width and height.
-    render_mode : {"rgb_array"}, optional
 
     Raises
     ------
@@ -65,151 +37,39 @@ class Insertion(gymnasium.Env[Any, Any]):
         one sentence, if something of this cannot be used.
     """
 
-    metadata = {  # noqa: RUF012
-        "render_modes": ["rgb_array"],
-        "render_fps": 50,
-    }
-
     def __init__(
         self,
         scenario: str | Path = "basic",
         observation: str = "state",
         *,
-        quality: int | None = None,
-        overrides: tuple[str, ...] = (),
-        randomise: Mapping[str, tuple[Bound, Bound]] | None = None,
-        record: str | Path | None = None,
-        step_s: float = 0.02,
         limits: HandLimits | None = None,
-        image_size: tuple[int, int] = (96, 96),
-        render_mode: str | None = None,
+        **options: Unpack[TaskOptions],
     ) -> None:
-        self.render_mode = render_mode
-        self._ticks = _ticks_of(step_s)
-        self.step_s = self._ticks * TICK_S
-        self.scenario, self._rules = load_scenario(scenario), load_rules()
-        fixed = (*self.scenario.set, *overrides)
-        self._randomisation = Randomisation(self.scenario.scene, randomise or {}, fixed)
-        self._stage = Stage(self.scenario.scene, fixed, quality)
-        if not self._stage.scene.forceps:
+        super().__init__(scenario, observation, **options)
+        tools = self._stage.scene.forceps
+        if not tools:
             raise ConfigError(f"scenario {self.scenario.name}: its scene has no tool that an agent could move")
-        self._limits, self._image_size = limits or HandLimits(), image_size
-        self._record = Path(record) if record is not None else None
-        self._camera: Camera | None = None
-        self._episode: Episode | None = None
-        self._episodes = 0
-        self._verdict = Verdict()
-        self._is_image = _is_image(observation)
-        n = len(self._stage.scene.forceps)
-        self.action_space = spaces.Box(-1.0, 1.0, (n, COLUMNS), np.float32)
-        width, height = image_size
-        image = spaces.Box(0, 255, (height, width, 3), np.uint8)
-        self.observation_space = image if self._is_image else spaces.Box(-state.MOST, state.MOST, dtype=np.float32)
+        if any(tool.drives_catheter for tool in tools):
+            raise ConfigError(f"scenario {self.scenario.name}: a drive moves its catheter, see trocar/Navigation-v0")
+        self._limits = limits or HandLimits()
+        self._declare((len(tools), COLUMNS), state.MOST)
 
-    @property
-    def simulation(self) -> trocar.Simulation:
-        """What is simulated, to look at."""
-        return self._stage.simulation
+    def action_of(self, rates: FloatArray) -> FloatArray:
+        """Return them: that is what an action is."""
+        return rates
 
-    @property
-    def depth_m(self) -> float:
-        """Length of catheter in the lumen."""
-        return self._verdict.depth_m
+    def _rates_of(self, action: FloatArray) -> FloatArray:
+        return action
 
-    @property
-    def held(self) -> list[trocar.GraspHold]:
-        """What the tools hold."""
-        return self._stage.grips.holds
+    def _new_hands(self) -> DeviceHands:
+        return DeviceHands(self._stage.scene.forceps, self._limits, self._mouth_m)
 
-    @property
-    def time_s(self) -> float:
-        """Simulated time of the episode."""
-        return self._episode.time_s if self._episode is not None else 0.0
-
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode; ``info["drawn"]`` says what of the scene was drawn."""
-        super().reset(seed=seed)
-        self._end_episode()
-        before = self._stage.duct
-        drawn = self._randomisation.draw(self.np_random)
-        simulation = self._stage.begin(self._randomisation.overrides(drawn))
-        if self._stage.duct is not before:
-            self._close_camera()
-        mouth_m = np.array(self._stage.site.mouth_m)
-        self.hands = DeviceHands(self._stage.scene.forceps, self._limits, mouth_m)
-        start = ToolInputs()
-        trocar.expert(simulation).write_inputs(0.0, start)
-        self.hands.begin(start)
-        self._view = state.StateView(self._stage.site, self._stage.duct_file)
-        self._mouth_m = mouth_m
-        self._episode = Episode(self._stage, self.hands, self.scenario, self._rules, self._new_path())
-        self._verdict = self._episode.verdict()
-        self._potential_m = self._way_m()
-        return self._observe(), {"drawn": drawn}
-
-    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Hold an action for ``step_s``."""
-        if self._episode is None:
-            raise ConfigError("step: an episode begins with reset")
-        self.hands.steer(np.asarray(action, np.float64))
-        self._episode.advance(self._ticks)
-        before, self._verdict = self._verdict, self._episode.verdict()
-        verdict, was_m, self._potential_m = self._verdict, self._potential_m, self._way_m()
-        outcome = {"success": 1.0, "failure": -1.0}.get(verdict.outcome, 0.0)
-        reward = (self._potential_m - was_m) / self.scenario.goal.depth_m + outcome
-        info = {
-            "is_success": verdict.outcome == "success", "cost": verdict.cost_s - before.cost_s,
-            "phase": verdict.phase, "depth_m": verdict.depth_m, "errors": verdict.errors, "time_s": verdict.time_s,
-            "outcome": verdict.outcome, "reason": verdict.reason, "score": verdict.score,
-        }  # fmt: skip
-        return self._observe(), reward, verdict.ended, False, info
-
-    def leave(self) -> None:
-        """End the episode where it is, and close its recording; the next begins with reset."""
-        if self._episode is not None:
-            self._episode.close()
-
-    def render(self) -> Any:
-        """Return the image (height, width, 3) uint8; None without a render mode."""
-        return self._image() if self.render_mode == "rgb_array" else None
-
-    def close(self) -> None:
-        """Close the recording that is being written, and the renderer."""
-        self._end_episode()
-        self._close_camera()
-
-    def _new_path(self) -> Path | None:
-        if self._record is None:
-            return None
-        while (path := self._record / f"episode-{os.getpid()}-{self._episodes:05d}.mcap").exists():
-            self._episodes += 1
-        return path
-
-    def _end_episode(self) -> None:
-        self.leave()
-        self._episode = None
-
-    def _close_camera(self) -> None:
-        if self._camera is not None:
-            self._camera.close()
-            self._camera = None
-
-    def _observe(self) -> Any:
-        if self._is_image or self._episode is None:
-            return self._image()
-        return self._view.read(*(self._episode.frames[topic].body for topic in FAST))
-
-    def _image(self) -> Any:
-        if self._episode is None:
-            raise ConfigError("render: an episode begins with reset")
-        self._camera = self._camera or Camera(self._stage, self._image_size)
-        return self._camera.image(self._episode.frames)
+    def _new_view(self) -> state.View:
+        return state.StateView(self._stage.site, self._stage.duct_file)
 
     def _way_m(self) -> float:
         """Return what has been made of the way: less than nothing before the mouth, then the depth."""
-        catheter_m, depth_m = self.simulation.catheter.state.position_m, self._verdict.depth_m
-        to_mouth_m = 0.0 if depth_m > 0.0 else float(np.linalg.norm(catheter_m[-1] - self._mouth_m))
-        return min(depth_m, self.scenario.goal.depth_m) - to_mouth_m - self._to_catheter_m()
+        return min(self.depth_m, self.scenario.goal.depth_m) - self._to_mouth_m() - self._to_catheter_m()
 
     def _to_catheter_m(self) -> float:
         """Return the distance of the nearest jaws from the catheter, 0 where some hold it."""
@@ -222,16 +82,3 @@ class Insertion(gymnasium.Env[Any, Any]):
             grip_m = junction_m + GRIP_BEYOND_J_M / float(np.linalg.norm(along)) * along
             ways.append(nearest_m(grip_m, self.simulation.catheter.state.position_m))
         return min(ways)
-
-
-def _ticks_of(step_s: float) -> int:
-    ticks = round(step_s / TICK_S)
-    if not 0 < ticks <= _MOST_TICKS or ticks % EVERY_TICKS or abs(ticks * TICK_S - step_s) > 1e-9:
-        raise ConfigError(f"step_s: must be a multiple of {EVERY_TICKS} ms up to {_MOST_TICKS}, is {step_s:g} s")
-    return ticks
-
-
-def _is_image(observation: str) -> bool:
-    if observation not in ("state", "image"):
-        raise ConfigError(f"observation: must be state or image, is {observation!r}")
-    return observation == "image"

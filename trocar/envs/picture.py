@@ -1,4 +1,4 @@
-"""The scene as an image, drawn off the screen: needs pyvista (``trocar[view]``)."""
+"""The scene as an image, drawn off the screen; the endoscope's view needs pyvista (``trocar[view]``)."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ import numpy.typing as npt
 
 from protocol import Frame
 from services.runtime.errors import ConfigError
+from services.visualization.composer import Composer
+from services.visualization.fluoroscopy import open_renderer
 from trocar.envs.stage import Stage
 
 
@@ -23,17 +25,15 @@ class _Newest:
 
 
 class Camera:
-    """The endoscope's view of a stage."""
+    """A view of a stage: of the endoscope, or as by X-rays (``fluoroscopy``)."""
 
-    def __init__(self, stage: Stage, size: tuple[int, int]) -> None:
+    def __init__(self, stage: Stage, size: tuple[int, int], view: str = "scope") -> None:
         try:
-            from services.visualization.composer import Composer
-            from services.visualization.render import Renderer
+            self._renderer = open_renderer(view, size)
         except ModuleNotFoundError as error:
             raise ConfigError(f"an image needs the package {error.name!r}, install trocar[view]") from None
         self._bus = _Newest()
         self._composer = Composer(self._bus, stage.scene, str(stage.name), stage.duct)  # type: ignore[arg-type]
-        self._renderer = Renderer(off_screen=True, size=size)
 
     def image(self, frames: Mapping[str, Frame]) -> npt.NDArray[np.uint8]:
         """Return the picture (height, width, 3) of these frames."""

@@ -16,6 +16,8 @@ from studies.accuracy.workers import open_workers
 from trocar.envs.expert import Expert
 
 Policy = Callable[[Float32Array], Float32Array]
+Settings = tuple[tuple[str, Any], ...]
+Made = tuple[str, Settings]
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +41,7 @@ def rollouts(
     jobs: int = 1,
     scheduler: str | None = None,
     noise: float = 0.0,
+    environment: str = "trocar/Insertion-v0",
     **settings: Any,
 ) -> Iterator[Outcome]:
     """Yield an outcome for each seed, as they come.
@@ -53,8 +56,10 @@ def rollouts(
         Address of a Dask scheduler, whose workers have this package; then ``jobs`` says nothing.
     noise : float
         Standard deviation of what is added to each action, drawn from the episode's seed.
+    environment : str
+        Its name.
     settings
-        As for `Insertion`.
+        As for `Insertion`, or whatever it is.
 
     Raises
     ------
@@ -63,14 +68,14 @@ def rollouts(
     """
     with open_workers(jobs, scheduler) as workers:
         kept = tuple(sorted((name, _frozen(value)) for name, value in settings.items()))
-        calls = [(policy, seed, noise, kept) for seed in seeds]
+        calls = [(policy, seed, noise, (environment, kept)) for seed in seeds]
         for _, outcome in workers.run(play, calls):
             yield outcome
 
 
-def play(policy: Policy | None, seed: int, noise: float, settings: tuple[tuple[str, Any], ...]) -> Outcome:
+def play(policy: Policy | None, seed: int, noise: float, made: Made) -> Outcome:
     """Return what comes of one episode."""
-    env = _env(settings)
+    env = _env(*made)
     random = np.random.default_rng(seed)
     observation, _ = env.reset(seed=seed)
     inside: Any = env.unwrapped
@@ -91,11 +96,13 @@ def play(policy: Policy | None, seed: int, noise: float, settings: tuple[tuple[s
 
 
 def _frozen(value: Any) -> Any:
+    if isinstance(value, list):
+        return tuple(value)
     return tuple(sorted(value.items())) if isinstance(value, dict) else value
 
 
 @cache
-def _env(settings: tuple[tuple[str, Any], ...]) -> gymnasium.Env[Any, Any]:
+def _env(environment: str, settings: Settings) -> gymnasium.Env[Any, Any]:
     """Return an environment that is kept for the next episode with these settings."""
     known: dict[str, Any] = {name: dict(value) if name == "randomise" else value for name, value in settings}
-    return gymnasium.make("trocar/Insertion-v0", **known)
+    return gymnasium.make(environment, **known)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from services.cache_directory import cache_directory
 from services.mechanics.beginning import Beginning
 from services.mechanics.reduction import ReducedDuct
@@ -14,6 +16,7 @@ from services.runtime.errors import ConfigError
 from services.scenes import load_duct, load_scene
 from services.scenes.duct_file import duct_file
 from services.training.site import Site, read_site
+from services.tube_paths import TubePaths
 from trocar.envs.grips import Grips
 
 
@@ -35,6 +38,8 @@ class Stage:
         What its tools hold.
     site : Site
         Of the duct, as a recording of it tells.
+    ways : TubePaths
+        From its mouth to its ends.
     """
 
     def __init__(self, name: str | Path, overrides: tuple[str, ...] = (), quality: int | None = None) -> None:
@@ -74,13 +79,14 @@ class Stage:
             self.duct = _load(scene)
             self._attached = duct_file(self.duct)
             self.site, self._wall = _site(self._attached), wall
+            self.ways = TubePaths({name: np.array(way) for name, way in self.site.ways.items()})
         self.scene, self._drawn = scene, drawn
         self.simulation = Simulation(scene, self.duct)
         self._beginning = Beginning(
             self.simulation, (scene, self.simulation.scene, self.duct, self.simulation.duct.reduced)
         )
         self.simulation.set_quality(self.level)
-        self.grips = Grips(scene, self.duct)
+        self.grips = Grips(self.simulation.scene, self.duct)
 
     @property
     def duct_file(self) -> bytes:

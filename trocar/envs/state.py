@@ -1,11 +1,13 @@
-"""What an agent is told of the scene as numbers: the observation of mode ``state``."""
+"""What an agent is told of an insertion as numbers: the observation of mode ``state``."""
 
 from __future__ import annotations
 
 import io
-from typing import NamedTuple
+from collections.abc import Iterable
+from typing import NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from protocol.bodies import GatewayState, PhysicsState, ToolContacts
 from protocol.bodies.physics import REACTION_COLUMNS, REACTION_FORCE, REACTION_PROXY_OPENING
@@ -49,18 +51,31 @@ FIELDS = (
 )
 """Axes are those of the scene."""
 
-SIZE = sum(int(np.prod(each.shape)) for each in FIELDS)
-MOST: Float32Array = np.concatenate([np.full(int(np.prod(f.shape)), f.most, np.float32) for f in FIELDS])
+
+def most_of(fields: tuple[Field, ...]) -> Float32Array:
+    """Return the largest size of each number of the fields, one after the other."""
+    return np.concatenate([np.full(int(np.prod(f.shape)), f.most, np.float32) for f in fields])
 
 
-def places() -> dict[str, slice]:
+MOST = most_of(FIELDS)
+SIZE = len(MOST)
+
+
+def places(fields: tuple[Field, ...] = FIELDS) -> dict[str, slice]:
     """Return where each field lies in the observation."""
-    ends = np.cumsum([0, *(int(np.prod(each.shape)) for each in FIELDS)]).tolist()
-    return {each.name: slice(a, b) for each, a, b in zip(FIELDS, ends[:-1], ends[1:], strict=True)}
+    ends = np.cumsum([0, *(int(np.prod(each.shape)) for each in fields)]).tolist()
+    return {each.name: slice(a, b) for each, a, b in zip(fields, ends[:-1], ends[1:], strict=True)}
+
+
+class View(Protocol):
+    """Reads an observation from the frames of a moment: of an episode that goes on, or of its recording."""
+
+    def read(self, devices: GatewayState, contacts: ToolContacts, solved: PhysicsState) -> Float32Array:
+        """Return the observation as float32."""
 
 
 class StateView:
-    """Reads the observation from the frames of a moment: of an episode that goes on, or of its recording.
+    """The view of an insertion.
 
     Parameters
     ----------
@@ -90,17 +105,22 @@ class StateView:
         q = solved.duct.q.view()
         parts = (
             hands[:, :3], hands[:, 3], hands[:, 4], tools[:, REACTION_PROXY_OPENING],
-            tools[:, REACTION_FORCE : REACTION_FORCE + 3], held, self._points_m(solved) - self._mouth_m,
+            tools[:, REACTION_FORCE : REACTION_FORCE + 3], held, points_m(solved) - self._mouth_m,
             self._mouth_modes[:, : len(q)] @ q, (solved.catheter.inserted_length_m, solved.tick * TICK_S),
         )  # fmt: skip
-        read = np.concatenate([np.ravel(part) for part in parts]).astype(np.float32)
-        return np.clip(read, -MOST, MOST, out=read)
+        return joined(parts, MOST)
 
-    @staticmethod
-    def _points_m(solved: PhysicsState) -> FloatArray:
-        """Return points (`N_POINTS`, 3) of the catheter, tip first; where it is shorter, its end again and again."""
-        particles = solved.catheter.position_m.view()[::-1]
-        segment_m = float(np.linalg.norm(particles[0] - particles[1]))
-        step = max(1, round(SPACING_M / segment_m)) if segment_m > 0.0 else 1
-        points: FloatArray = particles[np.minimum(step * np.arange(N_POINTS), len(particles) - 1)]
-        return points
+
+def joined(parts: Iterable[ArrayLike], most: Float32Array) -> Float32Array:
+    """Return the parts of an observation one after the other, cut off at the largest size of each number."""
+    read = np.concatenate([np.ravel(part) for part in parts]).astype(np.float32)
+    return np.clip(read, -most, most, out=read)
+
+
+def points_m(solved: PhysicsState, count: int = N_POINTS, spacing_m: float = SPACING_M) -> FloatArray:
+    """Return points (count, 3) of the catheter, tip first; where it is shorter, its end again and again."""
+    particles = solved.catheter.position_m.view()[::-1]
+    segment_m = float(np.linalg.norm(particles[0] - particles[1]))
+    step = max(1, round(spacing_m / segment_m)) if segment_m > 0.0 else 1
+    points: FloatArray = particles[np.minimum(step * np.arange(count), len(particles) - 1)]
+    return points
