@@ -120,6 +120,53 @@ def test_a_price_finds_all_that_brute_force_finds(small_scene, ducts, thickness_
     assert judge.prices > TICKS // 6
 
 
+class DepthJudge(PriceJudge):
+    """Holds what a settled step leaves too deep against how deep it began, by brute force, over the tolerance."""
+
+    def __init__(self, simulation):
+        super().__init__(simulation)
+        self._begin, self.deepening, self.kept = simulation.search.begin, 0.0, 0
+        simulation.search.begin = self._note
+
+    def _note(self, bodies):
+        self._begin(bodies)
+        self._began = self._drawn()
+
+    def _look(self, bodies, state, tolerance_m, pairs):
+        found = self._price(bodies, state, tolerance_m, pairs)
+        if found == 0:
+            for (p, t), gap_m in self._too_deep(*self._drawn(), tolerance_m).items():
+                ends, thickness_m, corners = self._began
+                square = segment_triangle(tuple(ends[p, 0]), tuple(ends[p, 1]), *map(tuple, corners[t]))[0]
+                began_m = float(np.sqrt(square)) - thickness_m[p]
+                self.kept += 1
+                self.deepening = max(self.deepening, (min(began_m, -tolerance_m) - gap_m) / tolerance_m)
+        return found
+
+    def clearance_m(self):
+        """Return how far the catheter is above the wall, by its particles in the duct."""
+        line = self._simulation.catheter.state.position_m
+        corners = self._simulation.duct.surface_m()[self._simulation.duct.reduced.mesh.triangles]
+        apart = [min(point_triangle(tuple(x), *map(tuple, c)) for c in corners) for x in line[-6:]]
+        return float(np.sqrt(min(apart))) - self._simulation.catheter.radius_m - 0.1e-3
+
+
+def test_a_row_that_was_too_deep_ends_no_deeper_than_it_began(small_scene, ducts):
+    """The catheter flung into a thin wall: 0.25 of the tolerance deeper, for rows that know their points, or 1.32."""
+    duct = ducts(0.2e-3)
+    scene = replace(small_scene, duct=replace(small_scene.duct, thickness_m=0.2e-3))
+    simulation, tools = Simulation(scene, duct), ToolInputs()
+    tools.present[:] = False
+    judge, rod = DepthJudge(simulation), simulation.catheter.state
+    for tick in range(60):
+        if tick % 6 == 0:
+            rod.position_m[1:, 2] -= judge.clearance_m() + 50e-6
+            rod.velocity_m_s[1:, 2] = -0.4
+        simulation.step(tools)
+    assert judge.kept > 10
+    assert judge.deepening < 0.5
+
+
 @pytest.fixture(scope="module")
 def ducts(small_scene, cache_dir):
     def build(thickness_m):
