@@ -4,8 +4,8 @@ A loop that uses up its reservation stands still for the rest of the period, one
 for others. With room a loop reserves what its work took lately in nearly all periods: more at once, less after a calm,
 which doubles whenever what was given back had to be asked for again. What is left over is for whoever comes: where the
 kernel would not admit a little more, every loop falls back to what its work takes in the mean, and tries for more ever
-more seldom. A loop that even so has less than its mean work takes what there is, so that others notice; if that does
-not help soon, it is better off in the next class of the ladder, and comes back ever more seldom to see.
+more seldom. A loop whose mean work does not fit is better off in the next class of the ladder: budgets that run out are
+paid back for many periods, as the kernel looks at them once in its own tick. It comes back ever more seldom to see.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ QUANTILE, MARGIN = 0.95, 1.1
 #: On top of the mean, where room is scarce: with 1.05 a gateway ran at 919 Hz, as its ticks differ.
 LEAST_MARGIN = 1.25
 #: Where the kernel admits no more than this above what a loop has, room is scarce.
-SPARE = 0.04
+SPARE = 0.3
 #: Less is reserved after so long a calm, at first and at most.
 _CALM_S, _LONGEST_S = 2.0, 320.0
 #: A loop that has less than its work takes comes back after so long, one that fell back to it tries for more.
-_AGAIN_S, _TRY_S = 10.0, 10.0
+_AGAIN_S, _TRY_S = 1.0, 10.0
 #: A loop with less than its mean work waits so long for others to fall back.
-_PATIENCE_S = 3.0
+_PATIENCE_S = 1.0
 _LITTLE = 1e-9
 
 Ask = Callable[[float], bool]
@@ -112,7 +112,10 @@ class Reservation:
             self.share = need.share
         elif had < need.least - _LITTLE and (had or now_s >= self._again_s or need.least < self._refused):
             steps = range(round((need.least - had) / STEP))
-            self.share = next((share for share in (need.least - k * STEP for k in steps) if ask(share)), had)
+            useful = (share for k in steps if (share := need.least - k * STEP) >= need.usual)
+            self.share = next((share for share in useful if ask(share)), had)
+            if not self.share:
+                self._wait(now_s, need)
         if self._lowered and self.share > had:
             self._lowered, self._calm_s = False, min(2.0 * self._calm_s, _LONGEST_S)
 
@@ -131,6 +134,10 @@ class Reservation:
         """Return whether the mean work has not fitted for a while: from now on the loop has another class."""
         if self._starves_since_s is None or now_s - self._starves_since_s < _PATIENCE_S or not self.share:
             return False
-        self._again_s, self._wait_s = now_s + self._wait_s, min(2.0 * self._wait_s, _LONGEST_S)
-        self.share, self._refused, self._starves_since_s = 0.0, need.least, None
+        self.share, self._starves_since_s = 0.0, None
+        self._wait(now_s, need)
         return True
+
+    def _wait(self, now_s: float, need: Need) -> None:
+        self._again_s, self._wait_s = now_s + self._wait_s, min(2.0 * self._wait_s, _LONGEST_S)
+        self._refused = need.least

@@ -14,7 +14,8 @@ from services.runtime.loop import LoopMeter
 from services.runtime.reservation import Need, Reservation, need_of
 from services.runtime.scheduling import PERIOD_NS, Scheduling
 
-_LOOK_EVERY_NS = 1_000_000_000
+#: Oftener in its first seconds, when every loop holds a guess, and while it is short.
+_LOOK_EVERY_NS, _LOOK_SOON_NS, _FIRST_LOOKS = 1_000_000_000, 250_000_000, 20
 _RAN = COLUMNS.index("ran_ns")
 #: The same sentence is said again after so long.
 _AGAIN_S = 60.0
@@ -23,12 +24,13 @@ _LEAST_PERIODS = 50
 
 
 class ReservationKeeper:
-    """Looks once a second at the ring of a loop whose class is SCHED_DEADLINE, or was refused it for want of room."""
+    """Looks now and then at the ring of a loop whose class is SCHED_DEADLINE, or was refused it for want of room."""
 
     def __init__(self, scheduling: Scheduling, meter: LoopMeter, logger: logging.Logger) -> None:
         self._scheduling, self._meter, self._log = scheduling, meter, logger
         self._reservation = Reservation(scheduling.wish.share if scheduling.reserves else 0.0)
-        self._due_ns = time.monotonic_ns() + _LOOK_EVERY_NS
+        self._due_ns = time.monotonic_ns() + _LOOK_SOON_NS
+        self._looks = 0
         self._said, self._again_s = "", 0.0
 
     def keep(self) -> bool:
@@ -36,7 +38,9 @@ class ReservationKeeper:
         now_ns = time.monotonic_ns()
         if now_ns < self._due_ns:
             return False
-        self._due_ns = now_ns + _LOOK_EVERY_NS
+        self._looks += 1
+        soon = self._reservation.short or self._looks < _FIRST_LOOKS
+        self._due_ns = now_ns + (_LOOK_SOON_NS if soon else _LOOK_EVERY_NS)
         periods = max(1, self._meter.periods_allowed)
         work_ns, period_ns = work_per_period(self._meter.flight, periods), periods * self._meter.period_ns
         if len(work_ns) < _LEAST_PERIODS:
