@@ -76,10 +76,7 @@ def ours(around: int, along: int) -> tuple[float, float]:
 def calculix(around: int, along: int) -> tuple[float, float]:
     """The same of ``ccx``, whose time holds its start and the files it reads and writes.
 
-    Raises
-    ------
-    RuntimeError
-        It did not come to the full load.
+    Raises RuntimeError: it did not come to the full load.
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

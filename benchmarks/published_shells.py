@@ -18,14 +18,10 @@ from numpy.typing import NDArray
 class Published:
     """A path.
 
-    Attributes
-    ----------
-    columns
-        ``part``, then ``-probe.x`` and the like.
-    values
-        (points, columns).
-    source
-        Where its numbers come from, if not from MBDyn's files.
+    Attributes:
+        columns: ``part``, then ``-probe.x`` and the like.
+        values: (points, columns).
+        source: Where its numbers come from, if not from MBDyn's files.
     """
 
     columns: tuple[str, ...]

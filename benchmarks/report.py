@@ -45,12 +45,9 @@ PACKAGES = ("numpy", "scipy", "numba", "msgspec", "msgpack", "pyzmq", "pyvista")
 def parse(document: str | None, /, **options: tuple[int | float | str, str]) -> argparse.Namespace:
     """Return the options of a benchmark's command line; ``--help`` shows its module's text and each of them.
 
-    Parameters
-    ----------
-    document
-        The module's docstring.
-    options
-        By name: what holds where an option is not given, whose type it has, and what it is.
+    Args:
+        document: The module's docstring.
+        options: By name: what holds where an option is not given, whose type it has, and what it is.
     """
     parser = argparse.ArgumentParser(description=document, formatter_class=argparse.RawDescriptionHelpFormatter)
     for name, (default, what) in options.items():

@@ -30,10 +30,7 @@ _OF_ITS_BUDGET = 0.97
 def burn(core: int, seconds: float, share: float) -> None:
     """Take the share of the core for so long.
 
-    Raises
-    ------
-    PermissionError
-        The system refuses a real-time priority; without one the rig would simply go first.
+    Raises PermissionError: the system refuses a real-time priority; without one the rig would simply go first.
     """
     os.sched_setaffinity(0, {core})
     os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
@@ -56,11 +53,7 @@ def burn_by_deadline(seconds: float, share: float) -> None:
     """Take the share of some core for so long, before all others.
 
     It stops by itself: the kernel looks at a budget once in its own tick, which may be 4 ms later.
-
-    Raises
-    ------
-    OSError
-        The kernel admits no such thread.
+    Raises OSError: the kernel admits no such thread.
     """
     runtime_ns = round(share * PERIOD_NS)
     set_attributes(0, DEADLINE, 0, runtime_ns=runtime_ns, period_ns=PERIOD_NS, deadline_ns=runtime_ns)

@@ -26,12 +26,9 @@ def decoder(kind: type[msgspec.Struct]) -> msgspec.msgpack.Decoder[Any]:
 def fault(body: msgspec.Struct, *, finite_scalars: bool) -> tuple[str, str] | None:
     """Return ``(reason, detail)`` of the first thing in `body` that breaks its declaration, or None.
 
-    Parameters
-    ----------
-    body
-        A decoded body; bodies nested in it are checked too.
-    finite_scalars
-        Whether numbers outside arrays must be finite: so for commands.
+    Args:
+        body: A decoded body; bodies nested in it are checked too.
+        finite_scalars: Whether numbers outside arrays must be finite: so for commands.
     """
     lengths: dict[str, int] = {}
     for field in fields(type(body)):

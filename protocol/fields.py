@@ -44,19 +44,14 @@ class Form(Enum):
 class Field:
     """One position of a body.
 
-    Attributes
-    ----------
-    name, form
-    item
-        int, float, str, bool or a body type; `Array` for an array, `msgspec.Raw` for what stays unread.
-    count
-        Number of items where that is fixed, else 1.
-    limits
-        "ge", "gt", "le" and "lt" of a number, "max_length" of a word, a tuple or a map: those that are declared.
-    description
-        What the declaration says of it; of an array, the unit.
-    spec
-        Of an array.
+    Attributes:
+        name, form
+        item: int, float, str, bool or a body type; `Array` for an array, `msgspec.Raw` for what stays unread.
+        count: Number of items where that is fixed, else 1.
+        limits: "ge", "gt", "le" and "lt" of a number, "max_length" of a word, a tuple or a map: those that are
+            declared.
+        description: What the declaration says of it; of an array, the unit.
+        spec: Of an array.
     """
 
     name: str
@@ -77,10 +72,7 @@ class Field:
 def fields(body: Body) -> tuple[Field, ...]:
     """Return the fields of `body` by position.
 
-    Raises
-    ------
-    TypeError
-        naming a field whose type does not travel, or an array without a spec.
+    Raises TypeError naming a field whose type does not travel, or an array without a spec.
     """
     described = inspect.type_info(body)
     assert isinstance(described, inspect.StructType), body

@@ -84,10 +84,7 @@ def encode(frame: Frame) -> bytes:
 def peek(data: bytes) -> Header:
     """Return the envelope of `data` with the body unread: for recorders and sniffers.
 
-    Raises
-    ------
-    FrameError
-        if `data` is too large, is not a frame, or has another protocol version.
+    Raises FrameError if `data` is too large, is not a frame, or has another protocol version.
     """
     if len(data) > MAX_FRAME_BYTES:
         raise FrameError(Reason.TOO_LARGE, f"{len(data)} bytes, at most {MAX_FRAME_BYTES}")
@@ -103,20 +100,13 @@ def peek(data: bytes) -> Header:
 def decode(data: bytes, expected: str | None = None, *, used: bool = True) -> Frame:
     """Return the frame in `data`, its body checked and lifted to the current version.
 
-    Parameters
-    ----------
-    data
-        One message of the bus.
-    expected
-        The topic of the socket that it came from; any known topic where None.
-    used
-        Whether the reader acts or computes with it. For one who only keeps it, numbers that are none are a finding and
-        not a fault.
+    Raises FrameError with the named reason, for anything that is not exactly a valid frame.
 
-    Raises
-    ------
-    FrameError
-        with the named reason, for anything that is not exactly a valid frame.
+    Args:
+        data: One message of the bus.
+        expected: The topic of the socket that it came from; any known topic where None.
+        used: Whether the reader acts or computes with it. For one who only keeps it, numbers that are none are a
+            finding and not a fault.
     """
     frame = None if expected is None else _straight(expected, data, used)
     return _look_into(data, expected, used=used) if frame is None else frame

@@ -37,14 +37,11 @@ _kind, _data = attrgetter("dtype", "shape"), attrgetter("data")
 def check(kind: type[msgspec.Struct], *, finite_scalars: bool, finite_arrays: bool = True) -> Check:
     """Return the check of bodies of `kind`.
 
-    Parameters
-    ----------
-    kind
-        A body type, or one that bodies hold.
-    finite_scalars
-        Whether numbers outside arrays must be finite: so for commands.
-    finite_arrays
-        Whether those of arrays must be, where the array is declared so: for who does more than keep them.
+    Args:
+        kind: A body type, or one that bodies hold.
+        finite_scalars: Whether numbers outside arrays must be finite: so for commands.
+        finite_arrays: Whether those of arrays must be, where the array is declared so: for who does more than keep
+            them.
     """
     leaves = list(_leaves(kind))
     checks = [*_of_arrays(leaves, finite_arrays), *_of_fields(leaves, finite_scalars, finite_arrays)]

@@ -44,10 +44,7 @@ class TableRow(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     def from_row(cls, row: Sequence[float]) -> Self:
         """Return what travels as ``row`` (columns,).
 
-        Raises
-        ------
-        msgspec.ValidationError
-            if a number is out of the range that its field declares.
+        Raises msgspec.ValidationError if a number is out of the range that its field declares.
         """
         first = _first(cls)
         return msgspec.convert([_value(field, row, first[field.name]) for field in fields(cls)], cls)

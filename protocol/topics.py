@@ -19,16 +19,11 @@ PROCESSES = ("physics", "haptics", "gateway", "visualization", "recorder", "trai
 class Topic:
     """A row of the table.
 
-    Attributes
-    ----------
-    readers
-        Processes that get every frame that they are quick enough for: whoever acts on the topic.
-    observers
-        Processes that look at a frame now and then, and cost the publisher nothing in between.
-    delivery
-        "latest": a reader keeps the newest frame only; "every": all frames in order, drops counted.
-    command
-        A reader acts or computes with it, so a number that is not finite refuses the whole frame.
+    Attributes:
+        readers: Processes that get every frame that they are quick enough for: whoever acts on the topic.
+        observers: Processes that look at a frame now and then, and cost the publisher nothing in between.
+        delivery: "latest": a reader keeps the newest frame only; "every": all frames in order, drops counted.
+        command: A reader acts or computes with it, so a number that is not finite refuses the whole frame.
     """
 
     name: str
@@ -95,13 +90,7 @@ TOPICS: dict[str, Topic] = {row.name: row for row in _ROWS}
 
 
 def topic(name: str) -> Topic:
-    """Return the row of `name`.
-
-    Raises
-    ------
-    KeyError
-        with the known names, if there is no such topic.
-    """
+    """Return the row of `name`. Raises KeyError with the known names, if there is no such topic."""
     try:
         return TOPICS[name]
     except KeyError:

@@ -51,12 +51,9 @@ class ServoLimits:
 class Servo:
     """Evaluates the newest model against the current pose and bounds what it says.
 
-    Attributes
-    ----------
-    force_n : (3,) float64
-        Force to write, in the world; a view that every `step` changes.
-    grasp_on : bool
-        Whether the handle's drive is on and answers: without it the grasp torque goes to zero.
+    Attributes:
+        force_n: (3,) float64. Force to write, in the world; a view that every `step` changes.
+        grasp_on: bool. Whether the handle's drive is on and answers: without it the grasp torque goes to zero.
     """
 
     def __init__(self, limits: ServoLimits, ramp_s: float) -> None:
@@ -127,18 +124,12 @@ class Servo:
     ) -> bool:
         """Compute `force_n` for the pose read at `now_ns`; return True where motors must be switched on.
 
-        Parameters
-        ----------
-        motion : (6,) float64
-            Position and velocity of the HIP in the world.
-        temperature
-            Hottest motor, 0 ambient to 1 limit.
-        calibrated
-            Whether the device knows where it is.
-        others_j
-            Energy that the hands of all other instruments have put in.
-        law
-            What computes the force; an arm with a thread of its own does so there.
+        Args:
+            motion: (6,) float64. Position and velocity of the HIP in the world.
+            temperature: Hottest motor, 0 ambient to 1 limit.
+            calibrated: Whether the device knows where it is.
+            others_j: Energy that the hands of all other instruments have put in.
+            law: What computes the force; an arm with a thread of its own does so there.
         """
         now = self._now
         dt_s = (now_ns - self._last_ns) * 1e-9 if self._last_ns else 1e-3

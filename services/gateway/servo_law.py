@@ -96,15 +96,12 @@ def damping_share(age_s: float, ttl_s: float) -> float:
 def servo_force(model: FloatArray, motion: FloatArray, limits: FloatArray, now: FloatArray, memory: FloatArray) -> None:
     """Write the force of this tick into `memory`; `servo_arrays` says what is where.
 
-    Parameters
-    ----------
-    model : (MODEL_COLUMNS,)
-    motion : (6,)
-        Position in m and velocity in m/s of the HIP, in the frame of the model.
-    limits, now : (LIMIT_SIZE,), (NOW_SIZE,)
-    memory : (MEMORY_SIZE,)
-        Carries the last force, position and energy; changed in place. A force that is not finite counts in
-        ``MEMORY_REFUSED`` and is taken as zero.
+    Args:
+        model: (MODEL_COLUMNS,)
+        motion: (6,). Position in m and velocity in m/s of the HIP, in the frame of the model.
+        limits, now: (LIMIT_SIZE,), (NOW_SIZE,)
+        memory: (MEMORY_SIZE,). Carries the last force, position and energy; changed in place. A force that is not
+            finite counts in ``MEMORY_REFUSED`` and is taken as zero.
     """
     way = book_work(motion, limits, memory)
     settle(now, _is_free(model, now, memory), memory)

@@ -62,12 +62,9 @@ def _up(share: float) -> float:
 class Reservation:
     """What one loop reserves.
 
-    Attributes
-    ----------
-    share
-        Of a core, which is reserved; 0 while the loop has another class.
-    short
-        What it would need, where that is more and there is no room; else 0.
+    Attributes:
+        share: Of a core, which is reserved; 0 while the loop has another class.
+        short: What it would need, where that is more and there is no room; else 0.
     """
 
     def __init__(self, share: float) -> None:

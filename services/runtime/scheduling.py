@@ -60,12 +60,9 @@ class Wish:
 class Scheduling:
     """The place of this process on the ladder.
 
-    Attributes
-    ----------
-    had : str
-        What was granted.
-    refused : list of str
-        What was not, and why.
+    Attributes:
+        had: str. What was granted.
+        refused: list of str. What was not, and why.
     """
 
     wish: Wish
@@ -273,11 +270,7 @@ def set_attributes(
     """Call ``sched_setattr(2)``, which neither Python nor every C library has; the period is DEADLINE's alone.
 
     `deadline_ns` is how soon in each period the work is to be done; 0 for at its end.
-
-    Raises
-    ------
-    OSError
-        if the kernel refuses.
+    Raises OSError if the kernel refuses.
     """
     period_ns = period_ns if policy == DEADLINE else 0
     due_ns = deadline_ns or period_ns

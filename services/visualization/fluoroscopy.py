@@ -65,10 +65,8 @@ def lens_on(points_m: FloatArray | Float32Array, size: tuple[int, int]) -> Lens:
 class Fluoroscope:
     """Draws layouts and pictures as `render.Renderer` does, off the screen.
 
-    Parameters
-    ----------
-    size
-        Width and height in pixels.
+    Args:
+        size: Width and height in pixels.
     """
 
     def __init__(self, size: tuple[int, int] = (800, 600)) -> None:
@@ -109,10 +107,7 @@ class Fluoroscope:
 def open_renderer(view: str, size: tuple[int, int]) -> Fluoroscope | Renderer:
     """Return what draws off the screen: by X-rays, or what the lens of a ``scope`` sees.
 
-    Raises
-    ------
-    ModuleNotFoundError
-        The view needs pyvista.
+    Raises ModuleNotFoundError: the view needs pyvista.
     """
     if view == "fluoroscopy":
         return Fluoroscope(size)

@@ -65,14 +65,12 @@ class Run:
 class Compared:
     """One law on one arm.
 
-    Attributes
-    ----------
-    stiffest_n_m, rendered_n_m
-        Of the walls tried the stiffest up to which no hand gained, and how stiff that one is felt.
-    onset_ms, loss_ms
-        Until the force is within 10 % of the wall's after it is met at 0.2 m/s; until it is gone after it is left.
-    noticed
-        Share of ticks in which a slow hand would tell the force from that of a wall of 500 N/m.
+    Attributes:
+        stiffest_n_m, rendered_n_m: Of the walls tried the stiffest up to which no hand gained, and how stiff that one
+            is felt.
+        onset_ms, loss_ms: Until the force is within 10 % of the wall's after it is met at 0.2 m/s; until it is gone
+            after it is left.
+        noticed: Share of ticks in which a slow hand would tell the force from that of a wall of 500 N/m.
     """
 
     law: str

@@ -37,10 +37,9 @@ FALL_N_S = 250.0
 class Watch:
     """Keeps the worst of everything that the criteria ask for.
 
-    Attributes
-    ----------
-    sudden : list of (int, int)
-        Steps and tools in which a force changed by more than its criterion, as far as nothing explains it.
+    Attributes:
+        sudden: list of (int, int). Steps and tools in which a force changed by more than its criterion, as far as
+            nothing explains it.
     """
 
     def __init__(self, simulation: Simulation, hand_speed_m_s: float, explained: Explained | None = None) -> None:

@@ -57,12 +57,10 @@ class ClonedPolicy:
 def clone(observations: FloatArray, actions: FloatArray, seed: int = 0) -> ClonedPolicy:
     """Return the policy that does what was done.
 
-    Parameters
-    ----------
-    observations : (n, s) array
-    actions : (n, tools, 5) array
-    seed : int
-        Of the random features.
+    Args:
+        observations: (n, s) array
+        actions: (n, tools, 5) array
+        seed: int. Of the random features.
     """
     random = np.random.default_rng(seed)
     middle, spread = observations.mean(axis=0), observations.std(axis=0)
@@ -79,10 +77,7 @@ def clone(observations: FloatArray, actions: FloatArray, seed: int = 0) -> Clone
 def read_demonstrations(paths: Iterable[Path], limits: HandLimits | None = None) -> tuple[FloatArray, FloatArray]:
     """Return observations (n, s) and actions (n, tools, 5) of recorded episodes.
 
-    Raises
-    ------
-    RecordingError, ValueError
-        a file is no recording, or carries no duct.
+    Raises RecordingError or ValueError: a file is no recording, or carries no duct.
     """
     view_of = cache(_view)
     parts = [_read(path, view_of, limits or HandLimits()) for path in paths]

@@ -49,14 +49,10 @@ class Verdict:
 class Episode:
     """An attempt at a scenario from rest on.
 
-    Parameters
-    ----------
-    stage : Stage
-        Which has just begun.
-    hands : DeviceHands
-        Where they begin.
-    path : Path, optional
-        Recording to write.
+    Args:
+        stage: Stage. Which has just begun.
+        hands: DeviceHands. Where they begin.
+        path: Path, optional. Recording to write.
     """
 
     def __init__(

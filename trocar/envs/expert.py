@@ -17,14 +17,10 @@ if TYPE_CHECKING:
 class Expert:
     """Leads the hands to where the scripted ones are at the end of each step.
 
-    Parameters
-    ----------
-    env : Task
-        ``env.unwrapped`` of a made environment, after its reset.
-    pace : float
-        Of the script.
-    beyond_m : float
-        How far beyond the goal's depth it pushes; then it holds still.
+    Args:
+        env: Task. ``env.unwrapped`` of a made environment, after its reset.
+        pace: float. Of the script.
+        beyond_m: float. How far beyond the goal's depth it pushes; then it holds still.
     """
 
     def __init__(self, env: Task, pace: float = 0.5, beyond_m: float = 3e-3) -> None:

@@ -21,12 +21,9 @@ from services.mechanics.scene.tools import N_TOOLS, GraspHold
 class Grips:
     """Haptics without a model of force: where the jaws are, what they touch where they close, and what they hold.
 
-    Attributes
-    ----------
-    hands : Array
-        The tools of the last look, as physics is told of them.
-    holds : list of GraspHold
-        Live.
+    Attributes:
+        hands: Array. The tools of the last look, as physics is told of them.
+        holds: list of GraspHold. Live.
     """
 
     def __init__(self, scene: SceneModel, duct: ReducedDuct) -> None:

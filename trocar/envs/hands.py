@@ -60,14 +60,10 @@ hand_arrays_at = reader(HandArrays)
 class DeviceHands:
     """Both hands: where their devices are, and how fast they move.
 
-    Attributes
-    ----------
-    state, rate : (2, 5) float64
-        J in m and m/s in scene axes, roll and handle in rad and rad/s.
-    inputs : ToolInputs
-        The same for a simulation.
-    middle_m : list of float
-        Of the workspace, in scene axes: the mouth for hands that bring a catheter there.
+    Attributes:
+        state, rate: (2, 5) float64. J in m and m/s in scene axes, roll and handle in rad and rad/s.
+        inputs: ToolInputs. The same for a simulation.
+        middle_m: list of float. Of the workspace, in scene axes: the mouth for hands that bring a catheter there.
     """
 
     def __init__(self, tools: tuple[ToolScene, ...], limits: HandLimits, middle_m: FloatArray) -> None:

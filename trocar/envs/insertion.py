@@ -24,17 +24,11 @@ class Insertion(Task):
     Actions are (tools, 5) in [-1, 1]: of each instrument the velocity of J in scene axes, the rates of roll and of the
     handle, as parts of `HandLimits`. An observation is ``state.FIELDS`` one after the other, or an image. The way that
     is rewarded goes to the catheter, with it to the mouth, and in.
+    Raises ConfigError: one sentence, if something of this cannot be used.
 
-    Parameters
-    ----------
-    scenario, observation, **options
-        As for `Task`.
-    limits : HandLimits
-
-    Raises
-    ------
-    ConfigError
-        one sentence, if something of this cannot be used.
+    Args:
+        scenario, observation, **options: As for `Task`.
+        limits: HandLimits
     """
 
     def __init__(

@@ -38,20 +38,14 @@ class Navigation(Task):
     handle that steers nothing of the catheter does nothing. An observation is ``navigation_state.FIELDS`` one after the
     other, or an image as by X-rays, through the wall. The way that is rewarded goes to the mouth and on to the branch;
     what the tip goes on another branch counts against it, until it is drawn back.
+    Raises ConfigError: one sentence, if something of this cannot be used.
 
-    Parameters
-    ----------
-    scenario, observation, **options
-        As for `Task`; the scenario's goal is a branch, its scene has a drive.
-    targets : sequence of str, optional
-        Ends of the duct of which each episode draws one, as ``info["target"]`` says; None: the scenario's. The tip must
-        come as far beyond the place where the way to it parts as the scenario asks on its own.
-    limits : DriveLimits
-
-    Raises
-    ------
-    ConfigError
-        one sentence, if something of this cannot be used.
+    Args:
+        scenario, observation, **options: As for `Task`; the scenario's goal is a branch, its scene has a drive.
+        targets: sequence of str, optional. Ends of the duct of which each episode draws one, as ``info["target"]``
+            says; None: the scenario's. The tip must come as far beyond the place where the way to it parts as the
+            scenario asks on its own.
+        limits: DriveLimits
     """
 
     view_name = "fluoroscopy"

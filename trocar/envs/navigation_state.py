@@ -40,16 +40,11 @@ MOST = most_of(FIELDS)
 class NavigationView:
     """The view of a catheter on its way.
 
-    Parameters
-    ----------
-    site : Site
-        Where the mouth is, and the ways from it.
-    goal : Goal
-        The branch, and how deep.
-    tool : int
-        Which instrument is the drive.
-    behind_m : float
-        How far its port is behind where it begins.
+    Args:
+        site: Site. Where the mouth is, and the ways from it.
+        goal: Goal. The branch, and how deep.
+        tool: int. Which instrument is the drive.
+        behind_m: float. How far its port is behind where it begins.
     """
 
     def __init__(self, site: Site, goal: Goal, tool: int, behind_m: float) -> None:

@@ -19,20 +19,13 @@ class Randomisation:
 
     Two whole numbers are the ends of whole numbers. Every end, and all lower and all upper ends together, are checked
     by the scene's own model when the ranges are declared.
+    Raises ConfigError: one sentence that names the key, if a range is none or the scene refuses an end.
 
-    Parameters
-    ----------
-    scene : str or Path
-        As for `trocar.load_scene`.
-    ranges : mapping
-        Key to (lowest, highest), as ``{"catheter.youngs_modulus_pa": (20e6, 60e6), "duct.n_modes": (40, 60)}``.
-    overrides : tuple of str
-        What is set in the scene first.
-
-    Raises
-    ------
-    ConfigError
-        one sentence that names the key, if a range is none or the scene refuses an end.
+    Args:
+        scene: str or Path. As for `trocar.load_scene`.
+        ranges: mapping. Key to (lowest, highest), as ``{"catheter.youngs_modulus_pa": (20e6, 60e6), "duct.n_modes":
+            (40, 60)}``.
+        overrides: tuple of str. What is set in the scene first.
     """
 
     def __init__(

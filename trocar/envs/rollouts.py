@@ -46,25 +46,16 @@ def rollouts(
 ) -> Iterator[Outcome]:
     """Yield an outcome for each seed, as they come.
 
-    Parameters
-    ----------
-    policy : callable or None
-        Maps an observation to an action; None: the expert.
-    jobs : int
-        Processes here.
-    scheduler : str, optional
-        Address of a Dask scheduler, whose workers have this package; then ``jobs`` says nothing.
-    noise : float
-        Standard deviation of what is added to each action, drawn from the episode's seed.
-    environment : str
-        Its name.
-    settings
-        As for `Insertion`, or whatever it is.
+    Raises ConnectionError: there is no scheduler at that address.
 
-    Raises
-    ------
-    ConnectionError
-        There is no scheduler at that address.
+    Args:
+        policy: callable or None. Maps an observation to an action; None: the expert.
+        jobs: int. Processes here.
+        scheduler: str, optional. Address of a Dask scheduler, whose workers have this package; then ``jobs`` says
+            nothing.
+        noise: float. Standard deviation of what is added to each action, drawn from the episode's seed.
+        environment: str. Its name.
+        settings: As for `Insertion`, or whatever it is.
     """
     with open_workers(jobs, scheduler) as workers:
         kept = tuple(sorted((name, _frozen(value)) for name, value in settings.items()))

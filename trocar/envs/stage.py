@@ -23,23 +23,15 @@ from trocar.envs.grips import Grips
 class Stage:
     """A scene that is begun again and again.
 
-    Parameters
-    ----------
-    name, overrides
-        The scene as `trocar.load_scene` takes it.
-    quality : int, optional
-        Rung of the scene's ladder; None: the last.
+    Args:
+        name, overrides: The scene as `trocar.load_scene` takes it.
+        quality: int, optional. Rung of the scene's ladder; None: the last.
 
-    Attributes
-    ----------
-    simulation : Simulation
-        At rest after `begin`.
-    grips : Grips
-        What its tools hold.
-    site : Site
-        Of the duct, as a recording of it tells.
-    ways : TubePaths
-        From its mouth to its ends.
+    Attributes:
+        simulation: Simulation. At rest after `begin`.
+        grips: Grips. What its tools hold.
+        site: Site. Of the duct, as a recording of it tells.
+        ways: TubePaths. From its mouth to its ends.
     """
 
     def __init__(self, name: str | Path, overrides: tuple[str, ...] = (), quality: int | None = None) -> None:
@@ -56,10 +48,7 @@ class Stage:
     def begin(self, drawn: tuple[str, ...] = ()) -> Simulation:
         """Return the simulation at rest, with ``drawn`` overrides on top.
 
-        Raises
-        ------
-        ConfigError
-            one sentence, if the scene cannot be used.
+        Raises ConfigError: one sentence, if the scene cannot be used.
         """
         if drawn != self._drawn:
             self._build(drawn)

@@ -77,12 +77,9 @@ class View(Protocol):
 class StateView:
     """The view of an insertion.
 
-    Parameters
-    ----------
-    site : Site
-        Where the mouth is.
-    duct_file : bytes
-        The duct as a recording carries it.
+    Args:
+        site: Site. Where the mouth is.
+        duct_file: bytes. The duct as a recording carries it.
     """
 
     def __init__(self, site: Site, duct_file: bytes) -> None:

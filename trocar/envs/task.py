@@ -48,38 +48,23 @@ class Task(gymnasium.Env[Any, Any]):
     The reward of a step is the way made towards the goal, as a part of its depth, plus 1 for success, minus 1 for
     failure. ``info`` has ``is_success``, ``cost`` (penalties of this step's errors by the rules of the score, in s) and
     what the procedure says.
+    Raises ConfigError: one sentence, if something of this cannot be used.
 
-    Parameters
-    ----------
-    scenario : str or Path
-        Goal, limits and scene: a name in configs/scenarios, or a file.
-    observation : {"state", "image"}
-    quality : int, optional
-        Rung of the scene's quality ladder; None: the last.
-    overrides : sequence of str
-        ``key=value`` of the scene, on top of the scenario's.
-    randomise : mapping, optional
-        Keys of the scene and their ranges, drawn at each reset: see `Randomisation`.
-    record : str or Path, optional
-        Folder for a recording of each episode.
-    step_s : float
-        Time that an action holds, a multiple of 4 ms up to 40; the procedure looks once a step.
-    image_size : tuple of int
-        Width and height.
-    render_mode : {"rgb_array"}, optional
+    Args:
+        scenario: str or Path. Goal, limits and scene: a name in configs/scenarios, or a file.
+        observation: {"state", "image"}
+        quality: int, optional. Rung of the scene's quality ladder; None: the last.
+        overrides: sequence of str. ``key=value`` of the scene, on top of the scenario's.
+        randomise: mapping, optional. Keys of the scene and their ranges, drawn at each reset: see `Randomisation`.
+        record: str or Path, optional. Folder for a recording of each episode.
+        step_s: float. Time that an action holds, a multiple of 4 ms up to 40; the procedure looks once a step.
+        image_size: tuple of int. Width and height.
+        render_mode: {"rgb_array"}, optional
 
-    Attributes
-    ----------
-    hands : DeviceHands
-        What an action moves.
-    scenario : Scenario
-        By whose goal the episode is judged.
-    step_s : float
-
-    Raises
-    ------
-    ConfigError
-        one sentence, if something of this cannot be used.
+    Attributes:
+        hands: DeviceHands. What an action moves.
+        scenario: Scenario. By whose goal the episode is judged.
+        step_s: float
     """
 
     metadata = {  # noqa: RUF012

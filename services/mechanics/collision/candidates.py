@@ -45,17 +45,12 @@ _ELSEWHERE = 0.02
 class Candidates(Struct):
     """Closest pairs; the first ``count`` mean anything.
 
-    Attributes
-    ----------
-    piece, triangle : (c,) int64
-    s : (c,) float64
-        Place along the piece's axis, 0 to 1.
-    weight : (c, 3) float64
-        Barycentric weights in the triangle.
-    normal : (c, 3) float64
-        Unit vector from the wall to the piece.
-    gap_m : (c,) float64
-        Between the surfaces; negative where they overlap.
+    Attributes:
+        piece, triangle: (c,) int64
+        s: (c,) float64. Place along the piece's axis, 0 to 1.
+        weight: (c, 3) float64. Barycentric weights in the triangle.
+        normal: (c, 3) float64. Unit vector from the wall to the piece.
+        gap_m: (c,) float64. Between the surfaces; negative where they overlap.
     """
 
     piece: Annotated[LongArray, "c"]

@@ -21,31 +21,20 @@ DUCT_TRIANGLE, CATHETER_SEGMENT = 0, 1
 class ContactPairs(Struct):
     """Room for pairs; only the first ``count`` of each array mean anything.
 
-    Attributes
-    ----------
-    count : int
-        Number of pairs in use.
-    dropped : int
-        Pairs that found no room this tick; the deepest are kept by the writer.
-    tool : (N,) int8
-        0 or 1, or `NO_TOOL` where the first body is the catheter.
-    tool_segment : (N,) int8
-        `SHAFT`, `JAW_A` or `JAW_B`.
-    particle : (N,) int32
-        Catheter particle when the catheter is the first body (-1 otherwise). With ``tool_parameter`` s > 0
-        the first body is the point at (1 - s) of this particle and s of the next one.
-    target_kind : (N,) int8
-        `DUCT_TRIANGLE` or `CATHETER_SEGMENT`.
-    target : (N,) int32
-        Triangle or segment index.
-    tool_parameter : (N,) float64
-        Place along the first body's segment, 0 at its start and 1 at its end.
-    target_weights : (N, 3) float64
-        Barycentric weights in the triangle; (1 - s, s, 0) on a catheter segment.
-    normal : (N, 3) float64
-        Unit vector from the target towards the first body: the direction in which the first body is pushed.
-    gap_m : (N,) float64
-        Distance between the surfaces (radii and half thickness subtracted); negative = overlap.
+    Attributes:
+        count: int. Number of pairs in use.
+        dropped: int. Pairs that found no room this tick; the deepest are kept by the writer.
+        tool: (N,) int8. 0 or 1, or `NO_TOOL` where the first body is the catheter.
+        tool_segment: (N,) int8. `SHAFT`, `JAW_A` or `JAW_B`.
+        particle: (N,) int32. Catheter particle when the catheter is the first body (-1 otherwise). With
+            ``tool_parameter`` s > 0 the first body is the point at (1 - s) of this particle and s of the next one.
+        target_kind: (N,) int8. `DUCT_TRIANGLE` or `CATHETER_SEGMENT`.
+        target: (N,) int32. Triangle or segment index.
+        tool_parameter: (N,) float64. Place along the first body's segment, 0 at its start and 1 at its end.
+        target_weights: (N, 3) float64. Barycentric weights in the triangle; (1 - s, s, 0) on a catheter segment.
+        normal: (N, 3) float64. Unit vector from the target towards the first body: the direction in which the first
+            body is pushed.
+        gap_m: (N,) float64. Distance between the surfaces (radii and half thickness subtracted); negative = overlap.
     """
 
     tool: Annotated[ByteArray, "capacity"]

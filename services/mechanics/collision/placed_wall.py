@@ -66,19 +66,14 @@ _RESIDUAL = "blocks", "known", "row_of", "kept", "used", "softness"
 class WallPlacement:
     """Places nodes of a straight wall.
 
-    Parameters
-    ----------
-    duct : ReducedDuct
-    like : WallPlacement or None
-        Of the same wall, to share its residual and bounds. This one only ever follows it.
+    Args:
+        duct: ReducedDuct
+        like: WallPlacement or None. Of the same wall, to share its residual and bounds. This one only ever follows it.
 
-    Attributes
-    ----------
-    wall : PlacedWall
-    bounds : WallBounds
-        Of the modes, from where the wall stands.
-    position_m : (n, 3) float64
-        Where the nodes are that were placed last; others are where they were.
+    Attributes:
+        wall: PlacedWall
+        bounds: WallBounds. Of the modes, from where the wall stands.
+        position_m: (n, 3) float64. Where the nodes are that were placed last; others are where they were.
     """
 
     def __init__(self, duct: ReducedDuct, like: WallPlacement | None = None) -> None:

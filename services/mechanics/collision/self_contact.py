@@ -16,15 +16,12 @@ from services.mechanics.compiled.vectors import along, row, squared_distance
 class SelfContactDetector:
     """Finds pairs of segments of one catheter.
 
-    Parameters
-    ----------
-    n_particles : int
-    radius_m : float
-    margin_m : float
-        Pairs are reported from this gap on.
-    n_apart : int
-        Segments fewer than this apart along the catheter do not meet: neighbours always touch, and a catheter
-        cannot be bent sharper than about its own radius.
+    Args:
+        n_particles: int
+        radius_m: float
+        margin_m: float. Pairs are reported from this gap on.
+        n_apart: int. Segments fewer than this apart along the catheter do not meet: neighbours always touch, and a
+            catheter cannot be bent sharper than about its own radius.
     """
 
     def __init__(self, n_particles: int, radius_m: float, margin_m: float, n_apart: int = 4) -> None:

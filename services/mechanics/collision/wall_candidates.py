@@ -42,14 +42,11 @@ WALL_SHARE = 0.5
 class WallCandidates:
     """Lists of so many pieces against the wall of a duct; ``along_m`` as `CandidateList` has it.
 
-    Attributes
-    ----------
-    list : CandidateList
-        Whose ``ends``, ``thickness``, ``active``, ``wanted`` and ``reach`` the caller writes before `follow`.
-    is_new : bool
-        Whether all lists are made anew in the next `follow`.
-    renewals, wall_renewals : int
-        How often pieces, and all of them because of the wall, were listed anew.
+    Attributes:
+        list: CandidateList. Whose ``ends``, ``thickness``, ``active``, ``wanted`` and ``reach`` the caller writes
+            before `follow`.
+        is_new: bool. Whether all lists are made anew in the next `follow`.
+        renewals, wall_renewals: int. How often pieces, and all of them because of the wall, were listed anew.
     """
 
     def __init__(self, duct: ReducedDuct, n_pieces: int, along_m: float) -> None:

@@ -54,10 +54,9 @@ class _Start(NamedTuple):
 class CandidateSearch:
     """Finds what touches, and what would, between catheter, tools and wall.
 
-    Parameters
-    ----------
-    scene : SceneModel
-    duct : ReducedDuct
+    Args:
+        scene: SceneModel
+        duct: ReducedDuct
     """
 
     def __init__(self, scene: SceneModel, duct: ReducedDuct) -> None:

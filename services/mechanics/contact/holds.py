@@ -25,11 +25,9 @@ CAPACITY = 16
 class ActiveHold:
     """A hold with the place of its point in the jaws, which moves only when it slips.
 
-    Attributes
-    ----------
-    request : GraspHold
-    slot : int
-        Its place in the arrays that the kernels work on.
+    Attributes:
+        request: GraspHold
+        slot: int. Its place in the arrays that the kernels work on.
     """
 
     __slots__ = ("_arrays", "request", "slot")
@@ -62,22 +60,15 @@ class HoldRegistry:
     catheter; what is left of the slip moves the point in the jaws. A point that leaves the jaws, or the
     catheter's end, is lost. `CAPACITY` holds at most; what is asked for beyond that is not taken up.
 
-    Attributes
-    ----------
-    active : dict of int to ActiveHold
-        By the requests' numbers, in the order of their rows.
-    rows : range
-        Rows of the holds in this step; fewer than are active where rows ran out.
-    dropped : int
-        Requests that found no room since the start, each counted in every step.
-    refused : int
-        Requests since the start that name nothing that is there, jaws included, or hold it with a NaN; counted in
-        every step.
-    lost : set of int
-        Numbers of holds that were lost and are still asked for.
-    took_up : bool
-        Whether a hold was taken up in this step.
-    dissipated_j : float
+    Attributes:
+        active: dict of int to ActiveHold. By the requests' numbers, in the order of their rows.
+        rows: range. Rows of the holds in this step; fewer than are active where rows ran out.
+        dropped: int. Requests that found no room since the start, each counted in every step.
+        refused: int. Requests since the start that name nothing that is there, jaws included, or hold it with a NaN;
+            counted in every step.
+        lost: set of int. Numbers of holds that were lost and are still asked for.
+        took_up: bool. Whether a hold was taken up in this step.
+        dissipated_j: float
     """
 
     def __init__(self, forceps: tuple[ToolScene, ...], system: ContactSystem) -> None:

@@ -18,54 +18,38 @@ class ContactRows(Struct):
 
     Rows are made by `writer.append_row` only.
 
-    Attributes
-    ----------
-    law : (C,) int8
-        Number in the table of contact laws.
-    identity : (C,) int64
-        Names the pair of bodies, to find last tick's force again; see `identity`.
-    frame : (C, 3, 3) float64
-        Rows: normal (towards the first body) and two tangents.
-    point_m : (C, 3) float64
-        Where the force acts on the first body.
-    gap_m : (C,) float64
-        Distance of the surfaces at the start of the step.
-    pad_m : (C,) float64
-        How deep the surfaces may overlap before they push each other.
-    taken_m : (C,) float64
-        What of the gap counts in this step: all of a distance, of an overlap (negative) what is taken back.
-    slip_m : (C, 3) float64
-        Motion of the first body relative to the target over the step without contact forces, in world axes.
-    elastic_m : (C, 3) float64
-        Elastic slip at the start of the step, in world axes, for laws that remember it; see `anchors`.
-    held_j : (C,) float64
-        What the springs of its friction stored with the force of the last step, in J.
-    friction : (C,) float64
-        Coefficient of Coulomb friction, for laws that have it.
-    rubbing_n : (C,) float64
-        Friction that a contact bears whatever presses it, for laws that have it: nothing, but within a solve.
-    force_limit_n : (C,) float64
-        Largest force, for laws that have one.
-    softness_m_n : (C, 3) float64
-        Compliance of the touching surfaces themselves, along the rows of the frame.
-    force_n : (C, 3) float64
-        Solved force on the first body, along the rows of the frame.
-    duct_node : (C, 3) int32, duct_weight : (C, 3) float64
-        Barycentric point of the duct, always the target; weights are zero where the duct has no part.
-    rod_node : (C, 4) int32, rod_weight : (C, 4) float64
-        Particles of the catheter; positive weights where it is the first body, negative where it is the target.
-    stone : (C,) int8
-        The gallstone that is the first body, `NO_STONE` where none is.
-    tool : (C,) int8, lever : (C, 3, 4) float64
-        The tool that is the first body, and how its coordinates move the point.
-    n_contacts : int
-        Contacts and holds in use.
-    dropped : int
-        Rows that found no room since the start.
-    dt_s : float
-        Length of the step, for laws that know speeds.
-    reserved : int
-        Room that is left for the rows of holds, which come last: without a row a hold would be stretched unfelt.
+    Attributes:
+        law: (C,) int8. Number in the table of contact laws.
+        identity: (C,) int64. Names the pair of bodies, to find last tick's force again; see `identity`.
+        frame: (C, 3, 3) float64. Rows: normal (towards the first body) and two tangents.
+        point_m: (C, 3) float64. Where the force acts on the first body.
+        gap_m: (C,) float64. Distance of the surfaces at the start of the step.
+        pad_m: (C,) float64. How deep the surfaces may overlap before they push each other.
+        taken_m: (C,) float64. What of the gap counts in this step: all of a distance, of an overlap (negative) what is
+            taken back.
+        slip_m: (C, 3) float64. Motion of the first body relative to the target over the step without contact forces, in
+            world axes.
+        elastic_m: (C, 3) float64. Elastic slip at the start of the step, in world axes, for laws that remember it; see
+            `anchors`.
+        held_j: (C,) float64. What the springs of its friction stored with the force of the last step, in J.
+        friction: (C,) float64. Coefficient of Coulomb friction, for laws that have it.
+        rubbing_n: (C,) float64. Friction that a contact bears whatever presses it, for laws that have it: nothing, but
+            within a solve.
+        force_limit_n: (C,) float64. Largest force, for laws that have one.
+        softness_m_n: (C, 3) float64. Compliance of the touching surfaces themselves, along the rows of the frame.
+        force_n: (C, 3) float64. Solved force on the first body, along the rows of the frame.
+        duct_node: (C, 3) int32, duct_weight: (C, 3) float64. Barycentric point of the duct, always the target; weights
+            are zero where the duct has no part.
+        rod_node: (C, 4) int32, rod_weight: (C, 4) float64. Particles of the catheter; positive weights where it is the
+            first body, negative where it is the target.
+        stone: (C,) int8. The gallstone that is the first body, `NO_STONE` where none is.
+        tool: (C,) int8, lever: (C, 3, 4) float64. The tool that is the first body, and how its coordinates move the
+            point.
+        n_contacts: int. Contacts and holds in use.
+        dropped: int. Rows that found no room since the start.
+        dt_s: float. Length of the step, for laws that know speeds.
+        reserved: int. Room that is left for the rows of holds, which come last: without a row a hold would be stretched
+            unfelt.
     """
 
     law: Annotated[ByteArray, "c"]

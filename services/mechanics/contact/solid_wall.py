@@ -35,19 +35,13 @@ _FULL = 1.0 - 1e-9  # jaws that something else shuts: what they store is a numbe
 class SolidWall(Struct):
     """Cells of both tools' jaws, and the wall in them.
 
-    Attributes
-    ----------
-    occupied : (2, N_CELLS) float64
-        How much of each cell has wall in it, 0 to 1.
-    free_m : (2, N_CELLS) float64
-        Thickness of what is in each cell while nothing squeezes it: that of both layers, or less where they came
-        between jaws that had less room.
-    length_m, radius_m : (2,) float64
-        Of the jaws.
-    thickness_m : float
-        Of both layers.
-    modulus_pa : float
-        E / (1 - nu^2).
+    Attributes:
+        occupied: (2, N_CELLS) float64. How much of each cell has wall in it, 0 to 1.
+        free_m: (2, N_CELLS) float64. Thickness of what is in each cell while nothing squeezes it: that of both layers,
+            or less where they came between jaws that had less room.
+        length_m, radius_m: (2,) float64. Of the jaws.
+        thickness_m: float. Of both layers.
+        modulus_pa: float. E / (1 - nu^2).
     """
 
     occupied: Annotated[FloatArray, N_TOOLS, N_CELLS]

@@ -45,16 +45,12 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
     What has not ended after `MOST_SWEEPS` while bodies are in each other is solved in turns (`tresca`). Forces are
     inside their cones, converged or not.
 
-    Parameters
-    ----------
-    problem : ContactProblem
-        In: ``motion`` without contact forces, forces to start from. Out: the solution.
-    W : (3 k, 3 k) float64
-        Delassus operator.
-    effort : (iterations, tolerance_n)
-        Most sweeps where bodies are apart (`MOTION_TOLERANCE_M`), and the change of any force component in a sweep at
-        which to stop.
-    scratch : SolverScratch
+    Args:
+        problem: ContactProblem. In: ``motion`` without contact forces, forces to start from. Out: the solution.
+        W: (3 k, 3 k) float64. Delassus operator.
+        effort: (iterations, tolerance_n). Most sweeps where bodies are apart (`MOTION_TOLERANCE_M`), and the change of
+            any force component in a sweep at which to stop.
+        scratch: SolverScratch
     """
     iterations, tolerance_n = effort
     for row in range(W.shape[0]):

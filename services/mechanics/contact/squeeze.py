@@ -79,10 +79,8 @@ squeeze_at = reader(SqueezeArrays)
 class JawSqueeze:
     """What the jaws of both tools squeeze.
 
-    Attributes
-    ----------
-    occupied : (2, N_CELLS) float64
-        How much of each cell along the jaws has both layers of the wall in it, 0 to 1.
+    Attributes:
+        occupied: (2, N_CELLS) float64. How much of each cell along the jaws has both layers of the wall in it, 0 to 1.
     """
 
     def __init__(self, duct: DuctScene, tools: tuple[ToolScene, ...], system: ContactSystem) -> None:

@@ -24,14 +24,10 @@ from services.mechanics.scene import ContactSettings
 class DroppedContacts(NamedTuple):
     """Contacts that found no room since the start, counted anew in every step.
 
-    Attributes
-    ----------
-    pairs : int
-        Candidates that detection, or the memory of pressed points, had no room for.
-    rows : int
-        Contacts of pairs, grasps and effects that the solve had no room for.
-    holds : int
-        Held points beyond those that are followed.
+    Attributes:
+        pairs: int. Candidates that detection, or the memory of pressed points, had no room for.
+        rows: int. Contacts of pairs, grasps and effects that the solve had no room for.
+        holds: int. Held points beyond those that are followed.
     """
 
     pairs: int
@@ -46,21 +42,14 @@ class ContactSystem:
     :math:`u^+ = u_{free} + W f` with :math:`W = J A^{-1} J^T` summed over duct (modes and residual compliance),
     catheter (banded inverse) and tools (virtual coupling). Every force acts on both its bodies.
 
-    Attributes
-    ----------
-    rows : ContactRows
-    geometry : ContactGeometry
-        What rows are built from.
-    strategy : ContactStrategy
-        How forces are found, as the scene wants it.
-    force_n : (C, 3) float64
-        Forces on the first bodies along world axes.
-    slides : (C,) bool
-        Whether a contact slid, or a hold slipped, in the last solve.
-    sweeps : int
-        Sweeps that the last solve took.
-    dropped_pairs : int
-        Candidate pairs since the start that detection had no room for.
+    Attributes:
+        rows: ContactRows
+        geometry: ContactGeometry. What rows are built from.
+        strategy: ContactStrategy. How forces are found, as the scene wants it.
+        force_n: (C, 3) float64. Forces on the first bodies along world axes.
+        slides: (C,) bool. Whether a contact slid, or a hold slipped, in the last solve.
+        sweeps: int. Sweeps that the last solve took.
+        dropped_pairs: int. Candidate pairs since the start that detection had no room for.
     """
 
     def __init__(self, bodies: Bodies, settings: ContactSettings) -> None:

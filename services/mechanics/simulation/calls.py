@@ -35,12 +35,7 @@ class CallCheck:
     def check(self, tools: ToolInputs) -> None:
         """Raise the error that says what is wrong with them.
 
-        Raises
-        ------
-        TypeError
-            Something is of another type.
-        ValueError
-            An array is of another shape or dtype.
+        Raises TypeError: something is of another type. Raises ValueError: an array is of another shape or dtype.
         """
         present, position, roll, opening = self._seen
         try:

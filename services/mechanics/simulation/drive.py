@@ -27,10 +27,9 @@ _UNTURNED_RAD = 1e-9
 class CatheterDrive:
     """The tool of a scene that drives its catheter.
 
-    Attributes
-    ----------
-    work_j : float
-        What twisting and steering have put into the catheter: a change of the material's state at a given shape.
+    Attributes:
+        work_j: float. What twisting and steering have put into the catheter: a change of the material's state at a
+            given shape.
     """
 
     def __init__(self, world: World, tool: int) -> None:

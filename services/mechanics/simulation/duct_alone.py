@@ -50,17 +50,12 @@ class DuctWorld:
 class DuctAlone:
     """A duct that nothing can touch. At rest, and with no effect that acts in steps, it sleeps: a step is a look at it.
 
-    Parameters
-    ----------
-    scene : SceneModel
-        With ``duct_alone``.
-    duct : ReducedDuct
-        From `build_scene_duct`.
+    Args:
+        scene: SceneModel. With ``duct_alone``.
+        duct: ReducedDuct. From `build_scene_duct`.
 
-    Attributes
-    ----------
-    cost_ns : list of int
-        What each of `STAGE_NAMES` took in the last tick.
+    Attributes:
+        cost_ns: list of int. What each of `STAGE_NAMES` took in the last tick.
     """
 
     def __init__(self, scene: SceneModel, duct: ReducedDuct) -> None:

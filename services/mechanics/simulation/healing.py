@@ -72,12 +72,9 @@ live_at = reader(LiveState)
 class Healer:
     """Watches a world, and heals it.
 
-    Attributes
-    ----------
-    healed : int
-        How often, since the start.
-    rests : int
-        How often everything was put to rest, since healing led nowhere.
+    Attributes:
+        healed: int. How often, since the start.
+        rests: int. How often everything was put to rest, since healing led nowhere.
     """
 
     def __init__(self, world: World) -> None:
@@ -91,10 +88,7 @@ class Healer:
     def begin(self) -> None:
         """Refuse to begin with what is no state.
 
-        Raises
-        ------
-        ValueError
-            A caller has put a NaN or an infinity into it before the first step.
+        Raises ValueError: a caller has put a NaN or an infinity into it before the first step.
         """
         if self._copies is None and not numbers_are_finite(self._live.address):
             raise ValueError("the state of catheter, duct or tools holds a NaN or an infinity before the first step")

@@ -14,12 +14,9 @@ TOLERANCE_OF_WALL = 0.125
 class Pricing:
     """Prices the steps of a world whose contacts act within the step.
 
-    Attributes
-    ----------
-    violations : int
-        Prices since the start that found any.
-    new_rows : int
-        Rows that came of them.
+    Attributes:
+        violations: int. Prices since the start that found any.
+        new_rows: int. Rows that came of them.
     """
 
     def __init__(self, world: World) -> None:

@@ -18,10 +18,7 @@ from services.mechanics.surface.opening import mouth_opening
 def scene_rod(scene: SceneModel, effects: Iterable[Effect]) -> RodProperties:
     """Return stiffness, mass and damping of a scene's catheter; ``effects`` are those that modify it, in order.
 
-    Raises
-    ------
-    ValueError
-        What the scene says makes no rod.
+    Raises ValueError: what the scene says makes no rod.
     """
     try:
         rod = rod_properties(scene.catheter)
@@ -73,10 +70,7 @@ def _with_drive(scene: SceneModel) -> SceneModel:
 def check_catheter(scene: SceneModel) -> None:
     """Refuse a catheter that could not be built, long before it is.
 
-    Raises
-    ------
-    ValueError
-        It is no rod, or does not start in its introducer.
+    Raises ValueError: it is no rod, or does not start in its introducer.
     """
     scene_rod(scene, by_stage(build_effects(scene).values())["modify_rod"])
     rod_supports(scene.catheter)

@@ -35,21 +35,14 @@ def build_scene_duct(
     Every process calls this with the same scene and gets the same duct. Constant loads (weight of the wall,
     insufflation) move the rest shape by the part of their static response that the modes leave out; the modes
     carry the rest of it.
+    Raises ValueError: the scene names a file and no mesh was given, or a setting makes no sense.
 
-    Parameters
-    ----------
-    scene : SceneModel
-    cache_dir : Path, optional
-        By default the user's cache.
-    progress : callable
-        Called as ``progress(stage, fraction)``.
-    mesh : TriangleMesh, optional
-        The surface of a scene with ``duct.mesh_file``; such files are read by `services.meshes`.
-
-    Raises
-    ------
-    ValueError
-        The scene names a file and no mesh was given, or a setting makes no sense.
+    Args:
+        scene: SceneModel
+        cache_dir: Path, optional. By default the user's cache.
+        progress: callable. Called as ``progress(stage, fraction)``.
+        mesh: TriangleMesh, optional. The surface of a scene with ``duct.mesh_file``; such files are read by
+            `services.meshes`.
     """
     if mesh is None:
         mesh = scene_mesh(scene.duct)
@@ -72,10 +65,7 @@ def build_scene_duct(
 def check_scene_duct(scene: SceneModel, mesh: TriangleMesh | None = None) -> None:
     """Refuse a duct that could not be reduced, in a fraction of the time.
 
-    Raises
-    ------
-    ValueError
-        As `build_scene_duct`, for all that is known before the eigenvalues are.
+    Raises ValueError as `build_scene_duct`, for all that is known before the eigenvalues are.
     """
     effects = build_effects(scene).values()
     recipe = _recipe(scene, scene_mesh(scene.duct) if mesh is None else mesh, effects)
@@ -90,10 +80,7 @@ def check_scene_duct(scene: SceneModel, mesh: TriangleMesh | None = None) -> Non
 def check_duct_numbers(duct: DuctScene) -> None:
     """Refuse numbers of a duct that do not go together; no mesh is made.
 
-    Raises
-    ------
-    ValueError
-        Names the scene's part and key.
+    Raises ValueError that names the scene's part and key.
     """
     try:
         if duct.mesh_file is None:

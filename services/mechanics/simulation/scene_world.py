@@ -73,11 +73,7 @@ def check_integrator(scene: SceneModel) -> None:
     Contacts act as impulses at the start of a step. A mode that turns by :math:`\theta` in it and gets the same impulse
     in each rests, by its exact solution, at :math:`(\theta/2) \cot(\theta/2)` of where the force would hold it: nowhere
     from half a period on, and beyond on the wrong side. By Newmark it rests where it should at any step.
-
-    Raises
-    ------
-    ValueError
-        Names the key.
+    Raises ValueError that names the key.
     """
     if scene.duct.integrator == "exact" and not scene.duct_alone:
         raise ValueError("duct.integrator: exact is for a duct that nothing touches, contacts need newmark")

@@ -57,13 +57,10 @@ class Simulation:
     Every array that it shows is written in place by `step`; nothing is allocated there in proportion to mesh,
     catheter or contacts.
 
-    Parameters
-    ----------
-    scene : SceneModel
-    duct : ReducedDuct
-        From `build_scene_duct`, which lays the effects' constant loads into its rest shape.
-    search : ContactSearch, optional
-        Collision detection; by default that of `services.mechanics.collision`.
+    Args:
+        scene: SceneModel
+        duct: ReducedDuct. From `build_scene_duct`, which lays the effects' constant loads into its rest shape.
+        search: ContactSearch, optional. Collision detection; by default that of `services.mechanics.collision`.
     """
 
     def __init__(self, scene: SceneModel, duct: ReducedDuct, search: ContactSearch | None = None) -> None:
@@ -104,19 +101,13 @@ class Simulation:
     def step(self, tools: ToolInputs, dt_s: float = 1e-3) -> None:
         """Advance everything by one tick.
 
-        Parameters
-        ----------
-        tools : ToolInputs
-            The hands at the end of the tick.
-        dt_s : float
-            Length of the tick, at most `LONGEST_TICK_S`. Longer than a millisecond, or than the rung in force lets a
-            step be, it is taken in parts.
+        Raises TypeError or ValueError: ``dt_s`` is not positive and finite, or too long; an array of another shape or
+        dtype (`CallCheck`). Nothing has moved.
 
-        Raises
-        ------
-        TypeError, ValueError
-            ``dt_s`` is not positive and finite, or too long; an array of another shape or dtype (`CallCheck`). Nothing
-            has moved.
+        Args:
+            tools: ToolInputs. The hands at the end of the tick.
+            dt_s: float. Length of the tick, at most `LONGEST_TICK_S`. Longer than a millisecond, or than the rung in
+                force lets a step be, it is taken in parts.
         """
         if not 0.0 < dt_s < math.inf:
             raise ValueError(f"dt_s must be positive and finite, is {dt_s}")

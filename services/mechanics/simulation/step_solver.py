@@ -18,18 +18,13 @@ MOST_PRICES = 8
 class StepSolver:
     """Finds the forces of a step's rows and gives them to the bodies.
 
-    Parameters
-    ----------
-    world : World
-    tool_force : (n_tools, n_coordinates)
-        What acts on each tool is written here.
+    Args:
+        world: World
+        tool_force: (n_tools, n_coordinates). What acts on each tool is written here.
 
-    Attributes
-    ----------
-    pricing : Pricing
-        Of candidates at the end of the step.
-    tool_force : (n_tools, n_coordinates)
-        What acts on each tool, as solved last.
+    Attributes:
+        pricing: Pricing. Of candidates at the end of the step.
+        tool_force: (n_tools, n_coordinates). What acts on each tool, as solved last.
     """
 
     def __init__(self, world: World, tool_force: FloatArray) -> None:

@@ -26,13 +26,7 @@ LAWS: dict[str, ModuleType] = {
 
 
 def number_of(law: str) -> int:
-    """Return the number of a law, as rows have it.
-
-    Raises
-    ------
-    ValueError
-        The law is not in the table.
-    """
+    """Return the number of a law, as rows have it. Raises ValueError: the law is not in the table."""
     if law not in LAWS:
         raise ValueError(f"contact law '{law}' is not in the table; known: {', '.join(LAWS)}")
     return list(LAWS).index(law)

@@ -47,14 +47,10 @@ class ContactProblem(Struct):
 
     It goes with the Delassus operator W (3 k, 3 k) in m/N, symmetric positive.
 
-    Attributes
-    ----------
-    rows : ContactRows
-        Laws, limits, and the present forces.
-    motion : (3 C,) float64
-        Gaps and slips at the end of the step with the present forces, in m.
-    change : (3,) float64
-        What the last relaxation changed of a contact's force, in N.
+    Attributes:
+        rows: ContactRows. Laws, limits, and the present forces.
+        motion: (3 C,) float64. Gaps and slips at the end of the step with the present forces, in m.
+        change: (3,) float64. What the last relaxation changed of a contact's force, in N.
     """
 
     rows: ContactRows

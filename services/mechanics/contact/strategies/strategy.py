@@ -12,13 +12,10 @@ from services.mechanics.scene import ContactSettings
 class ContactStrategy:
     """A way to find the contact forces of a step.
 
-    Attributes
-    ----------
-    acts_in_next_step : bool
-        Whether the catheter feels the forces in the next step, held over all of it, instead of in the one they were
-        found in.
-    knows_stiffness : bool
-        Whether it leaves W behind, from which the local stiffness follows.
+    Attributes:
+        acts_in_next_step: bool. Whether the catheter feels the forces in the next step, held over all of it, instead of
+            in the one they were found in.
+        knows_stiffness: bool. Whether it leaves W behind, from which the local stiffness follows.
     """
 
     acts_in_next_step: ClassVar[bool]
