@@ -2,7 +2,7 @@ r"""The energy-bounding algorithm: force changes with way only so fast that the 
 
 Kim and Ryu, "Robustly stable haptic interaction control using an energy-bounding algorithm", IJRR 29(6), 2010. The
 force that resists goes :math:`F_k = F_{k-1} + \beta_k \Delta x_k`. With a store of :math:`F^2 / 2c` the hold over a
-period is passive if
+period is passive (derived here, not taken from the paper) if
 
 .. math:: \beta^2 \Delta x^2 / 2c + \beta F_{k-1} \Delta x / c \le F_{k-1} \Delta x + b \Delta x^2 / T,
 

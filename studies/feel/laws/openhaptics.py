@@ -2,7 +2,7 @@
 
 The stiffness is a share of what the device calls its most (`HD_NOMINAL_MAX_STIFFNESS`), the force at most its nominal
 one; above `HD_SOFTWARE_VELOCITY_LIMIT` (1.2 m/s) an error takes the force away, here until the wall is left. A change
-by more than `HD_SOFTWARE_FORCE_IMPULSE_LIMIT` (4 N, as users of the library found it) is an error, too. No energy is
+by more than `HD_SOFTWARE_FORCE_IMPULSE_LIMIT` (4 N in a user's code, an assumption) is an error, too. No energy is
 counted.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 from services.mechanics.arrays import FloatArray
 from studies.feel.laws import Walls
 
-#: The vendor's data sheets at second hand, along the softest axis.
+#: Along the softest axis: the vendor's data sheets from memory, not checked against a copy.
 _STIFFEST_N_M = {"Touch": 1020.0, "Touch X": 1480.0, "Phantom Premium 1.5": 3500.0}
 _DAMPING_S = 1e-3
 _IMPULSE_N = 4.0
