@@ -8,8 +8,7 @@ on a wall are solved once. What is over then, of a solve that did not converge, 
 together they stay inside their cones, and some scale of them gives nothing.
 
 Jaws at rest would keep their last micrometres of overlap for ever, and a force that these falsify by a per cent. So
-while a hand is there, so is a small credit: a share of what hands have put in lately. It is paid back by what friction
-and impacts take.
+there is a small credit: a share of what hands have put in lately. It is paid back by what friction and impacts take.
 
 Nothing is asked in the first tenth of a second: what a scene begins with inside each other, as a wall does that a hand
 presses while physics is started anew, comes apart by the bounded recovery, and is felt from then on.
@@ -116,11 +115,8 @@ def _open(ledger: Ledger) -> None:
 
 @kernel
 def _note_hands(ledger: Ledger, tools: ToolArrays, dt_s: float) -> None:
-    """Enter the work of the hands on the couplings, as these were stretched when the step began.
-
-    Where nobody is, nobody feels what is left of an overlap: pushing it out on credit only keeps things moving.
-    """
-    kept = max(1.0 - dt_s / LATELY_S, 0.0) if tools.present[0] or tools.present[1] else 0.0
+    """Enter the work of the hands on the couplings, as these were stretched when the step began."""
+    kept = max(1.0 - dt_s / LATELY_S, 0.0)
     ledger.worked_j *= kept
     for tool in range(tools.stretch.shape[0]):
         if tools.present[tool]:
