@@ -81,6 +81,7 @@ class EnergyBook:
         self._rod = catheter_energy(simulation.world, self._work)
         self._opening_j = self._stored_j()
         self._healed_states = simulation.healed_states
+        self._begun: _Snapshot | None = None
 
     def step(self, tools: ToolInputs, dt_s: float = 1e-3) -> None:
         """Take one step of the simulation and enter it."""
@@ -101,13 +102,22 @@ class EnergyBook:
         self.flow.stored_j = stored_j
 
     def begin(self) -> None:
-        """Note what a part of a step begins with; rates that a change of its length has moved are entered."""
+        """Note what a part of a step begins with; rates that a change of its length has moved are entered.
+
+        A part that is begun again has the rows of the try that was taken back: what they store is as it was.
+        """
         if self._other is not None:
             self._other.begin()
-        stored_j = self._stored_j() - self._opening_j
+        stored, again = stored_energies_j(self.simulation, self._rod), self._begun
+        if again is not None:
+            stored |= {"grips": again.grips.total_j, "anchors": again.anchors_j}
+        stored_j = float(sum(stored.values())) - self._opening_j
         self.flow.numerical_j += self.flow.stored_j - stored_j
         self.flow.stored_j = stored_j
         self._before = _Snapshot.of(self.simulation, self._rod)
+        if again is not None:
+            self._before = replace(self._before, grips=again.grips, anchors_j=again.anchors_j)
+        self._begun = self._before
         self._slipped_j = _slipped_j(self.simulation)
         self._spent_j = _dissipated_by_effects_j(self.simulation)
         self._squeezed_j = self.simulation.squeeze.dissipated_j
@@ -125,6 +135,7 @@ class EnergyBook:
         self.flow.numerical_j += self.simulation.squeeze.dissipated_j - self._squeezed_j
         self.flow.effects_j += _dissipated_by_effects_j(self.simulation) - spent_j
         self.flow.stored_j = self._stored_j() - self._opening_j
+        self._begun = None
         if self._other is not None:
             self._other.end(dt_s)
 

@@ -56,7 +56,8 @@ def test_where_python_keeps_it_beside_the_source_nothing_is_changed(tree: Path, 
 
 def test_what_an_image_has_beside_the_source_is_taken_until_the_source_is_newer(tree: Path, tmp_path: Path) -> None:
     cache, forbidden = tmp_path / "cache", {"PYTHONDONTWRITEBYTECODE": "1"}
-    subprocess.run([sys.executable, "-m", "compileall", "-q", tree], check=True)
+    beside = os.environ | {"PYTHONPYCACHEPREFIX": ""}
+    subprocess.run([sys.executable, "-m", "compileall", "-q", tree], check=True, env=beside)
     assert _run(tree, cache, **forbidden) == "True None 16"
     assert not list(cache.rglob("*.pyc"))
     source = tree / "services" / "runtime" / "histogram.py"

@@ -22,7 +22,7 @@ import json
 from types import SimpleNamespace
 from services.visualization import codec
 from services.visualization.render_governor import RUNGS
-from services.visualization.render_pipe import FRAME, HELLO
+from services.visualization.render_pipe import FRAME, HELLO, NOTICE
 from services.visualization.window_worker import Window
 from tests.visualization.test_window import a_scene
 
@@ -43,7 +43,10 @@ for rung in (began, began, len(RUNGS) - 1, 0):
 window._governor = SimpleNamespace(rung=len(RUNGS) - 1, rate_hz=0.0, drawn=lambda *_: True)
 before = size()
 window.draw()
-print(json.dumps({"drawn": seen, "before": before, "after": size(), "last": drawn[-1]}))
+while_it_starts = size()
+window.take(NOTICE, json.dumps({"state": "armed", "reason": "", "safe_stop": False}).encode())
+window.draw()
+print(json.dumps({"drawn": seen, "before": before, "starting": while_it_starts, "after": size(), "last": drawn[-1]}))
 """
 
 
@@ -55,6 +58,7 @@ def test_each_picture_is_drawn_once_and_nothing_before_it_is_whole(display: Disp
     seen = json.loads(done.stdout)
     assert len(seen["drawn"]) == 4
     assert set(seen["drawn"].values()) == {1}, seen
+    assert seen["before"] == seen["starting"], "how long a picture takes says nothing while the rig starts"
     assert seen["before"] != seen["after"], "a coarser rung is a smaller window"
     assert seen["last"] == seen["after"], "which does not wait for the next picture to show one"
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import minimize
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.reduction.hyperelastic.fung_membrane import MOST_Q
@@ -18,6 +17,9 @@ def rest_shape(strain: FloatArray, energy_j: FloatArray, omega_rad_s: FloatArray
     They minimise :math:`\frac12 |\omega q|^2 + E(q) - f q`, a convex function, by Newton's method in a trust region.
     ``strain`` (3 k, r) and ``energy_j`` (k,) as in `StretchSamples`.
     """
+    # Imported where a wall is trained: it is a good part of what a process imports.
+    from scipy.optimize import minimize
+
     rows, load = strain / omega_rad_s, force / omega_rad_s
 
     def value(y: FloatArray) -> tuple[float, FloatArray]:
