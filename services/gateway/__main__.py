@@ -236,18 +236,6 @@ def _rehearse(instruments: list[Instrument]) -> None:
             instrument.close()
 
 
-def rehearse(process_config: ProcessConfig, hands: SceneHands) -> None:
-    """Open every device and compile what a tick calls."""
-    instruments = build_instruments(process_config.rig.gateway, hands=hands.hands)
-    try:
-        for instrument in instruments:
-            instrument.open()
-            instrument.warm()
-    finally:
-        for instrument in instruments:
-            instrument.close()
-
-
 def _replay(process: Process, settings: ReplaySettings, meter: LoopMeter) -> int:
     """Replay a recording; return the tick at which hands go on."""
     from services.gateway.replaying import Replay  # what reads recordings is not installed with every gateway
@@ -276,4 +264,4 @@ def run(process: Process, hands: SceneHands) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main("gateway", run, prepare=prepare, rehearse=rehearse))
+    sys.exit(main("gateway", run, prepare=prepare))

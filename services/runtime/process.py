@@ -211,7 +211,6 @@ def main(
     arguments: Sequence[str] | None = None,
     *,
     prepare: Callable[[ProcessConfig], Any] | None = None,
-    rehearse: Callable[..., None] | None = None,
     whole: Callable[[ProcessConfig], Collection[str]] | None = None,
 ) -> int:
     """Run a process from its command line; return the exit code. What a person can mend is one sentence.
@@ -221,7 +220,6 @@ def main(
         run: Called with the open process, and with what `prepare` returned where there is one.
         prepare: What takes long (bases, compiling kernels): done before the process is real-time, so that it starves
             nobody.
-        rehearse: Called as `run` is where the process is to prepare only: compiles what `prepare` could not.
         whole: Returns the topics of which the process gets every frame, whatever the table says.
     """
     start_up.end()
@@ -234,8 +232,6 @@ def main(
             return 0
         prepared = () if prepare is None else (prepare(process_config),)
         if options.prepare_only:
-            if rehearse is not None:
-                rehearse(process_config, *prepared)
             return 0
         process = open_process(process_config, whole(process_config) if whole else ())
         try:

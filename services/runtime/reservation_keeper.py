@@ -19,7 +19,7 @@ _LOOK_EVERY_NS, _LOOK_SOON_NS, _FIRST_LOOKS = 1_000_000_000, 250_000_000, 20
 _RAN = COLUMNS.index("ran_ns")
 #: The same sentence is said again after so long.
 _AGAIN_S = 60.0
-#: Fewer periods say nothing of what one in a hundred takes.
+#: Fewer periods say nothing of what one in twenty takes.
 _LEAST_PERIODS = 50
 
 

@@ -25,7 +25,7 @@ from services.supervisor import session
 rig, scene = sys.argv[1:]
 entered = {}
 
-def entry(name, run, arguments=None, *, prepare=None, rehearse=None, whole=None):
+def entry(name, run, arguments=None, *, prepare=None, whole=None):
     entered[name] = whole
     return 0
 
