@@ -1,14 +1,16 @@
-"""Array types by the numbers in them, each defined here and nowhere else."""
+"""Array types by the numbers in them, each defined here and nowhere else.
+
+They are written out, as structs read them: `numpy.typing.NDArray` is an alias whose parts hide since NumPy 2.5.
+"""
 
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-AnyArray = npt.NDArray[Any]
-FloatArray = npt.NDArray[np.float64]
-Float32Array = npt.NDArray[np.float32]
-IntArray = npt.NDArray[np.int32]
-LongArray = npt.NDArray[np.int64]
-ByteArray = npt.NDArray[np.int8]
-BoolArray = npt.NDArray[np.bool_]
+AnyArray = np.ndarray[tuple[Any, ...], np.dtype[Any]]
+FloatArray = np.ndarray[tuple[Any, ...], np.dtype[np.float64]]
+Float32Array = np.ndarray[tuple[Any, ...], np.dtype[np.float32]]
+IntArray = np.ndarray[tuple[Any, ...], np.dtype[np.int32]]
+LongArray = np.ndarray[tuple[Any, ...], np.dtype[np.int64]]
+ByteArray = np.ndarray[tuple[Any, ...], np.dtype[np.int8]]
+BoolArray = np.ndarray[tuple[Any, ...], np.dtype[np.bool_]]
