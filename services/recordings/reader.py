@@ -7,7 +7,6 @@ import zlib
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from operator import attrgetter
 from pathlib import Path
 from typing import IO, Any
 
@@ -15,11 +14,12 @@ import zstandard
 from google.protobuf.message import DecodeError
 from mcap.exceptions import McapError
 from mcap.reader import SeekingReader
-from mcap.records import Attachment, Channel, Message, Metadata
+from mcap.records import Attachment, Channel, DataEnd, Message, Metadata
 from mcap.stream_reader import StreamReader
 
 from protocol import TOPICS, Frame
-from services.recordings.errors import RecordingError
+from services.recordings.errors import HoleError, RecordingError
+from services.recordings.summary import has_sound_index, is_closed
 from services.recordings.transcode import to_frame
 
 #: What the libraries raise for a record that is cut, or does not hold what it says.
@@ -47,7 +47,8 @@ def read_frames(path: Path, topics: Collection[str] = (), from_ns: int = 0) -> I
     """Yield the frames of a recording by the time at which they were sent.
 
     A file that was cut ends after its last whole chunk. Bodies of former versions are lifted to today's.
-    Raises RecordingError: one sentence, if it is no recording, or holds a message that is not what its topic declares.
+    Raises RecordingError: one sentence, if it is no recording, or holds a message that is not what its topic declares;
+    HoleError, once what comes before was yielded, where it does not hold what was written.
 
     Args:
         path: Of the file.
@@ -56,7 +57,7 @@ def read_frames(path: Path, topics: Collection[str] = (), from_ns: int = 0) -> I
     """
     wanted = {channel_name(name): name for name in topics or TOPICS}
     with opened(path) as file:
-        for channel, message in _messages(file, wanted, from_ns):
+        for channel, message in _messages(path, file, wanted, from_ns):
             yield RecordedFrame(message.log_time, _frame(path, wanted[channel.topic], message.data))
 
 
@@ -69,7 +70,7 @@ def read_moments(path: Path, topics: Sequence[str]) -> Iterator[tuple[Any, ...]]
     wanted = {channel_name(name): name for name in topics}
     newest: dict[str, bytes] = {}
     with opened(path) as file:
-        for channel, message in _messages(file, wanted):
+        for channel, message in _messages(path, file, wanted):
             newest[wanted[channel.topic]] = message.data
             if wanted[channel.topic] == topics[-1] and len(newest) == len(wanted):
                 yield tuple(_frame(path, name, newest[name]).body for name in topics)
@@ -103,36 +104,42 @@ def opened(path: Path) -> Iterator[IO[bytes]]:
 def last_ns(path: Path, topics: Collection[str]) -> int:
     """Return the time of the last message of some topics, 0 where there is none; raises as `read_frames` does."""
     with opened(path) as file:
-        return max((each.log_time for _, each in _messages(file, [channel_name(name) for name in topics])), default=0)
+        return max(
+            (each.log_time for _, each in _messages(path, file, [channel_name(name) for name in topics])), default=0
+        )
 
 
-def _messages(file: IO[bytes], wanted: Collection[str], from_ns: int = 0) -> Iterator[tuple[Channel, Message]]:
-    """Yield messages by time: by the index where the file was closed, else all are read first."""
-    reader = SeekingReader(file)
+def _messages(
+    path: Path, file: IO[bytes], wanted: Collection[str], from_ns: int = 0
+) -> Iterator[tuple[Channel, Message]]:
+    """Yield messages by time: by the index where there is a sound one, else all are read first.
+
+    Raises HoleError where a file that was closed does not hold what was written.
+    """
+    closed = is_closed(file.fileno())
     try:
-        is_whole = reader.get_summary() is not None
+        if closed and has_sound_index(file.fileno()):
+            reader = SeekingReader(file, validate_crcs=True)
+            for _schema, channel, message in reader.iter_messages(list(wanted), starting_at=from_ns):
+                yield channel, message
+            return
+        found: list[tuple[Channel, Message]] = []
+        with suppress(*(() if closed else BROKEN)):
+            found.extend(each for each in _records(file) if each[0].topic in wanted and each[1].log_time >= from_ns)
     except BROKEN:
-        is_whole = False
-    if is_whole:
-        for _schema, channel, message in reader.iter_messages(list(wanted), starting_at=from_ns):
-            yield channel, message
-        return
-    file.seek(0)
-    found = [(channel, message) for channel, message in _whole_records(file) if channel.topic in wanted]
-    by_time = attrgetter("log_time")
-    yield from sorted((each for each in found if each[1].log_time >= from_ns), key=lambda each: by_time(each[1]))
+        raise HoleError(f"{path}: is damaged; `trocar repair` says how much of it cannot be read") from None
+    yield from sorted(found, key=lambda each: each[1].log_time)
 
 
-def _whole_records(file: IO[bytes]) -> Iterator[tuple[Channel, Message]]:
+def _records(file: IO[bytes]) -> Iterator[tuple[Channel, Message]]:
     channels: dict[int, Channel] = {}
-    try:
-        for record in StreamReader(file).records:
-            if isinstance(record, Channel):
-                channels[record.id] = record
-            elif isinstance(record, Message) and record.channel_id in channels:
-                yield channels[record.channel_id], record
-    except BROKEN:
-        return
+    for record in StreamReader(file, validate_crcs=True).records:
+        if isinstance(record, DataEnd):
+            return
+        if isinstance(record, Channel):
+            channels[record.id] = record
+        elif isinstance(record, Message) and record.channel_id in channels:
+            yield channels[record.channel_id], record
 
 
 def read_extras(path: Path) -> tuple[dict[str, dict[str, str]], dict[str, bytes]]:

@@ -24,11 +24,9 @@ from mcap.stream_reader import get_chunk_data_stream
 from services.recordings.chunks import message_indexes
 from services.recordings.errors import HoleError, RecordingError
 from services.recordings.reader import BROKEN
-from services.recordings.summary import MAGIC, Summary, attachment_index, finish, write_at
+from services.recordings.summary import MAGIC, Summary, attachment_index, finish, is_closed, write_at
 
 _HEAD = struct.Struct("<BQ")
-#: Footer record and magic at the end of a file that was closed.
-_TAIL = _HEAD.size + 20 + len(MAGIC)
 #: Start, end, uncompressed size and checksum of a chunk, before the name of its compression.
 _CHUNK_HEAD = struct.Struct("<QQQII")
 _INDEX_HEAD = struct.Struct("<HI")
@@ -49,7 +47,7 @@ def repair(path: Path, every_chunk: bool = True) -> RepairedRecording | None:
     RecordingError if it is no recording, is being written, or is broken within: then it stays as it is.
     """
     with _opened(path) as file:
-        is_whole = _is_whole(file)
+        is_whole = is_closed(file)
         if is_whole and not every_chunk:
             return None
         scan = _scan(path, file, mend=not is_whole)
@@ -102,14 +100,6 @@ def _opened(path: Path) -> Iterator[int]:
         raise RecordingError(f"{path}: is being written") from None
     finally:
         os.close(file)
-
-
-def _is_whole(file: int) -> bool:
-    size = os.fstat(file).st_size
-    if size < _TAIL:
-        return False
-    tail = os.pread(file, _TAIL, size - _TAIL)
-    return tail[0] == Opcode.FOOTER and tail.endswith(MAGIC)
 
 
 @dataclass(slots=True)

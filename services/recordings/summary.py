@@ -26,6 +26,9 @@ from mcap.records import (
 
 MAGIC = b"\x89MCAP0\r\n"
 _FOOTER_LENGTH = 20
+#: The last record, whose last field is the checksum of the index and of what comes before it in the record.
+_FOOTER = struct.Struct("<BQQQI")
+_TAIL = _FOOTER.size + len(MAGIC)
 
 
 @dataclass(slots=True)
@@ -140,3 +143,24 @@ def write_at(file: int, data: bytes, offset: int) -> None:
     while view:
         written = os.pwrite(file, view, offset)
         view, offset = view[written:], offset + written
+
+
+def is_closed(file: int) -> bool:
+    """Return whether a file ends as one does that was closed."""
+    tail = _tail(file)
+    return len(tail) == _TAIL and tail[0] == Opcode.FOOTER and tail.endswith(MAGIC)
+
+
+def has_sound_index(file: int) -> bool:
+    """Return whether the index at the end of a closed file is what was written there; 0 stands for no checksum."""
+    tail = _tail(file)
+    *_, start, _offsets_start, checksum = _FOOTER.unpack_from(tail)
+    end = os.fstat(file).st_size - _TAIL
+    if not 0 < start <= end:
+        return False
+    index = os.pread(file, end - start, start)
+    return checksum in (0, zlib.crc32(tail[: _FOOTER.size - 4], zlib.crc32(index)))
+
+
+def _tail(file: int) -> bytes:
+    return os.pread(file, _TAIL, max(0, os.fstat(file).st_size - _TAIL))

@@ -200,4 +200,17 @@ def test_a_flipped_bit_in_any_chunk_is_told_with_its_place(
     assert told.value.exit_code == 7
     if not torn:
         assert damaged.read_bytes() == data, "what is damaged stays as it is"
+        read: list[int] = []
+        with pytest.raises(HoleError, match=r"is damaged.*trocar repair"):
+            read.extend(each.frame.body.tick for each in read_frames(damaged))
+        assert read == list(range(len(read))), "numbers were read that nobody wrote"
     assert repair(damaged, every_chunk=False) is None, "its end is mended"
+
+
+def test_a_flipped_bit_in_the_index_costs_nothing(whole: Path, tmp_path: Path) -> None:
+    """All chunks are there: they are read one after the other."""
+    damaged = tmp_path / "damaged.mcap"
+    data = bytearray(whole.read_bytes())
+    data[-200] ^= 1
+    damaged.write_bytes(data)
+    assert [each.frame.body.tick for each in read_frames(damaged)] == list(range(2000))
