@@ -14,13 +14,12 @@ from itertools import chain
 from typing import Any
 
 from services.runtime.machine import processor_name
+from studies.rates import rate
 from studies.stability.criteria import CRITERIA, failures, load_of
 from studies.stability.families import FAMILIES
 from studies.stability.suite import Order, Result, list_cases
 
 PACKAGES = "numpy", "scipy", "numba"
-Z_95 = 1.96
-"""Standard deviations on either side of the mean that 95 % of a normal distribution lie within."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,22 +40,6 @@ def worst_figures(results: Iterable[Result]) -> dict[str, Worst]:
             if name not in worst or rank > (load_of(name, worst[name].value), worst[name].value):
                 worst[name] = Worst(name, value, f"{result.family}: {result.case}")
     return {name: worst[name] for name in CRITERIA if name in worst}
-
-
-def wilson(failed: int, cases: int) -> tuple[float, float]:
-    """Return the interval of a rate with 95 % confidence, after Wilson, J. Am. Stat. Assoc. 22 (1927) 209."""
-    if cases == 0:
-        return 0.0, 1.0
-    rate, z_2 = failed / cases, Z_95**2
-    middle, scale = rate + z_2 / (2 * cases), 1.0 + z_2 / cases
-    half = Z_95 * math.sqrt((rate * (1.0 - rate) + z_2 / (4 * cases)) / cases)
-    return max((middle - half) / scale, 0.0), min((middle + half) / scale, 1.0)
-
-
-def rate(failed: int, cases: int) -> str:
-    """The interval of a rate, in per cent."""
-    low, high = wilson(failed, cases)
-    return f"{100 * low:.1f} to {100 * high:.1f} %"
 
 
 def shown(name: str, value: float) -> str:

@@ -10,46 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from protocol import TOPICS, FrameError, Reason, decode, encode
-from protocol.declared import fault
-from tests.protocol import samples
+from protocol import Reason
+from tests.protocol.garbled import SEEDS, garbled, outcome
 
 ROUNDS = 8_000
-SEEDS = [encode(samples.frame(name)) for name in TOPICS]
 CHUNKS = 4
-
-
-def _mutated(chance: random.Random) -> bytes:
-    kind = chance.randrange(7)
-    data = bytearray(chance.choice(SEEDS))
-    if kind == 0:
-        return chance.randbytes(chance.randrange(200))
-    if kind == 1:
-        return bytes(data[: chance.randrange(len(data))])
-    if kind == 2:  # msgpack headers that claim more than there is
-        at = chance.randrange(len(data))
-        data[at : at + 1] = chance.choice((b"\xdd", b"\xdf", b"\xc6", b"\xdb", b"\xc9")) + b"\xff\xff\xff\xff"
-    elif kind == 3:
-        other = chance.choice(SEEDS)
-        data[chance.randrange(len(data)) :] = other[chance.randrange(len(other)) :]
-    elif kind == 4:  # deep nesting
-        at = chance.randrange(len(data))
-        data[at:at] = b"\x91" * chance.randrange(5000)
-    else:
-        for _ in range(chance.randrange(1, 6)):
-            data[chance.randrange(len(data))] = chance.randrange(256)
-    return bytes(data)
-
-
-def _outcome(data: bytes) -> str:
-    try:
-        frame = decode(data)
-    except FrameError as error:
-        return Reason(error.reason)
-    row = TOPICS[frame.topic]
-    assert isinstance(frame.body, row.body)
-    assert fault(frame.body, finite_scalars=row.command) is None
-    return "valid"
 
 
 #: Where, what is taken out there, and what is put in its place.
@@ -62,7 +27,7 @@ def test_a_frame_survives_any_mutation(data: bytes, edits: list[tuple[int, int, 
     for at, length, new in edits:
         at %= len(data) + 1
         data = data[:at] + new + data[at + length :]
-    _outcome(data)
+    outcome(data)
 
 
 @pytest.mark.parametrize("chunk", range(CHUNKS))
@@ -75,9 +40,9 @@ def test_nothing_a_peer_sends_gets_through_or_breaks(chunk: int) -> None:
     tracemalloc.start()
     try:
         for _ in range(ROUNDS):
-            data = _mutated(chance)
-            outcome = _outcome(data)
-            outcomes[outcome] = outcomes.get(outcome, 0) + 1
+            data = garbled(chance)
+            found = outcome(data)
+            outcomes[found] = outcomes.get(found, 0) + 1
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
