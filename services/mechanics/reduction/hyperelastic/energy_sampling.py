@@ -20,7 +20,7 @@ from services.mechanics.reduction.basis import ModalBasis
 from services.mechanics.reduction.build import Progress, ignore_progress
 from services.mechanics.reduction.content_hash import hash_content, hash_sources
 from services.mechanics.reduction.hyperelastic.equilibrium import rest_shape
-from services.mechanics.reduction.hyperelastic.fung_membrane import MOST_Q
+from services.mechanics.reduction.hyperelastic.fung_membrane import beyond_linear
 from services.mechanics.reduction.hyperelastic.stretch_loads import stretch_loads
 from services.mechanics.reduction.nonlinear.membrane import Membrane
 from services.mechanics.reduction.recipe import DuctRecipe
@@ -195,8 +195,8 @@ def _forces(strain: FloatArray, states: FloatArray, energy_j: FloatArray, omega_
     forces = np.zeros((min(BUCKETS, states.size), strain.shape[0]))
     for state in states.T:
         at = strain @ state
-        slope = 2.0 * energy_j * np.expm1(np.minimum(np.sum(at**2, axis=1), MOST_Q))
-        force = np.einsum("ma,mar->rm", slope[:, None] * at, strain) / omega_rad_s[:, None] ** 2
+        _, slope, _ = beyond_linear(np.sum(at**2, axis=1))
+        force = np.einsum("ma,mar->rm", (2.0 * energy_j * slope)[:, None] * at, strain) / omega_rad_s[:, None] ** 2
         force *= random.choice((-1.0, 1.0), size=(len(force), 1)) / np.linalg.norm(force.sum(axis=1))
         np.add.at(forces, random.integers(len(forces), size=len(force)), force)
     return forces

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.reduction.hyperelastic.fung_membrane import MOST_Q
+from services.mechanics.reduction.hyperelastic.fung_membrane import beyond_linear
 
 RELATIVE = 1e-6
 """Of the load, by what each mode stores of it: what is left unbalanced."""
@@ -24,18 +24,13 @@ def rest_shape(strain: FloatArray, energy_j: FloatArray, omega_rad_s: FloatArray
 
     def value(y: FloatArray) -> tuple[float, FloatArray]:
         at = (rows @ y).reshape(-1, 3)
-        form = np.sum(at**2, axis=1)
-        inside = np.minimum(form, MOST_Q)
-        slope = np.expm1(inside)
-        beyond = slope - inside + slope * (form - inside)
+        beyond, slope, _ = beyond_linear(np.sum(at**2, axis=1))
         stress = (2.0 * energy_j * slope)[:, None] * at
         return 0.5 * y @ y + energy_j @ beyond - load @ y, y + stress.ravel() @ rows - load
 
     def tangent(y: FloatArray) -> FloatArray:
         at = (rows @ y).reshape(-1, 3)
-        form = np.sum(at**2, axis=1)
-        curvature = np.where(form < MOST_Q, np.exp(np.minimum(form, MOST_Q)), 0.0)
-        slope = np.expm1(np.minimum(form, MOST_Q))
+        _, slope, curvature = beyond_linear(np.sum(at**2, axis=1))
         along = np.einsum("ka,kar->kr", at, rows.reshape(-1, 3, y.size))
         stiff: FloatArray = np.eye(y.size) + rows.T @ (np.repeat(2.0 * energy_j * slope, 3)[:, None] * rows)
         stiff += along.T @ ((4.0 * energy_j * curvature)[:, None] * along)

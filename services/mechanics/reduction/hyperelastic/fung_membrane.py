@@ -11,18 +11,25 @@ is linear in the modes would count its rotations as stretch.
 
 from __future__ import annotations
 
-import math
+from typing import TypeVar
 
+import numpy as np
+
+from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 
 MOST_Q = 4.0
 """Beyond it w grows as a straight line in Q: still convex, and 55 times as stiff as at rest."""
 
+Form = TypeVar("Form", float, FloatArray)
 
-@kernel
-def beyond_linear(q_form: float) -> tuple[float, float, float]:
-    """Return exp(Q) - 1 - Q and its first and second derivative."""
-    inside = min(q_form, MOST_Q)
-    slope = math.expm1(inside)
-    value = slope - inside + slope * (q_form - inside)
-    return value, slope, slope + 1.0 if q_form < MOST_Q else 0.0
+
+def beyond_linear(q_form: Form) -> tuple[Form, Form, Form]:
+    """Return exp(Q) - 1 - Q and its first and second derivative, of a number or of each of an array."""
+    inside = np.minimum(q_form, MOST_Q)
+    slope = np.expm1(inside)
+    return slope - inside + slope * (q_form - inside), slope, (slope + 1.0) * (q_form < MOST_Q)
+
+
+beyond_linear_at = kernel(beyond_linear)
+"""The same of a number, for kernels."""

@@ -23,7 +23,7 @@ from services.mechanics.arrays import AnyArray, Float32Array, FloatArray
 from services.mechanics.compiled import kernel, summing_kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.reduction.hyperelastic.energy_sampling import StretchSamples
-from services.mechanics.reduction.hyperelastic.fung_membrane import beyond_linear
+from services.mechanics.reduction.hyperelastic.fung_membrane import beyond_linear_at
 
 NEWTON_STEPS = 2
 GRADIENT_STEPS = 4
@@ -131,7 +131,7 @@ def stretch_energy(address: Address[HyperelasticWall], q: FloatArray) -> float:
     total = 0.0
     for sample in range(wall.energy.shape[0]):
         a, b, c = _strains(wall.strain, sample, q)
-        total += _energy(wall, sample) * beyond_linear(a * a + b * b + c * c)[0]
+        total += _energy(wall, sample) * beyond_linear_at(a * a + b * b + c * c)[0]
     return total
 
 
@@ -156,7 +156,7 @@ def _newton_step(wall: HyperelasticWall) -> bool:
     for sample in range(wall.energy.shape[0]):
         i = 3 * sample
         at[i], at[i + 1], at[i + 2] = _strains(wall.scaled, sample, step)
-        _, first, second = beyond_linear(_form(at, sample))
+        _, first, second = beyond_linear_at(_form(at, sample))
         slope = wall.slope[sample] = 2.0 * _energy(wall, sample) * first
         wall.curvature[sample] = 4.0 * _energy(wall, sample) * second
         _add_pull(wall.scaled, sample, (-slope * at[i], -slope * at[i + 1], -slope * at[i + 2]), residual)
@@ -237,7 +237,7 @@ def _line_search(wall: HyperelasticWall) -> float:
                 form += strain * strain
                 turned += strain * wall.along[i]
                 own += wall.along[i] * wall.along[i]
-            _, first, second = beyond_linear(form)
+            _, first, second = beyond_linear_at(form)
             slope += 2.0 * _energy(wall, sample) * first * turned
             curvature += _energy(wall, sample) * (2.0 * first * own + 4.0 * second * turned * turned)
         if abs(slope) <= RELATIVE * along_itself:

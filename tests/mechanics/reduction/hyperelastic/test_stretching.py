@@ -15,7 +15,11 @@ from services.mechanics.reduction.hyperelastic.energy_sampling import (
     sparse_weights,
 )
 from services.mechanics.reduction.hyperelastic.energy_tank import settle_step
-from services.mechanics.reduction.hyperelastic.fung_membrane import MOST_Q
+from services.mechanics.reduction.hyperelastic.fung_membrane import (
+    MOST_Q,
+    beyond_linear,
+    beyond_linear_at,
+)
 from services.mechanics.reduction.hyperelastic.hyperelastic_wall import (
     ENERGY,
     TANK,
@@ -117,6 +121,17 @@ class Stepped:
         rate = self.state.qdot + 0.5 * self.dt_s * self.force
         stored = 0.5 * np.sum((self.omega * self.state.q) ** 2) + stretch_energy(self.wall.address, self.state.q)
         return 0.5 * rate @ rate + stored
+
+
+def test_the_law_is_an_exponential_and_then_its_tangent_for_kernels_and_arrays_alike():
+    q = np.linspace(0.0, 2.0 * MOST_Q, 81)
+    value, first, second = beyond_linear(q)
+    exponential = np.exp(np.minimum(q, MOST_Q))
+    tangent = (exponential - 1.0) * np.maximum(q - MOST_Q, 0.0)
+    np.testing.assert_allclose(value, exponential - 1.0 - np.minimum(q, MOST_Q) + tangent, atol=1e-13)
+    np.testing.assert_allclose(first, exponential - 1.0)
+    np.testing.assert_allclose(second, exponential * (q < MOST_Q))
+    np.testing.assert_allclose(np.transpose([beyond_linear_at(each) for each in q]), (value, first, second), rtol=1e-14)
 
 
 @pytest.mark.parametrize("pressure_pa", [10.0, 1e3, 3e3, 6e3])
