@@ -6,7 +6,8 @@ called so. One summary counts both; either part fails the run. Where all tests a
 before, each its share, so that no two workers compile the same.
 
 ``--long``, by hand and before a release, also runs what is marked ``long``; then all hard cases of a seed that nobody
-has seen (``--seed S``: that one), and faults of a running rig by chance. Their rates are tables in ``docs/``.
+has seen (``--seed S``: that one), and what is left of the proofs by chance (``tests/proofs``). Their rates are tables
+in ``docs/results``.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ importlib.import_module(f"services.{name}.__main__").prepare(load_process_config
 #: Tests as pytest has rewritten them are kept, whatever is asked of Python elsewhere: each worker would take a quarter
 #: of a minute to make them anew. They lie in the cache, not in the tree.
 _BYTECODE = {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": str(cache_directory() / "bytecode")}
-_DOCS = Path(__file__).parents[1] / "docs"
+_PAGE = Path(__file__).parents[1] / "docs" / "results" / "stability.md"
 _MOST_SEED = 2**31
 
 
@@ -136,8 +137,8 @@ def measure_rates(seed: int) -> int:
     """Run what is a matter of rates, write its tables, and return an exit code that says whether anything failed."""
     print(f"rates over fresh cases, seed {seed}; `python -m tests --long --seed {seed}` runs them again", flush=True)
     commands = [
-        ["-m", "services.cli.app", "stability", "--long", "--seed", f"{seed}", "--report", f"{_DOCS / 'stability.md'}"],
-        ["-m", "tests.rig.kills", "--seed", f"{seed}", "--report", f"{_DOCS / 'kills.md'}"],
+        ["-m", "services.cli.app", "stability", "--long", "--seed", f"{seed}", "--report", f"{_PAGE}"],
+        ["-m", "tests.proofs"],
     ]
     return max([subprocess.run([sys.executable, *command], check=False).returncode for command in commands])
 

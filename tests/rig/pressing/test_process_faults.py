@@ -1,7 +1,7 @@
 """Processes killed and stopped, on the real bus: the hand feels a fade, the rig mends itself.
 
 Those in the way of the force, and the recorder, once by day; each with either signal in the long run, and by chance
-in `tests.rig.kills`.
+in `tests.proofs.faults`.
 """
 
 from __future__ import annotations

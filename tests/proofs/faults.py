@@ -1,0 +1,42 @@
+"""Kills and freezes of a running rig, at moments that are drawn: each is mended."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from tests.proofs.trials import Found, Proof, Try
+from tests.rig.conftest import HERE, SCENE, running_rig
+from tests.rig.faults import FAULTS, strike
+
+MOST_PAUSE_S = 3.0
+PRESSES = tuple(f"gateway.instruments.{i}.arm.settings.script={HERE / 'press.yaml'}" for i in (0, 1))
+PATIENT = "supervisor.max_restarts_per_minute=1000000"  # whoever is struck more often than that is given up
+
+
+@contextmanager
+def _begin() -> Iterator[Try]:
+    with tempfile.TemporaryDirectory() as folder, running_rig(Path(folder), str(SCENE), [*PRESSES, PATIENT]) as rig:
+
+        def try_once(chance: np.random.Generator) -> Found:
+            name, number = FAULTS[chance.integers(len(FAULTS))]
+            time.sleep(float(chance.uniform(0.0, MOST_PAUSE_S)))
+            kind, began_s = f"{name}, {number.name}", time.monotonic()
+            try:
+                strike(rig, name, number)
+            except AssertionError as error:
+                return Found(kind, failed=1, why=((str(error) or "an assertion without a word").splitlines()[0],))
+            return Found(kind, figures={"s": round(time.monotonic() - began_s, 2)})
+
+        yield try_once
+
+
+PROOF = Proof(
+    "faults", "kills and freezes", 1_000,
+    "mended, no force step", _begin,
+)  # fmt: skip

@@ -1,0 +1,84 @@
+"""What all trials came to, as a page: of how many that are asked, with which rates."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+from scipy import stats
+
+from studies.rates import rate
+from tests.proofs.trials import Line, Proof, counted
+
+_SHOWN = 20
+
+
+def page(lines: Mapping[Proof, Sequence[Line]], machine: str) -> str:
+    """Return the page in Markdown."""
+    count = {proof: counted(proof, list(some)) for proof, some in lines.items()}
+    rows = [
+        "# Proofs at scale", "",
+        f"Written by `python -m tests.proofs` on {machine}; do not edit by hand. It goes on where it stopped. Cases "
+        "are drawn by chance; rates of failure have 95 % confidence (Clopper and Pearson).", "",
+        "|cases|tried|failed|rate|what holds|code|", "|---|---|---|---|---|---|",
+        *(_row(proof, some) for proof, some in count.items()), "",
+    ]  # fmt: skip
+    for proof, some in count.items():
+        rows += _by_kind(proof, some) if any(each.found.kind for each in some) else []
+        rows += _soaked(proof, some) if proof.at_once and len(some) > 3 else []
+    failures = [(proof, each) for proof, some in count.items() for each in some if each.found.failed]
+    rows += ["## What failed", ""] if failures else []
+    rows += [f"- {proof.name}, seed {each.seed}: {each.found.why[0].splitlines()[-1]}"
+             for proof, each in failures[:_SHOWN]]  # fmt: skip
+    rows += [f"- and {len(failures) - _SHOWN} more"] if len(failures) > _SHOWN else []
+    return "\n".join(rows).rstrip() + "\n"
+
+
+def _row(proof: Proof, lines: Sequence[Line]) -> str:
+    tried, failed = sum(each.found.tried for each in lines), sum(each.found.failed for each in lines)
+    of = f"{tried:,}" if tried >= proof.asked else f"{tried:,} of {proof.asked:,}"
+    why_not = proof.hindered() if tried < proof.asked else ""
+    code = ", ".join(Counter(each.commit for each in lines))
+    of += f" ({why_not})" if why_not else ""
+    return f"|{proof.cases}|{of}|{failed}|{rate(failed, tried)}|{proof.holds}|{code}|"
+
+
+def _by_kind(proof: Proof, lines: Sequence[Line]) -> list[str]:
+    rows = [f"## {proof.cases.capitalize()}", "", "|kind|tried|failed|rate|s, median/longest|",
+            "|---|---|---|---|---|"]  # fmt: skip
+    for kind in sorted({each.found.kind for each in lines}):
+        some = [each.found for each in lines if each.found.kind == kind]
+        failed, tried = sum(each.failed for each in some), sum(each.tried for each in some)
+        seconds = [each.figures["s"] for each in some if "s" in each.figures]
+        took = f"{statistics.median(seconds):.1f}/{max(seconds):.1f}" if seconds else ""
+        rows.append(f"|{kind}|{tried}|{failed}|{rate(failed, tried)}|{took}|")
+    return [*rows, ""]
+
+
+def _soaked(proof: Proof, lines: Sequence[Line]) -> list[str]:
+    """Return how memory grew, by a straight line through all minutes, and misses in both halves of them."""
+    figures = [each.found.figures for each in lines]
+    rows = [f"## {proof.cases.capitalize()}", "",
+            "|process|MB, first/last|MB an hour, 95 %|descriptors|", "|---|---|---|---|"]  # fmt: skip
+    for name in [each.removesuffix(" MB") for each in figures[0] if each.endswith(" MB")]:
+        held = [each[f"{name} MB"] for each in figures]
+        low, high = growth(held)
+        counts = [each[f"{name} descriptors"] for each in figures]
+        rows.append(
+            f"| {name} | {held[0]:.1f} | {held[-1]:.1f} | {low:.2f} to {high:.2f} | {counts[0]:g} to {counts[-1]:g} |"
+        )
+    rows += ["", "|loop|misses of 1,000 ticks, halves|", "|---|---|"]
+    half = len(figures) // 2
+    for name in [each for each in figures[0] if each.endswith(" misses")]:
+        first, second = (statistics.mean(each[name] for each in some) for some in (figures[:half], figures[half:]))
+        rows.append(f"|{name.removesuffix(' misses')}|{first:.2f}/{second:.2f}|")
+    return [*rows, ""]
+
+
+def growth(held: Sequence[float]) -> tuple[float, float]:
+    """Return by how much an hour what is read each minute grows: an interval of 95 % of the line's slope."""
+    line = stats.linregress(range(len(held)), held)
+    half = float(stats.t.ppf(0.975, len(held) - 2)) * line.stderr if len(held) > 2 else math.inf
+    return 60.0 * (line.slope - half), 60.0 * (line.slope + half)

@@ -1,0 +1,132 @@
+"""The proofs themselves: what was tried is kept and gone on with, and each can fail."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.proofs import frames, recordings
+from tests.proofs.page import growth, page
+from tests.proofs.recordings import FRAMES, Original, judge_cut, judge_flip, original
+from tests.proofs.trials import Found, Ledger, Proof, Try, counted, go_on, tried
+
+
+class Tried:
+    """A proof whose trials of three cases fail when they are told to, and how often it was begun."""
+
+    def __init__(self, *, at_once: bool = False) -> None:
+        self.begun, self.fails, self.made = 0, False, 0
+        self.proof = Proof("made-up", "made-up cases", 30, "Nothing.", self._begin, at_once=at_once)
+
+    @contextmanager
+    def _begin(self) -> Iterator[Try]:
+        self.begun += 1
+        yield self._try
+
+    def _try(self, _chance: np.random.Generator) -> Found:
+        self.made += 1
+        return Found("odd", tried=3, failed=int(self.fails), why=("it broke",) * self.fails)
+
+
+def _silent(_text: str) -> None:
+    return
+
+
+def _until(count: int, some: Tried, ledger: Ledger, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Go on until so many trials were made, by a clock of their number."""
+    with monkeypatch.context() as patch:
+        patch.setattr(time, "monotonic", lambda: float(some.made))
+        go_on(some.proof, ledger, float(count), _silent)
+
+
+def test_a_run_goes_on_where_the_last_one_was_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    some, ledger = Tried(), Ledger(tmp_path, "abc")
+    _until(4, some, ledger, monkeypatch)
+    assert "|made-up cases|12 of 30|0|0 to 26.5 %|" in page({some.proof: ledger.lines(some.proof)}, "")
+    with (tmp_path / "made-up.jsonl").open("a") as file:
+        file.write('{"commit": "ab')
+    _until(100, some, ledger, monkeypatch)
+    lines = ledger.lines(some.proof)
+    assert [each.beginning for each in lines] == [1] * 4 + [2] * 6
+    assert len({each.seed for each in lines}) == 10
+    assert "|made-up cases|30|0|" in page({some.proof: lines}, "")
+
+
+def test_what_failed_is_begun_anew_and_stays_on_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    some, ledger = Tried(), Ledger(tmp_path, "abc")
+    some.fails = True
+    _until(2, some, ledger, monkeypatch)
+    some.fails = False
+    _until(100, some, ledger, monkeypatch)
+    assert some.begun == 3
+    text = page({some.proof: ledger.lines(some.proof)}, "")
+    assert "|made-up cases|30|2|0.818 to 22.1 %|" in text
+    assert text.count("it broke") == 2
+
+
+def test_what_is_to_run_on_counts_from_one_beginning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    some, ledger = Tried(at_once=True), Ledger(tmp_path, "abc")
+    _until(4, some, ledger, monkeypatch)
+    _until(6, some, ledger, monkeypatch)
+    assert len(counted(some.proof, ledger.lines(some.proof))) == 4
+    _until(100, some, ledger, monkeypatch)
+    _until(200, some, ledger, monkeypatch)
+    assert len(counted(some.proof, ledger.lines(some.proof))) == 10
+    assert some.begun == 3
+
+
+def test_an_unexpected_end_is_a_failure_and_not_the_end() -> None:
+    def breaks(_chance: np.random.Generator) -> Found:
+        raise MemoryError("much")
+
+    found = tried(breaks, 1)
+    assert found.failed == 1
+    assert "MemoryError: much" in found.why[0]
+
+
+def test_growth_is_the_slope_of_what_is_held() -> None:
+    noise = np.random.default_rng(3).standard_normal(60)
+    low, high = growth((100.0 + 0.1 * np.arange(60) + noise).tolist())
+    assert low < 6.0 < high < low + 4.0
+
+
+def test_frames_that_break_the_decoder_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert frames.try_frames(np.random.default_rng(5), 200).failed == 0
+    monkeypatch.setattr(frames, "outcome", lambda data: 1 // (len(data) % 2))
+    found = frames.try_frames(np.random.default_rng(5), 200)
+    assert 0 < found.failed < 200
+    assert len(found.why) == 10
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Original:
+    return original(tmp_path_factory.mktemp("whole"))
+
+
+def test_a_recording_that_is_read_otherwise_than_it_was_written_is_told(whole: Original, tmp_path: Path) -> None:
+    path, size = tmp_path / "a.mcap", whole.until[2][0] + 10
+    assert judge_cut(whole, size, path) == ""
+    assert judge_cut(replace(whole, frames=whole.frames[1:]), size, path).startswith("other frames")
+    assert (
+        judge_cut(replace(whole, until=[(end // 2, count) for end, count in whole.until]), size, path)
+        == "whole chunks were lost"
+    )
+    bit = 8 * (whole.until[-1][0] + 5)  # of an index that nobody needs
+    assert judge_flip(whole, bit, path) == ""
+    assert judge_flip(replace(whole, frames=whole.frames[1:]), bit, path) == "a frame was read that was never written"
+    assert "lost in silence" in judge_flip(replace(whole, frames=[*whole.frames, (0, None)]), bit, path)
+
+
+def test_a_flip_within_a_chunk_is_told(whole: Original, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, bit = tmp_path / "a.mcap", 8 * (whole.until[1][0] - 50)
+    assert len(whole.frames) == FRAMES
+    assert judge_flip(whole, bit, path) == ""
+    monkeypatch.setattr(recordings, "_read", lambda _path: whole.frames[:-1])
+    monkeypatch.setattr(recordings, "repair", lambda _path: None)
+    assert judge_flip(whole, bit, path) == "1 frames were lost in silence"
