@@ -20,6 +20,8 @@ BODIES = ("catheter", "particles", "strands", "stones", "shaft", "jaws", "tool i
 """What is told apart: the catheter's segments as capsules, its particles alone as spheres, the catheter in itself where
 a scene lets it touch itself, stones in wall and catheter, both parts of a tool in the wall."""
 OF_TOOLS = BODIES[4:]
+IN_CATHETER = "strands", "tool in catheter"
+"""What lies in the catheter; all else lies in the wall, or stones in either."""
 
 AT_THE_RIM = np.array([-0.05, 0.05])
 """Of the jaws' length."""

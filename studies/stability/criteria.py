@@ -61,14 +61,18 @@ CRITERIA: dict[str, Criterion] = {
         "m",
         0.1e-3,
     ),
-    "penetration_any": Criterion("the same at any input, over the wall's thickness", "", 0.5),
+    "penetration_any": Criterion(
+        "the same at any input, over the thickness of what something is in: the wall's, or the catheter's radius",
+        "",
+        0.5,
+    ),
     "tool_penetration_hand": Criterion(
         "the same of a tool with wall or catheter, a wall between jaws being as thick as there is room, hands at most "
         "at 0.5 m/s and never jumping",
         "m",
         0.1e-3,
     ),
-    "tool_penetration_any": Criterion("the same at any input, over the wall's thickness", "", 0.5),
+    "tool_penetration_any": Criterion("the same at any input, over the same thickness", "", 0.5),
     "crossings": Criterion(
         "segments of the catheter's centreline that cross the wall's mid-surface, counted without collision detection",
         "",
@@ -88,7 +92,7 @@ CRITERIA: dict[str, Criterion] = {
     ),
     "felt_error": Criterion(
         "distance of the reported force from that of the contacts, in which a fall, and what sixteenths of the tick do "
-        "as well, takes its time at 250 N/s",
+        "as well, takes its time at 250 N/s, and what comes meanwhile waits for its turn",
         "N",
         0.3,
     ),

@@ -99,7 +99,6 @@ def _drive(play: Play, explained: Explained) -> tuple[Driven, list[tuple[int, in
     figures |= {"healed": float(simulation.healed_states), "dropped": float(sum(simulation.dropped_contacts))}
     for name in ("penetration", "tool_penetration"):
         depth_m = figures.pop(name)
-        figures[f"{name}_any"] = depth_m / play.scene.duct.thickness_m
         if speed_m_s <= HAND_SPEED_M_S and not play.may_jump:
             figures[f"{name}_hand"] = depth_m
     if is_sound:

@@ -16,7 +16,7 @@ from services.mechanics.rod.model import RodModel
 from services.mechanics.scene.tools import N_TOOLS
 from services.mechanics.simulation import Simulation
 from studies.energy_book import EnergyFlow, implicit_integrator
-from studies.judge.overlaps import OF_TOOLS, OverlapJudge
+from studies.judge.overlaps import BODIES, IN_CATHETER, OF_TOOLS, OverlapJudge
 from studies.stability.criteria import CRITERIA, REST_SPEED_M_S, Figures
 from studies.stability.crossings import count_crossings
 from studies.stability.finely import Explained, contact_forces_n, nearest_on
@@ -56,6 +56,8 @@ class Watch:
         self._judge, self._part, self._deep_m = OverlapJudge(simulation), _Part(simulation), 0.0
         limits_m = CRITERIA["penetration_hand"].limit, CRITERIA["penetration_any"].limit * duct.thickness_m
         self._half_limit_m = 0.5 * min(limits_m)
+        radius_m = simulation.catheter.radius_m
+        self._thick_m = {name: radius_m if name in IN_CATHETER else duct.thickness_m for name in BODIES}
         self._healed_states = simulation.healed_states
         self._contact_n = self._contact_forces_n(is_healed=False)
         self._force_n, self._gone_n = simulation.tool_results.force_n.copy(), np.zeros((N_TOOLS, 3))
@@ -66,7 +68,8 @@ class Watch:
         self._steps = 0
         self.worst: Figures = dict.fromkeys(
             (
-                *("raised", "not_finite", "speed", "stretch", "penetration", "tool_penetration", "crossings"),
+                *("raised", "not_finite", "speed", "stretch", "penetration", "penetration_any"),
+                *("tool_penetration", "tool_penetration_any", "crossings"),
                 *("force_step", "force_fall", "felt_step", "felt_error"),
             ),
             0.0,
@@ -127,7 +130,8 @@ class Watch:
             step_n = _size(contact_n[tool] + fallen_n - self._contact_n[tool]) / ticks
             if step_n > CRITERIA["force_step"].limit:
                 self.sudden.append((self._steps, int(tool)))
-            gone_n = self._gone_n[tool] + fallen_n
+            is_late = _size(self._gone_n[tool]) > 0.0 and not is_healed
+            gone_n = self._gone_n[tool] + (self._contact_n[tool] - contact_n[tool] if is_late else fallen_n)
             self._gone_n[tool] = gone_n * max(1.0 - FALL_N_S * dt_s / max(_size(gone_n), 1e-12), 0.0)
             self._keep("force_step", step_n)
             self._keep("force_fall", _size(fallen_n) / ticks)
@@ -185,11 +189,11 @@ class Watch:
 
     def _judge_overlaps(self) -> None:
         depths = self._judge.look()
-        of_tools_m = max(depths[name] for name in OF_TOOLS)
-        others_m = max(depth_m for name, depth_m in depths.items() if name not in OF_TOOLS)
-        self._keep("penetration", others_m)
-        self._keep("tool_penetration", of_tools_m)
-        self._deep_m = max(of_tools_m, others_m)
+        for name, depth_m in depths.items():
+            figure = "tool_penetration" if name in OF_TOOLS else "penetration"
+            self._keep(figure, depth_m)
+            self._keep(f"{figure}_any", depth_m / self._thick_m[name])
+        self._deep_m = max(depths.values())
 
     def _rows_depth_m(self) -> float:
         """Return how deep the solver's rows say that something was when the step began, squeezed walls apart."""

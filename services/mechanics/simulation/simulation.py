@@ -29,15 +29,13 @@ from services.mechanics.simulation.calls import CallCheck
 from services.mechanics.simulation.drive import build_drive
 from services.mechanics.simulation.healing import Healer
 from services.mechanics.simulation.loads import begin_loads
-from services.mechanics.simulation.pace import LONGEST_STEP_S, Pace, steps_of
+from services.mechanics.simulation.pace import LONGEST_STEP_S, SHORTEST_STEP_S, Pace, steps_of
 from services.mechanics.simulation.scene_catheter import place_catheter
 from services.mechanics.simulation.scene_world import build_world
 from services.mechanics.simulation.step_solver import StepSolver
 from services.mechanics.simulation.step_start import StepStart
 
 LONGEST_TICK_S = 1.0
-#: A step that ends with something too deep is taken in halves, so often: an eighth of a millisecond at least.
-MOST_HALVINGS = 3
 STAGE_NAMES = ("loads", "predict", "detect", "assemble", "solve", "correct", "report")
 
 
@@ -130,17 +128,17 @@ class Simulation:
         """Advance by a step, or up to the first part of it that ends in a state that is not sound: then False."""
         parts, moved_m = self.pace.parts(tools, dt_s)
         self.search.expect(moved_m)
-        return all(self._take_part(tools, dt_s / parts, MOST_HALVINGS) for _ in range(parts))
+        return all(self._take_part(tools, dt_s / parts) for _ in range(parts))
 
-    def _take_part(self, tools: ToolInputs, dt_s: float, halvings: int) -> bool:
+    def _take_part(self, tools: ToolInputs, dt_s: float) -> bool:
         """Advance by a part of a step, or by its halves where it does not come to an end without overlap."""
         self.duct.change_step(dt_s)
         if self.watcher is not None:
             self.watcher.begin()
         self._start.note()
-        if not self._move(tools, dt_s) and halvings > 0:
+        if not self._move(tools, dt_s) and dt_s > SHORTEST_STEP_S:
             self._start.put_back()
-            return all(self._take_part(tools, 0.5 * dt_s, halvings - 1) for _ in range(2))
+            return all(self._take_part(tools, 0.5 * dt_s) for _ in range(2))
         self._end_step(dt_s)
         if self.watcher is not None:
             self.watcher.end(dt_s)

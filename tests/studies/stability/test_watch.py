@@ -118,6 +118,25 @@ def test_a_force_that_springs_away_is_a_fall_and_its_reversal_a_step():
     assert watch.worst["felt_error"] == pytest.approx(0.05)
 
 
+def test_what_comes_while_a_fall_is_felt_waits_for_its_turn():
+    """The reported force goes 0.25 N a tick towards that of the contacts: no fault of it that this moves meanwhile."""
+    start, tools = beside(), ToolInputs()
+    simulation = Simulation(start.scene, reduced_duct(start.scene))
+    start.hands.write(0, tools)
+    simulation.step(tools)
+    watch, felt_n = Watch(simulation, 0.1), simulation.tool_results.force_n
+    push_a_contact(simulation)
+    for contact_n in ((1.0, 0.0, 0.0), (0.2, 0.0, 0.0), (0.2, 0.2, 0.0)):
+        simulation.contact_force_n[0] = contact_n
+        change_n = contact_n - felt_n[0]
+        felt_n[0] += change_n * (min(0.25 / np.linalg.norm(change_n), 1.0) if contact_n[0] < 1.0 else 1.0)
+        watch.look(1e-3, None)
+    assert watch.worst["felt_error"] < 1e-12
+    felt_n[0] = contact_n + np.array([0.5, 0.0, 0.0])
+    watch.look(1e-3, None)
+    assert watch.worst["felt_error"] > 0.3
+
+
 def squeezing():
     """Jaws that have closed on wall and catheter."""
     start, tools = threaded(), ToolInputs()
