@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.package.conftest import ROOT
+from trocar.examples.ppo_baseline import ENVIRONMENT, RANGES
 
 EXAMPLES = sorted(path.stem for path in (ROOT / "trocar" / "examples").glob("[a-z]*.py"))
 
@@ -77,3 +78,14 @@ runpy.run_module("trocar.examples.ppo_baseline", run_name="__main__")
     done = subprocess.run([sys.executable, "-c", text], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 1
     assert done.stderr == "this example needs 'stable_baselines3': pip install stable-baselines3\n"
+
+
+def test_what_learns_by_trial_finds_its_environment_in_a_process_of_its_own(tmp_path: Path) -> None:
+    """Which has imported nothing of Trocar: those of stable-baselines3 begin so."""
+    text = f"""
+import gymnasium
+made = gymnasium.make({ENVIRONMENT!r}, randomise={RANGES!r})
+print(made.spec.id)
+"""
+    done = subprocess.run([sys.executable, "-c", text], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.stdout == "trocar/Insertion-v0\n", done.stderr
