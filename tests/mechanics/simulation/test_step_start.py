@@ -20,12 +20,12 @@ def take_back_every_try(simulation):
     """Let every part of a step be taken twice, the first time for nothing."""
     take_part = simulation._take_part
 
-    def take_again(tools, dt_s, halvings):
+    def take_again(tools, dt_s):
         simulation.duct.change_step(dt_s)
         simulation._start.note()
         simulation._move(tools, dt_s)
         simulation._start.put_back()
-        return take_part(tools, dt_s, halvings)
+        return take_part(tools, dt_s)
 
     simulation._take_part = take_again
 
