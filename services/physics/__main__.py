@@ -56,7 +56,6 @@ class Physics:
         self.simulation = Simulation(self._scene, self._duct)
         kept = (self._scene, self.simulation.scene, self._duct, self.simulation.duct.reduced)
         self._beginning = Beginning(self.simulation, kept)
-        self._told_rests = 0
         self._reader = ContactsReader(self.simulation)
         self._outputs = Outputs(self.simulation, self._duct.basis.content_hash)
         watched = {"q": self.simulation.duct_state.q, "catheter": self.simulation.catheter.state.position_m}
@@ -98,7 +97,7 @@ class Physics:
             self._beginning.put_back()
             if level:
                 self.simulation.set_quality(level)
-            self._told_rests = self._owed = 0
+            self._owed = 0
             self._outputs.forget()
         self._begins = begins
 
@@ -118,7 +117,6 @@ class Physics:
             "dropped_holds": float(dropped.holds),
             "refused_inputs": float(self.simulation.refused_inputs),
             "healed_states": float(self.simulation.healed_states),
-            "rests": float(self.simulation.rests),
         }
 
     def _reset(self) -> None:
@@ -147,11 +145,6 @@ class Physics:
         """Do what no tick waits for, between two."""
         if not (self._outputs.settle() or self._look_for_orders() or self._journal.send_if_due()):
             self._process.health.do_a_piece()
-        if self.simulation.rests != self._told_rests:
-            self._told_rests = self.simulation.rests
-            self._process.log.error(
-                "each state that was taken up again went wrong at once: everything rests as it began, for a while"
-            )
 
     def _look_for_orders(self) -> bool:
         """Take the quality level that the supervisor last asked for, if it is time to look; return whether it was."""

@@ -4,8 +4,7 @@ Forces f that move contact points by u against each other put :math:`f \cdot u` 
 where a law is solved for, but for two things: an overlap that is taken back, whose motion nobody has put in, and a
 solve that was cut short. So as much of the overlaps is taken back as is paid for in the same step: small work whole,
 large work up to a level. What a step could have paid for is what the next one begins with, so that jaws that are shut
-on a wall are solved once. What is over then, of a solve that did not converge, is taken out of the forces: scaled down
-together they stay inside their cones, and some scale of them gives nothing.
+on a wall are solved once. What is over then, of a solve that ends within its tolerance of motion, is owed by the next.
 
 Jaws at rest would keep their last micrometres of overlap for ever, and a force that these falsify by a per cent. So
 there is a small credit: a share of what hands have put in lately. It is paid back by what friction and impacts take.
@@ -93,9 +92,6 @@ def solve_passively(
         sweeps += solve_contacts(problem, W, effort, scratch)
         over_j = _over_j(problem, hands)
     ledger.paid_j = PAID * max(work_j(rows) - over_j, 0.0) if is_less else math.inf
-    if over_j > credit_j:
-        scale_down(problem, W, scratch.free)
-        over_j = 0.0
     ledger.owed_j = max(ledger.owed_j + over_j - SLACK_J, 0.0)
     return sweeps
 
@@ -230,50 +226,3 @@ def _level(rows: ContactRows, paid_j: float) -> float:
         else:
             low = middle
     return low
-
-
-@kernel
-def scale_down(problem: ContactProblem, W: FloatArray, along: FloatArray) -> None:
-    """Scale the forces between surfaces down until they give nothing; ``along`` (3 k,) is scratch.
-
-    With a share s of them contacts give ``s b + s^2 a - c``, c being what the springs of friction held before: nothing
-    or less for s = 0.
-    """
-    rows, motion = problem.rows, problem.motion
-    _moved_by_gaps(rows, W, along)
-    a, b, c = 0.0, 0.0, 0.0
-    for row in range(rows.n_contacts):
-        force = rows.force_n[row]
-        if not HAS_GAP[rows.law[row]] or force[0] == 0.0:
-            continue
-        c += rows.held_j[row]
-        for axis in range(3):
-            softness, by = rows.softness_m_n[row, axis], along[3 * row + axis]
-            start = _elastic_m(rows, row, axis) if axis > 0 else rows.taken_m[row]
-            a += force[axis] * (by - softness * force[axis])
-            b += force[axis] * (motion[3 * row + axis] - by - start)
-            if axis >= 3 - ELASTIC_AXES[rows.law[row]]:
-                a += 0.5 * softness * force[axis] ** 2
-    share = 0.0
-    if a > 0.0:
-        share = min((math.sqrt(b * b + 4.0 * a * c) - b) / (2.0 * a), 1.0)
-    for row in range(rows.n_contacts):
-        if HAS_GAP[rows.law[row]]:
-            for axis in range(3):
-                rows.force_n[row, axis] *= share
-    for place in range(W.shape[0]):
-        motion[place] += (share - 1.0) * along[place]
-
-
-@kernel
-def _moved_by_gaps(rows: ContactRows, W: FloatArray, out: FloatArray) -> None:
-    """Write what the forces between surfaces move all rows by into ``out`` (3 k,)."""
-    for place in range(W.shape[0]):
-        out[place] = 0.0
-    for row in range(rows.n_contacts):
-        if HAS_GAP[rows.law[row]]:
-            for axis in range(3):
-                force = rows.force_n[row, axis]
-                if force != 0.0:
-                    for place in range(W.shape[0]):
-                        out[place] += W[3 * row + axis, place] * force

@@ -78,11 +78,6 @@ class ContactSystem:
         """(3 k, 3 k) W in m/N: along world axes while it is assembled, then in the contacts' frames."""
         return self._state.W
 
-    @property
-    def owed_j(self) -> float:
-        """What contacts have given, and nobody has paid for yet, in J; see `passivity`."""
-        return self._state.ledger.owed_j
-
     def clear(self) -> None:
         """Forget the rows of the last step; their forces stay remembered."""
         self.rows.put_zero("n_contacts")

@@ -29,7 +29,12 @@ class Copies:
         self._to_live = [copy_table(self._arrays, kept) for kept in [*self._kept, self._first]]
         self._order = [_NEVER] * PLACES
         self._count = 0
-        self._is_trusted = True
+        self._is_trusted = False
+
+    @property
+    def are_all_trusted(self) -> bool:
+        """Whether one was taken up, and none has been kept since."""
+        return self._is_trusted
 
     def keep(self) -> None:
         """Copy what is there; it may already be on its way to what is not sound."""
@@ -49,8 +54,8 @@ class Copies:
         """Write a copy over what is there."""
         copy_arrays(self._to_live[place])
 
-    def go_on_from(self, place: int) -> None:
-        """Forget all copies that are newer than this one, which was taken up: what came of it was not sound."""
-        began = 0 if place == FIRST else self._order[place]
-        self._order = [kept if kept <= began else _NEVER for kept in self._order]
-        self._count, self._is_trusted = began, True
+    def go_on_before(self, place: int) -> None:
+        """Forget this copy, which was taken up, and all that are newer: what comes of it may not be sound again."""
+        began = 1 if place == FIRST else self._order[place]
+        self._order = [kept if kept < began else _NEVER for kept in self._order]
+        self._count, self._is_trusted = began - 1, True

@@ -5,9 +5,8 @@ neither torn nor shot, and whose axis goes through the wall nowhere. A state tha
 couplings restart unstretched; otherwise the restored copy would hand back energy already spent. For the same reason it
 is the newest of several copies that stores no more than was there when the bad step began.
 
-What made a state unsound may do so again at once, and for ever. So heals that follow each other go further: from the
-second on the tools touch nothing until they have been withdrawn, at the third the first state of all is taken up, if it
-stores no more, and from the fourth on everything stays there for a while, each time twice as long.
+What made a state unsound may do so again at once. So a copy is taken up once: heals that follow each other go further
+back, to the first state of all at last, and from the second on tools touch nothing until they have been withdrawn.
 """
 
 from __future__ import annotations
@@ -30,12 +29,6 @@ MOST_STRETCH = 0.25
 APART = 16
 # A hundredth of what a catheter's length holds at a tenth of a metre per second: no energy.
 NO_ENERGY_J = 1e-8
-# So many sound steps make up for one heal.
-CALM_STEPS = 2000
-# Heals that nothing made up for, from which on tools are limp, and from which on the first state is taken up.
-LIMP, FIRST, RESTING = 2, 3, 4
-# Steps of the first rest; each further one is twice as long.
-REST_STEPS = 1000
 
 
 class LiveState(Struct):
@@ -74,16 +67,13 @@ class Healer:
 
     Attributes:
         healed: int. How often, since the start.
-        rests: int. How often everything was put to rest, since healing led nowhere.
     """
 
     def __init__(self, world: World) -> None:
         self._world = world
         self._copies: Copies | None = None
-        self._steps = self._calm_steps = 0
-        self._in_a_row = self._rest_left = self._rests_in_a_row = 0
+        self._steps = self.healed = 0
         self._live = LiveState.of(world)
-        self.healed = self.rests = 0
 
     def begin(self) -> None:
         """Refuse to begin with what is no state.
@@ -103,37 +93,24 @@ class Healer:
             if self._steps % APART == 0:
                 self._keep()
             self._steps += 1
-            if self._in_a_row:
-                self._calm_down()
         return is_sound or self._copies is None
 
     def heal(self) -> None:
         """Go back to the last sound state, at rest, or further; whoever holds something lets go."""
         self.healed += 1
-        self._in_a_row += 1
-        self._calm_steps = 0
         world = self._world
-        if self._copies is not None:
-            self._take_up(self._copies)
-        else:
+        if self._copies is None:
             self._halt()
+        else:
+            if self._copies.are_all_trusted:  # whoever comes back inside something touches nothing, see `engagement`
+                world.tools.present[:] = False
+            self._take_up(self._copies)
         self._steps = 1
-        if self._in_a_row >= LIMP:
-            world.tools.present[:] = False  # whoever comes back inside something touches nothing, see `engagement`
         world.holds.lose()
         world.system.forget()
         world.seal.forget()
         world.squeeze.forget()
         world.search.forget()
-        if self._in_a_row >= RESTING:
-            self._rest_left = REST_STEPS << min(self._rests_in_a_row, 32)
-            self._rests_in_a_row += 1
-            self.rests += 1
-
-    def rest(self) -> bool:
-        """Return whether everything stays where it is in this tick."""
-        self._rest_left = max(self._rest_left - 1, 0)
-        return self._rest_left > 0
 
     def _take_up(self, copies: Copies) -> None:
         """Put back the newest copy that stores, at rest, no more than was there; or else the one that stores least.
@@ -144,8 +121,6 @@ class Healer:
         world.duct.go_back()
         world.catheter.go_back()
         there_j = _stored_j(world)
-        if self._in_a_row >= FIRST:
-            places.reverse()
         for place in places:
             copies.put_back(place)
             self._halt()
@@ -156,21 +131,11 @@ class Healer:
             place = min(places, key=stored_j.__getitem__)
             copies.put_back(place)
             self._halt()
-        copies.go_on_from(place)
+        copies.go_on_before(place)
 
     def _halt(self) -> None:
         for body in (self._world.duct, self._world.catheter, self._world.tools):
             body.halt()
-
-    def _calm_down(self) -> None:
-        """Make up for a heal by steps that were sound."""
-        self._calm_steps += 1
-        if self._calm_steps < CALM_STEPS:
-            return
-        self._calm_steps = 0
-        self._in_a_row -= 1
-        if self._in_a_row == 0:
-            self._rests_in_a_row = 0
 
     def _keep(self) -> None:
         if self._copies is None:

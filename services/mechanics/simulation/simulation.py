@@ -114,8 +114,6 @@ class Simulation:
         self._calls.check(tools)
         self._healer.begin()
         self.cost_ns[:] = [0] * len(STAGE_NAMES)
-        if self._healer.rest():
-            return
         steps = steps_of(dt_s, self.rung.ticks_per_step * LONGEST_STEP_S)
         for _ in range(steps):
             if not self._step_in_parts(tools, dt_s / steps):
@@ -230,11 +228,6 @@ class Simulation:
     def healed_states(self) -> int:
         """How often since the start a state was not sound, and the last sound one was taken up again."""
         return self._healer.healed
-
-    @property
-    def rests(self) -> int:
-        """How often since the start healing led nowhere, and everything stays at rest for a while."""
-        return self._healer.rests
 
     @property
     def slides(self) -> npt.NDArray[np.bool_]:
