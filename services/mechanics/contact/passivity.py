@@ -4,7 +4,8 @@ Forces f that move contact points by u against each other put :math:`f \cdot u` 
 where a law is solved for, but for two things: an overlap that is taken back, whose motion nobody has put in, and a
 solve that was cut short. So as much of the overlaps is taken back as is paid for in the same step: small work whole,
 large work up to a level. What a step could have paid for is what the next one begins with, so that jaws that are shut
-on a wall are solved once. What is over then, of a solve that ends within its tolerance of motion, is owed by the next.
+on a wall are solved once. Where that is too much all the same, as other contacts bear the load then, none is taken back:
+a solve of the laws alone gives nothing.
 
 Jaws at rest would keep their last micrometres of overlap for ever, and a force that these falsify by a per cent. So
 there is a small credit: a share of what hands have put in lately. It is paid back by what friction and impacts take.
@@ -181,16 +182,16 @@ def _elastic_m(rows: ContactRows, row: int, axis: int) -> float:
 def take_back_at_most(rows: ContactRows, paid_j: float, free: FloatArray) -> bool:
     """Take no more of the overlaps back than ``paid_j`` pays for with the present forces; return whether that is less.
 
-    ``free`` (3 k,) is the motion without contact forces, as `free_motion` has written it.
+    Where nothing is paid none is, also of what bears no force yet. ``free`` (3 k,) is the motion without contact
+    forces, as `free_motion` has written it.
     """
-    if work_j(rows) <= paid_j:
+    if 0.0 < paid_j >= work_j(rows):
         return False
     level = _level(rows, paid_j)
     for row in range(rows.n_contacts):
-        work = _work_j(rows, row)
-        if work > level:
-            before = rows.taken_m[row]
-            rows.taken_m[row] *= level / work
+        work, before = _work_j(rows, row), rows.taken_m[row]
+        if before < 0.0 and (work > level or paid_j == 0.0):
+            rows.taken_m[row] *= level / work if work > 0.0 else 0.0
             free[3 * row] += rows.taken_m[row] - before
     return True
 
