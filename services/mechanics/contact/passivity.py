@@ -4,7 +4,7 @@ Forces f that move contact points by u against each other put :math:`f \cdot u` 
 where a law is solved for, but for two things: an overlap that is taken back, whose motion nobody has put in, and a
 solve that was cut short. So as much of the overlaps is taken back as is paid for in the same step: small work whole,
 large work up to a level. What a step could have paid for is what the next one begins with, so that jaws that are shut
-on a wall are solved once. Where that is too much all the same, as other contacts bear the load then, none is taken back:
+on a wall are solved once. Where that is too much all the same, as others bear the load then, none is taken back:
 a solve of the laws alone gives nothing.
 
 Jaws at rest would keep their last micrometres of overlap for ever, and a force that these falsify by a per cent. So
