@@ -6,6 +6,8 @@ Each goes on where the last run stopped, until it has as many cases as are asked
 from __future__ import annotations
 
 import argparse
+import fcntl
+import os
 import sys
 import time
 from pathlib import Path
@@ -41,6 +43,12 @@ def main() -> int:
             print(found := tried(try_once, options.seed))
         return int(found.failed > 0)
     run = describe_run()
+    LINES.mkdir(exist_ok=True)
+    lock = os.open(LINES, os.O_RDONLY)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)  # two rigs beside each other would prove nothing
+    except BlockingIOError:
+        sys.exit("proofs are run by another process")
     ledger = Ledger(LINES, run["commit"])
     until_s = time.monotonic() + 60.0 * options.minutes
     for proof in (PROOFS[name] for name in options.only):

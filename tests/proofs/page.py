@@ -17,18 +17,17 @@ _SHOWN = 20
 
 def page(lines: Mapping[Proof, Sequence[Line]], machine: str) -> str:
     """Return the page in Markdown."""
-    count = {proof: counted(proof, list(some)) for proof, some in lines.items()}
     rows = [
         "# Proofs at scale", "",
         f"Written by `python -m tests.proofs` on {machine}; do not edit by hand. It goes on where it stopped. Cases "
         "are drawn by chance; rates of failure have 95 % confidence (Clopper and Pearson).", "",
         "|cases|tried|failed|rate|what holds|code|", "|---|---|---|---|---|---|",
-        *(_row(proof, some) for proof, some in count.items()), "",
+        *(_row(proof, some) for proof, some in lines.items()), "",
     ]  # fmt: skip
-    for proof, some in count.items():
-        rows += _by_kind(proof, some) if any(each.found.kind for each in some) else []
-        rows += _soaked(proof, some) if proof.at_once and len(some) > 3 else []
-    failures = [(proof, each) for proof, some in count.items() for each in some if each.found.failed]
+    for proof, some in lines.items():
+        rows += _by_kind(proof, some) if any("s" in each.found.figures for each in some) else []
+        rows += _soaked(proof, counted(proof, list(some))) if proof.at_once else []
+    failures = [(proof, each) for proof, some in lines.items() for each in some if each.found.failed]
     rows += ["## What failed", ""] if failures else []
     rows += [f"- {proof.name}, seed {each.seed}: {each.found.why[0].splitlines()[-1]}"
              for proof, each in failures[:_SHOWN]]  # fmt: skip
@@ -37,12 +36,13 @@ def page(lines: Mapping[Proof, Sequence[Line]], machine: str) -> str:
 
 
 def _row(proof: Proof, lines: Sequence[Line]) -> str:
-    tried, failed = sum(each.found.tried for each in lines), sum(each.found.failed for each in lines)
+    failed, cases = (sum(getattr(each.found, name) for each in lines) for name in ("failed", "tried"))
+    tried = sum(each.found.tried for each in counted(proof, list(lines)))
     of = f"{tried:,}" if tried >= proof.asked else f"{tried:,} of {proof.asked:,}"
     why_not = proof.hindered() if tried < proof.asked else ""
     code = ", ".join(Counter(each.commit for each in lines))
     of += f" ({why_not})" if why_not else ""
-    return f"|{proof.cases}|{of}|{failed}|{rate(failed, tried)}|{proof.holds}|{code}|"
+    return f"|{proof.cases}|{of}|{failed}|{rate(failed, cases)}|{proof.holds}|{code}|"
 
 
 def _by_kind(proof: Proof, lines: Sequence[Line]) -> list[str]:
@@ -59,16 +59,17 @@ def _by_kind(proof: Proof, lines: Sequence[Line]) -> list[str]:
 
 def _soaked(proof: Proof, lines: Sequence[Line]) -> list[str]:
     """Return how memory grew, by a straight line through all minutes, and misses in both halves of them."""
-    figures = [each.found.figures for each in lines]
+    figures = [each.found.figures for each in lines if each.found.figures]
+    if len(figures) < 4:
+        return []
     rows = [f"## {proof.cases.capitalize()}", "",
             "|process|MB, first/last|MB an hour, 95 %|descriptors|", "|---|---|---|---|"]  # fmt: skip
     for name in [each.removesuffix(" MB") for each in figures[0] if each.endswith(" MB")]:
         held = [each[f"{name} MB"] for each in figures]
         low, high = growth(held)
         counts = [each[f"{name} descriptors"] for each in figures]
-        rows.append(
-            f"| {name} | {held[0]:.1f} | {held[-1]:.1f} | {low:.2f} to {high:.2f} | {counts[0]:g} to {counts[-1]:g} |"
-        )
+        grows, of = f"{low:.1f} to {high:.1f}", f"{counts[0]:g}/{counts[-1]:g}"
+        rows.append(f"|{name}|{held[0]:.1f}/{held[-1]:.1f}|{grows}|{of}|")
     rows += ["", "|loop|misses of 1,000 ticks, halves|", "|---|---|"]
     half = len(figures) // 2
     for name in [each for each in figures[0] if each.endswith(" misses")]:

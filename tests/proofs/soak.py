@@ -29,9 +29,11 @@ def _begin() -> Iterator[Try]:
 
         def try_once(_chance: np.random.Generator) -> Found:
             late = _look_for(rig, MINUTE_S)
+            if gone := [name for name, pid in pids(rig).items() if pid != first[name][0]]:
+                changed = f"{gone} changed: {rig.observer.states[-1][1].reason}"
+                return Found(failed=1, why=(changed,))
             now = held(rig)
-            why = [f"{name} is another process" for name in first if now[name][0] != first[name][0]]
-            why += [
+            why = [
                 f"{name} holds {now[name][1]} descriptors, {first[name][1]} once it had run in"
                 for name in first
                 if now[name][1] > first[name][1]
@@ -45,8 +47,13 @@ def _begin() -> Iterator[Try]:
 
 def held(rig: Rig) -> dict[str, tuple[int, int, int]]:
     """Return by process its pid, how many descriptors it holds, and how much memory of its own, bytes."""
-    pids = {**rig.observer.pids(), "supervisor": rig.process.pid}
-    return {name: (pid, len(list(Path(f"/proc/{pid}/fd").iterdir())), _own_bytes(pid)) for name, pid in pids.items()}
+    found = pids(rig)
+    return {name: (pid, len(list(Path(f"/proc/{pid}/fd").iterdir())), _own_bytes(pid)) for name, pid in found.items()}
+
+
+def pids(rig: Rig) -> dict[str, int]:
+    """Return the process of each name, 0 for none."""
+    return {**rig.observer.pids(), "supervisor": rig.process.pid}
 
 
 def _own_bytes(pid: int) -> int:

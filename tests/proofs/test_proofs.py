@@ -130,3 +130,20 @@ def test_a_flip_within_a_chunk_is_told(whole: Original, tmp_path: Path, monkeypa
     monkeypatch.setattr(recordings, "_read", lambda _path: whole.frames[:-1])
     monkeypatch.setattr(recordings, "repair", lambda _path: None)
     assert judge_flip(whole, bit, path) == "1 frames were lost in silence"
+
+
+def test_what_cannot_be_begun_is_a_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    some, ledger = Tried(), Ledger(tmp_path, "abc")
+
+    @contextmanager
+    def begin() -> Iterator[Try]:
+        if ledger.lines(some.proof):
+            yield some._try
+        raise OSError("no rig")
+
+    some.proof = replace(some.proof, begin=begin)
+    with pytest.raises(OSError, match="no rig"):  # when it is ended: that is the tests' own
+        _until(100, some, ledger, monkeypatch)
+    lines = ledger.lines(some.proof)
+    assert "no rig" in lines[0].found.why[0]
+    assert [each.found.failed for each in lines] == [1] + [0] * 10

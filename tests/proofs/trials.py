@@ -7,7 +7,7 @@ import secrets
 import time
 import traceback
 from collections.abc import Callable
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -122,18 +122,26 @@ def go_on(proof: Proof, ledger: Ledger, until_s: float, say: Callable[[str], obj
     beginning = max((each.beginning for each in before), default=0)
     left = proof.asked - sum(each.found.tried for each in counted(proof, before))
     left = proof.asked if proof.at_once and left > 0 else left
-    while left > 0 and time.monotonic() < until_s:
+    is_sound = True
+    while left > 0 and time.monotonic() < until_s and (is_sound or not proof.at_once):
         beginning += 1
-        with proof.begin() as try_once:
-            is_sound = True
+        with ExitStack() as stack:
+            try_once, is_sound = _begun(proof, stack), True
             while is_sound and left > 0 and time.monotonic() < until_s:
                 seed = secrets.randbits(32)
                 found = tried(try_once, seed)
                 ledger.add(proof, seed, beginning, found)
                 left, is_sound = left - found.tried, not found.failed
                 say(f"{proof.name}: {proof.asked - left:,} of {proof.asked:,} {proof.cases}, {found.failed} failed now")
-        if proof.at_once and not is_sound:
-            return
+
+
+def _begun(proof: Proof, stack: ExitStack) -> Try:
+    """Prepare trials; where that fails, so does the first of them."""
+    try:
+        return stack.enter_context(proof.begin())
+    except Exception:  # a rig that does not start is a failure as any other
+        found = _broken()
+        return lambda _chance: found
 
 
 def tried(try_once: Try, seed: int) -> Found:
@@ -141,4 +149,8 @@ def tried(try_once: Try, seed: int) -> Found:
     try:
         return try_once(np.random.default_rng(seed))
     except Exception:  # whatever a proof of robustness meets is what it looks for
-        return Found(kind="broke", failed=1, why=(traceback.format_exc(limit=-3).strip(),))
+        return _broken()
+
+
+def _broken() -> Found:
+    return Found(kind="broke", failed=1, why=(traceback.format_exc(limit=-3).strip(),))
