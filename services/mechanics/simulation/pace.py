@@ -17,13 +17,11 @@ from services.mechanics.world import World
 
 # Nodes of the wall that say how fast it moves: modes that are fast are long.
 N_NODES = 32
-# At most; a power of two, so that few lengths of a step have to be prepared.
-MOST_PARTS = 64
 # No longer step is taken, unless a rung of the quality ladder says so: contacts act by impulses at its start, which
 # swing the wall by half of what they hold.
 LONGEST_STEP_S = 1e-3
-# What ends too deep, or went further than is seen ahead, is taken again in halves down to this: no shorter, whether it
-# was split before or after. At 16 m/s, faster than any catheter snaps, it goes as far as is seen.
+# No shorter one is taken than this either, whether it was split before or is taken again in halves: what goes 16 m/s,
+# faster than any catheter snaps, goes as far in it as is seen ahead.
 SHORTEST_STEP_S = LONGEST_STEP_S / 32
 
 
@@ -61,7 +59,10 @@ class Pace:
         furthest_point(tools.port_m, tools.hand, tools.present)
 
     def parts(self, tools: ToolInputs, dt_s: float) -> tuple[int, float]:
-        """Return the number of parts of a step, a power of two, and how far anything moves in one, in m."""
+        """Return the number of parts of a step, and how far anything moves in one, in m.
+
+        It is a power of two, so that few lengths of a step have to be prepared.
+        """
         world = self._world
         duct, body = world.duct, world.tools
         speed_m_s, way = speed_and_way(self._moving.address)
@@ -76,7 +77,7 @@ class Pace:
             away_m = furthest_point(tools.position_m, body.hand, tools.present & body.present)
             moved_m = max(moved_m, min(away_m, dt_s * FASTEST_HAND_M_S))
         parts = 1
-        while parts < MOST_PARTS and (moved_m > parts * most_m or speed_m_s * dt_s > parts * seen_m):
+        while dt_s > parts * SHORTEST_STEP_S and (moved_m > parts * most_m or speed_m_s * dt_s > parts * seen_m):
             parts *= 2
         return parts, moved_m / parts
 
