@@ -15,16 +15,16 @@ from services.trusted_path import fault_of_place
 
 def cache_directory() -> Path:
     """Return ``$TROCAR_CACHE_DIR``, else ``~/.cache/trocar``; whether there is such a folder is another question."""
-    return trusted_directory("TROCAR_CACHE_DIR", Path.home() / ".cache" / "trocar")
+    return trusted_directory("TROCAR_CACHE_DIR", os.path.expanduser("~/.cache/trocar"))
 
 
-def trusted_directory(variable: str, default: Path) -> Path:
+def trusted_directory(variable: str, default: str) -> Path:
     """Return the folder that an environment variable names, or `default`.
 
     Where others can change it, a fresh folder takes its place, for this process and its children; a line says why.
     """
-    path = Path(os.environ.get(variable) or default)
-    if not (fault := _fault(path)):
+    path = Path(named := os.environ.get(variable) or default)
+    if not (fault := _fault(named)):
         return path
     fresh = _fresh() / path.name
     os.environ[variable] = str(fresh)
@@ -32,7 +32,9 @@ def trusted_directory(variable: str, default: Path) -> Path:
     return fresh
 
 
-_fault = functools.cache(fault_of_place)
+@functools.cache
+def _fault(path: str) -> str:
+    return fault_of_place(Path(path))
 
 
 @functools.cache

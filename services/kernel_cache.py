@@ -53,7 +53,7 @@ def choose() -> None:
 def root() -> Path:
     """Return ``$NUMBA_CACHE_DIR``, else ``kernels`` in Trocar's cache. It may be shared by any number of checkouts."""
     if os.environ.get("NUMBA_CACHE_DIR"):
-        return trusted_directory("NUMBA_CACHE_DIR", Path())
+        return trusted_directory("NUMBA_CACHE_DIR", "")
     return cache_directory() / "kernels"
 
 

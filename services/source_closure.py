@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -89,8 +90,5 @@ class Sources:
     def _file(self, module: str) -> Path | None:
         if module.partition(".")[0] not in PACKAGES:
             return None
-        stem = self._root.joinpath(*module.split("."))
-        for path in (stem.with_suffix(".py"), stem / "__init__.py"):
-            if path.is_file():
-                return path
-        return None
+        stem = os.path.join(self._root, *module.split("."))
+        return next((Path(path) for path in (f"{stem}.py", f"{stem}/__init__.py") if os.path.isfile(path)), None)

@@ -1,4 +1,4 @@
-"""What simulated hands do in the rig's scene: found from its geometry by a process of its own, and kept.
+"""What simulated hands do in the rig's scene, found from its geometry.
 
 A device whose script is called `SCENE` follows it. Where the scene has its port, there this instrument has it, and the
 arm stands so that all of the motion lies in the middle of its workspace: a simulated arm can stand anywhere.
@@ -6,22 +6,14 @@ arm stands so that all of the motion lies in the middle of its workspace: a simu
 
 from __future__ import annotations
 
-import contextlib
-import hashlib
 import json
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 
-from services.atomic_file import atomic_file
-from services.cache_directory import cache_directory
 from services.gateway.script import SCENE, Motion, draw_back
 from services.runtime import config
-from services.runtime.errors import ConfigError
 from services.runtime.rig import GatewaySettings, InstrumentSettings, Settings, Vector3
-from services.source_closure import Sources
+from services.runtime.scene_findings import find_in_scene
 
 _MODULE = "services.scenes.hand_motions"
 
@@ -47,22 +39,9 @@ def are_called_for(gateway: GatewaySettings) -> bool:
 def find_scene_hands(scene: str, overrides: tuple[str, ...] = ()) -> SceneHands:
     """Return what the hands of a scene do.
 
-    It is kept by what the scene says and by the code that finds it; not where the scene names a surface file, whose
-    content nobody here has read.
     Raises ConfigError: one sentence, if the scene cannot be used.
     """
-    data = config.read_scene(scene, overrides)
-    if "mesh_file" in (data.get("duct") or {}):
-        return _read(_found(scene, overrides))
-    code = Sources(Path(__file__).parents[2]).digest(_MODULE)
-    name = hashlib.sha256(f"{code} {json.dumps(data, sort_keys=True, default=str)}".encode()).hexdigest()[:32]
-    file = cache_directory() / "hands" / f"{name}.json"
-    with contextlib.suppress(OSError, ValueError, ConfigError):  # not there, or cut short by a crash: found anew
-        return _read(file.read_text(encoding="utf-8"))
-    found = _found(scene, overrides)
-    with contextlib.suppress(OSError):  # a cache that cannot be written costs the next start a second
-        _keep(file, found)
-    return _read(found)
+    return find_in_scene(_MODULE, scene, overrides, _read)
 
 
 def fitted(row: InstrumentSettings, hand: SceneHand | None) -> InstrumentSettings:
@@ -85,19 +64,5 @@ def _junction_m(point_m: Vector3, hand: SceneHand) -> list[float]:
     return value.tolist()  # type: ignore[no-any-return]
 
 
-def _found(scene: str, overrides: tuple[str, ...]) -> str:
-    command = [sys.executable, "-m", _MODULE, scene, *overrides]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise ConfigError((done.stderr.strip().splitlines() or ["the scene's hands were not found"])[-1])
-    return done.stdout
-
-
-def _keep(file: Path, text: str) -> None:
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_file(file) as half:
-        half.write_text(text, encoding="utf-8")
-
-
-def _read(text: str) -> SceneHands:
+def _read(text: bytes) -> SceneHands:
     return config.build(SceneHands, {"hands": json.loads(text)}, "hands of the scene")

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+import scipy
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.fem.frames import DEGENERATE_HEIGHT_RATIO
@@ -77,7 +76,7 @@ def _touching_vertices(mesh: TriangleMesh) -> IntArray:
     joined = order[:-1][np.diff(edge[order]) == 0], order[1:][np.diff(edge[order]) == 0]
     rows = np.concatenate([low[joined[0]], high[joined[0]]])
     columns = np.concatenate([low[joined[1]], high[joined[1]]])
-    links = coo_array((np.ones(len(rows), np.int8), (rows, columns)), shape=(len(start),) * 2)
-    _, fan = connected_components(links, directed=False)
+    links = scipy.sparse.coo_array((np.ones(len(rows), np.int8), (rows, columns)), shape=(len(start),) * 2)
+    _, fan = scipy.sparse.csgraph.connected_components(links, directed=False)
     fans = np.unique(mesh.triangles.ravel() * np.int64(len(start)) + fan)
     return np.flatnonzero(np.bincount(fans // len(start), minlength=mesh.n_vertices) > 1).astype(np.int32)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
+import scipy
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.surface.mesh import TriangleMesh
@@ -32,11 +32,11 @@ def crossing_triangles(mesh: TriangleMesh) -> IntArray:
     first = 0
     while first < mesh.n_triangles:
         last = int(np.searchsorted(radii[by_size], SIZE_CLASS * radii[by_size[first]], side="right"))
-        smaller = cKDTree(centres[by_size[:last]])
+        smaller = scipy.spatial.cKDTree(centres[by_size[:last]])
         for start in range(first, last, CHUNK):
             chunk = by_size[start : min(start + CHUNK, last)]
             reach = 2.0 * radii[chunk].max()
-            near = cKDTree(centres[chunk]).sparse_distance_matrix(smaller, reach, output_type="ndarray")
+            near = scipy.spatial.cKDTree(centres[chunk]).sparse_distance_matrix(smaller, reach, output_type="ndarray")
             pairs = np.stack([chunk[near["i"]], by_size[near["j"]]], axis=1)
             rank = start + near["i"] > near["j"]
             pairs = _candidates(mesh, boxes, pairs[rank])

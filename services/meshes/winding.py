@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+import scipy
 
 from services.mechanics.arrays import BoolArray, FloatArray, IntArray
 from services.mechanics.surface.mesh import TriangleMesh, half_edges, paired_half_edges, triangle_areas_m2
@@ -55,8 +54,8 @@ def _minority(mesh: TriangleMesh) -> tuple[BoolArray, FloatArray]:
     across = np.where(is_same, m, 0)
     rows = np.concatenate([one, one + m])
     columns = np.concatenate([other + across, other + m - across])
-    links = coo_array((np.ones(len(rows), np.int8), (rows, columns)), shape=(2 * m, 2 * m))
-    n_pieces, piece = connected_components(links, directed=False)
+    links = scipy.sparse.coo_array((np.ones(len(rows), np.int8), (rows, columns)), shape=(2 * m, 2 * m))
+    n_pieces, piece = scipy.sparse.csgraph.connected_components(links, directed=False)
     as_it_is, as_turned = piece[:m], piece[m:]
     kept_area = np.bincount(as_it_is, triangle_areas_m2(mesh), minlength=n_pieces)
     mine, against = kept_area[as_it_is], kept_area[as_turned]

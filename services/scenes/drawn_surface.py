@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 import protocol.bodies as bodies
 from protocol.arrays import pack
@@ -29,7 +28,6 @@ class DrawnSurface:
     def __init__(self, duct: ReducedDuct, reach_m: float = math.inf) -> None:
         self.duct = duct
         self._reach_m = reach_m
-        self._tree = None if math.isinf(reach_m) else cKDTree(duct.mesh.vertices_m)
         self.rest_m: FloatArray = duct.mesh.vertices_m
         self.points_m: Float32Array = self.rest_m.astype(np.float32)
         self._modes = duct.basis.Phi.reshape(-1, duct.basis.n_modes)
@@ -83,10 +81,14 @@ class DrawnSurface:
     def _add_residual(self, nodes: IntArray, forces_n: FloatArray, out: FloatArray) -> None:
         if not len(nodes):
             return
-        if self._tree is None:
-            self.duct.residual.apply(nodes, forces_n, self._every_node, out)
-            return
-        near = np.unique(np.concatenate(self._tree.query_ball_point(self.rest_m[nodes], self._reach_m)))
-        near_nodes, moved = near.astype(np.int32), np.zeros((len(near), 3))
-        self.duct.residual.apply(nodes, forces_n, near_nodes, moved)
-        out[near_nodes] += moved
+        near = self._every_node if math.isinf(self._reach_m) else self._near(nodes)
+        moved = np.zeros((len(near), 3))
+        self.duct.residual.apply(nodes, forces_n, near, moved)
+        out[near] += moved
+
+    def _near(self, nodes: IntArray) -> IntArray:
+        is_near = np.zeros(len(self.rest_m), np.bool_)
+        for middle_m in self.rest_m[nodes]:
+            away_m = self.rest_m - middle_m
+            is_near |= np.einsum("ij,ij->i", away_m, away_m) <= self._reach_m**2
+        return np.flatnonzero(is_near).astype(np.int32)

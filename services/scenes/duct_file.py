@@ -1,4 +1,7 @@
-"""The duct of a scene as arrays, for who runs none of the mechanics: its surface and its modes."""
+"""The duct of a scene as arrays, for who runs none of the mechanics: its surface and its modes.
+
+``python -m services.scenes.duct_file SCENE [KEY=VALUE ...]`` prints the file.
+"""
 
 from __future__ import annotations
 
@@ -9,8 +12,10 @@ from typing import Any
 import numpy as np
 
 from services.cache_directory import cache_directory
+from services.mechanics.reduction.build import ignore_progress
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.surface.centreline import centrelines
+from services.runtime.scene_findings import print_finding
 from services.scenes.load import load_scene
 from services.scenes.ready import load_duct
 
@@ -34,7 +39,9 @@ def duct_file(duct: ReducedDuct) -> bytes:
     return file.getvalue()
 
 
-def read_duct(scene: str, overrides: Sequence[str]) -> bytes:
-    """Return the file of the duct of a scene. Raises UserError if the scene cannot be used."""
-    duct = load_duct(load_scene(scene, overrides), cache_directory(), lambda stage, fraction: None)
-    return duct_file(duct)
+def _find(scene: str, overrides: Sequence[str]) -> bytes:
+    return duct_file(load_duct(load_scene(scene, overrides), cache_directory(), ignore_progress))
+
+
+if __name__ == "__main__":
+    print_finding(_find)

@@ -7,7 +7,6 @@ seconds and a hundred megabytes, which a process that runs at 1 kHz had better n
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Iterable
 from typing import Any
 
@@ -15,7 +14,7 @@ from services.cache_directory import cache_directory
 from services.mechanics.scenarios import ToolMotion
 from services.mechanics.scene import ToolScene
 from services.mechanics.simulation.scene_catheter import place_catheter
-from services.runtime.errors import UserError
+from services.runtime.scene_findings import print_finding
 from services.scenes.hands import hands_of, out_of_the_way, with_strokes
 from services.scenes.load import load_scene
 from services.scenes.ready import load_surface
@@ -50,9 +49,4 @@ def _written(tool: ToolScene, motion: ToolMotion) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) < 2:
-        sys.exit("usage: python -m services.scenes.hand_motions SCENE [KEY=VALUE ...]")
-    try:
-        print(json.dumps(hand_motions(sys.argv[1], sys.argv[2:])))  # noqa: T201
-    except UserError as error:
-        sys.exit(str(error))
+    print_finding(lambda scene, overrides: json.dumps(hand_motions(scene, overrides)).encode())

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import importlib
 import io
-import multiprocessing
 import zipfile
-from collections.abc import Iterable
-from contextlib import suppress
-from multiprocessing.connection import Connection
+from collections.abc import Sequence
 from typing import Any
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from services.runtime.errors import ConfigError, UserError
+from services.cache_directory import cache_directory
+from services.runtime.errors import ConfigError
+from services.runtime.scene_findings import find_in_scene
 
 Values = NDArray[np.float64]
 Indices = NDArray[np.integer[Any]]
@@ -48,6 +46,7 @@ class Site(msgspec.Struct, frozen=True, kw_only=True):
             raise ConfigError(f"goal.branch: the duct has no end {name!r}; it has: {', '.join(self.ways) or 'none'}")
 
 
+_MODULE = "services.scenes.duct_file"
 _WAY = "way_"
 _NEAREST, _FURTHEST = 2.0, 3.5
 _EYE = 0.85, 0.95, 0.95
@@ -120,36 +119,24 @@ def read_site(attachment: bytes) -> Site:
     return msgspec.structs.replace(site, ways={name: tuple(map(_three, way)) for name, way in ways.items()})
 
 
-def find_site(scene: str, overrides: Iterable[str] = ()) -> Site:
-    """Return the site of a scene, found by a fork of this process: what is judged live runs none of the mechanics.
+def find_site(scene: str, overrides: Sequence[str] = ()) -> Site:
+    """Return the site of a scene: what is judged live runs none of the mechanics.
 
-    A fork, as most of the time goes into imports that a process of the rig may have made already.
     Raises ConfigError: one sentence, if the scene cannot be used.
     """
-    here, there = multiprocessing.Pipe(duplex=False)
-    reader = multiprocessing.get_context("fork").Process(
-        target=_send_duct, args=(there, scene, tuple(overrides)), daemon=True
-    )
-    reader.start()
-    there.close()
-    said: bytes | str = f"{scene}: no duct"
-    with here, suppress(EOFError):
-        said = here.recv()
-    reader.join()
-    if isinstance(said, str):
-        raise ConfigError(said)
     try:
-        return read_site(said)
+        return find_in_scene(_MODULE, scene, overrides, _read_kept)
     except ValueError as error:
         raise ConfigError(f"{scene}: {error}") from None
 
 
-def _send_duct(to: Connection, scene: str, overrides: tuple[str, ...]) -> None:
-    reader = importlib.import_module("services.scenes.duct_file")
-    try:
-        to.send(reader.read_duct(scene, overrides))
-    except UserError as error:
-        to.send(str(error))
+def _read_kept(attachment: bytes) -> Site:
+    """Return the site of a duct whose basis is kept; a basis that was built anew may be another."""
+    site = read_site(attachment)
+    bases = cache_directory() / "bases"
+    if not any(site.basis_hash in manifest.read_text() for manifest in bases.glob("basis-*/manifest.json")):
+        raise ValueError(f"there is no basis {site.basis_hash} in {bases}")
+    return site
 
 
 def _rims(triangles: Indices) -> list[Indices]:

@@ -11,7 +11,7 @@ from services.gateway.scene_hands import find_scene_hands
 from services.gateway.script import HANDLE, HIP, ROLL, Player
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation.scene_catheter import place_catheter
-from services.runtime import config
+from services.runtime import config, scene_findings
 from services.runtime.errors import ConfigError
 from services.scenes import load_scene, load_surface
 from services.scenes.hands import STROKE_M, hands_of
@@ -56,7 +56,7 @@ def test_then_the_catheter_is_moved_to_and_fro_for_a_minute_and_the_other_hand_h
 
 def test_what_the_hands_of_a_scene_do_is_found_once_and_anew_when_the_scene_is_another(kept_here, monkeypatch):
     found = find_scene_hands("default")
-    monkeypatch.setattr(scene_hands.subprocess, "run", None)
+    monkeypatch.setattr(scene_findings.subprocess, "run", None)
     assert find_scene_hands("default") == found
     with pytest.raises(TypeError):
         find_scene_hands("default", ("duct.length_m=0.05",))
@@ -70,11 +70,11 @@ def test_a_cache_that_cannot_be_written_is_done_without(monkeypatch, tmp_path):
 
 def test_what_a_crash_left_of_a_kept_file_is_found_anew(kept_here, monkeypatch, tmp_path):
     found = find_scene_hands("default")
-    (file,) = (tmp_path / "hands").iterdir()
+    (file,) = (tmp_path / "scenes").iterdir()
     for left in ("", '[{"port_m": [0.0, 0.0, 0.0]}]'):
         file.write_text(left)
         assert find_scene_hands("default") == found
-    monkeypatch.setattr(scene_hands.subprocess, "run", None)
+    monkeypatch.setattr(scene_findings.subprocess, "run", None)
     assert find_scene_hands("default") == found
 
 
@@ -104,3 +104,12 @@ def test_an_instrument_that_follows_no_scene_stays_where_the_rig_has_it():
 def test_a_scene_whose_surface_is_missing_is_one_sentence():
     with pytest.raises(ConfigError, match=r"anatomy.yaml: duct.mesh_file: /nowhere.stl: no such file$"):
         find_scene_hands("anatomy", ("duct.mesh_file=/nowhere.stl",))
+
+
+def test_what_a_surface_file_says_counts(kept_here, monkeypatch, tmp_path):
+    said = iter([b"one", b"two"])
+    monkeypatch.setattr(scene_findings, "_found", lambda *_: next(said))
+    surface, override = tmp_path / "a.stl", (f"duct.mesh_file={tmp_path}/a.stl",)
+    for text, found in (("solid", b"one"), ("solid", b"one"), ("sphere", b"two"), ("solid", b"one")):
+        surface.write_text(text)
+        assert scene_findings.find_in_scene("services.scenes.hand_motions", "default", override, bytes) == found

@@ -96,8 +96,13 @@ def test_a_process_collects_garbage_again_before_it_begins(process: str) -> None
     assert done.stdout.split() == ["on"]
 
 
-def test_what_a_scene_does_not_name_is_not_imported() -> None:
-    heavy = "services.mechanics.fem.nonlinear", "scipy.spatial", "services.mechanics.reduction.softening.training"
-    script = f"import sys, services.physics.__main__; print(*set({heavy!r}) & set(sys.modules))"
+@pytest.mark.parametrize("process", ["physics", "haptics", "visualization", "recorder"])
+def test_what_only_a_basis_is_built_with_is_not_imported(process: str) -> None:
+    heavy = "services.mechanics.fem.nonlinear", "services.mechanics.reduction.softening.training"
+    script = (
+        f"import sys, services.{process}.__main__\n"
+        f"print(*set({heavy!r}) & set(sys.modules), *(name for name in ('sparse', 'spatial', 'linalg', 'optimize')"
+        " if f'scipy.{name}' in sys.modules))"
+    )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.split() == []

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ import pytest
 from services.cache_directory import cache_directory
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.surface.opening import mouth_opening
+from services.runtime import scene_findings
 from services.runtime.errors import ConfigError
 from services.scenes import load_duct, load_scene
 from services.scenes.duct_file import duct_file
@@ -103,9 +106,21 @@ def test_a_duct_without_an_open_end_that_moves_is_refused() -> None:
         read_site(attached(**arrays))
 
 
-#: Python 3.12 warns of threads beside a fork: those of the test runner, a process that judges has none then.
-@pytest.mark.filterwarnings("ignore:.*multi-threaded:DeprecationWarning")
-def test_a_live_judge_finds_the_same_site_in_a_process_of_its_own(duct: ReducedDuct) -> None:
+def test_a_live_judge_finds_the_same_site_once_and_anew_where_that_basis_is_gone(
+    duct: ReducedDuct, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    shutil.copytree(cache_directory() / "bases", tmp_path / "bases", ignore=shutil.ignore_patterns(".*", "residual-*"))
+    monkeypatch.setenv("TROCAR_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(scene_findings, "_found", lambda *_: duct_file(duct))
+    assert find_site("insertion") == site_of(duct)
+    monkeypatch.setattr(scene_findings, "_found", lambda *_: b"")
+    assert find_site("insertion") == site_of(duct)
+    shutil.rmtree(tmp_path / "bases")
+    with pytest.raises(ConfigError, match=r"insertion: duct\.npz"):
+        find_site("insertion")
+
+
+def test_a_live_judge_finds_the_site_in_a_process_of_its_own(duct: ReducedDuct) -> None:
     assert find_site("insertion") == site_of(duct)
     with pytest.raises(ConfigError, match="there is no scene 'nonsense'"):
         find_site("nonsense")

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import bsr_array
+import scipy
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.fem.elements import BENDING_ELEMENTS, MEMBRANE_ELEMENTS, choose
@@ -66,12 +66,14 @@ def turn(K: FloatArray, frames: FloatArray) -> FloatArray:
     return result
 
 
-def assemble_stiffness(mesh: TriangleMesh, section: ShellSection, choice: ElementChoice) -> bsr_array[np.float64]:
+def assemble_stiffness(
+    mesh: TriangleMesh, section: ShellSection, choice: ElementChoice
+) -> scipy.sparse.bsr_array[np.float64]:
     """(6 n, 6 n) stiffness in 6 x 6 blocks, one a pair of connected nodes; exactly symmetric."""
     return sum_triangles(mesh, element_chunks(mesh, section, choice))
 
 
-def sum_triangles(mesh: TriangleMesh, chunks: Iterable[tuple[slice, FloatArray]]) -> bsr_array[np.float64]:
+def sum_triangles(mesh: TriangleMesh, chunks: Iterable[tuple[slice, FloatArray]]) -> scipy.sparse.bsr_array[np.float64]:
     """(6 n, 6 n) sum of (k, 18, 18) matrices, given in slices of the triangles.
 
     The pattern is found once from node pairs and every entry is summed into place, so the memory above the result
@@ -87,7 +89,7 @@ def sum_triangles(mesh: TriangleMesh, chunks: Iterable[tuple[slice, FloatArray]]
     rows, columns = np.divmod(keys, n)
     row_start = np.searchsorted(rows, np.arange(n + 1)).astype(np.int32)
     data = blocks.reshape(-1, 6, 6)
-    return bsr_array((data, columns.astype(np.int32), row_start), shape=(6 * n, 6 * n))
+    return scipy.sparse.bsr_array((data, columns.astype(np.int32), row_start), shape=(6 * n, 6 * n))
 
 
 def _add_blocks(blocks: FloatArray, slots: FloatArray, contributions: FloatArray) -> None:

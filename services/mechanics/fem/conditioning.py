@@ -14,8 +14,7 @@ from typing import Literal, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import bsr_array, csc_array
-from scipy.sparse.linalg import LinearOperator, SuperLU, onenormest
+import scipy
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.fem.assembly import ElementChoice, element_chunks
@@ -42,7 +41,7 @@ class Shell(Protocol):
     elements: ElementChoice
     constraints: Literal["elimination", "penalty"]
     held_dofs: IntArray
-    K_full: bsr_array[np.float64]
+    K_full: scipy.sparse.bsr_array[np.float64]
 
     @property
     def n_dofs(self) -> int:
@@ -53,11 +52,11 @@ class Shell(Protocol):
         """Those that no support holds."""
 
     @property
-    def K_free(self) -> csc_array[np.float64]:
+    def K_free(self) -> scipy.sparse.csc_array[np.float64]:
         """Stiffness over the free dofs."""
 
     @property
-    def factor(self) -> SuperLU:
+    def factor(self) -> scipy.sparse.linalg.SuperLU:
         """Its factors."""
 
 
@@ -135,8 +134,8 @@ def condition_estimate(model: Shell) -> float:
         return result
 
     n = len(scale)
-    operator = LinearOperator((n, n), inverse, inverse, inverse, np.float64, inverse)
-    return float(scaled_sums.max() * onenormest(operator))
+    operator = scipy.sparse.linalg.LinearOperator((n, n), inverse, inverse, inverse, np.float64, inverse)
+    return float(scaled_sums.max() * scipy.sparse.linalg.onenormest(operator))
 
 
 def stiffness_span(model: Shell) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse.linalg import LinearOperator, eigsh
+import scipy
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.fem.shell_model import ShellModel
@@ -67,9 +67,9 @@ def compute_modes(model: ShellModel, n_modes: int, on_solve: Callable[[], None] 
         result: FloatArray = root_mass * model.factor.solve(full)[translations]
         return result
 
-    operator = LinearOperator((n, n), matvec=flexibility, dtype=np.float64)
+    operator = scipy.sparse.linalg.LinearOperator((n, n), matvec=flexibility, dtype=np.float64)
     start = np.random.default_rng(1).standard_normal(n)
-    values, vectors = eigsh(operator, n_modes, which="LM", v0=start)
+    values, vectors = scipy.sparse.linalg.eigsh(operator, n_modes, which="LM", v0=start)
     if values.min() <= 0.0:
         raise np.linalg.LinAlgError("stiffness is not positive definite, a natural frequency is not real")
     order = np.argsort(-values)

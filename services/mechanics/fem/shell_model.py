@@ -8,8 +8,7 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from scipy.sparse import csc_array
-from scipy.sparse.linalg import SuperLU
+import scipy
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.fem.assembly import ElementChoice, assemble_lumped_mass, assemble_stiffness
@@ -92,13 +91,13 @@ class ShellModel:
         return np.setdiff1d(np.arange(self.n_dofs, dtype=np.int32), self.held_dofs, assume_unique=True)
 
     @cached_property
-    def K_free(self) -> csc_array[np.float64]:
+    def K_free(self) -> scipy.sparse.csc_array[np.float64]:
         """(f, f) stiffness over the free dofs, symmetric positive definite."""
         K = self.K_full.tocsr()
         if self.constraints == "elimination":
             K = K[self.free_dofs][:, self.free_dofs]
         # Symmetric: the compressed rows are the compressed columns.
-        compressed = csc_array((K.data, K.indices, K.indptr), shape=K.shape)
+        compressed = scipy.sparse.csc_array((K.data, K.indices, K.indptr), shape=K.shape)
         if self.constraints == "penalty":
             diagonal = compressed.diagonal()
             diagonal[self.held_dofs] *= PENALTY
@@ -118,7 +117,7 @@ class ShellModel:
         return mass.ravel()[self.free_dofs]
 
     @cached_property
-    def factor(self) -> SuperLU:
+    def factor(self) -> scipy.sparse.linalg.SuperLU:
         """Sparse factors of ``K_free``, made at the first use.
 
         Raises IllConditionedError if a pivot is zero; names the triangles whose stiffness is furthest apart.

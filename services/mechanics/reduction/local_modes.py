@@ -7,7 +7,7 @@ responses to forces on the nodes there are made modes (`residual_vectors`).
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.fem import ShellModel
@@ -37,7 +37,7 @@ def _beside_supports(model: ShellModel) -> tuple[IntArray, FloatArray]:
     """Nodes (k,) beside supports, and unit forces (k, 3) inward on them."""
     mesh = model.mesh
     held = np.unique(model.held_dofs // 6)
-    far = np.asarray(cKDTree(mesh.vertices_m[held]).query(mesh.vertices_m)[0])
+    far = np.asarray(scipy.spatial.cKDTree(mesh.vertices_m[held]).query(mesh.vertices_m)[0])
     inward = -vertex_normals(mesh)
     nearest = np.setdiff1d(np.argsort(far, kind="stable")[: len(held) + N_WIDTHS], held)
     reach = REACH_WIDTHS * lumen_width_m(mesh, nearest, inward)

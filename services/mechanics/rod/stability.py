@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.linalg import eigvals_banded
+import scipy
 
 from services.mechanics.rod.banded import HALF_BANDWIDTH
 from services.mechanics.rod.forces import add_internal_forces
@@ -44,7 +44,7 @@ def largest_frequency_rad_s(model: RodModel) -> float:
     scale = np.repeat(np.where(model.is_held, 0.0, 1.0 / np.sqrt(model.mass)), 3)
     padded = np.concatenate((scale, np.zeros(HALF_BANDWIDTH)))
     band = np.stack([work.band[: 3 * n, a] * scale * padded[a : a + 3 * n] for a in range(HALF_BANDWIDTH + 1)])
-    top = eigvals_banded(band, lower=True, select="i", select_range=(3 * n - 1, 3 * n - 1))
+    top = scipy.linalg.eigvals_banded(band, lower=True, select="i", select_range=(3 * n - 1, 3 * n - 1))
     return math.sqrt(max(float(top[0]), 0.0))
 
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components, dijkstra
+import scipy
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.surface.mesh import TriangleMesh, unique_edges, vertex_areas_m2
@@ -44,7 +43,7 @@ def _even_out(middle_m: FloatArray, parent: IntArray, ways: list[list[int]]) -> 
     """Move the inner nodes of the ways towards the middle between those before and those behind; ends stay."""
     inner = np.unique(np.concatenate([way[1:-1] for way in ways]))
     steps = np.unique(np.array([step for way in ways for step in zip(way[1:], way[:-1], strict=True)]), axis=0)
-    children = coo_array((np.ones(len(steps)), steps.T), shape=(len(parent), len(parent))).tocsr()
+    children = scipy.sparse.coo_array((np.ones(len(steps)), steps.T), shape=(len(parent), len(parent))).tocsr()
     counts = children.sum(axis=1)[inner, None]
     for _ in range(_PASSES):
         around = 0.5 * (middle_m[parent[inner]] + (children @ middle_m)[inner] / counts)
@@ -55,12 +54,14 @@ def _tree(mesh: TriangleMesh, mouth: IntArray) -> tuple[IntArray, IntArray, Floa
     """Return the node of each vertex (n,), and of the nodes parents (k,), -1 at the mouth, and middles (k, 3)."""
     n, (edges, _) = mesh.n_vertices, unique_edges(mesh)
     length = np.linalg.norm(np.diff(mesh.vertices_m[edges], axis=1)[:, 0], axis=1)
-    graph = coo_array((length, edges.T), shape=(n, n)).tocsr()
-    distance, before, _ = dijkstra(graph, directed=False, indices=mouth, min_only=True, return_predecessors=True)
+    graph = scipy.sparse.coo_array((length, edges.T), shape=(n, n)).tocsr()
+    distance, before, _ = scipy.sparse.csgraph.dijkstra(
+        graph, directed=False, indices=mouth, min_only=True, return_predecessors=True
+    )
     band = np.floor(distance / (_BAND_EDGES * length.mean())).astype(np.int64)
     within = edges[band[edges[:, 0]] == band[edges[:, 1]]]
-    alike = coo_array((np.ones(len(within)), within.T), shape=(n, n))
-    count, node = connected_components(alike, directed=False)
+    alike = scipy.sparse.coo_array((np.ones(len(within)), within.T), shape=(n, n))
+    count, node = scipy.sparse.csgraph.connected_components(alike, directed=False)
     parent = np.full(count, -1)
     for vertex in np.argsort(-distance):  # the nearest of each node comes last
         if before[vertex] >= 0 and node[before[vertex]] != node[vertex]:

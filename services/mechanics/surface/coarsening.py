@@ -7,8 +7,7 @@ triangulation (Valette and Chassery, Computer Graphics Forum 23:381, 2004, witho
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
+import scipy
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.surface.mesh import (
@@ -76,8 +75,10 @@ def _patches(mesh: TriangleMesh, seeds: IntArray) -> IntArray:
     """(n,) the seed, by its place among them, that is nearest to each vertex along edges."""
     edges, _ = unique_edges(mesh)
     length: FloatArray = np.linalg.norm(mesh.vertices_m[edges[:, 0]] - mesh.vertices_m[edges[:, 1]], axis=1)
-    graph = coo_array((length, edges.T), shape=(mesh.n_vertices,) * 2).tocsr()
-    _, _, nearest = dijkstra(graph, directed=False, indices=seeds, min_only=True, return_predecessors=True)
+    graph = scipy.sparse.coo_array((length, edges.T), shape=(mesh.n_vertices,) * 2).tocsr()
+    _, _, nearest = scipy.sparse.csgraph.dijkstra(
+        graph, directed=False, indices=seeds, min_only=True, return_predecessors=True
+    )
     place = np.zeros(mesh.n_vertices, np.int32)
     place[seeds] = np.arange(len(seeds))
     return place[nearest]

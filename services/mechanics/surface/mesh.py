@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import connected_components
+import scipy
 
 from services.mechanics.arrays import FloatArray, IntArray
 
@@ -128,17 +127,17 @@ def paired_half_edges(mesh: TriangleMesh) -> IntArray:
     return pairs
 
 
-def vertex_adjacency(mesh: TriangleMesh) -> csr_array[np.int8]:
+def vertex_adjacency(mesh: TriangleMesh) -> scipy.sparse.csr_array[np.int8]:
     """(n, n) sparse matrix with a one where two vertices share an edge."""
     edges, _ = unique_edges(mesh)
     rows, columns = np.concatenate([edges, edges[:, ::-1]]).T
     ones = np.ones(len(rows), np.int8)
-    return coo_array((ones, (rows, columns)), shape=(mesh.n_vertices,) * 2).tocsr()
+    return scipy.sparse.coo_array((ones, (rows, columns)), shape=(mesh.n_vertices,) * 2).tocsr()
 
 
 def vertex_components(mesh: TriangleMesh) -> IntArray:
     """(n,) index of the connected piece each vertex belongs to; an unused vertex is its own piece."""
-    _, labels = connected_components(vertex_adjacency(mesh), directed=False)
+    _, labels = scipy.sparse.csgraph.connected_components(vertex_adjacency(mesh), directed=False)
     return labels.astype(np.int32)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array, csc_array
+import scipy
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.fem.factorisation import factorise
@@ -37,13 +37,13 @@ class Sections:
         """Number of stations, s + 1."""
         return len(self.centres_m)
 
-    def shares(self) -> csc_array:
+    def shares(self) -> scipy.sparse.csc_array:
         """Return the weights (n, s + 1) with which stations are interpolated to nodes; rows sum to one."""
         n = self.segment.size
         rows = np.concatenate([np.arange(n), np.arange(n)])
         columns = np.concatenate([self.segment, self.segment + 1])
         values = np.concatenate([1.0 - self.fraction, self.fraction])
-        return csc_array((values, (rows, columns)), shape=(n, self.n_stations))
+        return scipy.sparse.csc_array((values, (rows, columns)), shape=(n, self.n_stations))
 
 
 def cut_sections(mesh: TriangleMesh, held: IntArray, n_segments: int) -> Sections:
@@ -94,12 +94,12 @@ def axial_coordinate(mesh: TriangleMesh, held: IntArray) -> FloatArray:
     free = np.setdiff1d(np.arange(mesh.n_vertices), held)
     laplacian = _cotangent_laplacian(mesh)[free][:, free]
     p = np.zeros(mesh.n_vertices)
-    p[free] = factorise(csc_array(laplacian)).solve(vertex_areas_m2(mesh)[free])
+    p[free] = factorise(scipy.sparse.csc_array(laplacian)).solve(vertex_areas_m2(mesh)[free])
     coordinate: FloatArray = 1.0 - np.sqrt(np.maximum(1.0 - p / p.max(), 0.0))
     return coordinate
 
 
-def _cotangent_laplacian(mesh: TriangleMesh) -> csc_array:
+def _cotangent_laplacian(mesh: TriangleMesh) -> scipy.sparse.csc_array:
     """Return the stiffness (n, n) of the scalar Laplace operator with linear triangles."""
     corners = mesh.vertices_m[mesh.triangles]
     opposite = np.roll(corners, -1, axis=1) - np.roll(corners, -2, axis=1)
@@ -107,4 +107,4 @@ def _cotangent_laplacian(mesh: TriangleMesh) -> csc_array:
     rows = np.repeat(mesh.triangles, 3, axis=1).ravel()
     columns = np.tile(mesh.triangles, (1, 3)).ravel()
     shape = (mesh.n_vertices, mesh.n_vertices)
-    return csc_array(coo_array((element.ravel(), (rows, columns)), shape=shape))
+    return scipy.sparse.csc_array(scipy.sparse.coo_array((element.ravel(), (rows, columns)), shape=shape))

@@ -15,7 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csc_array
+import scipy
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.reduction.basis import ModalBasis
@@ -155,7 +155,7 @@ def _section_motion(mesh: TriangleMesh, basis: ModalBasis, sections: Sections) -
     return shift, turn
 
 
-def _spread(shares: csc_array, stations: FloatArray) -> FloatArray:
+def _spread(shares: scipy.sparse.csc_array, stations: FloatArray) -> FloatArray:
     """Interpolate (s + 1, 3, r) at stations to (n, 3, r) at nodes."""
     flat = np.asarray(shares @ stations.reshape(len(stations), -1))
     return flat.reshape(-1, *stations.shape[1:])

@@ -15,8 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
-from scipy.sparse import csr_array
+import scipy
 
 from services.mechanics.arrays import BoolArray, FloatArray, IntArray
 from services.mechanics.fem import ShellModel
@@ -60,17 +59,17 @@ def node_levels(mesh: TriangleMesh, held_dofs: IntArray) -> list[IntArray]:
 
 def _eliminate(model: ShellModel, levels: list[IntArray]) -> tuple[list[FloatArray], list[FloatArray]]:
     """Return S_i^-1 (m, m) and X_i (m, m of the next level) of levels of unknowns; the last X has no columns."""
-    K = csr_array(model.K_free)
+    K = scipy.sparse.csr_array(model.K_free)
     flexibility, carried, below = [], [], None
     for unknowns, later in zip(levels, [*levels[1:], np.zeros(0, np.int32)], strict=True):
         rows = K[unknowns]
         S = rows[:, unknowns].toarray()
         if below is not None:
             S += below @ carried[-1]
-        factor = cho_factor(S, lower=True, overwrite_a=True, check_finite=False)
+        factor = scipy.linalg.cho_factor(S, lower=True, overwrite_a=True, check_finite=False)
         below = rows[:, later].toarray().T
-        carried.append(-cho_solve(factor, below.T, check_finite=False))
-        flexibility.append(cho_solve(factor, np.eye(unknowns.size), overwrite_b=True, check_finite=False))
+        carried.append(-scipy.linalg.cho_solve(factor, below.T, check_finite=False))
+        flexibility.append(scipy.linalg.cho_solve(factor, np.eye(unknowns.size), overwrite_b=True, check_finite=False))
     return flexibility, carried
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.sparse import csr_array
+import scipy
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import building_kernel
@@ -72,10 +72,8 @@ def build_patches(
 
 def patch_pattern(vertices_m: FloatArray, radius_m: float) -> tuple[IntArray, IntArray]:
     """Return row starts (n + 1,) and neighbours (p,), ascending, of all pairs of vertices within ``radius_m``."""
-    from scipy.spatial import cKDTree  # only here: with all that it imports a tenth of the start of a process
-
     n = len(vertices_m)
-    pairs = cKDTree(vertices_m).query_pairs(radius_m, output_type="ndarray")
+    pairs = scipy.spatial.cKDTree(vertices_m).query_pairs(radius_m, output_type="ndarray")
     itself = np.arange(n)
     rows = np.concatenate([pairs[:, 0], pairs[:, 1], itself])
     columns = np.concatenate([pairs[:, 1], pairs[:, 0], itself])
@@ -97,9 +95,7 @@ def largest_radius_m(vertices_m: FloatArray, budget_bytes: int) -> float:
 
 def _radius_of_pairs(vertices_m: FloatArray, most_pairs: int) -> float:
     """Return the largest distance within which there are at most ``most_pairs`` ordered pairs of vertices."""
-    from scipy.spatial import cKDTree  # see `patch_pattern`
-
-    tree = cKDTree(vertices_m)
+    tree = scipy.spatial.cKDTree(vertices_m)
     low, high = 0.0, float(np.linalg.norm(np.ptp(vertices_m, axis=0)))
     while high - low > 0.01 * high:
         middle = 0.5 * (low + high)
@@ -188,6 +184,6 @@ def _make_near_exact(
 def _symmetrised(starts: IntArray, neighbours: IntArray, blocks: BlockArray) -> BlockArray:
     """Return the mean of each block and the transpose of its mirror image; probing leaves them a little apart."""
     n = starts.size - 1
-    places = csr_array((np.arange(neighbours.size), neighbours, starts), shape=(n, n))
+    places = scipy.sparse.csr_array((np.arange(neighbours.size), neighbours, starts), shape=(n, n))
     mirror = places.T.tocsr().data
     return 0.5 * (blocks + blocks[mirror].transpose(0, 2, 1))

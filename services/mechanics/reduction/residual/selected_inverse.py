@@ -13,8 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csc_array, identity, tril
-from scipy.sparse.linalg import SuperLU
+import scipy
 
 from services.mechanics.arrays import BoolArray, FloatArray, IntArray
 from services.mechanics.compiled import building_kernel
@@ -37,7 +36,7 @@ class SelectedInverse:
     values: FloatArray
 
     @classmethod
-    def of(cls, matrix: csc_array, factor: SuperLU) -> SelectedInverse:
+    def of(cls, matrix: scipy.sparse.csc_array, factor: scipy.sparse.linalg.SuperLU) -> SelectedInverse:
         """Invert a matrix within the pattern of its symmetric factorisation; stored zeros count as pattern.
 
         Raises ValueError if rows and columns were permuted differently, so the factors are not those of a symmetric
@@ -46,9 +45,9 @@ class SelectedInverse:
         if not np.array_equal(factor.perm_r, factor.perm_c):
             raise ValueError("the selected inverse needs factors with pivots on the diagonal")
         order = np.argsort(factor.perm_c)
-        ones = csc_array((np.ones(matrix.nnz), matrix.indices, matrix.indptr), shape=matrix.shape)
+        ones = scipy.sparse.csc_array((np.ones(matrix.nnz), matrix.indices, matrix.indptr), shape=matrix.shape)
         lower = factor.L.tocsc()
-        pattern = tril(ones[order][:, order]) + abs(lower) + identity(len(order))
+        pattern = scipy.sparse.tril(ones[order][:, order]) + abs(lower) + scipy.sparse.identity(len(order))
         starts, rows = complete_pattern(pattern.tocsc().indptr, pattern.tocsc().indices)
         values = spread_values(starts, rows, (lower.indptr, lower.indices, lower.data))
         inverse = invert_within_pattern(starts, rows, values, factor.U.diagonal())

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from services.mechanics.arrays import Float32Array, FloatArray, IntArray
 from services.mechanics.fem import ShellModel
@@ -117,7 +117,7 @@ def place_sites(model: ShellModel, lumen: Lumen, own_m_n: FloatArray) -> tuple[L
     moved = fields.reshape(-1, 6, len(nodes))[:, :3]
     W = np.einsum("sa,sat->st", lumen.inward[nodes], moved[nodes])
     local = local_compliance_m_n(mesh, lumen, nodes, fields)
-    near = np.asarray(cKDTree(mesh.vertices_m[nodes]).query(mesh.vertices_m, NEAREST)[1], np.int32)
+    near = np.asarray(scipy.spatial.cKDTree(mesh.vertices_m[nodes]).query(mesh.vertices_m, NEAREST)[1], np.int32)
     weights = np.stack([np.linalg.solve(W[np.ix_(n, n)], u[:, n].T) for n, u in zip(near, moved, strict=True)])
     return LoadSites(nodes, W, local, near, weights, np.ones(mesh.n_vertices)), fields
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.fem import ShellModel
@@ -42,7 +42,7 @@ def interpolated_j(mesh: TriangleMesh, own_m_n: FloatArray, known: IntArray, ene
     relative[known] = energy_j / own_m_n[known] ** POWER
     others = np.setdiff1d(np.flatnonzero(own_m_n > 0.0), known)
     if len(others):
-        distance, near = cKDTree(mesh.vertices_m[known]).query(mesh.vertices_m[others], NEAREST)
+        distance, near = scipy.spatial.cKDTree(mesh.vertices_m[known]).query(mesh.vertices_m[others], NEAREST)
         weights = 1.0 / np.asarray(distance)
         relative[others] = np.sum(weights * relative[known][near], axis=1) / weights.sum(axis=1)
     own: FloatArray = relative * np.maximum(own_m_n, 0.0) ** POWER

@@ -15,7 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from services.mechanics.arrays import Float32Array, FloatArray, IntArray
 from services.mechanics.fem.nonlinear import CorotationalShell
@@ -84,7 +84,7 @@ def _third(
     """(n, p + q, p + q) sums over the triangles within reach of each node."""
     mesh, (p, q), m = shell.model.mesh, (each.shape[1] for each in near), fields[0].shape[1]
     middles = mesh.vertices_m[mesh.triangles].mean(axis=1)
-    within = cKDTree(mesh.vertices_m).query_ball_point(middles, reach_m)
+    within = scipy.spatial.cKDTree(mesh.vertices_m).query_ball_point(middles, reach_m)
     third = np.zeros((mesh.n_vertices, p + q, p + q), np.float32)
     for part, derivatives, local in third_derivatives_and_fields(shell, np.concatenate(fields, axis=1)):
         for D, x, nodes in zip(derivatives, local, within[part], strict=True):
@@ -99,5 +99,5 @@ def _third(
 
 
 def _nearest(among: FloatArray, to: FloatArray, n: int) -> IntArray:
-    near = np.asarray(cKDTree(among).query(to, min(n, len(among)))[1], np.int32)
+    near = np.asarray(scipy.spatial.cKDTree(among).query(to, min(n, len(among)))[1], np.int32)
     return np.ascontiguousarray(near)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.fem import ShellSection, Support
@@ -52,7 +52,7 @@ def _section_on(mesh: TriangleMesh, recipe: DuctRecipe) -> ShellSection:
     """Take what is given per triangle from the triangle that is nearest."""
     own, section = recipe.mesh, recipe.section
     middles = [each.vertices_m[each.triangles].mean(axis=1) for each in (own, mesh)]
-    nearest = cKDTree(middles[0]).query(middles[1])[1]
+    nearest = scipy.spatial.cKDTree(middles[0]).query(middles[1])[1]
 
     def there(value: float | FloatArray, n_axes: int = 0) -> float | FloatArray:
         return np.asarray(value)[nearest] if np.ndim(value) > n_axes else value
