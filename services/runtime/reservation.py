@@ -71,10 +71,9 @@ class Reservation:
         self.share = share
         self.short = 0.0
         self._highest = 0.0  # need since the calm began
-        self._calm_since_s: float | None = None  # none until the first need is known: the share is a guess until then
-        self._calm_s = _CALM_S
+        self._calm_since_s, self._calm_s = -math.inf, _CALM_S  # until the first need is known the share is a guess
         self._lowered = False
-        self._starves_since_s: float | None = None
+        self._starves_since_s = math.inf
         self._again_s, self._wait_s = -math.inf, _AGAIN_S
         self._refused = 0.0  # the need for which there was no room: for a smaller one it is tried at once
         self._try_s, self._untried_s = -math.inf, _TRY_S
@@ -88,10 +87,7 @@ class Reservation:
         else:
             self._give_back(now_s, need, ask)
         self.short = need.share if need.share > self.share + _LITTLE else 0.0
-        if self.share >= need.usual:
-            self._starves_since_s = None
-        elif self._starves_since_s is None:
-            self._starves_since_s = now_s
+        self._starves_since_s = min(self._starves_since_s, now_s) if self.share < need.usual else math.inf
 
     def _is_scarce(self, ask: Ask) -> bool:
         return not (ask(self.share + SPARE) and ask(self.share))
@@ -117,11 +113,10 @@ class Reservation:
             self._lowered, self._calm_s = False, min(2.0 * self._calm_s, _LONGEST_S)
 
     def _give_back(self, now_s: float, need: Need, ask: Ask) -> None:
-        first = self._calm_since_s is None
         self._highest = max(self._highest, need.share)
-        if first or now_s - (self._calm_since_s or 0.0) >= self._calm_s:
+        if now_s - self._calm_since_s >= self._calm_s:
             if self._highest < self.share - 1.5 * STEP and ask(self._highest):  # a step alone is noise
-                self.share, self._lowered = self._highest, not first
+                self.share, self._lowered = self._highest, math.isfinite(self._calm_since_s)
             self._begin_calm(now_s, need)
 
     def _begin_calm(self, now_s: float, need: Need) -> None:
@@ -129,9 +124,9 @@ class Reservation:
 
     def gives_up(self, now_s: float, need: Need) -> bool:
         """Return whether the mean work has not fitted for a while: from now on the loop has another class."""
-        if self._starves_since_s is None or now_s - self._starves_since_s < _PATIENCE_S or not self.share:
+        if now_s - self._starves_since_s < _PATIENCE_S or not self.share:
             return False
-        self.share, self._starves_since_s = 0.0, None
+        self.share, self._starves_since_s = 0.0, math.inf
         self._wait(now_s, need)
         return True
 

@@ -194,15 +194,15 @@ class Scheduling:
         return f"FIFO {self.wish.priority}"
 
     def _deadline(self, reset: bool) -> str:
-        pinned = os.sched_getaffinity(0)
+        pinned, own = os.sched_getaffinity(0), _own_thread()
         try:
             _pin_all(self._cores)
-            _of_each(lambda thread: self._reserve(thread, self.wish.share if thread == _own_thread() else BESIDE))
+            _of_each(lambda thread: thread == own or self._reserve(thread, BESIDE))
+            return self._reserve(own, self.wish.share)
         except OSError:
             _make_ordinary(self._niceness)
             _pin_all(pinned)
             raise
-        return f"DEADLINE {100 * self.wish.share:.0f} % of a core"
 
     def _reserve(self, thread: int, share: float) -> str:
         runtime_ns, flags = round(share * self._period_ns), _RESET_ON_FORK | _RECLAIM
