@@ -55,10 +55,8 @@ def read_frames(path: Path, topics: Collection[str] = (), from_ns: int = 0) -> I
         topics: Names of bus topics that are wanted; all of them where it is empty.
         from_ns: Wall-clock time before which nothing is wanted.
     """
-    wanted = {channel_name(name): name for name in topics or TOPICS}
-    with opened(path) as file:
-        for channel, message in _messages(path, file, wanted, from_ns):
-            yield RecordedFrame(message.log_time, _frame(path, wanted[channel.topic], message.data))
+    for topic, message in _messages(path, topics or TOPICS, from_ns):
+        yield RecordedFrame(message.log_time, _frame(path, topic, message.data))
 
 
 def read_moments(path: Path, topics: Sequence[str]) -> Iterator[tuple[Any, ...]]:
@@ -67,13 +65,11 @@ def read_moments(path: Path, topics: Sequence[str]) -> Iterator[tuple[Any, ...]]
     Only what is seen then is decoded: reading devices that spoke between two states costs next to nothing.
     Raises as `read_frames` does.
     """
-    wanted = {channel_name(name): name for name in topics}
     newest: dict[str, bytes] = {}
-    with opened(path) as file:
-        for channel, message in _messages(path, file, wanted):
-            newest[wanted[channel.topic]] = message.data
-            if wanted[channel.topic] == topics[-1] and len(newest) == len(wanted):
-                yield tuple(_frame(path, name, newest[name]).body for name in topics)
+    for topic, message in _messages(path, topics):
+        newest[topic] = message.data
+        if topic == topics[-1] and len(newest) == len(set(topics)):
+            yield tuple(_frame(path, name, newest[name]).body for name in topics)
 
 
 def _frame(path: Path, topic: str, data: bytes) -> Frame:
@@ -103,41 +99,38 @@ def opened(path: Path) -> Iterator[IO[bytes]]:
 
 def last_ns(path: Path, topics: Collection[str]) -> int:
     """Return the time of the last message of some topics, 0 where there is none; raises as `read_frames` does."""
-    with opened(path) as file:
-        return max(
-            (each.log_time for _, each in _messages(path, file, [channel_name(name) for name in topics])), default=0
-        )
+    return max((message.log_time for _, message in _messages(path, topics)), default=0)
 
 
-def _messages(
-    path: Path, file: IO[bytes], wanted: Collection[str], from_ns: int = 0
-) -> Iterator[tuple[Channel, Message]]:
-    """Yield messages by time: by the index where there is a sound one, else all are read first.
+def _messages(path: Path, topics: Collection[str], from_ns: int = 0) -> Iterator[tuple[str, Message]]:
+    """Yield topics and messages by time: by the index where there is a sound one, else all are read first.
 
     Raises HoleError where a file that was closed does not hold what was written.
     """
-    closed = is_closed(file.fileno())
-    try:
-        if closed and has_sound_index(file.fileno()):
-            reader = SeekingReader(file, validate_crcs=True)
-            for _schema, channel, message in reader.iter_messages(list(wanted), starting_at=from_ns):
-                yield channel, message
-            return
-        found: list[tuple[Channel, Message]] = []
-        with suppress(*(() if closed else BROKEN)):
-            found.extend(each for each in _records(file) if each[0].topic in wanted and each[1].log_time >= from_ns)
-    except BROKEN:
-        raise HoleError(f"{path}: is damaged; `trocar repair` says how much of it cannot be read") from None
-    yield from sorted(found, key=lambda each: each[1].log_time)
+    wanted = {channel_name(name): name for name in topics}
+    with opened(path) as file:
+        closed = is_closed(file.fileno())
+        try:
+            if closed and has_sound_index(file.fileno()):
+                reader = SeekingReader(file, validate_crcs=True)
+                for _schema, channel, message in reader.iter_messages(list(wanted), starting_at=from_ns):
+                    yield wanted[channel.topic], message
+                return
+            found: list[tuple[str, Message]] = []
+            with suppress(*(() if closed else BROKEN)):
+                found.extend((wanted[name], each) for name, each in _records(file) if name in wanted)
+        except BROKEN:
+            raise HoleError(f"{path}: is damaged; `trocar repair` says how much of it cannot be read") from None
+    yield from sorted((each for each in found if each[1].log_time >= from_ns), key=lambda each: each[1].log_time)
 
 
-def _records(file: IO[bytes]) -> Iterator[tuple[Channel, Message]]:
-    channels: dict[int, Channel] = {}
+def _records(file: IO[bytes]) -> Iterator[tuple[str, Message]]:
+    channels: dict[int, str] = {}
     for record in StreamReader(file, validate_crcs=True).records:
         if isinstance(record, DataEnd):
             return
         if isinstance(record, Channel):
-            channels[record.id] = record
+            channels[record.id] = record.topic
         elif isinstance(record, Message) and record.channel_id in channels:
             yield channels[record.channel_id], record
 
