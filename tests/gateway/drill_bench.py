@@ -31,7 +31,7 @@ TTL_S, RATE_N_S, TORQUE_NM, LIMIT_N = 0.02, 200.0, 0.3, 3.0
 WALL_M, WALL_N_M, WALL_N_S_M = 0.020, 400.0, 1.0
 MET_RAD, GRASP_NM_RAD, GRASP_NM_S_RAD = 0.6, 0.4, 2e-4
 #: Downward into the wall, to and fro in it, and away; begins with the force, after about 0.1 s.
-PRESSED_S, LEAVES_S, ENDS_S = 0.4, 1.6, 2.4
+PRESSED_S, LEAVES_S, ENDS_S = 0.4, 1.4, 2.0
 
 Message = tuple[int, bytes]  # in how many ticks it comes, and what
 Stream = Callable[["Haptics", ContactModel, int], list[Message]]
@@ -166,7 +166,7 @@ def at_once(haptics: Haptics, body: ContactModel, origin_ns: int) -> list[Messag
 def _rig_file(folder: Path) -> Path:
     script = folder / "press.yaml"
     heights = [(0.0, 0.028), (PRESSED_S, 0.012)]
-    heights += [(PRESSED_S + 0.1 * k, 0.012 + 0.004 * (k % 2)) for k in range(1, 12)]
+    heights += [(PRESSED_S + 0.1 * k, 0.012 + 0.004 * (k % 2)) for k in range(1, 10)]
     heights += [(LEAVES_S, 0.012), (LEAVES_S + 0.3, 0.028)]
     points = [{"time_s": t, "hip_m": [0.065, -0.005, z], "handle_rad": 0.5} for t, z in heights]
     script.write_text(yaml.safe_dump({"loop": False, "motions": {"left": {"breakpoints": points}}}))
