@@ -117,7 +117,6 @@ class Arm(Device):
     """A force-feedback arm. Its frame: z up, origin at the middle of its workspace.
 
     Attributes:
-        limits: ArmLimits
         calibrated: bool. Whether positions can be trusted; before that no force is written.
         buttons: int. Bit mask.
         own_servo: bool. Whether the device has a thread of its own that evaluates the force law and applies what it
@@ -154,7 +153,6 @@ class GraspHandle(Device):
     """A handle whose opening is measured and loaded with a torque.
 
     Attributes:
-        max_torque_nm: float
         ready: bool. Whether the drive is on and has answered lately: without that no torque is asked for.
     """
 

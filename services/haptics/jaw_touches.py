@@ -32,8 +32,6 @@ class JawTouches:
     """Looks where the jaws of some tools touch wall and catheter.
 
     Args:
-        scene: SceneModel
-        duct: ReducedDuct
         radius_m: (2, 3). Of the tools' segments, zero where there is none.
 
     Attributes:

@@ -33,10 +33,6 @@ class World:
     """The parts of one simulation, which owns them and steps them.
 
     Attributes:
-        scene: SceneModel
-        duct: DuctBody
-        catheter: CatheterBody
-        tools: ToolBody
         system: ContactSystem. Rows, compliance and forces of this step's contacts.
         holds: HoldRegistry. What the jaws hold.
         seal: IntroducerSeal. What the introducer holds.

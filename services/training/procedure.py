@@ -41,7 +41,6 @@ class Procedure:
 
     Attributes:
         time_s: float. Since the first situation.
-        phase: Phase
         deepest_m: float. Largest inserted length so far.
         grasps, regrasps, retries, slips, drops: int. Grasps of the catheter, those after each hand's first, approaches
             to the mouth after a withdrawal, holds that slid through closed jaws, and times that the catheter was let go

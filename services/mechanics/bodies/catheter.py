@@ -45,7 +45,6 @@ class CatheterBody:
     """Particles of the catheter, from the proximal end (0) to the tip.
 
     Attributes:
-        state: RodState
         start_m, motion_m: (n, 3) float64. Positions at the start of the step, and the motion over it without contact
             forces.
         constant_force_n: (n, 3) float64. Loads that effects put on the particles once and for all.

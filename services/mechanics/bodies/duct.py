@@ -29,7 +29,6 @@ class DuctBody:
     lasting contact does no work on the duct in equilibrium.
 
     Attributes:
-        state: ModalState
         modes: (3 C, r) float64. Rows of the modes at the contact points, world axes, d position / d q at the start of
             the step; valid for the contacts of this step, as the next two.
         displacement_m, motion_m: (C, 3) float64. Displacement of the contact points at the start of the step, and their

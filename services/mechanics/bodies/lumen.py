@@ -26,7 +26,6 @@ class Lumen:
     """What a duct's wall and the caps over its openings enclose, moving with the modes, and a catheter in it.
 
     Args:
-        duct: ReducedDuct
         n_particles: int
 
     Attributes:

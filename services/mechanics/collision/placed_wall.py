@@ -67,11 +67,9 @@ class WallPlacement:
     """Places nodes of a straight wall.
 
     Args:
-        duct: ReducedDuct
         like: WallPlacement or None. Of the same wall, to share its residual and bounds. This one only ever follows it.
 
     Attributes:
-        wall: PlacedWall
         bounds: WallBounds. Of the modes, from where the wall stands.
         position_m: (n, 3) float64. Where the nodes are that were placed last; others are where they were.
     """

@@ -18,7 +18,6 @@ class SelfContactDetector:
 
     Args:
         n_particles: int
-        radius_m: float
         margin_m: float. Pairs are reported from this gap on.
         n_apart: int. Segments fewer than this apart along the catheter do not meet: neighbours always touch, and a
             catheter cannot be bent sharper than about its own radius.

@@ -52,12 +52,7 @@ class _Start(NamedTuple):
 
 
 class CandidateSearch:
-    """Finds what touches, and what would, between catheter, tools and wall.
-
-    Args:
-        scene: SceneModel
-        duct: ReducedDuct
-    """
+    """Finds what touches, and what would, between catheter, tools and wall."""
 
     def __init__(self, scene: SceneModel, duct: ReducedDuct) -> None:
         self._radius_m, self._half_m = 0.5 * scene.catheter.outer_diameter_m, 0.5 * scene.duct.thickness_m

@@ -16,7 +16,6 @@ def subtract_duct_motion(rows: ContactRows, displacement: FloatArray, motion: Fl
     A law that fixes a distance asks for it at the end of the step, so its slip loses the whole displacement.
 
     Args:
-        rows: ContactRows
         displacement, motion: (k, 3) float64. Displacement of the contact points at the start of the step and their free
             motion over it.
         first: int. Rows before this one are left as they are.

@@ -26,7 +26,6 @@ class ActiveHold:
     """A hold with the place of its point in the jaws, which moves only when it slips.
 
     Attributes:
-        request: GraspHold
         slot: int. Its place in the arrays that the kernels work on.
     """
 
@@ -68,7 +67,6 @@ class HoldRegistry:
             counted in every step.
         lost: set of int. Numbers of holds that were lost and are still asked for.
         took_up: bool. Whether a hold was taken up in this step.
-        dissipated_j: float
     """
 
     def __init__(self, forceps: tuple[ToolScene, ...], system: ContactSystem) -> None:

@@ -50,7 +50,6 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
         W: (3 k, 3 k) float64. Delassus operator.
         effort: (iterations, tolerance_n). Most sweeps where bodies are apart (`MOTION_TOLERANCE_M`), and the change of
             any force component in a sweep at which to stop.
-        scratch: SolverScratch
     """
     iterations, tolerance_n = effort
     for row in range(W.shape[0]):

@@ -18,12 +18,9 @@ class ContactState(Struct):
     """Contacts of one step, what they are built from, and their solution; room for c contacts, m = 3 c.
 
     Attributes:
-        geometry: ContactGeometry
-        rows: ContactRows
         problem: ContactProblem. Of these rows; its motion are gaps and slips at the end of the step.
         memory: ForceMemory. Of the last step.
         ledger: Ledger. What contacts owe.
-        scratch: SolverScratch
         delassus: (m m,) float64. Delassus operator W, packed as (3 k, 3 k) for k contacts.
         force_n: (c, 3) float64. Forces on the first bodies along world axes.
         slides: (c,) bool

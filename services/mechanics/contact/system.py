@@ -43,7 +43,6 @@ class ContactSystem:
     catheter (banded inverse) and tools (virtual coupling). Every force acts on both its bodies.
 
     Attributes:
-        rows: ContactRows
         geometry: ContactGeometry. What rows are built from.
         strategy: ContactStrategy. How forces are found, as the scene wants it.
         force_n: (C, 3) float64. Forces on the first bodies along world axes.

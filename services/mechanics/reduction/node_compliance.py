@@ -66,7 +66,6 @@ class NodeCompliance:
     """Compliance of a duct in contact, from blocks between nodes that are kept.
 
     Args:
-        duct: ReducedDuct
         n_points: int. Contact points there is room for.
         n_places: int. How many nodes are followed; where contacts touch more, every tick gathers anew.
     """

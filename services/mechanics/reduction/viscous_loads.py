@@ -75,7 +75,6 @@ class ViscousLoads:
             loads: (nodes (l,) int32, forces (l, 3) float64, number of them). Contact forces on the wall in N, each node
                 once, in place.
             store: BlockStore. Blocks of the residual.
-            dt_s: float
         """
         arrays = self._arrays
         if loads[2] == 0 and arrays.count[0] == 0:

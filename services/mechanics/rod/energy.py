@@ -21,7 +21,6 @@ class RodEnergy:
     """Energies in joule.
 
     Attributes:
-        kinetic_j, stretch_j, twist_j: float
         bending_j: float. Of joints and of clamped ends.
         support_j: float. What the introducer's springs hold.
     """

@@ -38,7 +38,6 @@ class Tissue:
     """Wall of a duct.
 
     Attributes:
-        thickness_m, density_kg_m3: Quantity
         axial_modulus_pa, circumferential_modulus_pa: Quantity. Young's moduli along the duct and round it; equal in an
             isotropic wall.
         major_poisson_ratio: Quantity. Contraction along the softer direction per stretch along the stiffer one.

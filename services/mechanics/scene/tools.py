@@ -21,7 +21,6 @@ class GraspHold:
 
     Attributes:
         hold_id: int. Never reused; a new grasp takes a new number.
-        tool: int
         target_kind: int. `pairs.DUCT_TRIANGLE` or `pairs.CATHETER_SEGMENT`.
         target: int. Triangle or segment at the moment of the grasp.
         target_weights: (3,) float64. Barycentric in the triangle; (1 - s, s, 0) on the segment.

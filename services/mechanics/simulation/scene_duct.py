@@ -38,7 +38,6 @@ def build_scene_duct(
     Raises ValueError: the scene names a file and no mesh was given, or a setting makes no sense.
 
     Args:
-        scene: SceneModel
         cache_dir: Path, optional. By default the user's cache.
         progress: callable. Called as ``progress(stage, fraction)``.
         mesh: TriangleMesh, optional. The surface of a scene with ``duct.mesh_file``; such files are read by

@@ -56,7 +56,6 @@ class Simulation:
     catheter or contacts.
 
     Args:
-        scene: SceneModel
         duct: ReducedDuct. From `build_scene_duct`, which lays the effects' constant loads into its rest shape.
         search: ContactSearch, optional. Collision detection; by default that of `services.mechanics.collision`.
     """

@@ -19,7 +19,6 @@ class StepSolver:
     """Finds the forces of a step's rows and gives them to the bodies.
 
     Args:
-        world: World
         tool_force: (n_tools, n_coordinates). What acts on each tool is written here.
 
     Attributes:

@@ -22,7 +22,6 @@ class RotatedResidual(Residual):
     """R along world axes, in the state that ``frame`` was last updated to; a step allocates nothing here.
 
     Attributes:
-        frame: SectionFrame
         corner_rotation: (3 c, 3, 3) float64. Scratch of `gather_points` at up to c points.
         load_n: (6 c, 3) float64. Scratch of `apply`: loads along undeformed axes.
     """

@@ -73,7 +73,6 @@ def follow_loads(
     """Balance the energy of the last step and write the modal force of the next one; see `push_ahead` as well.
 
     Args:
-        address: Address[SoftenedWall]
         loads: (nodes (l,), forces (l, 3)). Contact forces on the wall in the last step.
         modal_force: (r,) float64. What they are on the modes.
         motion: (q (r,), q_start (r,), qdot (r,), qddot (r,)). Modal coordinates at the end and at the start of the last
@@ -340,7 +339,6 @@ def push_ahead(
     """Write the force of the next step, of a pattern that stiffens: that of its end, where it stiffens.
 
     Args:
-        address: Address[SoftenedWall]
         q, end: (r,) float64. Modal coordinates at the start of the step, and at its end if the force stays that of the
             last one.
         position_gain: (r,) float64. What a force that acts at the end of the step moves them by there, see

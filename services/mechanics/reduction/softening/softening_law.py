@@ -62,7 +62,6 @@ class Sample:
     """One equilibrium of the nonlinear reference, a data point of the fit.
 
     Attributes:
-        rho: float
         excess: float. Y of this state.
         share: float. V over the work of the forces: how much an error of Y counts.
         place: (n,) float64. Shares of the nodes in the force, not negative, of sum one.

@@ -57,11 +57,9 @@ class WallSoftening:
     """The trained softening of a wall.
 
     Attributes:
-        sites: LoadSites
         third: (m, m, m) float32. T: third derivatives of the strain energy along the linear responses to unit forces on
             the sites.
         remainder: Remainder. Not known of a wall of many nodes.
-        laws: TwoLaws
     """
 
     sites: LoadSites
