@@ -55,7 +55,7 @@ def _may_command(browser: Chromium) -> list[bool]:
     return allowed
 
 
-def test_a_token_that_is_pasted_into_an_open_tab_commands_the_rig(page: tuple[Chromium, str], tmp_path: Path) -> None:
+def test_an_open_tab_takes_a_token_that_is_pasted_and_gives_it_up(page: tuple[Chromium, str], tmp_path: Path) -> None:
     browser, address = page
     assert _may_command(browser) == [False, False, False]
     assert "open the address" in browser.text("#hand-hint")
@@ -67,11 +67,5 @@ def test_a_token_that_is_pasted_into_an_open_tab_commands_the_rig(page: tuple[Ch
     assert browser.text("#hand-hint").startswith("Move the forceps yourself")
     assert browser.evaluate("trocar.hands.token") == "of-the-next-start"
     browser.screenshot(tmp_path / "page.png")
-
-
-def test_an_address_without_a_token_takes_it_away(page: tuple[Chromium, str]) -> None:
-    browser, address = page
-    browser.open(f"{address}#token=first")
-    browser.until(lambda: all(_may_command(browser)), 20, "the page took the token")
     browser.open(f"{address}#")
     browser.until(lambda: not any(_may_command(browser)), 20, "the page gave the token up")
