@@ -5,6 +5,7 @@
 With ``--cold`` each start has an empty cache of its own; without it one is filled by a start that is not counted, and
 all others use it. ``--against`` names another checkout of the repository, whose starts take turns with those of this
 one: within minutes a host is twice as slow, and tells nothing of two programs that were timed one after the other.
+Each is called with the same options as the one before: options that were found sound once are not checked again.
 Processor time is that of all processes of the rig until it says that it is running. Nothing but the table is written.
 """
 
@@ -34,29 +35,28 @@ _RUNNING = "is running"
 
 def start(checkout: Path, cache: Path, options: list[str]) -> Taken:
     """Start the rig of a checkout and end it as soon as it runs; return the seconds until then, and of processors."""
-    with tempfile.TemporaryDirectory() as folder:
-        places = [f"transport.directory={folder}/bus", "supervisor.web.port=0", "visualization.port=0"]
-        overrides = [word for place in places for word in ("--set", place)]
-        command = [sys.executable, "-c", "import sys; from services.cli.app import main; sys.exit(main())", "up"]
-        environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
-        environment |= {"TROCAR_CACHE_DIR": str(cache), "PYTHONPATH": str(checkout), "PYTHONUNBUFFERED": "1"}
-        began_s = time.monotonic()
-        process = subprocess.Popen(
-            [*command, "--viewer", "web", *overrides, *options],
-            cwd=checkout, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-        )  # fmt: skip
-        try:
-            assert process.stdout is not None
-            said = []
-            for line in process.stdout:
-                said.append(line)
-                if _RUNNING in line:
-                    took_s = time.monotonic() - began_s
-                    living_s = sum(1e-9 * counts.ran_ns for _, counts in threads_of("rig", process.pid, ()))
-                    return took_s, living_s + _ended_s(process.pid)
-        finally:
-            process.terminate()
-            process.communicate()
+    places = [f"transport.directory={cache}/bus", "supervisor.web.port=0", "visualization.port=0"]
+    overrides = [word for place in places for word in ("--set", place)]
+    command = [sys.executable, "-c", "import sys; from services.cli.app import main; sys.exit(main())", "up"]
+    environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+    environment |= {"TROCAR_CACHE_DIR": str(cache), "PYTHONPATH": str(checkout), "PYTHONUNBUFFERED": "1"}
+    began_s = time.monotonic()
+    process = subprocess.Popen(
+        [*command, "--viewer", "web", *overrides, *options],
+        cwd=checkout, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+    )  # fmt: skip
+    try:
+        assert process.stdout is not None
+        said = []
+        for line in process.stdout:
+            said.append(line)
+            if _RUNNING in line:
+                took_s = time.monotonic() - began_s
+                living_s = sum(1e-9 * counts.ran_ns for _, counts in threads_of("rig", process.pid, ()))
+                return took_s, living_s + _ended_s(process.pid)
+    finally:
+        process.terminate()
+        process.communicate()
     raise SystemExit(f"{checkout}: the rig did not run:\n{''.join(said[-20:])}")
 
 

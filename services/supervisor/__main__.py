@@ -20,6 +20,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     start_up.end()
     try:
         options = parse("supervisor", arguments)
+        if options.prepare_only:  # there is nothing that takes long
+            return 0
         with closing(ForkServer()) as fork_server:
             process = open_session(options)
             try:

@@ -106,3 +106,9 @@ def test_what_only_a_basis_is_built_with_is_not_imported(process: str) -> None:
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.split() == []
+
+
+def test_a_supervisor_that_is_to_prepare_only_starts_no_rig() -> None:
+    command = [sys.executable, "-m", "services.supervisor", "--prepare-only"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
