@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -44,7 +45,12 @@ class Felt:
 def write_page(felt: Felt, made_with: Sequence[str], figures: Path, page: Path) -> None:
     """Write the page; `figures` is the folder of its figures, beside it."""
     with atomic_file(page) as half:
-        half.write_text("\n".join(_lines(felt, made_with, figures.name)), encoding="utf-8")
+        half.write_text("\n".join(map(_tight, _lines(felt, made_with, figures.name))), encoding="utf-8")
+
+
+def _tight(line: str) -> str:
+    """Return a row of a table without the spaces that only align it."""
+    return re.sub(r" *\| *", "|", line) if line.startswith("|") else line
 
 
 def _lines(felt: Felt, made_with: Sequence[str], figures: str) -> Iterator[str]:

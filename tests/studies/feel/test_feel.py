@@ -114,14 +114,14 @@ def test_the_page_tells_what_was_found(tmp_path: Path) -> None:
     write_page(felt, ["made so"], tmp_path / "felt", tmp_path / "felt.md")
     page = (tmp_path / "felt.md").read_text(encoding="utf-8")
     assert "theory is **4.0 %**" in " ".join(page.split())
-    assert f"| local model, bounded | **{found.gaining}** of 2 |" in page
-    assert "| 5 | 50.0%, 20.0% | 50.0%, 50.0% | 50.0%, 20.0% | 50.0%, 50.0% |" in page
-    assert "| wall, applied by the arm | 95.1% | 23.4% |" in page
+    assert f"|local model, bounded|**{found.gaining}** of 2|" in page
+    assert "|5|50.0%, 20.0%|50.0%, 50.0%|50.0%, 20.0%|50.0%, 50.0%|" in page
+    assert "|wall, applied by the arm|95.1%|23.4%|" in page
     assert "**-0.5 %** against the wall of the rig" in " ".join(page.split())
     assert "- 3,500 ticks, 7 of them lost" in page
-    assert "| touch | yes | 960 | 0 | nothing |" in page
-    assert "| touch | 1.9% (1.7%) |" in page
-    assert "| a spring alone | 316 (319) | 2 | 0 | 15% |" in page
+    assert "|touch|yes|960|0|nothing|" in page
+    assert "|touch|1.9% (1.7%)|" in page
+    assert "|a spring alone|316 (319)|2|0|15%|" in page
     assert max(map(len, page.splitlines())) <= 120
     write_page(replace(felt, running=None), [], tmp_path / "felt", tmp_path / "felt.md")
     assert "Not measured: `trocar haptics --running`" in (tmp_path / "felt.md").read_text(encoding="utf-8")
