@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.__main__ import Outcome, exit_code, run_part, summary
+from tests.__main__ import Outcome, exit_code, measure_rates, run_part, summary
 
 SUITE = """
 import pytest
@@ -55,3 +55,16 @@ def test_what_starts_a_rig_is_in_the_second_part_and_nothing_else() -> None:
     assert "test_duct_alone" not in first
     assert "test_duct_alone" in second
     assert "test_topics" not in second
+
+
+def test_what_the_long_run_starts_after_the_tests_can_be_started(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One of its modules named another that was gone: the run of hours ended with an error."""
+    run, asked = subprocess.run, []
+
+    def run_help(command: list[str], *, check: bool) -> subprocess.CompletedProcess[str]:
+        asked.append(run([*command, "--help"], check=check, capture_output=True, text=True))
+        return asked[-1]
+
+    monkeypatch.setattr(subprocess, "run", run_help)
+    assert measure_rates(seed=1) == 0
+    assert all("usage" in each.stdout.lower() for each in asked)
