@@ -197,7 +197,6 @@ def test_a_picture_comes_on_demand_and_one_at_a_time(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(find() is None, reason="no browser here")
-@pytest.mark.rig
 def test_the_page_shows_the_class_and_takes_no_text_for_markup(tmp_path: Path) -> None:
     with rigs(10) as (contexts, addresses), Chromium(tmp_path / "profile") as browser:
         contexts[3].latest = state(state="safe_stop", reason="<img src=x onerror=document.title='hacked'>")

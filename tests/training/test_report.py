@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
 
@@ -125,61 +126,66 @@ def test_ticks_are_few_and_within(low: float, high: float) -> None:
     assert all(low - 1e-9 <= each <= high + 1e-9 for each in found)
 
 
-@pytest.mark.rig
-@pytest.mark.skipif(chromium.find() is None, reason="no Chromium")
-def test_a_browser_draws_it_dark_and_light_and_on_a_phone(tmp_path: Path, erring: Assessment) -> None:
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[chromium.Chromium]:
+    if chromium.find() is None:
+        pytest.skip("no Chromium")
+    with chromium.Chromium(tmp_path_factory.mktemp("browser") / "profile") as browser:
+        yield browser
+
+
+def test_a_browser_draws_it_dark_and_light_and_on_a_phone(
+    tmp_path: Path, erring: Assessment, browser: chromium.Chromium
+) -> None:
     path = tmp_path / "report.html"
     path.write_text(render(erring, RULES, trainee="heron-17", past=past(erring, [40.0, 30.0, 25.0, 22.0, 20.0, 16.0])))
     grounds = []
-    with chromium.Chromium(tmp_path / "profile") as browser:
-        for scheme, width in (("light", 1280), ("dark", 390)):
-            browser.command("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
-            browser.set_size(width, 800)
-            browser.open(path.as_uri())
-            browser.until(lambda: browser.evaluate("document.readyState") == "complete", 60, "the report is there")
-            assert browser.text(".badge") == "does not count"
-            assert browser.evaluate("document.querySelectorAll('#timeline a').length") == len(erring.errors)
-            assert browser.evaluate("document.documentElement.scrollWidth") <= width
-            drawn = "pen.getImageData(0, 0, canvas.width, canvas.height).data.some(value => value > 0)"
-            assert browser.evaluate(drawn)
-            grounds.append(browser.evaluate("getComputedStyle(document.body).backgroundColor"))
+    for scheme, width in (("light", 1280), ("dark", 390)):
+        browser.command("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+        browser.set_size(width, 800)
+        browser.open(path.as_uri())
+        browser.until(lambda: browser.evaluate("document.readyState") == "complete", 60, "the report is there")
+        assert browser.text(".badge") == "does not count"
+        assert browser.evaluate("document.querySelectorAll('#timeline a').length") == len(erring.errors)
+        assert browser.evaluate("document.documentElement.scrollWidth") <= width
+        drawn = "pen.getImageData(0, 0, canvas.width, canvas.height).data.some(value => value > 0)"
+        assert browser.evaluate(drawn)
+        grounds.append(browser.evaluate("getComputedStyle(document.body).backgroundColor"))
     assert grounds == ["rgb(255, 255, 255)", "rgb(12, 16, 20)"]
 
 
-@pytest.mark.rig
-@pytest.mark.skipif(chromium.find() is None, reason="no Chromium")
-def test_a_click_on_a_mark_plays_the_attempt_from_three_seconds_before(tmp_path: Path, erring: Assessment) -> None:
+def test_a_click_on_a_mark_plays_the_attempt_from_three_seconds_before(
+    tmp_path: Path, erring: Assessment, browser: chromium.Chromium
+) -> None:
     path = tmp_path / "report.html"
     path.write_text(render(erring, RULES))
     mark = "document.querySelector('#timeline a text').getBoundingClientRect().toJSON()"
-    with chromium.Chromium(tmp_path / "profile") as browser:
-        browser.open(path.as_uri())
-        browser.until(lambda: browser.evaluate("document.readyState") == "complete", 60, "the report is there")
-        assert browser.evaluate("place") is None
-        browser.evaluate(
-            "globalThis.draws = []; const drawn = go; go = (to, plays) => { draws.push(to); drawn(to, plays); }"
-        )
-        box = browser.evaluate(mark)
-        at = {
-            "x": box["x"] + 0.5 * box["width"],
-            "y": box["y"] + 0.5 * box["height"],
-            "button": "left",
-            "clickCount": 1,
-        }
-        for kind in ("mousePressed", "mouseReleased"):
-            browser.command("Input.dispatchMouseEvent", type=kind, **at)
-        began_s = erring.errors[0].begin_s - 3.0
-        browser.until(lambda: browser.evaluate("draws.length > 2"), 60, "it plays")
-        assert browser.evaluate("draws[0]") == pytest.approx(began_s, abs=0.01)
-        assert browser.evaluate("place") > began_s
-        assert browser.evaluate("document.getElementById('paths').getBoundingClientRect().top < innerHeight"), (
-            "in sight"
-        )
-        assert " mm in" in browser.text("#where")
-        browser.evaluate("document.getElementById('play').click()")
-        halted = browser.evaluate("[playing, place, place]")
-        assert halted[0] is False
-        assert browser.evaluate("document.getElementById('play').textContent") == "Play"
+    browser.set_size(1280, 800)
+    browser.open(path.as_uri())
+    browser.until(lambda: browser.evaluate("document.readyState") == "complete", 60, "the report is there")
+    assert browser.evaluate("place") is None
+    browser.evaluate(
+        "globalThis.draws = []; const drawn = go; go = (to, plays) => { draws.push(to); drawn(to, plays); }"
+    )
+    box = browser.evaluate(mark)
+    at = {
+        "x": box["x"] + 0.5 * box["width"],
+        "y": box["y"] + 0.5 * box["height"],
+        "button": "left",
+        "clickCount": 1,
+    }
+    for kind in ("mousePressed", "mouseReleased"):
+        browser.command("Input.dispatchMouseEvent", type=kind, **at)
+    began_s = erring.errors[0].begin_s - 3.0
+    browser.until(lambda: browser.evaluate("draws.length > 2"), 60, "it plays")
+    assert browser.evaluate("draws[0]") == pytest.approx(began_s, abs=0.01)
+    assert browser.evaluate("place") > began_s
+    assert browser.evaluate("document.getElementById('paths').getBoundingClientRect().top < innerHeight"), "in sight"
+    assert " mm in" in browser.text("#where")
+    browser.evaluate("document.getElementById('play').click()")
+    halted = browser.evaluate("[playing, place, place]")
+    assert halted[0] is False
+    assert browser.evaluate("document.getElementById('play').textContent") == "Play"
 
 
 def test_an_attempt_of_which_nothing_was_recorded_has_a_report_too() -> None:
