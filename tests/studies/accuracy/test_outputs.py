@@ -3,8 +3,6 @@
 import csv
 import json
 import re
-import shutil
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,6 +20,7 @@ from studies.accuracy.study import Cost, Row
 from studies.accuracy.sweeps import mesh, modes
 from studies.commands import study as command
 from studies.commands.study import write_results
+from tests import chromium
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -202,68 +201,79 @@ def test_what_is_no_study_beside_a_page_is_one_sentence(text, tmp_path):
         read_section(file)
 
 
-def shown_by_a_browser(page, tmp_path):
-    command = ["chromium", "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}"]
-    return subprocess.run([*command, "--dump-dom", f"file://{page}"], capture_output=True, text=True, timeout=100)
+@pytest.fixture(scope="module")
+def shown(tmp_path_factory):
+    """Return the elements of a page as a browser has them when its scripts have run."""
+    if chromium.find() is None:
+        pytest.skip("no browser here")
+    with chromium.Chromium(tmp_path_factory.mktemp("browser") / "profile") as browser:
+
+        def elements(page):
+            browser.open(page.as_uri())
+            browser.until(lambda: browser.evaluate("document.readyState") == "complete", 100, "the page is there")
+            return browser.evaluate("document.documentElement.outerHTML")
+
+        yield elements
 
 
-@pytest.mark.skipif(shutil.which("chromium") is None, reason="no browser here")
-def test_large_numbers_leave_room_for_what_the_axis_is_called(tmp_path):
+def test_large_numbers_leave_room_for_what_the_axis_is_called(shown, tmp_path):
     """Millions of operations were written over it."""
     rows = [replace(row, error=1.2e7 * row.error + 1.0, is_known=False) for row in some_rows()]
     write_page(rows, {"modes": Text("modes", "")}, facts_of("abc"), tmp_path / "index.html")
-    shown = shown_by_a_browser(tmp_path / "index.html", tmp_path)
-    ticks = [each for each in re.findall(r'text-anchor="end">([^<]*)</text>', shown.stdout) if "modes" not in each]
+    page = shown(tmp_path / "index.html")
+    ticks = [each for each in re.findall(r'text-anchor="end">([^<]*)</text>', page) if "modes" not in each]
     assert "4e6" in ticks
     assert max(map(len, ticks)) <= len("0.0001")
 
 
-def acted(rows, act, tmp_path):
-    """Return the page's elements after a script, in a browser."""
-    write_page(rows, {"modes": Text("modes", "")}, facts_of("abc"), tmp_path / "index.html")
-    page = (tmp_path / "index.html").read_text()
-    (tmp_path / "acted.html").write_text(page.replace("</html>", f"<script>{act}</script></html>"))
-    return shown_by_a_browser(tmp_path / "acted.html", tmp_path).stdout
+@pytest.fixture
+def acted(shown, tmp_path):
+    """Return the elements of the page of some rows after a script."""
+
+    def elements(rows, act):
+        write_page(rows, {"modes": Text("modes", "")}, facts_of("abc"), tmp_path / "index.html")
+        page = (tmp_path / "index.html").read_text()
+        (tmp_path / "acted.html").write_text(page.replace("</html>", f"<script>{act}</script></html>"))
+        return shown(tmp_path / "acted.html")
+
+    return elements
 
 
-@pytest.mark.skipif(shutil.which("chromium") is None, reason="no browser here")
-def test_points_that_lie_on_one_another_can_be_chosen_by_mouse(tmp_path):
+def test_points_that_lie_on_one_another_can_be_chosen_by_mouse(acted):
     rows = [
         Row("modes", name, "", "force", 1.0, "%", cost=Cost(us, us, 1.0), choices={"n": name})
         for name, us in (("under", 100.0), ("over", 100.0), ("far", 300.0))
     ]
     click = "dispatchEvent(new MouseEvent('click'))"
     at_place = f"document.querySelectorAll('circle')[1].{click};"
-    shown = acted(rows, at_place, tmp_path)
-    assert "2 points lie here: " in shown
-    assert re.findall(r'<button type="button" aria-pressed="(\w+)">(\w+)', shown) == [
+    page = acted(rows, at_place)
+    assert "2 points lie here: " in page
+    assert re.findall(r'<button type="button" aria-pressed="(\w+)">(\w+)', page) == [
         ("false", "under"),
         ("true", "over"),
     ]
-    assert "<th>n</th><td>over</td>" in shown
-    shown = acted(rows, at_place + f"document.querySelector('#here button').{click};", tmp_path)
-    assert "<th>n</th><td>under</td>" in shown
-    assert re.search(r'class="[^"]*chosen"><title>under', shown.rpartition("<circle")[2]), "in front of what covered it"
-    alone = acted(rows, f"document.querySelectorAll('circle')[2].{click};", tmp_path)
+    assert "<th>n</th><td>over</td>" in page
+    page = acted(rows, at_place + f"document.querySelector('#here button').{click};")
+    assert "<th>n</th><td>under</td>" in page
+    assert re.search(r'class="[^"]*chosen"><title>under', page.rpartition("<circle")[2]), "in front of what covered it"
+    alone = acted(rows, f"document.querySelectorAll('circle')[2].{click};")
     assert re.search(r'<p id="here" hidden=""', alone)
     assert "<th>n</th><td>far</td>" in alone
 
 
-@pytest.mark.skipif(shutil.which("chromium") is None, reason="no browser here")
-def test_a_series_that_is_in_the_way_can_be_left_out_and_its_frontier_with_it(tmp_path):
+def test_a_series_that_is_in_the_way_can_be_left_out_and_its_frontier_with_it(acted):
     rows = [
         Row("modes", name, series, "force", error, "%", cost=Cost(us, us, 1.0))
         for name, series, error, us in (("a", "one", 2.0, 100.0), ("b", "two", 1.0, 90.0), ("c", "one", 1.5, 200.0))
     ]
     leave_out = "document.querySelectorAll('#legend input')[1].click();"
-    shown = acted(rows, leave_out, tmp_path)
-    assert shown.count("<circle") == 2
-    assert len(re.search(r'class="best" points="([^"]+)"', shown)[1].split()) == 2
-    assert acted(rows, leave_out + leave_out, tmp_path).count("<circle") == 3
+    page = acted(rows, leave_out)
+    assert page.count("<circle") == 2
+    assert len(re.search(r'class="best" points="([^"]+)"', page)[1].split()) == 2
+    assert acted(rows, leave_out + leave_out).count("<circle") == 3
 
 
-@pytest.mark.skipif(shutil.which("chromium") is None, reason="no browser here")
-def test_a_figure_of_a_studys_own_is_held_by_the_page(tmp_path):
+def test_a_figure_of_a_studys_own_is_held_by_the_page(shown, acted, tmp_path):
     (tmp_path / "own.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg" width="30" height="20"/>')
     texts = {"modes": Text("modes", "", figure=held_figure(tmp_path / "own.svg"))}
     write_page(some_rows(), texts, facts_of("abc"), tmp_path / "index.html")
@@ -271,12 +281,11 @@ def test_a_figure_of_a_studys_own_is_held_by_the_page(tmp_path):
     act = "const own = by('figure'); own.onload = () => { document.title = `${own.hidden} ${own.naturalWidth}`; };"
     page = (tmp_path / "index.html").read_text().replace("quantities();\n</script>", f"{act} quantities();\n</script>")
     (tmp_path / "acted.html").write_text(page)
-    assert "<title>false 30</title>" in shown_by_a_browser(tmp_path / "acted.html", tmp_path).stdout
-    assert re.search(r'<img id="figure"[^>]* hidden=""', acted(some_rows(), "", tmp_path))
+    assert "<title>false 30</title>" in shown(tmp_path / "acted.html")
+    assert re.search(r'<img id="figure"[^>]* hidden=""', acted(some_rows(), ""))
 
 
-@pytest.mark.skipif(shutil.which("chromium") is None, reason="no browser here")
-def test_the_frontier_of_the_page_is_that_of_the_table(tmp_path):
+def test_the_frontier_of_the_page_is_that_of_the_table(acted):
     draw = np.random.default_rng(3)
     powers = draw.uniform(-6.0, 1.0, 40)
     times_us = 150.0 - 15.0 * powers + draw.uniform(-10.0, 10.0, 40)
@@ -285,19 +294,18 @@ def test_the_frontier_of_the_page_is_that_of_the_table(tmp_path):
         for k, (power, us, noise) in enumerate(zip(powers, times_us, draw.uniform(0.0, 6.0, 40), strict=True))
     ]
     tell = "document.title = frontier(ofStudy()).map(row => row.setting).join(' ')"
-    told = re.search(r"<title>([\d ]+)</title>", acted(rows, tell, tmp_path))
+    told = re.search(r"<title>([\d ]+)</title>", acted(rows, tell))
     assert told[1].split() == [row.setting for row in frontier(rows)]
     assert len(told[1].split()) > 2
 
 
-@pytest.mark.skipif(shutil.which("chromium") is None, reason="no browser here")
-def test_a_point_can_be_chosen_in_a_browser(written, tmp_path):
+def test_a_point_can_be_chosen_in_a_browser(written, shown):
     page = (written / "index.html").read_text()
     act = "by('budget').value = 120; draw(); document.querySelector('circle').dispatchEvent(new MouseEvent('click'))"
     (written / "clicked.html").write_text(page.replace("</html>", f"<script>{act}</script></html>"))
-    done = shown_by_a_browser(written / "clicked.html", tmp_path)
-    assert done.stdout.count("<circle") == 3
-    assert re.search(r"<th>duct.n_modes</th><td>20</td>", done.stdout)
-    assert "Least wrong within 120 us: 20 modes, 0.3333 % in 100 us." in done.stdout
-    assert "<li>6 rows were read.</li>" in done.stdout
-    assert done.stdout.count('class="name"') == 3
+    done = shown(written / "clicked.html")
+    assert done.count("<circle") == 3
+    assert re.search(r"<th>duct.n_modes</th><td>20</td>", done)
+    assert "Least wrong within 120 us: 20 modes, 0.3333 % in 100 us." in done
+    assert "<li>6 rows were read.</li>" in done
+    assert done.count('class="name"') == 3
