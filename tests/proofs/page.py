@@ -6,13 +6,14 @@ import math
 import statistics
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from textwrap import shorten
 
 from scipy import stats
 
 from studies.rates import rate
 from tests.proofs.trials import Line, Proof, counted
 
-_SHOWN = 20
+_SHOWN, _LONGEST = 20, 120
 
 
 def page(lines: Mapping[Proof, Sequence[Line]], machine: str) -> str:
@@ -29,7 +30,7 @@ def page(lines: Mapping[Proof, Sequence[Line]], machine: str) -> str:
         rows += _soaked(proof, counted(proof, list(some))) if proof.at_once else []
     failures = [(proof, each) for proof, some in lines.items() for each in some if each.found.failed]
     rows += ["## What failed", ""] if failures else []
-    rows += [f"- {proof.name}, seed {each.seed}: {each.found.why[0].splitlines()[-1]}"
+    rows += [f"- {proof.name}, seed {each.seed}: {shorten(each.found.why[0].splitlines()[-1], _LONGEST)}"
              for proof, each in failures[:_SHOWN]]  # fmt: skip
     rows += [f"- and {len(failures) - _SHOWN} more"] if len(failures) > _SHOWN else []
     return "\n".join(rows).rstrip() + "\n"
