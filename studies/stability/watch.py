@@ -240,11 +240,11 @@ class _Rod:
         catheter = simulation.catheter
         model: RodModel = implicit_integrator(simulation).model
         self._state = catheter.state
-        self._rest_m = model.rest_length
+        self._rest_m = float(model.rest_length[0])
         self._radius_m = catheter.radius_m
-        self.length_m = model.rest_length * len(model.EA)
+        self.length_m = float(model.rest_length.sum())
         self.stiffness_n = float(model.EA.min())
-        self.sound_m_s = math.sqrt(float(model.EA.max()) * model.rest_length / float(model.mass[1:-1].min()))
+        self.sound_m_s = math.sqrt(float(model.EA.max()) * self._rest_m / float(model.mass[1:-1].min()))
 
     def speed_m_s(self) -> float:
         velocity: FloatArray = self._state.velocity_m_s

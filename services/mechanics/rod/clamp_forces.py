@@ -6,7 +6,7 @@ import math
 
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import row
-from services.mechanics.rod.elasticity import SHORTEST, Scale, bending_angle, geometric_bending, joint_gradient
+from services.mechanics.rod.elasticity import Scale, bending_angle, bent_length, geometric_bending, joint_gradient
 from services.mechanics.rod.model import RodModel, RodWork
 
 
@@ -17,18 +17,17 @@ def add_wall_joints(model: RodModel, work: RodWork, scale: Scale) -> None:
     The same bending spring as inside the rod, with one of its two tangents fixed in space.
     """
     last = work.length.shape[0] - 1
-    shortest = SHORTEST * model.rest_length
     if not math.isnan(model.walls[0, 0]):
         wall = row(model.walls, 0)
         segment = row(work.tangent, 0)
         theta, b = bending_angle(wall, segment)
-        joint_gradient(wall, segment, (math.inf, max(work.length[0], shortest)), b, work.gradient)
+        joint_gradient(wall, segment, (math.inf, bent_length(model, work, 0)), b, work.gradient)
         _apply_wall(model, work, theta, (0, 3), scale)
     if not math.isnan(model.walls[1, 0]):
         wall = row(model.walls, 1)
         segment = row(work.tangent, last)
         theta, b = bending_angle(segment, wall)
-        joint_gradient(segment, wall, (max(work.length[last], shortest), math.inf), b, work.gradient)
+        joint_gradient(segment, wall, (bent_length(model, work, last), math.inf), b, work.gradient)
         _apply_wall(model, work, theta, (last, 0), scale)
 
 

@@ -50,8 +50,8 @@ def segment_geometry(model: RodModel, work: RodWork) -> None:
         e = (x[j + 1, 0] - x[j, 0], x[j + 1, 1] - x[j, 1], x[j + 1, 2] - x[j, 2])
         length = math.sqrt(dot(e, e))
         work.length[j] = length
-        work.elongation[j] = length - model.rest_length
-        work.taut[j] = length - model.rest_length
+        work.elongation[j] = length - model.rest_length[j]
+        work.taut[j] = length - model.rest_length[j]
         work.chord[j] = 1.0
         if length > 0.0:
             for c in range(3):
@@ -75,8 +75,8 @@ def mean_elongation(model: RodModel, work: RodWork) -> None:
             before += start * start
             after += end * end
         mean = 0.5 * (math.sqrt(before) + math.sqrt(after))
-        work.elongation[j] = mean - model.rest_length
-        work.taut[j] = math.sqrt(before) - model.rest_length
+        work.elongation[j] = mean - model.rest_length[j]
+        work.taut[j] = math.sqrt(before) - model.rest_length[j]
         work.chord[j] = work.length[j] / mean if mean > 0.0 else 1.0
 
 
@@ -105,7 +105,7 @@ def stretch_energy(model: RodModel, work: RodWork) -> float:
     """Stretch energy [J] at the geometry in ``work``."""
     total = 0.0
     for j in range(work.length.shape[0]):
-        total += 0.5 * model.EA[j] / model.rest_length * (work.length[j] - model.rest_length) ** 2
+        total += 0.5 * model.EA[j] / model.rest_length[j] * (work.length[j] - model.rest_length[j]) ** 2
     return total
 
 
@@ -125,9 +125,9 @@ def add_stretch(model: RodModel, work: RodWork) -> None:
     f = work.force
     for j in range(work.length.shape[0]):
         t = row(work.tangent, j)
-        k = model.EA[j] / model.rest_length
+        k = model.EA[j] / model.rest_length[j]
         lead, aside = _lead(work, j)
-        along = work.chord[j] * k * (work.elongation[j] + dot(t, lead))
+        along = work.chord[j] * k * (work.elongation[j] + dot(t, lead) - model.unresisted[j])
         across = geometric_stretch(model, work, j)
         along -= across * dot(t, aside)
         for c in range(3):
@@ -149,8 +149,8 @@ def _lead(work: RodWork, j: int) -> tuple[Vector, Vector]:
 @kernel
 def geometric_stretch(model: RodModel, work: RodWork, j: int) -> float:
     """Stiffness of segment j across itself: its tension over its length, nothing where it is compressed."""
-    k = model.EA[j] / model.rest_length
-    return float(k * max(0.0, work.taut[j]) / max(work.length[j], model.rest_length))
+    k = model.EA[j] / model.rest_length[j]
+    return float(k * max(0.0, work.taut[j]) / max(work.length[j], model.rest_length[j]))
 
 
 @kernel
@@ -159,7 +159,7 @@ def add_stretch_tangent(model: RodModel, work: RodWork, scale: Scale) -> None:
     band = work.band
     for j in range(work.length.shape[0]):
         t = row(work.tangent, j)
-        k = model.EA[j] / model.rest_length
+        k = model.EA[j] / model.rest_length[j]
         geometric = scale[1] * geometric_stretch(model, work, j)
         along = scale[0] * k - geometric
         first = 3 * j
@@ -223,12 +223,11 @@ def add_rank_one(band: FloatArray, first: int, vector: FloatArray, factor: float
 @kernel
 def add_bending(model: RodModel, work: RodWork) -> None:
     """Add the bending forces -k (theta + d theta/dx . lead) d theta/dx, and note what their tangent follows from."""
-    shortest = SHORTEST * model.rest_length
     for i in range(model.joint_stiffness.shape[0]):
         t = row(work.tangent, i)
         u = row(work.tangent, i + 1)
         theta, b = bending_angle(t, u)
-        joint_gradient(t, u, (max(work.length[i], shortest), max(work.length[i + 1], shortest)), b, work.joint[i])
+        joint_gradient(t, u, (bent_length(model, work, i), bent_length(model, work, i + 1)), b, work.joint[i])
         q, r = work.joint[i, 0], work.joint[i, 1]
         k = model.joint_stiffness[i]
         add_joint_force(q, k * (theta + joint_strain(q, work.lead[0], i)), i, work.force)
@@ -236,6 +235,12 @@ def add_bending(model: RodModel, work: RodWork) -> None:
         aside = geometric_bending(theta) if has_plane else 1.0
         add_joint_force(r, k * aside * joint_strain(r, work.lead[1 if has_plane else 0], i), i, work.force)
         work.has_plane[i], work.aside[i] = has_plane, aside
+
+
+@kernel
+def bent_length(model: RodModel, work: RodWork, j: int) -> float:
+    """Length of a segment for bending: no shorter than `SHORTEST` lets it be."""
+    return float(max(work.length[j], SHORTEST * model.rest_length[j]))
 
 
 @kernel

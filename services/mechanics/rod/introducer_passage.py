@@ -110,7 +110,7 @@ def depth_weight(model: RodModel, i: int, axial: float) -> tuple[float, float]:
     The ends of the rod stay held where they are beyond the far plane: a stop gives way a little.
     """
     length = model.introducer.length
-    ramp = min(model.rest_length, 0.5 * length)
+    ramp = min(model.rest_length[0], 0.5 * length)
     if axial < ramp and i < model.mass.shape[0] - 1:
         return max(axial, 0.0) / ramp, 1.0 / ramp if axial > 0.0 else 0.0
     if axial > length - ramp and i > 0:
@@ -127,12 +127,11 @@ def stop_overlap(model: RodModel, x: FloatArray, passage: Passage) -> tuple[int,
     introducer.
     """
     length = model.introducer.length
-    n = x.shape[0]
     if not passage.has_entry and passage.first == 0:
-        over = axial_position(model.introducer, x, 0) - (length - min(2.0 * model.rest_length, 0.5 * length))
+        over = axial_position(model.introducer, x, 0) - (length - min(2.0 * model.rest_length[0], 0.5 * length))
         if over > 0.0:
             return 0, over
-    bead = max(n - 1 - int(np.ceil(model.introducer.least_tip / model.rest_length)), 0)
+    bead = max(model.tip - int(np.ceil(model.introducer.least_tip / model.rest_length[0])), 0)
     if passage.last >= bead:
         short = axial_position(model.introducer, x, bead) - length
         if short < 0.0:

@@ -14,13 +14,15 @@ from services.mechanics.rod.supports import IntroducerSprings, Supports
 
 
 class RodModel(Struct):
-    """What a rod is: n particles, n - 1 segments, n - 2 joints. No kernel writes to it."""
+    """What a rod is: n particles, n - 1 segments, n - 2 joints. No kernel of a step writes to it."""
 
     mass: Annotated[FloatArray, "n"]  # kg
     drag: Annotated[FloatArray, "n"]  # N s/m
     EA: Annotated[FloatArray, "n - 1"]  # N
     joint_stiffness: Annotated[FloatArray, "n - 2"]  # N m/rad
-    rest_length: float  # of a segment, m
+    rest_length: Annotated[FloatArray, "n - 1"]  # m
+    unresisted: Annotated[FloatArray, "n - 1"]  # beta times the rate at which that grows, m: no strain, not damped
+    tip: int  # the particle at the catheter's tip; beyond it lies what is out of a guide wire
     beta: float  # Kelvin-Voigt damping of the material, s
     walls: Annotated[FloatArray, 2, 3]  # directions of clamped ends; NaN rows where an end may turn
     wall_stiffness: Annotated[FloatArray, 2]  # N m/rad
@@ -69,7 +71,9 @@ def build_model(properties: RodProperties, supports: Supports) -> RodModel:
         drag=properties.particle_drag_n_s_m(),
         EA=properties.per_segment("axial_stiffness_n"),
         joint_stiffness=properties.joint_stiffness_n_m(),
-        rest_length=properties.segment_length_m,
+        rest_length=np.full(properties.n_segments, properties.segment_length_m),
+        unresisted=np.zeros(properties.n_segments),
+        tip=properties.n_particles - 1,
         beta=float(properties.internal_damping_s),
         walls=supports.wall_directions(),
         wall_stiffness=2.0 * EI[[0, -1]] / properties.segment_length_m,

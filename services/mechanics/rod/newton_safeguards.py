@@ -27,7 +27,7 @@ def put_held(model: RodModel, work: RodWork, x: FloatArray, v: FloatArray, targe
     """
     kinetic, floor = 0.0, 0.0
     for i in range(x.shape[0]):
-        floor += 0.5 * model.mass[i] * (_STILL * model.rest_length / dt_s) ** 2
+        floor += 0.5 * model.mass[i] * (_STILL * model.rest_length[0] / dt_s) ** 2
         for c in range(3):
             work.velocity_change[i, c] = 0.0
             kinetic += 0.5 * model.mass[i] * v[i, c] * v[i, c]
@@ -42,8 +42,8 @@ def put_held(model: RodModel, work: RodWork, x: FloatArray, v: FloatArray, targe
 @kernel
 def turns_little(model: RodModel, x: FloatArray, v: FloatArray, dt_s: float) -> bool:
     """Whether no segment turns or stretches by more than _FARTHEST in a step."""
-    most = (_FARTHEST * model.rest_length / dt_s) ** 2
     for j in range(x.shape[0] - 1):
+        most = (_FARTHEST * model.rest_length[j] / dt_s) ** 2
         squared = 0.0
         for c in range(3):
             squared += (v[j + 1, c] - v[j, c]) ** 2
@@ -87,7 +87,7 @@ def _stretched(model: RodModel, work: RodWork, x: FloatArray, v: FloatArray, way
                 else:
                     edge += sign * share * dt_s * v[i, c]
             squared += edge * edge
-        total += 0.5 * model.EA[j] / model.rest_length * (math.sqrt(squared) - model.rest_length) ** 2
+        total += 0.5 * model.EA[j] / model.rest_length[j] * (math.sqrt(squared) - model.rest_length[j]) ** 2
     return total
 
 
@@ -142,12 +142,12 @@ def _excess_stretch(model: RodModel, work: RodWork, form: StepForm, share: float
     total = 0.0
     for j in range(model.EA.shape[0]):
         before, after, along, squared = _end_lengths(work, form, share, j)
-        strain = before - model.rest_length
+        strain = before - model.rest_length[j]
         quadratic = strain * along + 0.5 * along * along
         if work.taut[j] > 0.0:
-            quadratic += 0.5 * work.taut[j] / max(work.length[j], model.rest_length) * (squared - along * along)
-        now = after - model.rest_length
-        total += model.EA[j] / model.rest_length * (0.5 * (now * now - strain * strain) - quadratic)
+            quadratic += 0.5 * work.taut[j] / max(work.length[j], model.rest_length[j]) * (squared - along * along)
+        now = after - model.rest_length[j]
+        total += model.EA[j] / model.rest_length[j] * (0.5 * (now * now - strain * strain) - quadratic)
     return total
 
 
@@ -165,7 +165,7 @@ def correct_stretch(model: RodModel, work: RodWork, form: StepForm) -> float:
     for j in range(n - 1):
         before, after, along, _ = _end_lengths(work, form, 1.0, j)
         error = after - before - along
-        k = model.EA[j] / model.rest_length
+        k = model.EA[j] / model.rest_length[j]
         energy += 0.5 * k * error * error
         pull = form.at * form.dt_s * work.chord[j] * k * error
         x, y, z = pull * work.tangent[j, 0], pull * work.tangent[j, 1], pull * work.tangent[j, 2]

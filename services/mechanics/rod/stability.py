@@ -22,7 +22,7 @@ def largest_frequency_rad_s(model: RodModel) -> float:
     """
     n = model.mass.shape[0]
     work = allocate_work(n)
-    work.position[:, 0] = model.rest_length * np.arange(n)
+    work.position[1:, 0] = np.cumsum(model.rest_length)
     walls = np.where(np.isnan(model.walls), np.nan, [1.0, 0.0, 0.0])
     straight = RodModel(
         mass=model.mass,
@@ -30,6 +30,8 @@ def largest_frequency_rad_s(model: RodModel) -> float:
         EA=model.EA,
         joint_stiffness=model.joint_stiffness,
         rest_length=model.rest_length,
+        unresisted=model.unresisted,
+        tip=model.tip,
         beta=0.0,
         walls=walls,
         wall_stiffness=model.wall_stiffness,

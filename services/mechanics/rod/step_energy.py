@@ -33,7 +33,7 @@ def elastic_energy(model: RodModel, x: FloatArray) -> float:
         edge = (x[j + 1, 0] - x[j, 0], x[j + 1, 1] - x[j, 1], x[j + 1, 2] - x[j, 2])
         length = math.sqrt(dot(edge, edge))
         tangent = (edge[0] / length, edge[1] / length, edge[2] / length) if length > 0.0 else before
-        total += 0.5 * model.EA[j] / model.rest_length * (length - model.rest_length) ** 2
+        total += 0.5 * model.EA[j] / model.rest_length[j] * (length - model.rest_length[j]) ** 2
         if j > 0:
             total += 0.5 * model.joint_stiffness[j - 1] * bending_angle(before, tangent)[0] ** 2
         for end in range(2):
@@ -56,7 +56,7 @@ def gains(model: RodModel, x: FloatArray, v: FloatArray, work: RodWork, load: Fl
     """
     end, dv = work.end_position, work.velocity_change
     slides = model.introducer.is_there and (_slides(model, x, end) or _slides_back(model, v, dv))
-    if _turns_less_than(_SLOW * model.rest_length, x, end) and not slides:
+    if _turns_little(model, x, end) and not slides:
         return False
     for k in range(model.held.shape[0]):
         for c in range(3):
@@ -82,12 +82,13 @@ def energy_of(model: RodModel, v: FloatArray, dv: FloatArray) -> float:
 
 
 @kernel
-def _turns_less_than(most: float, x: FloatArray, end: FloatArray) -> bool:
-    """Whether the ends of no segment move further than that relative to each other."""
+def _turns_little(model: RodModel, x: FloatArray, end: FloatArray) -> bool:
+    """Whether the ends of no segment move further than _SLOW of its length relative to each other."""
     for j in range(x.shape[0] - 1):
         squared = 0.0
         for c in range(3):
             squared += (end[j + 1, c] - x[j + 1, c] - end[j, c] + x[j, c]) ** 2
+        most = _SLOW * model.rest_length[j]
         if squared > most * most:
             return False
     return True
@@ -99,7 +100,7 @@ def _slides(model: RodModel, x: FloatArray, end: FloatArray) -> bool:
     squared = 0.0
     for c in range(3):
         squared += (end[0, c] - x[0, c]) ** 2
-    return bool(squared > (_SLIDES * model.rest_length) ** 2)
+    return bool(squared > (_SLIDES * model.rest_length[0]) ** 2)
 
 
 @kernel
@@ -133,8 +134,8 @@ def energy_beside(model: RodModel, x: FloatArray, work: RodWork, dt_s: float) ->
         length = math.sqrt(dot(edge, edge))
         end = math.sqrt(length * length + 2.0 * dot(edge, way) + dot(way, way))
         error = end - length - dot(edge, way) / length
-        beside += 0.5 * model.EA[j] / model.rest_length * error * error
+        beside += 0.5 * model.EA[j] / model.rest_length[j] * error * error
     if model.introducer.is_there:
         beside += max(introducer_excess(model, work, x, 1.0), 0.0)
-    least = 0.5 * model.EA[0] * model.rest_length * _STRAIN**2
+    least = 0.5 * model.EA[0] * model.rest_length[0] * _STRAIN**2
     return beside if beside > _STRETCH * kinetic + least else 0.0

@@ -128,7 +128,7 @@ def test_the_wall_of_the_introducer_holds_mu_times_its_pushes(with_effects, smal
         before = simulation.catheter.state.position_m.copy()
         held_n = pull.to(max(tick - 300, 0) * 1e-5)[1]
         if tick > 500:
-            ratio.append(abs(held_n) / wall_pushes(before, entry, length_m, model.rest_length, 1e5, bearing_m))
+            ratio.append(abs(held_n) / wall_pushes(before, entry, length_m, model.rest_length[0], 1e5, bearing_m))
     # The kernel samples a span at four places.
     assert np.array(ratio) == pytest.approx(mu, rel=0.02)
 
