@@ -19,6 +19,7 @@ from services.mechanics.rod.model import RodModel, allocate_work
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation.body_energy import body_energies_j, catheter_energy
 from services.mechanics.simulation.simulation import Simulation, Watcher
+from services.mechanics.simulation.wire_drive import WireMotion
 from studies.grip_energy import Grips, enter_grips, stored_in_grips
 from studies.rod_forces import internal_forces
 
@@ -174,6 +175,12 @@ class EnergyBook:
         self.flow.numerical_j -= float(np.sum((own - viscous) * motion))
         driven_j = _driven_j(self.simulation) - before.driven_j
         self.flow.input_j += driven_j
+        wire, then = self.simulation.wire_drive, before.wire
+        if wire is not None and then is not None:
+            driven_j += wire.motion.work_j - then.work_j
+            self.flow.input_j += wire.motion.input_j - then.input_j
+            self.flow.friction_j += wire.motion.friction_j - then.friction_j
+            self.flow.numerical_j += wire.motion.numerical_j - then.numerical_j
         self.flow.numerical_j -= self._rod.elastic_j - before.rod_elastic_j - driven_j
 
     def _enter_duct(self, before: _Snapshot, dt_s: float) -> None:
@@ -234,6 +241,7 @@ class _Snapshot:
     anchors_j: float
     kicks_j: float
     driven_j: float
+    wire: WireMotion | None
     grips: Grips
 
     @classmethod
@@ -251,6 +259,7 @@ class _Snapshot:
             _anchor_energy_j(simulation),
             _kick_energy_j(simulation),
             _driven_j(simulation),
+            None if simulation.wire_drive is None else simulation.wire_drive.motion,
             stored_in_grips(simulation),
         )
 
@@ -267,6 +276,7 @@ def stored_energies_j(simulation: Simulation, rod: RodEnergy | None = None) -> d
         "grips": stored_in_grips(simulation).total_j,
         "squeeze": simulation.squeeze.stored_j,
         "anchors": _anchor_energy_j(simulation),
+        "wire": 0.0 if simulation.wire_drive is None else simulation.wire_drive.stored_j,
     }
     stored |= {name: effect.potential_energy_j(simulation.world) for name, effect in simulation.effects.items()}
     return stored

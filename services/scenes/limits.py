@@ -10,12 +10,13 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from services.mechanics.scene import CatheterScene, QualityLevel, SceneModel, ToolScene
+from services.mechanics.scene import CatheterScene, CatheterSection, QualityLevel, SceneModel, ToolScene
 from services.mechanics.scene.tools import N_TOOLS
 
 _POSITIVE = {
     "duct": "radius_m length_m n_around n_along thickness_m youngs_modulus_pa density_kg_m3 n_modes mesh_edge_m "
     "mesh_lumen_diameter_m",
+    "guide_wire": "outer_diameter_m youngs_modulus_pa density_kg_m3 out_m least_out_m reach_m",
     "catheter": "n_segments length_m outer_diameter_m youngs_modulus_pa density_kg_m3 introducer_length_m",
     "contact": "tolerance_n capacity penalty_stiffness_n_m",
     "quality": "iterations ticks_per_step cost_us",
@@ -24,6 +25,7 @@ _NOT_NEGATIVE = {
     "duct": "slit_length_m slit_width_m damping_ratio",
     "catheter": "inner_diameter_m before_mouth_m internal_damping_s viscous_drag_n_s_m2 introducer_to_tip_m "
     "introducer_friction introducer_seal_friction_n spectral_radius",
+    "guide_wire": "friction",
     "contact": "margin_m recovery penalty_damping_n_s_m",
     "quality": "force_error_percent motion_error_percent",
 }
@@ -65,6 +67,8 @@ def fault(scene: SceneModel) -> str:
         return f"forceps: at most {N_TOOLS}, are {len(scene.forceps)}"
     if sum(tool.drives_catheter for tool in scene.forceps) > 1:
         return "forceps: one drive holds the catheter's end, are 2"
+    if sum(tool.drives_wire for tool in scene.forceps) != (scene.catheter.guide_wire is not None):
+        return "catheter.guide_wire: goes with one tool of kind wire_drive, and that with it"
     return _hands_fault(scene) or _catheter_fault(scene.catheter) or _ladder_fault(scene.quality)
 
 
@@ -91,11 +95,8 @@ def _catheter_fault(catheter: CatheterScene) -> str:
     """Return what of a catheter does not go together."""
     if not any(catheter.direction):
         return "catheter.direction: must not be zero"
-    for k, section in enumerate(catheter.sections):
-        for name in ("length_m", "youngs_modulus_pa"):
-            value = getattr(section, name)
-            if value is not None and not 0.0 < value <= LARGEST:
-                return f"catheter.sections.{k}.{name}: must be positive, is {value}"
+    if wrong := _sections_fault("catheter", catheter.sections) or _wire_fault(catheter):
+        return wrong
     if (sections_m := sum(section.length_m for section in catheter.sections)) > catheter.length_m:
         return f"catheter.sections: are {sections_m:g} m long together, the catheter {catheter.length_m:g} m"
     if not -1.0 < catheter.poisson_ratio <= 0.5:
@@ -106,6 +107,37 @@ def _catheter_fault(catheter: CatheterScene) -> str:
             f"{catheter.inner_diameter_m}"
         )
     return ""
+
+
+def _sections_fault(path: str, sections: Sequence[CatheterSection]) -> str:
+    for k, section in enumerate(sections):
+        for name in ("length_m", "youngs_modulus_pa"):
+            value = getattr(section, name)
+            if value is not None and not 0.0 < value <= LARGEST:
+                return f"{path}.sections.{k}.{name}: must be positive, is {value}"
+    return ""
+
+
+def _wire_fault(catheter: CatheterScene) -> str:
+    """Return what of a guide wire does not go together, or not into its catheter."""
+    path, wire = "catheter.guide_wire", catheter.guide_wire
+    if wire is None:
+        return ""
+    if not wire.outer_diameter_m < catheter.inner_diameter_m:
+        return (
+            f"{path}.outer_diameter_m: must be below the catheter's inner_diameter_m, {catheter.inner_diameter_m}, is "
+            f"{wire.outer_diameter_m}"
+        )
+    if not -1.0 < wire.poisson_ratio <= 0.5:
+        return f"{path}.poisson_ratio: must lie above -1 and not above 0.5, is {wire.poisson_ratio}"
+    if not wire.least_out_m <= wire.out_m <= wire.reach_m < catheter.length_m:
+        return (
+            f"{path}.out_m: must lie within least_out_m and reach_m, that below the catheter's length, is {wire.out_m}"
+        )
+    for k, section in enumerate(wire.sections):
+        if any(section.steering_1_m_rad) or section.rest_curvature_1_m[2]:
+            return f"{path}.sections.{k}: a wire is neither steered nor twisted at rest"
+    return _sections_fault(path, wire.sections)
 
 
 def _floats(holder: Any) -> Iterator[tuple[str, float]]:
@@ -137,3 +169,5 @@ def _parts(scene: SceneModel) -> Iterator[tuple[str, str, Any]]:
         value = getattr(scene, field.name)
         for index, each in enumerate(value) if isinstance(value, tuple) else [(None, value)]:
             yield field.name, field.name if index is None else f"{field.name}.{index}", each
+    if scene.catheter.guide_wire is not None:
+        yield "guide_wire", "catheter.guide_wire", scene.catheter.guide_wire

@@ -8,7 +8,8 @@ from typing import Annotated
 import numpy as np
 
 from services.mechanics.arrays import AnyArray, FloatArray, IntArray
-from services.mechanics.bodies.sections import softness
+from services.mechanics.bodies.guide_wire import GuideWire
+from services.mechanics.bodies.sections import segment_radii, softness
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Struct, reader
 from services.mechanics.rod import (
@@ -45,6 +46,7 @@ class CatheterBody:
     """Particles of the catheter, from the proximal end (0) to the tip.
 
     Attributes:
+        wire: GuideWire, or None. What lies in it and beyond its tip.
         start_m, motion_m: (n, 3) float64. Positions at the start of the step, and the motion over it without contact
             forces.
         constant_force_n: (n, 3) float64. Loads that effects put on the particles once and for all.
@@ -72,7 +74,8 @@ class CatheterBody:
             scene.integrator, self.properties, rod_supports(scene), scene.spectral_radius
         )
         n = self.properties.n_particles
-        self.radius_m = 0.5 * scene.outer_diameter_m
+        self.radius_m, radii_m = 0.5 * scene.outer_diameter_m, segment_radii(scene)
+        self.radii_m = np.append(radii_m, radii_m[-1])
         self.mass_kg = self.properties.particle_mass_kg()
         self.slept, self._last_dt_s = False, 0.0
         self.n_own_rows = 0
@@ -80,6 +83,7 @@ class CatheterBody:
         self._may_sleep = may_sleep
         self._linearises = scene.integrator == "implicit"
         self._acts_in_next_step = acts_in_next_step
+        self.wire = self._take_wire(scene) if scene.guide_wire is not None else None
         step = FreeStep.zeros(n=n, start=self.state.position_m.copy(), last_external=np.full((n, 3), np.nan))
         self.start_m, self.motion_m = step.start, step.motion
         self.constant_force_n, self.external_force_n, self.contact_force_n = step.constant, step.external, step.contact
@@ -88,6 +92,13 @@ class CatheterBody:
         touch = CatheterTouch.zeros(n=n, slot=self.slot, compliance=np.zeros(9 * n * n), columns=empty_columns(3 * n))
         self._particles, self._compliance = touch.particles, touch.compliance
         self._touch, self.touch_address = touch, touch.address
+
+    def _take_wire(self, scene: CatheterScene) -> GuideWire:
+        twist = self.integrator.twist
+        assert twist is not None
+        wire = GuideWire(scene, self.properties, self.integrator.model, twist)
+        wire.begin(self.state)
+        return wire
 
     def predict(self, dt_s: float) -> None:
         """Step the particles without contact forces.

@@ -19,6 +19,14 @@ def softness(scene: CatheterScene) -> FloatArray:
     return ratios / scene.youngs_modulus_pa
 
 
+def segment_radii(scene: CatheterScene) -> FloatArray:
+    """(n_rod_segments,) outer radius of each segment, in m: of the catheter, and of its guide wire beyond the tip."""
+    radii_m = np.full(scene.n_rod_segments, 0.5 * scene.outer_diameter_m)
+    if scene.guide_wire is not None:
+        radii_m[scene.n_segments :] = 0.5 * scene.guide_wire.outer_diameter_m
+    return radii_m
+
+
 def joint_curvature(scene: CatheterScene, name: Literal["rest_curvature_1_m", "steering_1_m_rad"]) -> FloatArray | None:
     """(n_segments - 1, 3) that the sections say, the mean of both segments at a joint; None where they say nothing."""
     said = np.array([*(getattr(section, name) for section in scene.sections), (0.0, 0.0, 0.0)])

@@ -7,7 +7,7 @@ that only needs the motion of a hand starts half a second earlier without these.
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from services.mechanics.scene.instruments import DriveScene, ForcepsScene, ProbeScene, ToolScene
+from services.mechanics.scene.instruments import DriveScene, ForcepsScene, ProbeScene, ToolScene, WireDriveScene
 
 if TYPE_CHECKING:
     from services.mechanics.scene.catheter_section import CatheterSection
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         CatheterScene,
         ContactSettings,
         DuctScene,
+        GuideWireScene,
         QualityLevel,
         SceneModel,
     )
@@ -33,8 +34,10 @@ __all__ = [
     "DriveScene",
     "DuctScene",
     "ForcepsScene",
+    "GuideWireScene",
     "ProbeScene",
     "QualityLevel",
     "SceneModel",
     "ToolScene",
+    "WireDriveScene",
 ]

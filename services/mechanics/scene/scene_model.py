@@ -5,6 +5,7 @@ Plain data without validation: the configuration layer checks a scene file and n
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
@@ -12,6 +13,7 @@ from typing import Literal
 from services.mechanics.fem.elements import BendingName, MembraneName
 from services.mechanics.scene.catheter_section import CatheterSection
 from services.mechanics.scene.duct_branch import DuctBranch
+from services.mechanics.scene.guide_wire import GuideWireScene
 from services.mechanics.scene.instruments import ForcepsScene, ToolScene
 from services.mechanics.surface.units import LengthUnit
 
@@ -69,6 +71,7 @@ class CatheterScene:
     far before the middle of the duct's mouth, or of another ``opening``, on the opening's own axis, wherever that is.
     ``anchor`` "clamped" holds the proximal end; with "introducer" it slides through one of ``introducer_length_m``, its
     exit ``introducer_to_tip_m`` behind the tip, and cannot leave it.
+    ``guide_wire`` lies in its lumen and reaches beyond the tip.
     ``introducer_friction`` is Coulomb's on its wall; ``introducer_seal_friction_n`` that of the seal at its exit, which
     keeps the catheter where it was left.
     ``spectral_radius`` is the numerical damping of the implicit integrator: the factor, 0 to 1, that vibrations far too
@@ -87,6 +90,7 @@ class CatheterScene:
     viscous_drag_n_s_m2: float = 0.05
     rest_curvature_1_m: tuple[Vector3, ...] = ()
     sections: tuple[CatheterSection, ...] = ()
+    guide_wire: GuideWireScene | None = None
     tip_position_m: Vector3 = (46e-3, 0.0, 0.0)
     direction: Vector3 = (-1.0, 0.0, 0.0)
     before_mouth_m: float | None = None
@@ -98,6 +102,16 @@ class CatheterScene:
     introducer_seal_friction_n: float = 0.0
     integrator: Literal["implicit", "semi_implicit"] = "implicit"
     spectral_radius: float = 0.6
+
+    @property
+    def n_wire_segments(self) -> int:
+        """Segments of the guide wire beyond the tip: at most as long as the catheter's own, however far it is out."""
+        return math.ceil(self.guide_wire.reach_m * self.n_segments / self.length_m) if self.guide_wire else 0
+
+    @property
+    def n_rod_segments(self) -> int:
+        """Segments of the catheter and, beyond its tip, of the guide wire."""
+        return self.n_segments + self.n_wire_segments
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

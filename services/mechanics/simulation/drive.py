@@ -40,7 +40,9 @@ class CatheterDrive:
         self.work_j = 0.0
         if self._twist is not None:
             self._state.frame = initial_frame(self._state.position_m, walls=self._twist.walls)
-            self._rest = self._twist.rest_rotation.copy()
+            self._wire = world.catheter.wire
+            self._own_rest = self._twist.rest_rotation if self._wire is None else self._wire.catheter_rest
+            self._rest = self._own_rest.copy()
             curvature = joint_curvature(world.scene.catheter, "steering_1_m_rad")
             self._steering = np.zeros_like(self._rest)
             if curvature is not None:
@@ -49,14 +51,14 @@ class CatheterDrive:
 
     def note_start(self) -> None:
         """Note what a step begins with."""
-        rest = None if self._twist is None else self._twist.rest_rotation.copy()
+        rest = None if self._twist is None else self._own_rest.copy()
         self._noted = self._hold_id, self._is_held, self._offset_rad, self._steered_rad, self.work_j, rest
 
     def put_back_start(self) -> None:
         """Begin with that again."""
         self._hold_id, self._is_held, self._offset_rad, self._steered_rad, self.work_j, rest = self._noted
         if self._twist is not None and rest is not None:
-            self._twist.rest_rotation[:] = rest
+            self._own_rest[:] = rest
 
     def turn(self) -> None:
         """Turn the catheter's first director as the tool is rolled, and bend its sections as the handle says."""
@@ -70,8 +72,10 @@ class CatheterDrive:
         before_j = self._stored_j(self._twist)
         roll(self._state.frame, 0, -turned_rad)
         self._steered_rad = handle_rad
-        np.multiply(self._steering, handle_rad, out=self._twist.rest_rotation)
-        self._twist.rest_rotation += self._rest
+        np.multiply(self._steering, handle_rad, out=self._own_rest)
+        self._own_rest += self._rest
+        if self._wire is not None:
+            self._wire.lay(self._wire.place)
         self.work_j += self._stored_j(self._twist) - before_j
 
     def holds(self) -> list[GraspHold]:

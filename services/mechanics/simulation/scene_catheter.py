@@ -8,11 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from services.mechanics.bodies.catheter import rod_properties, rod_supports
+from services.mechanics.bodies.guide_wire import with_wire
 from services.mechanics.effects import Effect, build_effects, by_stage
 from services.mechanics.rod import RodProperties
-from services.mechanics.scene import DriveScene, SceneModel
+from services.mechanics.scene import DriveScene, SceneModel, WireDriveScene
 from services.mechanics.surface.mesh import TriangleMesh
 from services.mechanics.surface.opening import mouth_opening
+
+_OF_ONE_TUBE = "gravity", "mucus_drag", "self_contact"
+"""Effects that take every segment for one of the catheter's."""
 
 
 def scene_rod(scene: SceneModel, effects: Iterable[Effect]) -> RodProperties:
@@ -24,11 +28,26 @@ def scene_rod(scene: SceneModel, effects: Iterable[Effect]) -> RodProperties:
         rod = rod_properties(scene.catheter)
         for effect in effects:
             rod = effect.modify_rod(rod)
+        _check_wire(scene, rod)
     except ValueError as error:
         raise ValueError(f"catheter: {error}") from None
     if rod.torsional_stiffness_n_m2 is None and (key := _turns_with_material(scene)):
         raise ValueError(f"{key}: turns with the material, name the effect 'twist' too")
-    return rod
+    wire = scene.catheter.guide_wire
+    return rod if wire is None else with_wire(rod, wire, scene.catheter.n_wire_segments)
+
+
+def _check_wire(scene: SceneModel, rod: RodProperties) -> None:
+    """Raises ValueError, with the key below the catheter's: the scene does not bear its guide wire out."""
+    catheter = scene.catheter
+    if catheter.guide_wire is None:
+        return
+    if rod.torsional_stiffness_n_m2 is None:
+        raise ValueError("guide_wire: turns in the catheter, name the effect 'twist' too")
+    if catheter.anchor != "introducer" or catheter.integrator != "implicit":
+        raise ValueError("guide_wire: needs a catheter with anchor introducer and integrator implicit")
+    if blind := [name for name in _OF_ONE_TUBE if name in scene.effects]:
+        raise ValueError(f"guide_wire: the effect {blind[0]!r} knows a catheter alone, leave one of both out")
 
 
 def _turns_with_material(scene: SceneModel) -> str:
@@ -62,7 +81,7 @@ def _with_drive(scene: SceneModel) -> SceneModel:
     end_m = np.array(catheter.tip_position_m) + catheter.length_m * behind
     tools = tuple(
         replace(tool, port_position_m=tuple((end_m + tool.behind_m * behind).tolist()))
-        if isinstance(tool, DriveScene) else tool for tool in scene.forceps
+        if isinstance(tool, (DriveScene, WireDriveScene)) else tool for tool in scene.forceps
     )  # fmt: skip
     return replace(scene, forceps=tools) if tools != scene.forceps else scene
 

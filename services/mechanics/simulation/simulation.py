@@ -34,6 +34,7 @@ from services.mechanics.simulation.scene_catheter import place_catheter
 from services.mechanics.simulation.scene_world import build_world
 from services.mechanics.simulation.step_solver import StepSolver
 from services.mechanics.simulation.step_start import StepStart
+from services.mechanics.simulation.wire_drive import build_wire_drive
 
 LONGEST_TICK_S = 1.0
 STAGE_NAMES = ("loads", "predict", "detect", "assemble", "solve", "correct", "report")
@@ -74,6 +75,7 @@ class Simulation:
             if each.jaws is not None
         )
         self.drive = build_drive(scene, world)
+        self.wire_drive = build_wire_drive(scene, world)
         self.tool_results = ToolResults()
         self.max_penetration_m = 0.0
         self._lumen = Lumen(duct, self.catheter.properties.n_particles)
@@ -90,7 +92,9 @@ class Simulation:
         for effect in stages["prepare"]:
             effect.prepare(world)
         self.solver = StepSolver(world, self._tool_force)
-        self._start = StepStart(world, [*self.grasps, *([] if self.drive is None else [self.drive])])
+        self._start = StepStart(
+            world, [*self.grasps, *(drive for drive in (self.drive, self.wire_drive) if drive is not None)]
+        )
         for name in scene.quality[0].without:
             self.effects[name].rest()
         self._use_rung(0)
@@ -150,8 +154,12 @@ class Simulation:
         self.duct.predict(dt_s)
         if self.drive is not None:
             self.drive.turn()
-        self.catheter.predict(dt_s)
         self._predict_tools(tools, dt_s)
+        if self.wire_drive is not None:
+            self.wire_drive.move(dt_s)
+        self.catheter.predict(dt_s)
+        if self.wire_drive is not None:
+            self.wire_drive.settle()
         marks[2] = perf_counter_ns()
         self._collect(tools, dt_s)
         marks[3] = perf_counter_ns()
@@ -328,6 +336,8 @@ class Simulation:
         self.seal.slide()
         self.holds.slide()
         self.search.note_pressed(self.system.address)
+        if self.wire_drive is not None:
+            self.wire_drive.give(self._tool_force)
         self.squeeze.follow(self.tools, dt_s)
         for effect in self._stages["settle"]:
             effect.settle(self.world, dt_s)
@@ -340,3 +350,5 @@ class Simulation:
         self.max_penetration_m = report(*addresses, dt_s)
         if self.system.strategy.knows_stiffness:
             self._stiffness.write()
+        if self.wire_drive is not None:
+            self.wire_drive.felt_stiffness(self.tool_results.stiffness_n_m)

@@ -10,13 +10,15 @@ from services.mechanics.scene.instruments.drive import DriveScene
 from services.mechanics.scene.instruments.forceps import ForcepsScene
 from services.mechanics.scene.instruments.probe import ProbeScene
 from services.mechanics.scene.instruments.tool import DrawnPart, ToolScene
+from services.mechanics.scene.instruments.wire_drive import WireDriveScene
 
 TOOLS: dict[str, type[ToolScene]] = {
     "forceps": ForcepsScene,
     "probe": ProbeScene,
     "drive": DriveScene,
+    "wire_drive": WireDriveScene,
 }
 USUAL = "forceps"
 """Kind of a tool whose scene file names none."""
 
-__all__ = ["TOOLS", "USUAL", "DrawnPart", "DriveScene", "ForcepsScene", "ProbeScene", "ToolScene"]
+__all__ = ["TOOLS", "USUAL", "DrawnPart", "DriveScene", "ForcepsScene", "ProbeScene", "ToolScene", "WireDriveScene"]

@@ -43,6 +43,8 @@ class ToolScene:
     """Whether a hand moves anything of it but the whole: else there is no drive to a handle."""
     drives_catheter: ClassVar[bool] = False
     """Whether it holds the catheter's proximal end."""
+    drives_wire: ClassVar[bool] = False
+    """Whether it holds the guide wire's."""
     touches_along_shaft: ClassVar[bool] = True
     """Whether all of the shaft inside the port touches, or only a sphere about J."""
     positive: ClassVar[tuple[str, ...]] = ("shaft_radius_m", "coupling_stiffness_n_m")

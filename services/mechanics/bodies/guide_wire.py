@@ -1,0 +1,124 @@
+"""The guide wire of a scene's catheter: where it is, and what that makes of the rod."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.rod import RodProperties, RodState, RoundTube
+from services.mechanics.rod.guide_wire import GuideWireModel, Place, lay, stored
+from services.mechanics.rod.material_frame import initial_frame
+from services.mechanics.rod.model import RodModel
+from services.mechanics.rod.twist import TwistModel
+from services.mechanics.scene import CatheterScene, GuideWireScene
+
+if TYPE_CHECKING:
+    from services.mechanics.rod.material_frame import Frame
+
+_FAR_M = 100.0  # longer than any wire
+
+
+def wire_tube(wire: GuideWireScene) -> RoundTube:
+    """Return section and material of a guide wire."""
+    return RoundTube(wire.outer_diameter_m, 0.0, wire.youngs_modulus_pa, wire.density_kg_m3, wire.poisson_ratio)
+
+
+def with_wire(rod: RodProperties, wire: GuideWireScene, n_beyond: int) -> RodProperties:
+    """Return a catheter's properties with the wire's mass in it, and so many segments of wire beyond its tip.
+
+    Their stiffness is that of the wire's body; `GuideWire` writes what follows from its place.
+    """
+    tube = wire_tube(wire).rod(2, 1.0, twist=True)
+
+    def joined(name: str, *, adds: bool = False) -> FloatArray:
+        own, beyond = rod.per_segment(name), tube.per_segment(name)[0]
+        return np.concatenate([own + beyond if adds else own, np.full(n_beyond, beyond)])
+
+    bent = rod.rest_curvature_1_m
+    return replace(
+        rod,
+        n_segments=rod.n_segments + n_beyond,
+        length_m=rod.segment_length_m * (rod.n_segments + n_beyond),
+        axial_stiffness_n=joined("axial_stiffness_n"),
+        bending_stiffness_n_m2=joined("bending_stiffness_n_m2"),
+        linear_density_kg_m=joined("linear_density_kg_m", adds=True),
+        torsional_stiffness_n_m2=joined("torsional_stiffness_n_m2"),
+        rest_curvature_1_m=None if bent is None else np.concatenate([bent, np.zeros((n_beyond, 3))]),
+    )
+
+
+class GuideWire:
+    """Where the wire is, and the arrays of the rod that follow from it.
+
+    Attributes:
+        place: How far it is out of the catheter's tip, in m, and its roll against the catheter, in rad.
+        catheter_rest: (n - 2, 3) float64. Rest rotation of the catheter's own joints, in rad: what steering changes.
+    """
+
+    def __init__(self, scene: CatheterScene, properties: RodProperties, model: RodModel, twist: TwistModel) -> None:
+        wire, c = scene.guide_wire, scene.n_segments
+        assert wire is not None
+        own = properties.per_segment("bending_stiffness_n_m2"), properties.per_segment("torsional_stiffness_n_m2")
+        half_m = 0.5 * properties.segment_length_m
+        bending, torsion = (
+            np.append(1.0 / (half_m / each[: c - 1] + half_m / each[1:c]), each[c - 1] / half_m) for each in own
+        )
+        tube, drag = wire_tube(wire), properties.particle_drag_n_s_m()
+        density = tube.density_kg_m3 * tube.area_m2()
+        inside_kg = half_m * properties.per_segment("linear_density_kg_m")[c - 1]
+        model.tip, self._rod = c, model
+        twist.bending = model.joint_stiffness
+        self.catheter_rest = twist.rest_rotation.copy()
+        arc_m, bent, turn = _sections(wire, tube)
+        self.model = GuideWireModel(
+            arc=arc_m, bent=bent, turn=turn, catheter_bending=bending, catheter_torsion=torsion,
+            catheter_rest=self.catheter_rest, joint_stiffness=model.joint_stiffness, torsion=twist.torsion,
+            rest_rotation=twist.rest_rotation, rest_length=model.rest_length, mass=model.mass, drag=model.drag,
+            EA=model.EA, load=np.zeros((properties.n_particles, 3)), moment=np.zeros((properties.n_particles - 2, 3)),
+            density=density, own_mass=float(inside_kg),
+            viscous=float(properties.viscous_drag_n_s_m2), own_drag=0.5 * float(drag[c]),
+            poisson=wire.poisson_ratio, radius=0.5 * wire.outer_diameter_m, friction=wire.friction,
+            clearance=0.5 * (scene.inner_diameter_m - wire.outer_diameter_m), tip=c,
+        )  # fmt: skip
+        self.lay((wire.out_m, 0.0))
+
+    def begin(self, state: RodState) -> None:
+        """Lay a straight rod's particles where the wire's place has them, and give it frames."""
+        axis = (state.position_m[1] - state.position_m[0]) / np.linalg.norm(state.position_m[1] - state.position_m[0])
+        ends_m = np.concatenate([[0.0], np.cumsum(self.model.rest_length)])
+        state.position_m[:] = state.position_m[0] + ends_m[:, None] * axis
+        state.frame = initial_frame(state.position_m)
+
+    def lay(self, place: Place) -> None:
+        """Let the rod be as with the wire there."""
+        self.place = place
+        lay(self.model.address, place)
+
+    def grow(self, speed_m_s: float) -> None:
+        """Let what is out become longer at this speed in the step, which is no strain."""
+        tip = self._rod.tip
+        self._rod.unresisted[tip:] = self._rod.beta * speed_m_s / (len(self._rod.rest_length) - tip)
+
+    def stored_j(self, state: RodState, place: Place) -> tuple[float, float]:
+        """Return what `rod.guide_wire.stored` does."""
+        out: tuple[float, float] = stored(self.model.address, state.position_m, frame_of(state), place)
+        return out
+
+
+def frame_of(state: RodState) -> Frame:
+    """Return the arrays of a rod's material frame."""
+    frame = state.frame
+    assert frame is not None
+    return frame.tangent, frame.m1, frame.twist_rad
+
+
+def _sections(wire: GuideWireScene, tube: RoundTube) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return where sections end, from the tip on, and how far the wire is bent up to there: per moment, and at rest."""
+    lengths_m, own = [section.length_m for section in wire.sections], wire.youngs_modulus_pa
+    softness = [own / (section.youngs_modulus_pa or own) for section in wire.sections]
+    bent = np.cumsum([0.0, *np.multiply(lengths_m, softness), _FAR_M]) / (own * tube.second_moment_m4())
+    turns = [section.length_m * np.array(section.rest_curvature_1_m[:2]) for section in wire.sections]
+    return np.cumsum([0.0, *lengths_m, _FAR_M]), bent, np.cumsum([np.zeros(2), *turns, np.zeros(2)], axis=0)

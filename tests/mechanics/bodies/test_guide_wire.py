@@ -1,0 +1,129 @@
+"""A guide wire in its catheter as one rod, against closed forms: stiffness, rest shape, the capstan, and torque."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from services.mechanics.bodies.catheter import CatheterBody
+from services.mechanics.bodies.guide_wire import frame_of, wire_tube
+from services.mechanics.effects import build_effects
+from services.mechanics.effects.base import NoSettings
+from services.mechanics.rod.guide_wire import resist
+from services.mechanics.rod.material_frame import initial_frame
+from services.mechanics.scene import CatheterScene, CatheterSection, GuideWireScene, SceneModel, WireDriveScene
+from services.mechanics.simulation.scene_catheter import scene_rod
+
+N, LENGTH_M, OUT_M, LOAD_N = 60, 0.12, 20e-3, 5e-4
+BENT = CatheterSection(length_m=50e-3, rest_curvature_1_m=(20.0, 0.0, 0.0))
+WIRE = GuideWireScene(out_m=OUT_M, friction=0.3)
+CATHETER = CatheterScene(
+    n_segments=N, length_m=LENGTH_M, introducer_to_tip_m=60e-3, introducer_length_m=50e-3, internal_damping_s=5e-3,
+    viscous_drag_n_s_m2=0.05, guide_wire=WIRE,
+)  # fmt: skip
+
+
+def body(catheter):
+    scene = SceneModel(catheter=catheter, forceps=(WireDriveScene(),), effects={"twist": NoSettings()})
+    return CatheterBody(catheter, scene_rod(scene, build_effects(scene).values()))
+
+
+def settled(rod, ticks=3000):
+    for _ in range(ticks):
+        rod.predict(1e-3)
+    return rod
+
+
+def stiffnesses(catheter):
+    """EI of catheter and wire."""
+    wire, inner = catheter.guide_wire, catheter.inner_diameter_m
+    second = np.pi / 64.0 * (catheter.outer_diameter_m**4 - inner**4)
+    return catheter.youngs_modulus_pa * second, wire.youngs_modulus_pa * np.pi / 64.0 * wire.outer_diameter_m**4
+
+
+def curvature(rod, first, last):
+    """Mean over joints between two particles, in 1/m."""
+    edges = np.diff(rod.state.position_m[first:last], axis=0)
+    edges /= np.linalg.norm(edges, axis=1)[:, None]
+    angles = np.arctan2(np.linalg.norm(np.cross(edges[:-1], edges[1:]), axis=1), np.sum(edges[:-1] * edges[1:], axis=1))
+    return float(angles.mean()) / (LENGTH_M / N)
+
+
+def test_stiffnesses_add():
+    """A load aside at the tip bends both as far as a catheter that has the stiffness of both."""
+    own, wire = stiffnesses(CATHETER)
+    alone = replace(
+        CATHETER, guide_wire=None, youngs_modulus_pa=CATHETER.youngs_modulus_pa * (own + wire) / own
+    )  # fmt: skip
+    moved_m = []
+    for catheter in (CATHETER, alone):
+        rod = body(catheter)
+        before_m = rod.state.position_m[N].copy()
+        rod.external_force_n[N, 2] = LOAD_N
+        moved_m.append(settled(rod, 20_000).state.position_m[N] - before_m)
+    assert moved_m[0][2] == pytest.approx(moved_m[1][2], rel=1e-5)
+    free_m = 60e-3 - moved_m[0][0]  # nothing keeps it in its introducer but the stop at its end
+    assert moved_m[0][2] == pytest.approx(
+        LOAD_N * free_m**3 / (3.0 * (own + wire)), rel=0.03
+    )  # and that gives a little
+
+
+def test_a_stiff_wire_straightens_a_bent_catheter():
+    own, wire = stiffnesses(CATHETER)
+    rod = settled(body(replace(CATHETER, sections=(BENT,))))
+    assert curvature(rod, N - 20, N - 3) == pytest.approx(20.0 * own / (own + wire), rel=1e-3)
+
+
+def on_an_arc(radius_m, **wire):
+    """The catheter on an arc from its proximal end on, the wire on its way straight on; both bent so at rest."""
+    bend = CatheterSection(length_m=LENGTH_M + OUT_M, rest_curvature_1_m=(1.0 / radius_m, 0.0, 0.0))
+    catheter = replace(CATHETER, guide_wire=replace(WIRE, sections=(bend,), **wire))
+    rod = body(catheter)
+    lengths_m = rod.wire.model.rest_length
+    turned = (np.cumsum(lengths_m) - 0.5 * lengths_m) / radius_m
+    edges = lengths_m[:, None] * np.stack([np.cos(turned), np.sin(turned), np.zeros_like(turned)], axis=1)
+    rod.state.position_m[:] = np.concatenate([np.zeros((1, 3)), np.cumsum(edges, axis=0)])
+    rod.state.frame = initial_frame(rod.state.position_m, first_m1=(0.0, 0.0, 1.0))
+    return rod
+
+
+@pytest.mark.parametrize("radius_m", [40e-3, 80e-3])
+def test_a_push_through_a_bend_grows_as_at_a_capstan(radius_m):
+    """The wire is as bent at rest as the catheter, so that nothing but the push presses it on the bend."""
+    rod = on_an_arc(radius_m)
+    state, tip = rod.state, rod.state.position_m[-1] - rod.state.position_m[N]
+    load = np.zeros_like(state.position_m)
+    load[-1] = -0.2 / float(tip @ tip) * OUT_M * tip  # that is 0.2 N against the wire on its way
+    forward, push, backward, *_ = resist(
+        rod.wire.model.address, state.position_m, frame_of(state), load, rod.wire.place
+    )
+    grown = np.exp(WIRE.friction * LENGTH_M / radius_m)
+    assert push == pytest.approx(0.2, rel=2e-2)
+    assert forward / push == pytest.approx(grown, rel=5e-3)
+    assert push / backward == pytest.approx(grown, rel=3e-2)
+
+
+@pytest.mark.parametrize("roll_rad", [0.7, 2.0])
+def test_bent_tubes_turned_against_each_other(roll_rad):
+    """Their common curvature is the mean of vectors, and the torque that holds them so is in proportion to the sine."""
+    own, wire = stiffnesses(CATHETER)
+    rest_1_m = 20.0
+    bend = CatheterSection(length_m=50e-3 + OUT_M, rest_curvature_1_m=(rest_1_m, 0.0, 0.0))
+    rod = body(replace(CATHETER, sections=(BENT,), guide_wire=replace(WIRE, sections=(bend,))))
+    rod.wire.lay((OUT_M, roll_rad))
+    settled(rod)
+    mean = abs(own * rest_1_m + wire * rest_1_m * np.exp(1j * roll_rad)) / (own + wire)
+    assert curvature(rod, N - 20, N - 3) == pytest.approx(mean, rel=2e-3)
+    still = np.zeros_like(rod.state.position_m)
+    torque = resist(rod.wire.model.address, rod.state.position_m, frame_of(rod.state), still, rod.wire.place)[3]
+    together = own * wire / (own + wire) * rest_1_m**2 * 50e-3
+    assert torque == pytest.approx(together * np.sin(roll_rad), rel=0.04)  # of 25 segments, its ends not quite
+
+
+def test_torsion_is_of_both():
+    rod = body(CATHETER)
+    tube, wire = (0.5 / (1.0 + nu) for nu in (CATHETER.poisson_ratio, WIRE.poisson_ratio))
+    own, other = stiffnesses(CATHETER)
+    wanted = 2.0 * (own * tube + other * wire) / (LENGTH_M / N)
+    np.testing.assert_allclose(rod.wire.model.torsion[: N - 1], wanted, rtol=1e-9)
+    assert wire_tube(WIRE).torsional_stiffness_n_m2() == pytest.approx(2.0 * other * wire)

@@ -1,0 +1,74 @@
+"""A guide wire that is pushed and twisted from behind: it stays where friction holds it, and the books close."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from services.mechanics.effects.base import NoSettings
+from services.mechanics.scene import CatheterSection, DriveScene, GuideWireScene, WireDriveScene
+from services.mechanics.scene.tools import ToolInputs
+from services.mechanics.simulation import Simulation
+from studies.energy_book import EnergyBook
+
+LENGTH_M, BEHIND_M = 0.1, 1e-3
+
+
+@pytest.fixture
+def wired(small_scene, small_duct):
+    """A catheter whose last 30 mm are bent at rest, 20 mm out of its introducer, and a wire 10 mm out of it."""
+    bend = CatheterSection(length_m=30e-3, rest_curvature_1_m=(40.0, 0.0, 0.0))
+    placed = replace(
+        small_scene.catheter, n_segments=50, length_m=LENGTH_M, tip_position_m=(80e-3, 0.0, 0.0),
+        introducer_to_tip_m=35e-3, introducer_length_m=LENGTH_M - 40e-3, sections=(bend,), internal_damping_s=2e-3,
+        guide_wire=GuideWireScene(friction=0.3),
+    )  # fmt: skip
+    tools = (DriveScene(coupling_stiffness_n_m=2000.0), WireDriveScene())
+    scene = replace(small_scene, catheter=placed, forceps=tools, effects={"twist": NoSettings()})
+    simulation, inputs = Simulation(scene, small_duct), ToolInputs()
+    inputs.position_m[0] = (80e-3 + LENGTH_M, 0.0, 0.0)
+    inputs.position_m[1] = inputs.position_m[0] + (BEHIND_M, 0.0, 0.0)
+    for _ in range(1500):
+        simulation.step(inputs)
+    return simulation, inputs
+
+
+def push(step, inputs, *, by_m=0.0, rolled_rad=0.0, ticks=400, rest=200):
+    x_m, roll_rad = inputs.position_m[1, 0], inputs.roll_rad[1]
+    for tick in range(ticks + rest):
+        share = min((tick + 1) / ticks, 1.0)
+        inputs.position_m[1, 0], inputs.roll_rad[1] = x_m - share * by_m, roll_rad + share * rolled_rad
+        step(inputs)
+
+
+def test_what_friction_holds_does_not_creep_and_what_slides_is_felt(wired):
+    simulation, inputs = wired
+    drive = simulation.wire_drive
+    start, held_n = drive.motion.place[0], drive.motion.push_n
+    push(simulation.step, inputs, by_m=20e-6, rest=800)  # both couplings give, one after the other
+    assert drive.motion.place[0] == start
+    assert drive.motion.push_n - held_n == pytest.approx(20e-6 / (1.0 / 500.0 + 1.0 / 2000.0), rel=0.05)
+    assert simulation.tool_results.force_n[1, 0] == pytest.approx(drive.motion.push_n)  # outwards is along -x
+    push(simulation.step, inputs, by_m=15e-3, rest=0)
+    assert drive.motion.place[0] - start == pytest.approx(15e-3, abs=0.3e-3)
+    assert drive.motion.push_n > 0.0
+    here = drive.motion.place[0]
+    push(simulation.step, inputs, ticks=50)
+    stays = drive.motion.place[0]
+    assert stays - here < 0.3e-3
+    push(simulation.step, inputs, ticks=500)
+    assert drive.motion.place[0] == stays
+    position_m = simulation.catheter.state.position_m
+    out_m = float(np.linalg.norm(np.diff(position_m[50:], axis=0), axis=1).sum())
+    assert out_m == pytest.approx(stays, rel=1e-4)
+    assert simulation.healed_states == 0
+
+
+def test_the_books_close_while_the_wire_is_pushed_and_twisted(wired):
+    simulation, inputs = wired
+    book = EnergyBook(simulation)
+    push(book.step, inputs, by_m=20e-3)
+    push(book.step, inputs, by_m=2e-3, rolled_rad=2.0)
+    assert book.flow.input_j > 1e-5
+    assert simulation.wire_drive.motion.friction_j > 0.1 * book.flow.input_j
+    assert abs(book.flow.imbalance_j) < 0.01 * book.flow.input_j
