@@ -28,7 +28,7 @@ class DeformedScene:
     loads: Loads
 
     def __init__(self, scene: SceneModel, duct: ReducedDuct) -> None:
-        self.particles_m = np.zeros((scene.catheter.n_segments + 1, 3))
+        self.particles_m = np.zeros((scene.catheter.n_rod_segments + 1, 3))
         self.refused: dict[str, int] = {}
         self._basis = duct.basis
         self._max_loads = 3 * scene.contact.capacity

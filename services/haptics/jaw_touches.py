@@ -9,6 +9,7 @@ import numpy as np
 from services.haptics.deformed_scene import DeformedScene
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.grasp import GRASP_GAP_M
+from services.mechanics.bodies.sections import segment_radii
 from services.mechanics.collision.candidate_list import MOST_ENTRIES
 from services.mechanics.collision.candidates import Candidates, candidates_at
 from services.mechanics.collision.capsules import CapsuleMemory, Tools, capsules_at, detect_capsules
@@ -39,10 +40,10 @@ class JawTouches:
     """
 
     def __init__(self, scene: SceneModel, duct: ReducedDuct, radius_m: FloatArray) -> None:
-        n_segments = scene.catheter.n_segments
-        self._sizes_m = 0.5 * scene.catheter.outer_diameter_m, 0.5 * scene.duct.thickness_m
+        self._sizes_m = segment_radii(scene.catheter), 0.5 * scene.duct.thickness_m
         self._jaw_radius_m = radius_m.copy()
         self._jaw_radius_m[:, SHAFT] = 0.0
+        n_segments = len(self._sizes_m[0])
         self._looks = np.zeros(N_TOOLS, np.bool_)
         self._wall = WallCandidates(duct, N_TOOL_PIECES, TOUCHING_M)
         self._wall.list.wanted[:] = self._wall.list.reach[:] = _LOOK_M
@@ -81,10 +82,10 @@ def write_touches(
     addresses: tuple[Address[Candidates], Address[CapsuleMemory]],
     jaws: Tools,
     particles: FloatArray,
-    radius_m: float,
+    radii_m: FloatArray,
     pairs_address: Address[ContactPairs],
 ) -> None:
-    """Write the closest pair of each jaw with the wall, and those with a catheter of this radius.
+    """Write the closest pair of each jaw with the wall, and those with a catheter whose segments have these radii.
 
     Distances from the catheter are unsigned where the memory has been reset.
     """
@@ -94,7 +95,7 @@ def write_touches(
         if i >= 0 and found.gap_m[i] < GRASP_GAP_M:
             place = piece, found.triangle[i]
             write_piece_pair(pairs, place, found.s[i], row(found.weight, i), found.gap_m[i], row(found.normal, i))
-    detect_capsules(memory, jaws, particles, (radius_m, GRASP_GAP_M), pairs)
+    detect_capsules(memory, jaws, particles, (radii_m, GRASP_GAP_M), pairs)
 
 
 @kernel

@@ -91,29 +91,31 @@ def meet(
 
 @kernel
 def detect_capsules(
-    memory: CapsuleMemory, tools: Tools, particles: FloatArray, sizes: tuple[float, float], pairs: ContactPairs
+    memory: CapsuleMemory, tools: Tools, particles: FloatArray, sizes: tuple[FloatArray, float], pairs: ContactPairs
 ) -> None:
-    """Append pairs of tool segments with catheter segments; ``sizes`` holds (catheter radius, margin)."""
+    """Append pairs of tool segments with catheter segments; ``sizes`` holds (radii of these, margin)."""
     n_segments = tools[0].shape[1]
     for tool in range(tools[0].shape[0]):
         for segment in range(n_segments):
             i = tool * n_segments + segment
             if tools[2][tool] and tools[1][tool, segment] > 0.0:
-                thickness = tools[1][tool, segment] + sizes[0]
                 ends = segment_ends(tools, tool, segment)
                 for j in range(memory.active.shape[1]):
                     second = (row(particles, j), row(particles, j + 1))
-                    s, t, distance, _ = meet(memory, i, j, ends, second, thickness + sizes[1])
+                    reach = tools[1][tool, segment] + sizes[0][j] + sizes[1]
+                    s, t, distance, _ = meet(memory, i, j, ends, second, reach)
                     put_row(memory.found, j, (s, t, distance))
-                _write_nearest(memory, i, (tool, segment), thickness, pairs)
+                _write_nearest(memory, i, (tool, segment), (tools[1][tool, segment], sizes[0]), pairs)
             else:
                 for j in range(memory.active.shape[1]):
                     memory.active[i, j] = 0
 
 
 @kernel
-def _write_nearest(memory: CapsuleMemory, i: int, who: tuple[int, int], thickness: float, pairs: ContactPairs) -> None:
-    """Write where each second segment within reach is nearest to first segment i.
+def _write_nearest(
+    memory: CapsuleMemory, i: int, who: tuple[int, int], radii: tuple[float, FloatArray], pairs: ContactPairs
+) -> None:
+    """Write where each second segment within reach is nearest to first segment i; ``radii`` are of both.
 
     At a particle two segments meet the other: the later one stands for both, unless it is on the other side.
     """
@@ -123,4 +125,4 @@ def _write_nearest(memory: CapsuleMemory, i: int, who: tuple[int, int], thicknes
         is_again = j < last and t == 1.0 and found[j + 1, 1] == 0.0 and found[j + 1, 2] <= distance + _TOUCHING_M
         if distance < math.inf and not is_again:
             pair = (who[0], who[1], -1, CATHETER_SEGMENT, j, s, (1.0 - t, t, 0.0))
-            write_pair(pairs, pair, distance - thickness, row_of(memory.normal, i, j))
+            write_pair(pairs, pair, distance - (radii[0] + radii[1][j]), row_of(memory.normal, i, j))

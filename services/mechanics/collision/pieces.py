@@ -18,9 +18,10 @@ N_TOOL_PIECES = 3 * N_TOOLS
 
 @kernel
 def take_pieces(
-    address: Address[CandidateList], particles: FloatArray, tools: Tools, sizes: tuple[float, float]
+    address: Address[CandidateList], particles: FloatArray, tools: Tools, sizes: tuple[FloatArray, float]
 ) -> None:
-    """Write where the pieces are, and which are there; ``sizes`` are the catheter's radius and half the wall.
+    """Write where the pieces are, and which are there; ``sizes`` are the radii of the catheter's
+    segments and half the wall.
 
     With no particles (0, 3) there is no catheter.
     """
@@ -36,7 +37,7 @@ def take_pieces(
                 listed.ends[p, end, axis] = segments[tool, segment, end, axis]
     for k in range(particles.shape[0] - 1):
         p = first + k
-        listed.active[p], listed.thickness[p] = True, sizes[0] + sizes[1]
+        listed.active[p], listed.thickness[p] = True, sizes[0][k] + sizes[1]
         for end in range(2):
             for axis in range(3):
                 listed.ends[p, end, axis] = particles[k + end, axis]

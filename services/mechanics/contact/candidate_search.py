@@ -9,6 +9,7 @@ import numpy as np
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.bodies.forceps.tool_body import ToolBody
+from services.mechanics.bodies.sections import segment_radii
 from services.mechanics.collision.candidate_list import CandidateList, list_at, note_ends, want_ahead
 from services.mechanics.collision.candidates import Candidates, Where, candidates_at
 from services.mechanics.collision.capsules import CapsuleMemory, Tools, capsules_at, detect_capsules
@@ -55,16 +56,16 @@ class CandidateSearch:
     """Finds what touches, and what would, between catheter, tools and wall."""
 
     def __init__(self, scene: SceneModel, duct: ReducedDuct) -> None:
-        self._radius_m, self._half_m = 0.5 * scene.catheter.outer_diameter_m, 0.5 * scene.duct.thickness_m
+        self._radii_m, self._half_m = segment_radii(scene.catheter), 0.5 * scene.duct.thickness_m
         self._margin_m = scene.contact.margin_m
-        self._end = N_TOOL_PIECES + scene.catheter.n_segments
+        self._end = N_TOOL_PIECES + len(self._radii_m)
         self._duct = duct
         # Where contacts know not each other, each adds to the others: one a triangle, as in the paper.
         along_m = TOUCHING_M if STRATEGIES[scene.contact.model].knows_stiffness else -1.0
         self._wall = WallCandidates(duct, self._end, along_m)
         self._walls = self._wall.new_start(), self._wall.new_start()
         self._found, self._ended = Candidates.zeros(c=CAPACITY), Candidates.zeros(c=CAPACITY)
-        self._capsules = CapsuleMemory.zeros(m=N_TOOL_PIECES, n=scene.catheter.n_segments)
+        self._capsules = CapsuleMemory.zeros(m=N_TOOL_PIECES, n=len(self._radii_m))
         self._spheres, self._catheter_ahead_m = no_spheres(), TOUCHING_M
         self._make_room()
 
@@ -126,12 +127,12 @@ class CandidateSearch:
 
     def _take_pieces(self, particles_m: FloatArray, tools: ToolBody) -> None:
         poses = (tools.segments, tools.radius_m, tools.present)
-        take_pieces(self._wall.list.address, particles_m, poses, (self._radius_m, self._half_m))
+        take_pieces(self._wall.list.address, particles_m, poses, (self._radii_m, self._half_m))
 
     def tool_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
         """Append the chosen candidates of the tools, and what of them touches the catheter."""
         write_chosen(self._found.address, self._working.address, (0, N_TOOL_PIECES), pairs.address)
-        poses, sizes = (tools.segments, tools.radius_m, tools.present), (self._radius_m, self._margin_m)
+        poses, sizes = (tools.segments, tools.radius_m, tools.present), (self._radii_m, self._margin_m)
         capsule_pairs(self._capsules.address, poses, catheter.start_m, sizes, pairs.address)
 
     def engage(self, pairs: ContactPairs, geometry: Address[ContactGeometry]) -> None:
@@ -211,10 +212,10 @@ def capsule_pairs(
     memory: Address[CapsuleMemory],
     tools: Tools,
     particles: FloatArray,
-    sizes: tuple[float, float],
+    sizes: tuple[FloatArray, float],
     pairs: Address[ContactPairs],
 ) -> None:
-    """Append pairs of tool segments with catheter segments; ``sizes`` holds (catheter radius, margin)."""
+    """Append pairs of tool segments with catheter segments; ``sizes`` holds (radii of these, margin)."""
     detect_capsules(capsules_at(memory), tools, particles, sizes, pairs_at(pairs))
 
 

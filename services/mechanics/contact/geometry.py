@@ -48,7 +48,7 @@ class RodGeometry(Struct):
 
     position: Annotated[FloatArray, "n", 3]
     motion: Annotated[FloatArray, "n", 3]
-    radius: float
+    radius: Annotated[FloatArray, "n"]  # of the segment that begins at each; of the last one, that before it
 
 
 class WallGeometry(Struct):
@@ -87,7 +87,7 @@ class ContactGeometry(Struct):
                 thinning=tools.thinning_m_rad,
                 layer=2.0 * bodies.half_thickness_m,
             ),
-            rod=RodGeometry(position=catheter.start_m, motion=catheter.motion_m, radius=catheter.radius_m),
+            rod=RodGeometry(position=catheter.start_m, motion=catheter.motion_m, radius=catheter.radii_m),
             wall=WallGeometry(
                 vertices=mesh.vertices_m, triangles=mesh.triangles, half_thickness=bodies.half_thickness_m
             ),

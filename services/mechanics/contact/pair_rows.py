@@ -131,7 +131,7 @@ def _catheter_side(pairs: ContactPairs, index: int, rod: RodGeometry, rows: Cont
     for axis in range(3):
         normal = pairs.normal[index, axis]
         centre = (1.0 - s) * rod.position[first, axis] + s * rod.position[second, axis]
-        rows.point_m[row, axis] = centre - normal * rod.radius
+        rows.point_m[row, axis] = centre - normal * rod.radius[first]
         rows.gap_m[row] += normal * rows.point_m[row, axis]
         rows.slip_m[row, axis] = (1.0 - s) * rod.motion[first, axis] + s * rod.motion[second, axis]
 
@@ -152,7 +152,7 @@ def _sphere_side(pairs: ContactPairs, index: int, geometry: ContactGeometry, row
 def _catheter_target(pairs: ContactPairs, index: int, rod: RodGeometry, rows: ContactRows, row: int) -> None:
     target, weights = pairs.target[index], pairs.target_weights[index]
     put_on_rod(rows, row, TARGET_SIDE, (target, target + 1), (-weights[0], -weights[1]))
-    rows.gap_m[row] -= rod.radius
+    rows.gap_m[row] -= rod.radius[target]
     for end in range(2):
         for axis in range(3):
             rows.gap_m[row] -= pairs.normal[index, axis] * weights[end] * rod.position[target + end, axis]

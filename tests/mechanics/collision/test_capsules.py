@@ -22,7 +22,10 @@ class Jaw:
         segments[:] = AWAY
         segments[0, JAW_A] = start_m, end_m
         radius[0, JAW_A] = JAW_M
-        tools, sizes = (segments, radius, np.array([True, False])), (CATHETER_M, MARGIN_M)
+        tools, sizes = (
+            (segments, radius, np.array([True, False])),
+            (np.full(len(particles_m) - 1, CATHETER_M), MARGIN_M),
+        )
         capsule_pairs(self.memory.address, tools, np.asarray(particles_m, float), sizes, pairs.address)
         assert (pairs.target_kind[: pairs.count] == CATHETER_SEGMENT).all()
         return pairs

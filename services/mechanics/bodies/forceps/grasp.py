@@ -120,7 +120,7 @@ class Grasp:
 
     def _catheter_point(self, at: float) -> tuple[int, FloatArray]:
         """Return segment and weights of a place counted in segments, at an end where it lies beyond that."""
-        n_segments = self.catheter.n_segments
+        n_segments = self.catheter.n_rod_segments
         at = min(max(at, 0.0), float(n_segments))
         segment = min(int(at), n_segments - 1)
         return segment, np.array([1.0 - (at - segment), at - segment, 0.0])
