@@ -11,11 +11,11 @@ from services.mechanics.scene.instruments import DriveScene, ForcepsScene, Probe
 
 if TYPE_CHECKING:
     from services.mechanics.scene.catheter_section import CatheterSection
+    from services.mechanics.scene.guide_wire import GuideWireScene
     from services.mechanics.scene.scene_model import (
         CatheterScene,
         ContactSettings,
         DuctScene,
-        GuideWireScene,
         QualityLevel,
         SceneModel,
     )
