@@ -178,7 +178,8 @@ class CatheterBody:
         """Return the live arrays of the state."""
         state, frame = self.state, self.state.frame
         rolled = () if frame is None else (frame.tangent, frame.m1, frame.twist_rad)
-        return state.position_m, state.velocity_m_s, self.contact_force_n, *rolled
+        slid = () if self.wire is None else (self.wire.place_array,)
+        return state.position_m, state.velocity_m_s, self.contact_force_n, *rolled, *slid
 
     def given_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays that `correct` changes."""
@@ -203,6 +204,7 @@ class CatheterBody:
         state = self.state
         path_m = None if state.frame is None else state.frame.last_path_m
         self._noted_flags = self._was_touched, self._was_woken, self.slept
+        self._noted_place = self.wire.place if self.wire is not None else (0.0, 0.0)
         self._noted = [None if array is None else array.copy() for array in (state.slow_velocity_m_s, path_m)]
 
     def put_back_start(self) -> None:
@@ -213,9 +215,11 @@ class CatheterBody:
             self.state.frame.last_path_m = path_m
 
     def go_back(self) -> None:
-        """Restore position and velocity of the start of the last step."""
+        """Restore position and velocity of the start of the last step, and its wire's place."""
         self.state.position_m[:] = self.start_m
         self.state.velocity_m_s[:] = self._step.start_velocity
+        if self.wire is not None:
+            self.wire.lay(self._noted_place)
 
     def halt(self) -> None:
         """Stop all motion at the present position."""
@@ -226,6 +230,8 @@ class CatheterBody:
         self.contact_force_n[:] = 0.0
         self._step.owed_j = 0.0
         self._step.last_external[:] = np.nan
+        if self.wire is not None:
+            self.wire.lay(self.wire.place)
 
     def compliance(self, nodes: IntArray, weights: FloatArray) -> FloatArray:
         """Return (3 p, 3 p) between the touched particles in m/N, a view; `slot` says where each of them is.

@@ -54,7 +54,8 @@ class GuideWire:
     """Where the wire is, and the arrays of the rod that follow from it.
 
     Attributes:
-        place: How far it is out of the catheter's tip, in m, and its roll against the catheter, in rad.
+        place_array: (2,) float64. How far it is out of the catheter's tip, in m, and its roll against the catheter, in
+            rad; changed in place.
         catheter_rest: (n - 2, 3) float64. Rest rotation of the catheter's own joints, in rad: what steering changes.
     """
 
@@ -73,6 +74,7 @@ class GuideWire:
         twist.bending = model.joint_stiffness
         self.catheter_rest = twist.rest_rotation.copy()
         arc_m, bent, turn = _sections(wire, tube)
+        self.place_array: FloatArray = np.zeros(2)
         self.model = GuideWireModel(
             arc=arc_m, bent=bent, turn=turn, catheter_bending=bending, catheter_torsion=torsion,
             catheter_rest=self.catheter_rest, joint_stiffness=model.joint_stiffness, torsion=twist.torsion,
@@ -94,8 +96,13 @@ class GuideWire:
 
     def lay(self, place: Place) -> None:
         """Let the rod be as with the wire there."""
-        self.place = place
+        self.place_array[:] = place
         lay(self.model.address, place)
+
+    @property
+    def place(self) -> Place:
+        """Where it is laid."""
+        return float(self.place_array[0]), float(self.place_array[1])
 
     def grow(self, speed_m_s: float) -> None:
         """Let what is out become longer at this speed in the step, which is no strain."""

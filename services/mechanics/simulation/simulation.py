@@ -185,6 +185,8 @@ class Simulation:
         self._healer.heal()
         for grasp in self.grasps:
             grasp.let_go()
+        if self.wire_drive is not None:
+            self.wire_drive.let_go()
         self._tool_force[:] = 0.0
         self._use_rung(self.quality_level)
         self.write_report(dt_s)

@@ -77,6 +77,12 @@ class WireDrive:
         self.motion, self._origin_m, self._rolled_rad, self._is_held = self._noted
         self.wire.lay(self.motion.place)
 
+    def let_go(self) -> None:
+        """Take up the wire where it is laid, at rest and untwisted, and hold it anew: what a heal comes back to."""
+        place = self.wire.place
+        still = {"speed_m_s": 0.0, "push_n": 0.0, "torque_nm": 0.0, "twisted_rad": place[1]}
+        self.motion, self._is_held = replace(self.motion, place=place, **still), False
+
     def move(self, dt_s: float) -> None:
         """Slide and roll over a step, and push the catheter's particles as the wire is pushed.
 

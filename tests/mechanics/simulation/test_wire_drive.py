@@ -1,6 +1,7 @@
 """A guide wire that is pushed and twisted from behind: it stays where friction holds it, and the books close."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -72,3 +73,55 @@ def test_the_books_close_while_the_wire_is_pushed_and_twisted(wired):
     assert book.flow.input_j > 1e-5
     assert simulation.wire_drive.motion.friction_j > 0.1 * book.flow.input_j
     assert abs(book.flow.imbalance_j) < 0.01 * book.flow.input_j
+
+
+def lengths(simulation):
+    """How far the wire is out, by the particles; and in all that tells where it is."""
+    out_m = float(np.linalg.norm(np.diff(simulation.catheter.state.position_m[50:], axis=0), axis=1).sum())
+    wire = simulation.catheter.wire
+    return out_m, [simulation.wire_drive.motion.place[0], wire.place[0], float(wire.model.rest_length[50:].sum())]
+
+
+def test_a_step_that_is_taken_again_begins_with_the_wire_where_it_was(wired):
+    simulation, inputs = wired
+    push(simulation.step, inputs, by_m=10e-3, rest=0)
+    rod, before, is_seen = simulation.catheter.wire.model, [], simulation.pace.is_seen
+    arrays = [rod.rest_length, rod.mass, rod.drag, rod.rest_rotation, rod.joint_stiffness, rod.torsion]
+    inputs.position_m[1, 0] -= 25e-6
+    inputs.roll_rad[1] += 0.1
+    start = simulation.wire_drive.motion, [array.copy() for array in arrays]
+    begin = simulation._start.put_back
+
+    def put_back():
+        assert simulation.wire_drive.motion != start[0]
+        begin()
+        before.append(simulation.wire_drive.motion == start[0])
+        before.extend(bool((now == then).all()) for now, then in zip(arrays, start[1], strict=True))
+
+    simulation._start.put_back = put_back
+    simulation.pace.is_seen = lambda: bool(before) and is_seen()
+    simulation.step(inputs)
+    assert before == [True] * (1 + len(arrays))
+
+
+def test_a_heal_takes_the_wire_back_with_the_particles(wired):
+    simulation, inputs = wired
+    push(simulation.step, inputs, by_m=10e-3, rolled_rad=1.0, rest=0)
+    newest_m, drive = simulation.wire_drive.motion.place[0], simulation.wire_drive
+
+    def spoil(dt_s):
+        simulation.watcher = None
+        simulation.catheter.state.position_m[-1, 2] = np.nan
+
+    simulation.watcher = SimpleNamespace(begin=lambda: None, end=spoil)
+    simulation.step(inputs)
+    assert simulation.healed_states == 1
+    out_m, told_m = lengths(simulation)
+    assert out_m < newest_m - 0.3e-3
+    np.testing.assert_allclose(told_m, out_m, rtol=1e-4)
+    assert drive.motion.speed_m_s == drive.motion.push_n == drive.motion.torque_nm == 0.0
+    for _ in range(100):
+        simulation.step(inputs)
+    assert lengths(simulation)[0] == pytest.approx(out_m, abs=1e-4)
+    assert abs(drive.motion.push_n) < 0.05
+    assert simulation.healed_states == 1
