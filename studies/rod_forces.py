@@ -23,11 +23,11 @@ def internal_forces(model: RodModel, state: RodState, work: RodWork | None = Non
     work.force[:] = 0.0
     work.position[:] = state.position_m
     work.lead[0] = model.beta * state.velocity_m_s
-    kept = model.unresisted.copy()
+    kept = model.growth.copy()
     if not state.velocity_m_s.any():
-        model.unresisted[:] = 0.0
+        model.growth[:] = 0.0
     _add_forces(model.address, work.address)
-    model.unresisted[:] = kept
+    model.growth[:] = kept
     return work.force.copy()
 
 

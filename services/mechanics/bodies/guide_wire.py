@@ -107,7 +107,7 @@ class GuideWire:
     def grow(self, speed_m_s: float) -> None:
         """Let what is out become longer at this speed in the step, which is no strain."""
         tip = self._rod.tip
-        self._rod.unresisted[tip:] = self._rod.beta * speed_m_s / (len(self._rod.rest_length) - tip)
+        self._rod.growth[tip:] = speed_m_s / (len(self._rod.rest_length) - tip)
 
     def stored_j(self, state: RodState, place: Place) -> tuple[float, float]:
         """Return what `rod.guide_wire.stored` does."""

@@ -127,7 +127,7 @@ def add_stretch(model: RodModel, work: RodWork) -> None:
         t = row(work.tangent, j)
         k = model.EA[j] / model.rest_length[j]
         lead, aside = _lead(work, j)
-        along = work.chord[j] * k * (work.elongation[j] + dot(t, lead) - model.unresisted[j])
+        along = work.chord[j] * k * (work.elongation[j] + dot(t, lead) - model.beta * model.growth[j])
         across = geometric_stretch(model, work, j)
         along -= across * dot(t, aside)
         for c in range(3):

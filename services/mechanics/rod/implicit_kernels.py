@@ -63,13 +63,21 @@ def predict(
         if taken >= 0:
             return taken
     put_held(model, work, x, v, target, dt_s)
+    _grow(model, 0.5 * dt_s)  # to the end of the step, where its forces are taken
     start_guarded(model, work, x, v, (dt_s, energy))
     form = implicit_euler(dt_s)
     more = abs(_newton(model, work, motion, external, (form, energy, max_iterations)))
+    _grow(model, -0.5 * dt_s)
     if more == 0:
         return 0
     _finish(model, work, motion, form)
     return more - taken
+
+
+@kernel
+def _grow(model: RodModel, time_s: float) -> None:
+    for j in range(model.growth.shape[0]):
+        model.rest_length[j] += time_s * model.growth[j]
 
 
 @kernel

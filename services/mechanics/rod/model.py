@@ -14,14 +14,14 @@ from services.mechanics.rod.supports import IntroducerSprings, Supports
 
 
 class RodModel(Struct):
-    """What a rod is: n particles, n - 1 segments, n - 2 joints. No kernel of a step writes to it."""
+    """What a rod is in the middle of a step: n particles, n - 1 segments, n - 2 joints. A step leaves it as it was."""
 
     mass: Annotated[FloatArray, "n"]  # kg
     drag: Annotated[FloatArray, "n"]  # N s/m
     EA: Annotated[FloatArray, "n - 1"]  # N
     joint_stiffness: Annotated[FloatArray, "n - 2"]  # N m/rad
     rest_length: Annotated[FloatArray, "n - 1"]  # m
-    unresisted: Annotated[FloatArray, "n - 1"]  # beta times the rate at which that grows, m: no strain, not damped
+    growth: Annotated[FloatArray, "n - 1"]  # the rate at which that grows, m/s: no strain, not damped
     tip: int  # the particle at the catheter's tip; beyond it lies what is out of a guide wire
     beta: float  # Kelvin-Voigt damping of the material, s
     walls: Annotated[FloatArray, 2, 3]  # directions of clamped ends; NaN rows where an end may turn
@@ -72,7 +72,7 @@ def build_model(properties: RodProperties, supports: Supports) -> RodModel:
         EA=properties.per_segment("axial_stiffness_n"),
         joint_stiffness=properties.joint_stiffness_n_m(),
         rest_length=np.full(properties.n_segments, properties.segment_length_m),
-        unresisted=np.zeros(properties.n_segments),
+        growth=np.zeros(properties.n_segments),
         tip=properties.n_particles - 1,
         beta=float(properties.internal_damping_s),
         walls=supports.wall_directions(),

@@ -30,7 +30,7 @@ def largest_frequency_rad_s(model: RodModel) -> float:
         EA=model.EA,
         joint_stiffness=model.joint_stiffness,
         rest_length=model.rest_length,
-        unresisted=model.unresisted,
+        growth=model.growth,
         tip=model.tip,
         beta=0.0,
         walls=walls,

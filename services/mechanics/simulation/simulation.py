@@ -158,8 +158,6 @@ class Simulation:
         if self.wire_drive is not None:
             self.wire_drive.move(dt_s)
         self.catheter.predict(dt_s)
-        if self.wire_drive is not None:
-            self.wire_drive.settle()
         marks[2] = perf_counter_ns()
         self._collect(tools, dt_s)
         marks[3] = perf_counter_ns()
@@ -174,6 +172,8 @@ class Simulation:
     def _end_step(self, dt_s: float) -> None:
         """Let effects act on the end of a step, and write what tools feel."""
         marks = self._marks_ns
+        if self.wire_drive is not None:
+            self.wire_drive.settle()
         self._correct(dt_s)
         marks[6] = perf_counter_ns()
         self.write_report(dt_s)

@@ -87,7 +87,7 @@ class WireDrive:
         """Slide and roll over a step, and push the catheter's particles as the wire is pushed.
 
         The rod's step is taken with the lengths that it has in the middle of it; `settle` gives it those of its end. A
-        slide that begins or ends is a jump of velocities: implicit Euler takes that, at the lengths of its end.
+        slide that begins or ends is a jump of velocities: implicit Euler takes that.
         """
         self._take_hold()
         before, state = self.motion, self._catheter.state
@@ -111,11 +111,10 @@ class WireDrive:
         )
         self._force[0] += push_n * self._along
         self.wire.grow(moved_m / dt_s)
-        jumps = (before.speed_m_s == 0.0) != (speed_m_s == 0.0)
-        if jumps:
+        if (before.speed_m_s == 0.0) != (speed_m_s == 0.0):
             state.slow_velocity_m_s = None
         if self.motion.place != before.place:
-            self._lay((out_m if jumps else 0.5 * (before.place[0] + out_m), roll_rad))
+            self._lay((0.5 * (before.place[0] + out_m), roll_rad))
         if change_m_s != 0.0:
             self._carry(change_m_s)
 

@@ -65,11 +65,12 @@ def test_what_friction_holds_does_not_creep_and_what_slides_is_felt(wired):
     assert simulation.healed_states == 0
 
 
-def test_the_books_close_while_the_wire_is_pushed_and_twisted(wired):
+def test_the_books_close_while_the_wire_is_pushed_twisted_and_pulled_in(wired):
     simulation, inputs = wired
     book = EnergyBook(simulation)
     push(book.step, inputs, by_m=20e-3)
     push(book.step, inputs, by_m=2e-3, rolled_rad=2.0)
+    push(book.step, inputs, by_m=-15e-3)
     assert book.flow.input_j > 1e-5
     assert simulation.wire_drive.motion.friction_j > 0.1 * book.flow.input_j
     assert abs(book.flow.imbalance_j) < 0.01 * book.flow.input_j
