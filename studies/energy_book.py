@@ -173,8 +173,8 @@ class EnergyBook:
         self.flow.rod_j -= float(np.sum(viscous * motion))
         self.flow.numerical_j += float(np.sum(impulse * (mean - start.velocity_m_s - 0.5 * change)))
         self.flow.numerical_j -= float(np.sum((own - viscous) * motion))
-        driven_j = _driven_j(self.simulation) - before.driven_j
-        self.flow.input_j += driven_j
+        driven_j, apart_j = np.subtract(_driven_j(self.simulation), before.driven_j)
+        self.flow.input_j += driven_j + apart_j
         wire, then = self.simulation.wire_drive, before.wire
         if wire is not None and then is not None:
             driven_j += wire.motion.work_j - then.work_j
@@ -240,7 +240,7 @@ class _Snapshot:
     loads: FloatArray
     anchors_j: float
     kicks_j: float
-    driven_j: float
+    driven_j: tuple[float, float]
     wire: WireMotion | None
     grips: Grips
 
@@ -291,9 +291,9 @@ def _kick_energy_j(simulation: Simulation) -> float:
     return sum(effect.potential_energy_j(simulation.world) for effect in simulation.effects.values() if effect.kicks)
 
 
-def _driven_j(simulation: Simulation) -> float:
-    """What a drive has put in by twisting and steering."""
-    return simulation.drive.work_j if simulation.drive is not None else 0.0
+def _driven_j(simulation: Simulation) -> tuple[float, float]:
+    """What a drive has put in by twisting and steering: into the rod, and into what it and a wire hold apart."""
+    return (simulation.drive.work_j, simulation.drive.apart_j) if simulation.drive is not None else (0.0, 0.0)
 
 
 def _anchor_energy_j(simulation: Simulation) -> float:

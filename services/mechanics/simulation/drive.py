@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
+from services.mechanics.bodies.guide_wire import frame_of
 from services.mechanics.bodies.sections import joint_curvature
 from services.mechanics.collision.pairs import CATHETER_SEGMENT
 from services.mechanics.compiled.vectors import cross, dot, row
@@ -30,6 +30,7 @@ class CatheterDrive:
     Attributes:
         work_j: float. What twisting and steering have put into the catheter: a change of the material's state at a
             given shape.
+        apart_j: float. And into what it and a wire in it hold against each other.
     """
 
     def __init__(self, world: World, tool: int) -> None:
@@ -37,7 +38,7 @@ class CatheterDrive:
         self._twist: TwistModel | None = world.catheter.integrator.twist
         self._hold_id, self._is_held, self._offset_rad, self._steered_rad = _FIRST_HOLD, False, 0.0, 0.0
         self._lost = world.holds.lost
-        self.work_j = 0.0
+        self.work_j = self.apart_j = 0.0
         if self._twist is not None:
             self._state.frame = initial_frame(self._state.position_m, walls=self._twist.walls)
             self._wire = world.catheter.wire
@@ -52,11 +53,11 @@ class CatheterDrive:
     def note_start(self) -> None:
         """Note what a step begins with."""
         rest = None if self._twist is None else self._own_rest.copy()
-        self._noted = self._hold_id, self._is_held, self._offset_rad, self._steered_rad, self.work_j, rest
+        self._noted = self._hold_id, self._is_held, self._offset_rad, self._steered_rad, self.work_j, self.apart_j, rest
 
     def put_back_start(self) -> None:
         """Begin with that again."""
-        self._hold_id, self._is_held, self._offset_rad, self._steered_rad, self.work_j, rest = self._noted
+        self._hold_id, self._is_held, self._offset_rad, self._steered_rad, self.work_j, self.apart_j, rest = self._noted
         if self._twist is not None and rest is not None:
             self._own_rest[:] = rest
 
@@ -69,14 +70,16 @@ class CatheterDrive:
         if abs(turned_rad) < _UNTURNED_RAD and abs(handle_rad - self._steered_rad) < _UNTURNED_RAD:
             return
         assert self._state.frame is not None
-        before_j = self._stored_j(self._twist)
+        before_j, apart_j = self._stored_j(self._twist)
         roll(self._state.frame, 0, -turned_rad)
         self._steered_rad = handle_rad
         np.multiply(self._steering, handle_rad, out=self._own_rest)
         self._own_rest += self._rest
         if self._wire is not None:
             self._wire.lay(self._wire.place)
-        self.work_j += self._stored_j(self._twist) - before_j
+        now_j, now_apart_j = self._stored_j(self._twist)
+        self.work_j += now_j - before_j
+        self.apart_j += now_apart_j - apart_j
 
     def holds(self) -> list[GraspHold]:
         """Return its hold of the first particle: while it is there, and anew where one was lost."""
@@ -97,11 +100,12 @@ class CatheterDrive:
         b, along = row(frame, 0), row(frame, 2)
         return math.atan2(dot(cross(b, first), along), dot(b, first))
 
-    def _stored_j(self, twist: TwistModel) -> float:
-        frame = self._state.frame
+    def _stored_j(self, twist: TwistModel) -> tuple[float, float]:
+        """Return what the rod's material stores, and what the catheter and a wire in it hold against each other."""
+        frame, wire = self._state.frame, self._wire
         assert frame is not None
-        arrays: tuple[FloatArray, FloatArray, FloatArray] = (frame.tangent, frame.m1, frame.twist_rad)
-        return float(energy_at((twist.address, arrays, frame.end_is_held), self._state.position_m))
+        own_j = float(energy_at((twist.address, frame_of(self._state), frame.end_is_held), self._state.position_m))
+        return own_j, 0.0 if wire is None else wire.stored_j(self._state, wire.place)[1]
 
 
 def build_drive(scene: SceneModel, world: World) -> CatheterDrive | None:

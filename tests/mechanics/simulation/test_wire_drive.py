@@ -18,7 +18,7 @@ LENGTH_M, BEHIND_M = 0.1, 1e-3
 @pytest.fixture
 def wired(small_scene, small_duct):
     """A catheter whose last 30 mm are bent at rest, 20 mm out of its introducer, and a wire 10 mm out of it."""
-    bend = CatheterSection(length_m=30e-3, rest_curvature_1_m=(40.0, 0.0, 0.0))
+    bend = CatheterSection(length_m=30e-3, rest_curvature_1_m=(40.0, 0.0, 0.0), steering_1_m_rad=(0.0, 60.0, 0.0))
     placed = replace(
         small_scene.catheter, n_segments=50, length_m=LENGTH_M, tip_position_m=(80e-3, 0.0, 0.0),
         introducer_to_tip_m=35e-3, introducer_length_m=LENGTH_M - 40e-3, sections=(bend,), internal_damping_s=2e-3,
@@ -73,6 +73,16 @@ def test_the_books_close_while_the_wire_is_pushed_twisted_and_pulled_in(wired):
     push(book.step, inputs, by_m=-15e-3)
     assert book.flow.input_j > 1e-5
     assert simulation.wire_drive.motion.friction_j > 0.1 * book.flow.input_j
+    assert abs(book.flow.imbalance_j) < 0.01 * book.flow.input_j
+
+
+def test_the_books_close_while_a_catheter_is_steered_around_its_wire(wired):
+    simulation, inputs = wired
+    book = EnergyBook(simulation)
+    for handle_rad in [*np.linspace(0.0, 1.0, 300), *np.full(200, 1.0)]:
+        inputs.jaw_angle_rad[0] = handle_rad
+        book.step(inputs)
+    assert book.flow.input_j > 1e-4
     assert abs(book.flow.imbalance_j) < 0.01 * book.flow.input_j
 
 
