@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
+import yaml
 
 from services.mechanics.effects import EFFECTS
 from services.mechanics.effects.mucus_drag import MucusDragSettings
@@ -139,6 +141,57 @@ def test_a_mistake_is_one_sentence(tmp_path: Path, text: str, sentence: str) -> 
     path = tmp_path / "a.yaml"
     path.write_text(text)
     with pytest.raises(ConfigError, match=sentence) as caught:
+        load_scene(path)
+    assert "\n" not in str(caught.value)
+
+
+_WIRED = {"anchor": "introducer", "inner_diameter_m": 1e-3, "outer_diameter_m": 2e-3, "guide_wire": {}}
+_TOOLS = {"forceps": [{"kind": "drive"}, {"kind": "wire_drive"}], "hands": "drive", "effects": {"twist": {}}}
+
+
+@pytest.mark.parametrize(
+    ("scene", "catheter", "wire", "sentence"),
+    [
+        ({"forceps": [{"kind": "drive"}]}, {}, {}, r"guide_wire: goes with one tool of kind wire_drive"),
+        ({}, {"guide_wire": None}, {}, r"guide_wire: goes with one tool of kind wire_drive, and that with it"),
+        ({"effects": {}}, {}, {}, r"guide_wire: turns in the catheter, name the effect 'twist' too"),
+        ({}, {"anchor": "free"}, {}, r"guide_wire: needs a catheter with anchor introducer and integrator"),
+        ({}, {"integrator": "semi_implicit"}, {}, r"guide_wire: needs .* and integrator implicit"),
+        *(
+            ({"effects": {"twist": {}, name: {}}}, {}, {}, rf"guide_wire: the effect '{name}' knows a cath")
+            for name in ("gravity", "mucus_drag", "self_contact")
+        ),
+        ({}, {"inner_diameter_m": 0.7e-3}, {}, r"guide_wire.outer_diameter_m: must be below the catheter's inner_diam"),
+        ({}, {}, {"poisson_ratio": 0.6}, r"guide_wire.poisson_ratio: must lie above -1 and not above 0.5, is 0.6"),
+        ({}, {}, {"out_m": 4e-3}, r"guide_wire.out_m: must lie within least_out_m and reach_m, .*, is 0.004"),
+        ({}, {}, {"out_m": 41e-3}, r"guide_wire.out_m: must lie within least_out_m and reach_m, .*, is 0.041"),
+        ({}, {}, {"reach_m": 0.2}, r"guide_wire.out_m: must lie .*, that below the catheter's length"),
+        ({}, {}, {"friction": -0.1}, r"guide_wire.friction: must not be negative, is -0.1"),
+        *(
+            ({}, {}, {name: 0.0}, rf"guide_wire.{name}: must be positive, is 0")
+            for name in ("outer_diameter_m", "youngs_modulus_pa", "density_kg_m3", "out_m", "least_out_m", "reach_m")
+        ),
+        ({}, {}, {"sections": [{"length_m": 0.0}]}, r"guide_wire.sections.0.length_m: must be positive, is 0"),
+        *(
+            (
+                {},
+                {},
+                {"sections": [{"length_m": 5e-3}, {"length_m": 5e-3, **bent}]},
+                r"guide_wire.sections.1: a wire is",
+            )
+            for bent in ({"steering_1_m_rad": [0.0, 9.0, 0.0]}, {"rest_curvature_1_m": [0.0, 0.0, 9.0]})
+        ),
+    ],
+)
+def test_a_mistake_in_a_guide_wire_is_one_sentence(
+    tmp_path: Path, scene: dict[str, Any], catheter: dict[str, Any], wire: dict[str, Any], sentence: str
+) -> None:
+    path = tmp_path / "a.yaml"
+    wired = {**_WIRED, **catheter}
+    if wired["guide_wire"] is not None:
+        wired["guide_wire"] = wire
+    path.write_text(yaml.safe_dump({**_TOOLS, **scene, "catheter": wired}))
+    with pytest.raises(ConfigError, match=rf"a.yaml: catheter\.{sentence}") as caught:
         load_scene(path)
     assert "\n" not in str(caught.value)
 

@@ -28,9 +28,9 @@ def scene_rod(scene: SceneModel, effects: Iterable[Effect]) -> RodProperties:
         rod = rod_properties(scene.catheter)
         for effect in effects:
             rod = effect.modify_rod(rod)
-        _check_wire(scene, rod)
     except ValueError as error:
         raise ValueError(f"catheter: {error}") from None
+    _check_wire(scene, rod)
     if rod.torsional_stiffness_n_m2 is None and (key := _turns_with_material(scene)):
         raise ValueError(f"{key}: turns with the material, name the effect 'twist' too")
     wire = scene.catheter.guide_wire
@@ -38,16 +38,16 @@ def scene_rod(scene: SceneModel, effects: Iterable[Effect]) -> RodProperties:
 
 
 def _check_wire(scene: SceneModel, rod: RodProperties) -> None:
-    """Raises ValueError, with the key below the catheter's: the scene does not bear its guide wire out."""
+    """Raises ValueError: the scene does not bear its guide wire out."""
     catheter = scene.catheter
     if catheter.guide_wire is None:
         return
     if rod.torsional_stiffness_n_m2 is None:
-        raise ValueError("guide_wire: turns in the catheter, name the effect 'twist' too")
+        raise ValueError("catheter.guide_wire: turns in the catheter, name the effect 'twist' too")
     if catheter.anchor != "introducer" or catheter.integrator != "implicit":
-        raise ValueError("guide_wire: needs a catheter with anchor introducer and integrator implicit")
+        raise ValueError("catheter.guide_wire: needs a catheter with anchor introducer and integrator implicit")
     if blind := [name for name in _OF_ONE_TUBE if name in scene.effects]:
-        raise ValueError(f"guide_wire: the effect {blind[0]!r} knows a catheter alone, leave one of both out")
+        raise ValueError(f"catheter.guide_wire: the effect {blind[0]!r} knows a catheter alone, leave one of both out")
 
 
 def _turns_with_material(scene: SceneModel) -> str:
