@@ -73,10 +73,10 @@ class GuideWire:
         model.tip, self._rod = c, model
         twist.bending = model.joint_stiffness
         self.catheter_rest = twist.rest_rotation.copy()
-        arc_m, bent, turn = _sections(wire, tube)
+        arc_m, bent = _sections(wire, tube)
         self.place_array: FloatArray = np.zeros(2)
         self.model = GuideWireModel(
-            arc=arc_m, bent=bent, turn=turn, catheter_bending=bending, catheter_torsion=torsion,
+            arc=arc_m, bent=bent, catheter_bending=bending, catheter_torsion=torsion,
             catheter_rest=self.catheter_rest, joint_stiffness=model.joint_stiffness, torsion=twist.torsion,
             rest_rotation=twist.rest_rotation, rest_length=model.rest_length, mass=model.mass, drag=model.drag,
             EA=model.EA, load=np.zeros((properties.n_particles, 3)), moment=np.zeros((properties.n_particles - 2, 3)),
@@ -122,10 +122,11 @@ def frame_of(state: RodState) -> Frame:
     return frame.tangent, frame.m1, frame.twist_rad
 
 
-def _sections(wire: GuideWireScene, tube: RoundTube) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _sections(wire: GuideWireScene, tube: RoundTube) -> tuple[FloatArray, FloatArray]:
     """Return where sections end, from the tip on, and how far the wire is bent up to there: per moment, and at rest."""
-    lengths_m, own = [section.length_m for section in wire.sections], wire.youngs_modulus_pa
-    softness = [own / (section.youngs_modulus_pa or own) for section in wire.sections]
-    bent = np.cumsum([0.0, *np.multiply(lengths_m, softness), _FAR_M]) / (own * tube.second_moment_m4())
-    turns = [section.length_m * np.array(section.rest_curvature_1_m[:2]) for section in wire.sections]
-    return np.cumsum([0.0, *lengths_m, _FAR_M]), bent, np.cumsum([np.zeros(2), *turns, np.zeros(2)], axis=0)
+    flexibility, rows = 1.0 / (wire.youngs_modulus_pa * tube.second_moment_m4()), [(0.0, 0.0, 0.0, 0.0)]
+    for section in wire.sections:
+        softness = wire.youngs_modulus_pa / (section.youngs_modulus_pa or wire.youngs_modulus_pa)
+        rows.append(section.length_m * np.array([1.0, softness * flexibility, *section.rest_curvature_1_m[:2]]))
+    table = np.cumsum([*rows, (_FAR_M, _FAR_M * flexibility, 0.0, 0.0)], axis=0)
+    return table[:, 0].copy(), table[:, 1:].copy()

@@ -25,8 +25,7 @@ class GuideWireModel(Struct):
     """The wire's material, the catheter's own, and the arrays of the common rod: n particles, c at the tip."""
 
     arc: Annotated[FloatArray, "k"]  # from the wire's tip, where its sections end; the last is beyond its end, m
-    bent: Annotated[FloatArray, "k"]  # up to there, angle per moment, rad/(N m)
-    turn: Annotated[FloatArray, "k", 2]  # and angle at rest about m1 and m2, rad
+    bent: Annotated[FloatArray, "k", 3]  # up to there: angle per moment, rad/(N m), and at rest about m1 and m2, rad
     catheter_bending: Annotated[FloatArray, "c"]  # of the joints, and of the half segment before the tip, N m/rad
     catheter_torsion: Annotated[FloatArray, "c"]
     catheter_rest: Annotated[FloatArray, "n - 2", 3]  # its own rest rotation, rad
@@ -113,17 +112,15 @@ def _rotation(frame: Frame, i: int) -> tuple[float, Vector]:
 @kernel
 def _piece(wire: GuideWireModel, start: float, end: float, roll: float) -> tuple[float, float, float]:
     """Bending stiffness of the piece of wire between two places, and its rest rotation about the catheter's m1, m2."""
-    bent, a, b = 0.0, 0.0, 0.0
+    bent = (0.0, 0.0, 0.0)
     for at, sign in ((start, -1.0), (end, 1.0)):
         k = 1
         while k < wire.arc.shape[0] - 1 and wire.arc[k] < at:
             k += 1
         share = (at - wire.arc[k - 1]) / (wire.arc[k] - wire.arc[k - 1])
-        bent += sign * (wire.bent[k - 1] + share * (wire.bent[k] - wire.bent[k - 1]))
-        a += sign * (wire.turn[k - 1, 0] + share * (wire.turn[k, 0] - wire.turn[k - 1, 0]))
-        b += sign * (wire.turn[k - 1, 1] + share * (wire.turn[k, 1] - wire.turn[k - 1, 1]))
+        bent = along(along(bent, row(wire.bent, k - 1), sign * (1.0 - share)), row(wire.bent, k), sign * share)
     cosine, sine = math.cos(roll), math.sin(roll)
-    return 1.0 / bent, cosine * a - sine * b, sine * a + cosine * b
+    return 1.0 / bent[0], cosine * bent[1] - sine * bent[2], sine * bent[1] + cosine * bent[2]
 
 
 @kernel

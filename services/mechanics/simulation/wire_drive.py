@@ -62,7 +62,7 @@ class WireDrive:
         self._along = np.array(scene.catheter.direction) / float(np.linalg.norm(scene.catheter.direction))
         model, length_m = self.wire.model, scene.catheter.length_m
         self._mass_kg = model.density * (length_m + self._scene.out_m)
-        bending = 1.0 / (model.bent[-1] - model.bent[-2]) * (model.arc[-1] - model.arc[-2])
+        bending = (model.arc[-1] - model.arc[-2]) / (model.bent[-1, 0] - model.bent[-2, 0])
         self._torsion_nm_rad = bending / (1.0 + model.poisson) / length_m
         self._force = self._catheter.external_force_n
         self.motion = WireMotion(self.wire.place)
@@ -94,29 +94,15 @@ class WireDrive:
         answer = resist(
             self.wire.model.address, state.position_m, frame_of(state), self._catheter.contact_force_n, before.place
         )
-        out_m, push_n, speed_m_s, rubs_n = self._slide(answer[:3], dt_s)
-        roll_rad, torque_nm, twisted_rad, rubs_nm = self._turn(answer[3:])
-        moved_m, turned_rad = out_m - before.place[0], roll_rad - before.place[1]
-        change_m_s = speed_m_s - before.speed_m_s
-        self.motion = replace(
-            before,
-            place=(out_m, roll_rad),
-            speed_m_s=speed_m_s,
-            push_n=push_n,
-            torque_nm=torque_nm,
-            twisted_rad=twisted_rad,
-            input_j=before.input_j + before.torque_nm * (twisted_rad - before.twisted_rad),
-            friction_j=before.friction_j + rubs_n * abs(moved_m) + rubs_nm * abs(turned_rad),
-            numerical_j=before.numerical_j + 0.5 * self._mass_kg * change_m_s * change_m_s,
-        )
-        self._force[0] += push_n * self._along
-        self.wire.grow(moved_m / dt_s)
-        if (before.speed_m_s == 0.0) != (speed_m_s == 0.0):
+        self.motion = motion = self._turned(self._slid(answer[:3], dt_s), answer[3:])
+        self._force[0] += motion.push_n * self._along
+        self.wire.grow((motion.place[0] - before.place[0]) / dt_s)
+        if (before.speed_m_s == 0.0) != (motion.speed_m_s == 0.0):
             state.slow_velocity_m_s = None
-        if self.motion.place != before.place:
-            self._lay((0.5 * (before.place[0] + out_m), roll_rad))
-        if change_m_s != 0.0:
-            self._carry(change_m_s)
+        if motion.place != before.place:
+            self._lay((0.5 * (before.place[0] + motion.place[0]), motion.place[1]))
+        if motion.speed_m_s != before.speed_m_s:
+            self._carry(motion.speed_m_s - before.speed_m_s)
 
     def settle(self) -> None:
         """Let the rod be as at the end of the step."""
@@ -160,39 +146,41 @@ class WireDrive:
         near = self.motion.twisted_rad + self._rolled_rad
         return float(near + math.remainder(angle - near, 2.0 * math.pi))
 
-    def _slide(self, pushes_n: tuple[float, ...], dt_s: float) -> tuple[float, float, float, float]:
-        """Return where the wire ends, the push and the speed there, and the friction that it slides against."""
-        outwards, holds, inwards = pushes_n
-        at_m, compliance = self.motion.place[0], float(self._tools.compliance[self._tool, 0])
-        wanted_m = self._hub_m() - self._origin_m
-        inertia, spring = self._mass_kg / (dt_s * dt_s), 1.0 / compliance if self._is_held else 0.0
-        asked_n = inertia * dt_s * self.motion.speed_m_s + spring * (wanted_m - at_m)
-        if asked_n > outwards:
-            moved_m, rubs_n = (asked_n - outwards) / (inertia + spring), outwards - holds
-        elif asked_n < inwards:
-            moved_m, rubs_n = (asked_n - inwards) / (inertia + spring), holds - inwards
-        else:
-            moved_m, rubs_n = 0.0, 0.0
-        most_m = _FARTHEST * at_m
-        free_m = at_m + min(max(moved_m, -most_m), most_m)
-        out_m = min(max(free_m, self._scene.least_out_m), self._scene.reach_m)
+    def _slid(self, pushes_n: tuple[float, ...], dt_s: float) -> WireMotion:
+        """Return the motion with the wire slid by what acts on it beyond what friction holds."""
+        before, (outwards, holds, inwards) = self.motion, pushes_n
+        at_m, wanted_m = before.place[0], self._hub_m() - self._origin_m
+        spring = self._is_held / float(self._tools.compliance[self._tool, 0])
+        inertia = self._mass_kg / (dt_s * dt_s)
+        asked_n = inertia * dt_s * before.speed_m_s + spring * (wanted_m - at_m)
+        against_n = _within(asked_n, inwards, outwards)
+        free_m = at_m + _within((asked_n - against_n) / (inertia + spring), -_FARTHEST * at_m, _FARTHEST * at_m)
+        out_m = _within(free_m, self._scene.least_out_m, self._scene.reach_m)
         speed_m_s = (out_m - at_m) / dt_s if out_m == free_m else 0.0
-        return out_m, spring * (wanted_m - out_m), speed_m_s, rubs_n
+        return replace(
+            before,
+            place=(out_m, before.place[1]),
+            speed_m_s=speed_m_s,
+            push_n=spring * (wanted_m - out_m),
+            friction_j=before.friction_j + abs((against_n - holds) * (out_m - at_m)),
+            numerical_j=before.numerical_j + 0.5 * self._mass_kg * (speed_m_s - before.speed_m_s) ** 2,
+        )
 
-    def _turn(self, torques_nm: tuple[float, ...]) -> tuple[float, float, float, float]:
-        """Return the wire's roll, torque and twist at its proximal end, and the friction that it turns against."""
-        asks, slope, rubs = torques_nm
-        roll_rad, twisted_rad = self.motion.place[1], self.motion.twisted_rad
-        if self._is_held:
-            twisted_rad = self._roll_rad() - self._rolled_rad
-        else:  # nobody holds its end
-            twisted_rad = roll_rad
-        excess = self._torsion_nm_rad * (twisted_rad - roll_rad) - asks
-        if abs(excess) <= rubs:
-            return roll_rad, self._torsion_nm_rad * (twisted_rad - roll_rad), twisted_rad, 0.0
-        turned = (excess - math.copysign(rubs, excess)) / (self._torsion_nm_rad + max(slope, 0.0))
-        roll_rad += min(max(turned, -_FARTHEST), _FARTHEST)
-        return roll_rad, self._torsion_nm_rad * (twisted_rad - roll_rad), twisted_rad, rubs
+    def _turned(self, motion: WireMotion, torques_nm: tuple[float, ...]) -> WireMotion:
+        """Return a motion with the wire turned, in the same way; where nobody holds its end, that goes with it."""
+        (asks, slope, rubs), stiffness, (out_m, roll_rad) = torques_nm, self._torsion_nm_rad, motion.place
+        twisted_rad = self._roll_rad() - self._rolled_rad if self._is_held else roll_rad
+        excess = stiffness * (twisted_rad - roll_rad) - asks
+        turned = (excess - _within(excess, -rubs, rubs)) / (stiffness + max(slope, 0.0))
+        turned = _within(turned, -_FARTHEST, _FARTHEST)
+        return replace(
+            motion,
+            place=(out_m, roll_rad + turned),
+            torque_nm=stiffness * (twisted_rad - roll_rad - turned),
+            twisted_rad=twisted_rad,
+            input_j=motion.input_j + motion.torque_nm * (twisted_rad - motion.twisted_rad),
+            friction_j=motion.friction_j + rubs * abs(turned),
+        )
 
     def _lay(self, place: Place) -> None:
         """Lay the rod anew, and enter what that puts into it."""
@@ -208,6 +196,10 @@ class WireDrive:
         state.velocity_m_s[tip + 1 :] += change
         if state.slow_velocity_m_s is not None:
             state.slow_velocity_m_s[tip + 1 :] += change
+
+
+def _within(value: float, least: float, most: float) -> float:
+    return min(max(value, least), most)
 
 
 def build_wire_drive(scene: SceneModel, world: World) -> WireDrive | None:
