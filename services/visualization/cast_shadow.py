@@ -92,9 +92,10 @@ class Rods:
             starts += [np.array(shape.port_m), *[pose[:3]] * len(jaws)]
             ends += [pose[:3], *(pose[:3] + shape.jaw_length_m * turn.apply(jaw) for jaw in jaws)]
             radii += [shape.shaft_radius_m, *[1.3 * shape.jaw_radius_m] * len(jaws)]
-        line = picture.centreline_m[:: max(1, len(picture.centreline_m) // _PIECES)]
-        radii += [self._layout.catheter_radius_m] * (len(line) - 1)
-        return _single([*starts, *line[:-1]], [*ends, *line[1:]], radii)
+        for part, radius_m in self._layout.rods():
+            line = picture.centreline_m[part][:: max(1, len(picture.centreline_m) // _PIECES)]
+            starts, ends, radii = [*starts, *line[:-1]], [*ends, *line[1:]], [*radii, *[radius_m] * (len(line) - 1)]
+        return _single(starts, ends, radii)
 
     def duct(self, picture: Picture) -> RodArrays:
         """Return the same of the duct."""

@@ -39,6 +39,7 @@ def encode_hello(layout: PictureLayout) -> str:
                 "clamped": layout.clamped,
             },
             "catheter": {"n_points": layout.n_particles, "radius_m": layout.catheter_radius_m},
+            "wire": {"n_segments": layout.n_wire_segments, "radius_m": layout.wire_radius_m},
             "tools": [
                 {
                     "name": tool.name,
@@ -71,6 +72,8 @@ def decode_hello(text: str) -> PictureLayout:
         n_particles=catheter["n_points"],
         catheter_radius_m=catheter["radius_m"],
         tools=tuple(map(_tool, hello["tools"])),
+        n_wire_segments=hello["wire"]["n_segments"],
+        wire_radius_m=hello["wire"]["radius_m"],
     )
 
 

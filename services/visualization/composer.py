@@ -12,6 +12,7 @@ import numpy as np
 import protocol.bodies as bodies
 from protocol import Frame
 from protocol.topics import observed_by
+from services.mechanics.bodies.sections import segment_radii
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.scene import ForcepsScene, SceneModel, ToolScene
 from services.runtime.bus import Bus
@@ -57,6 +58,8 @@ class Composer:
             n_particles=0,
             catheter_radius_m=0.5 * scene.catheter.outer_diameter_m,
             tools=(),
+            n_wire_segments=scene.catheter.n_rod_segments - scene.catheter.n_segments,
+            wire_radius_m=float(segment_radii(scene.catheter)[-1]),
         )
 
     def compose(self) -> Picture:

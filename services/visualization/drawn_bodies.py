@@ -21,7 +21,8 @@ from services.visualization.tube import spline, sweep_tube, tube_triangles
 
 _STEEL, _SLEEVE, _CANNULA = "#b4bbc2", "#2a2e33", "#8ea4b8"
 _METAL = {"sleeve": _SLEEVE, "steel": _STEEL}
-_BODY, _MARK, _BORE = "#d8a63c", "#1d1b18", "#2a1f12"
+_CATHETER = "#d8a63c", "#1d1b18", "#2a1f12"
+_WIRE = (_STEEL,) * 3
 _SIDES, _PER_SEGMENT = 12, 3
 #: Rounded tip: how far each of its rings is ahead of the last, and its radius, in radii; the last is in the lumen.
 _TIP = np.array([(0.3, 0.97), (0.55, 0.87), (0.72, 0.7), (0.8, 0.5), (0.2, 0.5)], np.float32)
@@ -112,12 +113,12 @@ class DrawnDuct:
         return self._surface.points[self._wall.outer]
 
 
-class DrawnCatheter:
-    """The catheter, with a ring every centimetre from its tip, as surgeons count the depth."""
+class DrawnRod:
+    """The catheter, with a ring every centimetre from its tip, as surgeons count the depth, or its wire."""
 
-    def __init__(self, plotter: pv.Plotter, layout: PictureLayout) -> None:
-        self._radius_m = layout.catheter_radius_m
-        self._along = (layout.n_particles - 1) * _PER_SEGMENT + 1
+    def __init__(self, plotter: pv.Plotter, n_particles: int, radius_m: float, colours: tuple[str, str, str]) -> None:
+        self._radius_m, self._marking = radius_m, colours
+        self._along = (n_particles - 1) * _PER_SEGMENT + 1
         rings = self._along + len(_TIP)
         self._radii_m = np.full(rings, self._radius_m, np.float32)
         self._radii_m[self._along :] *= _TIP[:, 1]
@@ -142,9 +143,26 @@ class DrawnCatheter:
         steps_mm = 1e3 * np.linalg.norm(np.diff(curve[::-1], axis=0), axis=1)
         from_tip_mm = np.concatenate([np.zeros(len(_TIP)), [0.0], np.cumsum(steps_mm)])[::-1]
         marked = (from_tip_mm > 5.0) & (np.abs(from_tip_mm - 10.0 * np.round(from_tip_mm / 10.0)) < 0.55)
-        colours = np.where(marked[:, None], rgb(_MARK), rgb(_BODY))
-        colours[-1] = rgb(_BORE)
+        body, mark, bore = map(rgb, self._marking)
+        colours = np.where(marked[:, None], mark, body)
+        colours[-1] = bore
         return np.repeat(colours, _SIDES, axis=0).astype(np.uint8)
+
+
+class DrawnCatheter:
+    """Catheter and wire."""
+
+    def __init__(self, plotter: pv.Plotter, layout: PictureLayout) -> None:
+        every = range(layout.n_particles)
+        self.rods = [
+            (part, DrawnRod(plotter, len(every[part]), radius_m, colours))
+            for (part, radius_m), colours in zip(layout.rods(), (_CATHETER, _WIRE), strict=False)
+        ]
+
+    def update(self, centreline_m: Float32Array) -> None:
+        """Follow the particles (m, 3), tip last."""
+        for part, rod in self.rods:
+            rod.update(centreline_m[part])
 
 
 class Tool:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 WALL_1_M, CATHETER_1_M, STEEL_1_M = 60.0, 900.0, 950.0
 """Attenuation at some 60 keV: of the wall three times soft tissue's, or it would not be seen; of a catheter as of
-plastic with barium, an assumption; of steel."""
+plastic with barium, an assumption; of steel, as of a guide wire."""
 SOURCE_M = 0.7
 """From the tube of the X-rays to the duct's middle: an assumption."""
 _FILLS = 0.9
@@ -84,9 +84,9 @@ class Fluoroscope:
         self._wall.update(picture.points_m, self._wall_m, self._normals)
         self._weakened[:] = 0.0
         self._add(WALL_1_M, self._wall_m, self._wall.triangles)
-        if len(picture.centreline_m) > 1:
-            radii_m = np.full(len(picture.centreline_m), layout.catheter_radius_m)
-            self._add(CATHETER_1_M, *rod(picture.centreline_m, radii_m))
+        for (part, radius_m), factor_1_m in zip(layout.rods(), (CATHETER_1_M, STEEL_1_M), strict=False):
+            if len(line_m := picture.centreline_m[part]) > 1:
+                self._add(factor_1_m, *rod(line_m, np.full(len(line_m), radius_m)))
         for shape, pose in zip(layout.tools, picture.poses, strict=True):
             shaft = Rotation.from_quat(pose[3:], scalar_first=True).as_matrix()[:, 0]
             for x_m, radii_m in (np.array(part.profile).T for part in shape.parts):

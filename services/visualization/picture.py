@@ -38,7 +38,7 @@ class PictureLayout:
         triangles: (t, 3) int32. Counter-clockwise seen from outside.
         thickness_m: float. Of the wall, half on each side of the mid-surface.
         mouth, clamped: tuple of int. Nodes of the free rim and of the held one; empty on a surface that names none.
-        n_particles: int. Of the catheter.
+        n_particles: int. Of the catheter, and of what is out of its guide wire: the last segments.
     """
 
     epoch: int
@@ -51,6 +51,14 @@ class PictureLayout:
     n_particles: int
     catheter_radius_m: float
     tools: tuple[ToolShape, ...]
+    n_wire_segments: int = 0
+    wire_radius_m: float = 0.0
+
+    def rods(self) -> list[tuple[slice, float]]:
+        """Return which particles lie along the catheter and along its wire, if it has one, and how thick both are."""
+        tip = max(self.n_particles - 1 - self.n_wire_segments, 0)
+        wire = [(slice(tip, None), self.wire_radius_m)] if self.n_wire_segments else []
+        return [(slice(tip + 1), self.catheter_radius_m), *wire]
 
 
 @dataclass(slots=True)

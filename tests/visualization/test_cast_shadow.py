@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -58,6 +60,9 @@ def test_the_rods_of_a_scene_lie_in_its_bodies() -> None:
         ends_m[1:3, 2], 0.02 - 15e-3 * np.cos(0.2), atol=1e-6
     )  # jaws straight down, 0.4 rad open
     assert radii_m[-1] == np.float32(layout.catheter_radius_m)
+    with_wire = Rods(replace(layout, n_wire_segments=4, wire_radius_m=0.3e-3)).instruments(shown)
+    np.testing.assert_array_equal(with_wire[0], starts_m)
+    np.testing.assert_allclose(with_wire[2][[-9, -5, -4, -1]], [8e-4, 8e-4, 3e-4, 3e-4])
     middles_m, _, (radius_m, *_) = Rods(layout).duct(shown)
     centre_m = layout.rest_m.mean(axis=0)
     assert np.ptp(middles_m, axis=0).argmax() == np.ptp(layout.rest_m, axis=0).argmax()

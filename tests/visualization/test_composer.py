@@ -9,7 +9,7 @@ import pytest
 from protocol import bodies
 from protocol.arrays import pack
 from protocol.bodies.physics import reaction_table
-from services.mechanics.scene import ForcepsScene, ProbeScene, SceneModel
+from services.mechanics.scene import CatheterScene, ForcepsScene, GuideWireScene, ProbeScene, SceneModel
 from services.visualization.composer import TOPICS, Composer
 from tests.memory_bus import MemoryBus, MemoryHub
 from tests.visualization.small_duct import MODES, make_duct
@@ -120,6 +120,17 @@ def test_the_layout_changes_with_tools_and_particles_and_with_nothing_else():
     rig.say(catheter=bodies.Catheter(position_m=pack(line), velocity_m_s=pack(line), radius_m=1e-3))
     assert rig.composer.compose().epoch == first.epoch + 2
     assert rig.composer.layout.n_particles == 4
+
+
+def test_a_guide_wire_is_as_thick_as_the_scene_says_and_begins_at_the_catheters_tip():
+    wire = GuideWireScene(outer_diameter_m=0.6e-3, reach_m=20e-3)
+    rig = Rig(SceneModel(catheter=CatheterScene(n_segments=50, length_m=0.1, guide_wire=wire)))
+    line = np.zeros((61, 3))
+    rig.say(catheter=bodies.Catheter(position_m=pack(line), velocity_m_s=pack(line), radius_m=1e-3))
+    rig.composer.compose()
+    assert [(range(61)[part], radius_m) for part, radius_m in rig.composer.layout.rods()] == [
+        (range(51), 1e-3), (range(50, 61), 0.3e-3),
+    ]  # fmt: skip
 
 
 def test_the_catheter_is_where_physics_says_and_as_far_in():

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -89,8 +90,10 @@ def test_a_picture_is_what_beer_and_lambert_leave_of_wall_catheter_and_tool():
     part = DrawnPart("steel", ((-30e-3, 2e-3), (30e-3, 2e-3)))
     shape = ToolShape("right", (0.0, 0.0, 0.0), 2e-3, (part,))
     picture, grey = Picture(1), {}
-    for name, given, catheter in (("tube", (), False), ("in it", (), True), ("tool", (shape,), False)):
-        made, view = layout(given), Fluoroscope((161, 101))
+    wire = {"n_wire_segments": 17, "wire_radius_m": 0.5e-3}  # the last 35 of 60 mm, beyond the middle
+    cases = ("tube", (), False), ("in it", (), True), ("tool", (shape,), False), ("wire", (), True)
+    for name, given, catheter in cases:
+        made, view = replace(layout(given), **(wire if name == "wire" else {})), Fluoroscope((161, 101))
         picture.points_m = made.rest_m
         picture.centreline_m = np.zeros((0, 3), np.float32)
         picture.poses = np.array([(0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)], np.float32)[: len(given)]
@@ -103,6 +106,8 @@ def test_a_picture_is_what_beer_and_lambert_leave_of_wall_catheter_and_tool():
     wall, middle = np.exp(-WALL_1_M * 2e-3), (50, 80, 0)
     assert abs(grey["tube"][middle] - 255.0 * wall) < 1.0
     assert abs(grey["in it"][middle] - 255.0 * wall * np.exp(-CATHETER_1_M * 3e-3)) < 1.0
+    assert abs(grey["wire"][middle] - 255.0 * wall * np.exp(-STEEL_1_M * 1e-3)) < 1.0
+    assert {tuple(grey["wire"][50, side]) for side in (40, 120)} > {tuple(grey["in it"][50, 40])}
     assert abs(grey["tool"][middle] - 255.0 * wall * np.exp(-STEEL_1_M * 4e-3)) < 1.0
     rim = grey["tube"][:, 80, 0].min()
     assert abs(rim - 255.0 * np.exp(-WALL_1_M * 2.0 * np.sqrt(10.5e-3**2 - 9.5e-3**2))) < 12.0

@@ -52,6 +52,32 @@ def pixels(data: bytes) -> np.ndarray:
     return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"), dtype=float)
 
 
+_SURFACES = """
+import sys
+import numpy as np
+import pyvista as pv
+from services.visualization import codec
+from services.visualization.drawn_bodies import DrawnCatheter
+
+catheter = DrawnCatheter(pv.Plotter(off_screen=True), codec.decode_hello(sys.argv[1]))
+catheter.update(np.linspace([0.06, 0.0, 0.0], [0.03, 0.0, 0.0], 10, dtype=np.float32))
+for _, rod in catheter.rods:
+    points = rod._surface.points
+    print(points[:, 0].min(), points[:, 0].max(), np.hypot(*points.T[1:]).max())
+"""
+
+
+def test_beyond_the_tip_of_the_catheter_its_wire_is_drawn_and_it_is_as_thin_as_that():
+    layout = replace(a_scene()[0], n_wire_segments=3, wire_radius_m=0.3e-3)
+    done = subprocess.run(
+        [sys.executable, "-c", _SURFACES, codec.encode_hello(layout)], capture_output=True, text=True, timeout=300
+    )
+    assert done.returncode == 0, done.stderr
+    drawn = np.array([line.split() for line in done.stdout.splitlines()], float)
+    ends_m = [(0.04, 0.06, 0.8e-3), (0.03, 0.04, 0.3e-3)]  # and rounded tips
+    np.testing.assert_allclose(drawn - ends_m, [(-0.8 * radius_m, 0.0, 0.0) for *_, radius_m in ends_m], atol=1e-6)
+
+
 def test_the_picture_shows_duct_catheter_and_tool_and_follows_the_deformation():
     layout, picture = a_scene()
     hello = pack(HELLO, codec.encode_hello(layout).encode())

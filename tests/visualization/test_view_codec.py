@@ -31,6 +31,8 @@ def a_layout(n: int = 6, m: int = 4) -> PictureLayout:
         n_particles=m,
         catheter_radius_m=0.8e-3,
         tools=tools,
+        n_wire_segments=1,
+        wire_radius_m=0.3e-3,
     )
 
 
@@ -92,7 +94,7 @@ const bytes = Uint8Array.from(Buffer.from(frame, "base64"));
 const { sequence, sent_ns, origin_ns, ...rest } = decodeFrame(bytes.buffer, layout);
 const plain = Object.fromEntries(Object.entries(rest).map(([k, v]) => [k, v.buffer ? [...v] : v]));
 console.log(JSON.stringify({ ...plain, sequence: String(sequence), sent_ns: String(sent_ns),
-  triangles: [...layout.triangles], rest: [...layout.rest],
+  triangles: [...layout.triangles], rest: [...layout.rest], rods: layout.rods,
   short: decodeFrame(bytes.buffer.slice(0, -4), layout) }));
 """
 
@@ -112,6 +114,8 @@ def test_the_page_reads_what_the_server_writes():
     seen = json.loads(done.stdout)
     assert (seen["sequence"], seen["sent_ns"], seen["tick"]) == (str(2**40 + 1), "77", 12345)
     assert seen["triangles"] == layout.triangles.ravel().tolist()
+    rods = [(range(4)[part], radius_m * _MILLIMETRES) for part, radius_m in layout.rods()]
+    assert [(range(rod["from"], rod["to"] + 1), rod["radius"]) for rod in seen["rods"]] == rods
     np.testing.assert_allclose(seen["rest"], layout.rest_m.ravel() * _MILLIMETRES, rtol=1e-6)
     np.testing.assert_allclose(seen["points"], picture.points_m.ravel() * _MILLIMETRES, rtol=1e-6)
     np.testing.assert_allclose(seen["centreline"], picture.centreline_m.ravel() * _MILLIMETRES, rtol=1e-6)

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { smoothRuns, Tool } from "../src/view/bodies.js";
+import { Catheter, smoothRuns, Tool } from "../src/view/bodies.js";
 
 const SPHERE = [0, 0.4, 0.8, 1.2, 1.57, 2, 2.4, 2.8, Math.PI].map((a) => [-1.5 * Math.cos(a), 1.5 * Math.sin(a)]);
 const SHAPE = { port: [0, 0, 150], shaftRadius: 2.5, parts: [{ material: "steel", profile: SPHERE }], jawLength: 0, jawRadius: 0 };
@@ -8,6 +8,24 @@ const SHAPE = { port: [0, 0, 150], shaftRadius: 2.5, parts: [{ material: "steel"
 test("a profile is parted where it has an edge, and nowhere else", () => {
   assert.equal(smoothRuns(SPHERE).length, 1);
   assert.deepEqual(smoothRuns([[-260, 2], [-9, 2], [-9, 0]]), [[[-260, 2], [-9, 2]], [[-9, 2], [-9, 0]]]);
+});
+
+test("beyond the catheter's tip its wire is drawn, as thin as that", () => {
+  const rods = [{ from: 0, to: 6, radius: 0.8 }, { from: 6, to: 9, radius: 0.3 }];
+  const centreline = Float32Array.from({ length: 30 }, (_, i) => (i % 3 ? 0 : 60 - i));
+  for (const look of ["coarse", "plain"]) {
+    const catheter = new Catheter({ rods }, look);
+    catheter.update({ centreline });
+    const drawn = catheter.object.children.map(({ geometry }) => {
+      geometry.computeBoundingBox();
+      return geometry.boundingBox;
+    });
+    drawn.forEach(({ min, max }, i) => {
+      const { from, to, radius } = rods[i];
+      const wanted = [60 - 3 * from, 60 - 3 * to - 0.8 * radius, radius];
+      [max.x, min.x, Math.hypot(max.y, 0)].forEach((value, k) => assert.ok(Math.abs(value - wanted[k]) < 0.1 * radius, `${value}, ${wanted[k]}`));
+    });
+  }
 });
 
 test("a tool has the jaws that it is said to have, and is as thick as it is said to be", () => {

@@ -76,12 +76,25 @@ const RUBBER = {
   coarse: () => gouraud({ vertexColors: true, shine: 0.3 }),
 };
 
+const CATHETER = { body: "#d8a63c", ring: "#1d1b18", bore: "#2a1f12" }, WIRE = { body: "#b9c0c6", ring: "#b9c0c6", bore: "#b9c0c6" };
+
+// Catheter and wire.
 export class Catheter {
   constructor(layout, look) {
+    this.rods = layout.rods.map((part, i) => new Rod(part, i ? WIRE : CATHETER, look));
+    this.object = new THREE.Group().add(...this.rods.map((rod) => rod.object));
+  }
+
+  update(frame) {
+    for (const rod of this.rods) rod.update(frame.centreline);
+  }
+}
+
+class Rod {
+  constructor({ from, to, radius }, colours, look) {
     const { perSegment, sides } = fineness(look);
-    this.radius = layout.catheterRadius;
-    this.perSegment = perSegment;
-    const along = Math.max(2, (layout.particles - 1) * perSegment + 1);
+    Object.assign(this, { from, to, radius, colours, perSegment });
+    const along = Math.max(2, (to - from) * perSegment + 1);
     this.line = new Float32Array(3 * (along + CAP.length));
     this.radii = new Float32Array(along + CAP.length).fill(this.radius);
     this.along = along;
@@ -98,9 +111,9 @@ export class Catheter {
     this.marked = false;
   }
 
-  update(frame) {
+  update(centreline) {
     const { line, along, radius } = this;
-    spline(frame.centreline, this.perSegment, line);
+    spline(centreline.subarray(3 * this.from, 3 * (this.to + 1)), this.perSegment, line);
     const tip = 3 * (along - 1), t = [0, 1, 2].map((k) => line[tip + k] - line[tip - 3 + k]);
     const length = Math.hypot(...t) || 1;
     const steps = [0.3, 0.55, 0.72, 0.8, 0.2];
@@ -117,7 +130,7 @@ export class Catheter {
   // A ring every centimetre from the tip, as surgeons count the depth; two rings at every fifth.
   mark() {
     const { line, sweep, along } = this;
-    const body = new THREE.Color("#d8a63c"), ring = new THREE.Color("#1d1b18"), bore = new THREE.Color("#2a1f12");
+    const [body, ring, bore] = ["body", "ring", "bore"].map((name) => new THREE.Color(this.colours[name]));
     const colours = this.object.geometry.attributes.color;
     let arc = 0, step = 0;
     for (let i = sweep.n - 1; i >= 0; i--) {

@@ -18,7 +18,7 @@ export function decodeHello(hello) {
     mouth: hello.duct.mouth,
     clamped: hello.duct.clamped,
     particles: hello.catheter.n_points,
-    catheterRadius: hello.catheter.radius_m * MM,
+    rods: rods(hello),
     tools: hello.tools.map((tool) => ({
       name: tool.name,
       port: tool.port_m.map((x) => x * MM),
@@ -28,6 +28,13 @@ export function decodeHello(hello) {
       jawRadius: tool.jaw_radius_m * MM,
     })),
   };
+}
+
+// Between which particles catheter and wire, if it has one, lie, and how thick they are; the catheter's first.
+function rods({ catheter, wire }) {
+  const tip = Math.max(catheter.n_points - 1 - wire.n_segments, 0);
+  const parts = [{ from: 0, to: tip, radius: catheter.radius_m * MM }];
+  return wire.n_segments ? [...parts, { from: tip, to: catheter.n_points - 1, radius: wire.radius_m * MM }] : parts;
 }
 
 // Returns null for a frame that does not fit the layout.
