@@ -124,9 +124,9 @@ def frame_of(state: RodState) -> Frame:
 
 def _sections(wire: GuideWireScene, tube: RoundTube) -> tuple[FloatArray, FloatArray]:
     """Return where sections end, from the tip on, and how far the wire is bent up to there: per moment, and at rest."""
-    flexibility, rows = 1.0 / (wire.youngs_modulus_pa * tube.second_moment_m4()), [(0.0, 0.0, 0.0, 0.0)]
+    flexibility, rows = 1.0 / (wire.youngs_modulus_pa * tube.second_moment_m4()), [np.zeros(4)]
     for section in wire.sections:
         softness = wire.youngs_modulus_pa / (section.youngs_modulus_pa or wire.youngs_modulus_pa)
         rows.append(section.length_m * np.array([1.0, softness * flexibility, *section.rest_curvature_1_m[:2]]))
-    table = np.cumsum([*rows, (_FAR_M, _FAR_M * flexibility, 0.0, 0.0)], axis=0)
+    table = np.cumsum([*rows, np.array([_FAR_M, _FAR_M * flexibility, 0.0, 0.0])], axis=0)
     return table[:, 0].copy(), table[:, 1:].copy()
