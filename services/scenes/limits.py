@@ -10,13 +10,14 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from services.mechanics.scene import CatheterScene, CatheterSection, QualityLevel, SceneModel, ToolScene
+from services.mechanics.scene import CatheterScene, QualityLevel, SceneModel, ToolScene
 from services.mechanics.scene.tools import N_TOOLS
 
 _POSITIVE = {
     "duct": "radius_m length_m n_around n_along thickness_m youngs_modulus_pa density_kg_m3 n_modes mesh_edge_m "
     "mesh_lumen_diameter_m",
     "guide_wire": "outer_diameter_m youngs_modulus_pa density_kg_m3 out_m least_out_m reach_m",
+    "section": "length_m youngs_modulus_pa",
     "catheter": "n_segments length_m outer_diameter_m youngs_modulus_pa density_kg_m3 introducer_length_m",
     "contact": "tolerance_n capacity penalty_stiffness_n_m",
     "quality": "iterations ticks_per_step cost_us",
@@ -95,7 +96,7 @@ def _catheter_fault(catheter: CatheterScene) -> str:
     """Return what of a catheter does not go together."""
     if not any(catheter.direction):
         return "catheter.direction: must not be zero"
-    if wrong := _sections_fault("catheter", catheter.sections) or _wire_fault(catheter):
+    if wrong := _wire_fault(catheter):
         return wrong
     if (sections_m := sum(section.length_m for section in catheter.sections)) > catheter.length_m:
         return f"catheter.sections: are {sections_m:g} m long together, the catheter {catheter.length_m:g} m"
@@ -106,15 +107,6 @@ def _catheter_fault(catheter: CatheterScene) -> str:
             f"catheter.inner_diameter_m: must be below outer_diameter_m, {catheter.outer_diameter_m}, is "
             f"{catheter.inner_diameter_m}"
         )
-    return ""
-
-
-def _sections_fault(path: str, sections: Sequence[CatheterSection]) -> str:
-    for k, section in enumerate(sections):
-        for name in ("length_m", "youngs_modulus_pa"):
-            value = getattr(section, name)
-            if value is not None and not 0.0 < value <= LARGEST:
-                return f"{path}.sections.{k}.{name}: must be positive, is {value}"
     return ""
 
 
@@ -137,7 +129,7 @@ def _wire_fault(catheter: CatheterScene) -> str:
     for k, section in enumerate(wire.sections):
         if any(section.steering_1_m_rad) or section.rest_curvature_1_m[2]:
             return f"{path}.sections.{k}: a wire is neither steered nor twisted at rest"
-    return _sections_fault(path, wire.sections)
+    return ""
 
 
 def _floats(holder: Any) -> Iterator[tuple[str, float]]:
@@ -169,5 +161,12 @@ def _parts(scene: SceneModel) -> Iterator[tuple[str, str, Any]]:
         value = getattr(scene, field.name)
         for index, each in enumerate(value) if isinstance(value, tuple) else [(None, value)]:
             yield field.name, field.name if index is None else f"{field.name}.{index}", each
-    if scene.catheter.guide_wire is not None:
-        yield "guide_wire", "catheter.guide_wire", scene.catheter.guide_wire
+    wire = scene.catheter.guide_wire
+    if wire is not None:
+        yield "guide_wire", "catheter.guide_wire", wire
+    for path, sections in (
+        ("catheter", scene.catheter.sections),
+        ("catheter.guide_wire", wire.sections if wire else ()),
+    ):
+        for k, section in enumerate(sections):
+            yield "section", f"{path}.sections.{k}", section

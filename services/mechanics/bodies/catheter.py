@@ -83,7 +83,8 @@ class CatheterBody:
         self._may_sleep = may_sleep
         self._linearises = scene.integrator == "implicit"
         self._acts_in_next_step = acts_in_next_step
-        self.wire = self._take_wire(scene) if scene.guide_wire is not None else None
+        has_wire = scene.guide_wire is not None
+        self.wire = GuideWire(scene, self.properties, self.integrator, self.state) if has_wire else None
         step = FreeStep.zeros(n=n, start=self.state.position_m.copy(), last_external=np.full((n, 3), np.nan))
         self.start_m, self.motion_m = step.start, step.motion
         self.constant_force_n, self.external_force_n, self.contact_force_n = step.constant, step.external, step.contact
@@ -92,13 +93,6 @@ class CatheterBody:
         touch = CatheterTouch.zeros(n=n, slot=self.slot, compliance=np.zeros(9 * n * n), columns=empty_columns(3 * n))
         self._particles, self._compliance = touch.particles, touch.compliance
         self._touch, self.touch_address = touch, touch.address
-
-    def _take_wire(self, scene: CatheterScene) -> GuideWire:
-        twist = self.integrator.twist
-        assert twist is not None
-        wire = GuideWire(scene, self.properties, self.integrator.model, twist)
-        wire.begin(self.state)
-        return wire
 
     def predict(self, dt_s: float) -> None:
         """Step the particles without contact forces.

@@ -10,9 +10,8 @@ import numpy as np
 from services.mechanics.arrays import FloatArray
 from services.mechanics.rod import RodProperties, RodState, RoundTube
 from services.mechanics.rod.guide_wire import GuideWireModel, Place, lay, stored
+from services.mechanics.rod.integrator import RodIntegrator
 from services.mechanics.rod.material_frame import initial_frame
-from services.mechanics.rod.model import RodModel
-from services.mechanics.rod.twist import TwistModel
 from services.mechanics.scene import CatheterScene, GuideWireScene
 
 if TYPE_CHECKING:
@@ -51,7 +50,7 @@ def with_wire(rod: RodProperties, wire: GuideWireScene, n_beyond: int) -> RodPro
 
 
 class GuideWire:
-    """Where the wire is, and the arrays of the rod that follow from it.
+    """Where the wire is, and the arrays of the rod that follow from it; a straight rod is laid out as long as it is.
 
     Attributes:
         place_array: (2,) float64. How far it is out of the catheter's tip, in m, and its roll against the catheter, in
@@ -59,9 +58,12 @@ class GuideWire:
         catheter_rest: (n - 2, 3) float64. Rest rotation of the catheter's own joints, in rad: what steering changes.
     """
 
-    def __init__(self, scene: CatheterScene, properties: RodProperties, model: RodModel, twist: TwistModel) -> None:
-        wire, c = scene.guide_wire, scene.n_segments
+    def __init__(
+        self, scene: CatheterScene, properties: RodProperties, integrator: RodIntegrator, state: RodState
+    ) -> None:
+        wire, c, model, twist = scene.guide_wire, scene.n_segments, integrator.model, integrator.twist
         assert wire is not None
+        assert twist is not None
         own = properties.per_segment("bending_stiffness_n_m2"), properties.per_segment("torsional_stiffness_n_m2")
         half_m = 0.5 * properties.segment_length_m
         bending, torsion = (
@@ -86,12 +88,10 @@ class GuideWire:
             clearance=0.5 * (scene.inner_diameter_m - wire.outer_diameter_m), tip=c,
         )  # fmt: skip
         self.lay((wire.out_m, 0.0))
-
-    def begin(self, state: RodState) -> None:
-        """Lay a straight rod's particles where the wire's place has them, and give it frames."""
-        axis = (state.position_m[1] - state.position_m[0]) / np.linalg.norm(state.position_m[1] - state.position_m[0])
-        ends_m = np.concatenate([[0.0], np.cumsum(self.model.rest_length)])
-        state.position_m[:] = state.position_m[0] + ends_m[:, None] * axis
+        edge_m = state.position_m[1] - state.position_m[0]
+        state.position_m[1:] = (
+            state.position_m[0] + np.outer(np.cumsum(model.rest_length), edge_m) / model.rest_length[0]
+        )
         state.frame = initial_frame(state.position_m)
 
     def lay(self, place: Place) -> None:

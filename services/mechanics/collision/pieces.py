@@ -20,8 +20,7 @@ N_TOOL_PIECES = 3 * N_TOOLS
 def take_pieces(
     address: Address[CandidateList], particles: FloatArray, tools: Tools, sizes: tuple[FloatArray, float]
 ) -> None:
-    """Write where the pieces are, and which are there; ``sizes`` are the radii of the catheter's
-    segments and half the wall.
+    """Write where the pieces are, and which are there; ``sizes`` are radii of catheter segments, half the wall.
 
     With no particles (0, 3) there is no catheter.
     """
