@@ -63,13 +63,10 @@ def lay(address: Address[GuideWireModel], place: Place) -> None:
         wire.joint_stiffness[i], wire.torsion[i] = bending, torsion
         wire.rest_rotation[i, 0], wire.rest_rotation[i, 1], wire.rest_rotation[i, 2] = rest[0], rest[1], twist
     length = place[0] / (last - wire.tip)
-    for j in range(wire.tip, last):
-        wire.rest_length[j] = length
-    for p in range(wire.tip, last + 1):
-        share = length if wire.tip < p < last else 0.5 * length
-        wire.mass[p], wire.drag[p] = wire.density * share, wire.viscous * share
-    wire.mass[wire.tip] += wire.own_mass
-    wire.drag[wire.tip] += wire.own_drag
+    wire.rest_length[wire.tip :] = length
+    wire.mass[wire.tip :], wire.drag[wire.tip :] = wire.density * length, wire.viscous * length
+    for p, mass, drag in ((wire.tip, wire.own_mass, wire.own_drag), (last, 0.0, 0.0)):
+        wire.mass[p], wire.drag[p] = mass + 0.5 * wire.density * length, drag + 0.5 * wire.viscous * length
 
 
 @kernel
@@ -229,12 +226,11 @@ def _bend_loads(wire: GuideWireModel, frame: Frame, place: Place) -> None:
     reach = int(min(0.5 * math.sqrt(48.0 * wire.clearance / max(sharpest, 1e-9)) / wire.rest_length[0], last))
     for i in range(min(wire.tip, last) + 1):
         moment = _averaged(wire, i, reach)
-        before, after = cross(moment, row(frame[0], i)), cross(moment, row(frame[0], i + 1))
-        for c in range(3):
-            near, far = before[c] / wire.rest_length[i], after[c] / wire.rest_length[i + 1]
-            wire.load[i, c] -= near
-            wire.load[i + 1, c] += near + far
-            wire.load[i + 2, c] -= far
+        near = scaled(cross(moment, row(frame[0], i)), 1.0 / wire.rest_length[i])
+        far = scaled(cross(moment, row(frame[0], i + 1)), 1.0 / wire.rest_length[i + 1])
+        put_row(wire.load, i, subtract(row(wire.load, i), near))
+        put_row(wire.load, i + 1, along(along(row(wire.load, i + 1), near, 1.0), far, 1.0))
+        put_row(wire.load, i + 2, scaled(far, -1.0))
 
 
 @kernel

@@ -11,7 +11,8 @@ from services.mechanics.bodies.catheter import rod_properties, rod_supports
 from services.mechanics.bodies.guide_wire import with_wire
 from services.mechanics.effects import Effect, build_effects, by_stage
 from services.mechanics.rod import RodProperties
-from services.mechanics.scene import DriveScene, SceneModel, WireDriveScene
+from services.mechanics.scene import SceneModel
+from services.mechanics.scene.instruments.drive import FromBehind
 from services.mechanics.surface.mesh import TriangleMesh
 from services.mechanics.surface.opening import mouth_opening
 
@@ -81,7 +82,7 @@ def _with_drive(scene: SceneModel) -> SceneModel:
     end_m = np.array(catheter.tip_position_m) + catheter.length_m * behind
     tools = tuple(
         replace(tool, port_position_m=tuple((end_m + tool.behind_m * behind).tolist()))
-        if isinstance(tool, (DriveScene, WireDriveScene)) else tool for tool in scene.forceps
+        if isinstance(tool, FromBehind) else tool for tool in scene.forceps
     )  # fmt: skip
     return replace(scene, forceps=tools) if tools != scene.forceps else scene
 

@@ -64,7 +64,6 @@ class WireDrive:
         self._mass_kg = model.density * (length_m + self._scene.out_m)
         bending = (model.arc[-1] - model.arc[-2]) / (model.bent[-1, 0] - model.bent[-2, 0])
         self._torsion_nm_rad = bending / (1.0 + model.poisson) / length_m
-        self._force = self._catheter.external_force_n
         self.motion = WireMotion(self.wire.place)
         self._origin_m, self._rolled_rad, self._is_held = 0.0, 0.0, False
 
@@ -90,12 +89,10 @@ class WireDrive:
         slide that begins or ends is a jump of velocities: implicit Euler takes that.
         """
         self._take_hold()
-        before, state = self.motion, self._catheter.state
-        answer = resist(
-            self.wire.model.address, state.position_m, frame_of(state), self._catheter.contact_force_n, before.place
-        )
+        before, state, loads = self.motion, self._catheter.state, self._catheter.contact_force_n
+        answer = resist(self.wire.model.address, state.position_m, frame_of(state), loads, before.place)
         self.motion = motion = self._turned(self._slid(answer[:3], dt_s), answer[3:])
-        self._force[0] += motion.push_n * self._along
+        self._catheter.external_force_n[0] += motion.push_n * self._along
         self.wire.grow((motion.place[0] - before.place[0]) / dt_s)
         if (before.speed_m_s == 0.0) != (motion.speed_m_s == 0.0):
             state.slow_velocity_m_s = None

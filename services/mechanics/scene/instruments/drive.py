@@ -9,31 +9,33 @@ from services.mechanics.scene.instruments.tool import ToolScene
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DriveScene(ToolScene):
-    """A holder of the catheter's proximal end: it touches nothing else, and holds on while it is there.
+class FromBehind(ToolScene):
+    """A holder of a proximal end: it touches nothing else, and holds on while it is there.
 
     Its port lies on the catheter's axis, ``behind_m`` behind the proximal end, wherever a scene file says: moving J
-    along the shaft pushes, rolling it twists, and the angle of the handle steers the sections that can be. Twist and
-    steering need the effect ``twist``.
+    along the shaft pushes, rolling it twists.
     """
 
-    kind: Literal["drive"] = "drive"
     behind_m: float = 60e-3
-    handle_max_angle_rad: float = 1.0
 
-    has_handle: ClassVar[bool] = True
-    drives_catheter: ClassVar[bool] = True
-    positive: ClassVar[tuple[str, ...]] = (
-        "shaft_radius_m",
-        "coupling_stiffness_n_m",
-        "behind_m",
-        "handle_max_angle_rad",
-    )
+    positive: ClassVar[tuple[str, ...]] = (*ToolScene.positive, "behind_m")
 
     @property
     def body_radius_m(self) -> float:
         """Nothing of it touches."""
         return 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveScene(FromBehind):
+    """Holds the catheter; its handle steers the sections that can be. That, and twist, need the effect ``twist``."""
+
+    kind: Literal["drive"] = "drive"
+    handle_max_angle_rad: float = 1.0
+
+    has_handle: ClassVar[bool] = True
+    drives_catheter: ClassVar[bool] = True
+    positive: ClassVar[tuple[str, ...]] = (*FromBehind.positive, "handle_max_angle_rad")
 
     @property
     def handle_range(self) -> tuple[float, float]:
