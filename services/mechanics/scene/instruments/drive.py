@@ -28,7 +28,7 @@ class FromBehind(ToolScene):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveScene(FromBehind):
-    """Holds the catheter; its handle steers the sections that can be. That, and twist, need the effect ``twist``."""
+    """A holder of the catheter's proximal end: it pushes and twists, and its handle steers, with the effect twist."""
 
     kind: Literal["drive"] = "drive"
     handle_max_angle_rad: float = 1.0
