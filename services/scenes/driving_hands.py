@@ -9,7 +9,7 @@ import numpy as np
 from services.mechanics.arrays import FloatArray
 from services.mechanics.rod.elasticity import any_normal
 from services.mechanics.scenarios import ToolMotion
-from services.mechanics.scene import SceneModel
+from services.mechanics.scene import SceneModel, ToolScene
 from services.mechanics.surface.centreline import centrelines
 from services.mechanics.surface.mesh import TriangleMesh
 from services.mechanics.surface.opening import mouth_opening
@@ -22,15 +22,16 @@ BEFORE_RADII, BEYOND_RADII, SHORT_RADII = 2.5, 1.0, 2.6
 end the way is gone."""
 _PAUSE_S = 0.2
 _STRAIGHT = 1e-9
+_CHANGE = "lead", "catheter", "handle", "roll"
 _EDGES = 8
 """Of a way along which a director is carried: more would follow the wiggles of a centreline."""
 
 
-def driving_hand(scene: SceneModel, mesh: TriangleMesh) -> ToolMotion:
-    """Return how a drive brings the tip to the scene's target.
+def driving_hands(scene: SceneModel, mesh: TriangleMesh) -> list[ToolMotion | None]:
+    """Return for each tool how drives bring the tip to the scene's target: a guide wire's if there is one.
 
     Before each place where another way parts it rolls until the tip bends to the side on which the target's way goes
-    on, bends it by the handle where that steers it, and pushes past.
+    on, bends it by the handle where that steers it, and pushes past. The catheter follows its wire.
     Raises ConfigError if the duct has no end of the target's name.
     """
     ways, mouth = TubePaths(centrelines(mesh)), mouth_opening(mesh)
@@ -48,37 +49,43 @@ def driving_hand(scene: SceneModel, mesh: TriangleMesh) -> ToolMotion:
         plan.push(past_m)
         plan.bend(bent=False)
     plan.push(float(ways.arc_m[scene.target][-1]) - SHORT_RADII * mouth.radius_m)
-    return plan.motion()
+    return [plan.wires(tool) if tool.drives_wire else plan.catheters(tool) for tool in scene.forceps]
 
 
 class _Plan:
-    """Breakpoints of the drive, one after the other."""
+    """Breakpoints of the drives, one after the other: what leads is the wire, or else the catheter itself."""
 
     def __init__(self, scene: SceneModel, before_m: float) -> None:
         catheter = scene.catheter
         self._along = np.array(catheter.direction) / float(np.linalg.norm(catheter.direction))
         self._end_m = np.array(catheter.tip_position_m) - catheter.length_m * self._along
         self._handle_rad = _handle_rad(scene)
-        self._rows = [(0.0, -before_m, 0.0, 0.0)]  # time, how deep the tip is, handle, roll
+        self._wire = wire = catheter.guide_wire
+        self._out_m, self._stride_m = (wire.out_m, wire.reach_m - wire.out_m) if wire is not None else (0.0, 0.0)
+        # Time, how deep what leads and the catheter are, handle, roll of what leads.
+        self._rows = [(0.0, self._out_m - before_m, -before_m, 0.0, 0.0)]
         self._add(_PAUSE_S)
 
     def _add(self, seconds: float, **changes: float) -> None:
         time_s, *last = self._rows[-1]
-        depth_m, handle_rad, roll_rad = (
-            changes.get(name, value) for name, value in zip(("depth", "handle", "roll"), last, strict=True)
+        depth_m, catheter_m, handle_rad, roll_rad = (
+            changes.get(name, value) for name, value in zip(_CHANGE, last, strict=True)
         )
-        self._rows.append((time_s + max(seconds, _PAUSE_S), depth_m, handle_rad, roll_rad))
+        self._rows.append((time_s + max(seconds, _PAUSE_S), depth_m, catheter_m, handle_rad, roll_rad))
 
     def push(self, depth_m: float) -> None:
-        """Push until the tip is so deep, if it is not."""
-        way_m = depth_m - self._rows[-1][1]
-        if way_m > 0.0:
-            self._add(way_m / PUSH_M_S, depth=depth_m)
+        """Push until the tip is so deep, if it is not; a wire in strides, after each of which the catheter follows."""
+        while (way_m := depth_m - self._rows[-1][1]) > 0.0:
+            way_m = min(way_m, self._stride_m or way_m)
+            deeper_m = self._rows[-1][1] + way_m
+            if self._stride_m:
+                self._add(way_m / PUSH_M_S, lead=deeper_m)
+            self._add(way_m / PUSH_M_S, lead=deeper_m, catheter=deeper_m - self._out_m)
 
     def turn(self, depth_m: float, roll_rad: float) -> None:
         """Push so far, then roll to this angle by the shorter way."""
         self.push(depth_m)
-        was_rad = self._rows[-1][3]
+        was_rad = self._rows[-1][4]
         change_rad = math.remainder(roll_rad - was_rad, 2.0 * math.pi)
         self._add(abs(change_rad) / ROLL_RAD_S, roll=was_rad + change_rad)
 
@@ -87,29 +94,38 @@ class _Plan:
         if self._handle_rad:
             self._add(self._handle_rad / BEND_RAD_S, handle=self._handle_rad if bent else 0.0)
 
-    def motion(self) -> ToolMotion:
-        """Return it all: J is where the catheter's proximal end is."""
-        start_m = self._rows[0][1]
-        points = [self._end_m + (row[1] - start_m) * self._along for row in self._rows]
+    def catheters(self, tool: ToolScene) -> ToolMotion | None:
+        """Return what a drive of the catheter does: J is where its proximal end is."""
+        if not tool.drives_catheter:
+            return None
+        return self._motion(2, self._end_m, [(row[3], row[4] if self._wire is None else 0.0) for row in self._rows])
+
+    def wires(self, tool: ToolScene) -> ToolMotion:
+        """Return what a drive of the wire does: J begins midway between its port and the catheter's proximal end."""
+        middle_m = 0.5 * (self._end_m + np.array(tool.port_position_m))
+        return self._motion(1, middle_m, [(0.0, row[4]) for row in self._rows])
+
+    def _motion(self, column: int, begins_m: FloatArray, turns: list[tuple[float, float]]) -> ToolMotion:
+        points = [begins_m + (row[column] - self._rows[0][column]) * self._along for row in self._rows]
         return ToolMotion(
             time_s=tuple(row[0] for row in self._rows),
             grip_point_m=tuple((float(x), float(y), float(z)) for x, y, z in points),
-            jaw_angle_rad=tuple(row[2] for row in self._rows),
-            roll_rad=tuple(row[3] for row in self._rows),
+            jaw_angle_rad=tuple(handle_rad for handle_rad, _ in turns),
+            roll_rad=tuple(roll_rad for _, roll_rad in turns),
             grip_offset_m=0.0,
         )
 
 
 def _handle_rad(scene: SceneModel) -> float:
     """Return how far the handle is turned to bend the tip: all its way, none where it steers nothing."""
-    steers = any(any(section.steering_1_m_rad) for section in scene.catheter.sections)
+    steers = scene.catheter.guide_wire is None and any(any(each.steering_1_m_rad) for each in scene.catheter.sections)
     return max(tool.handle_range[1] for tool in scene.forceps) if steers else 0.0
 
 
 def _bend_axis(scene: SceneModel) -> FloatArray:
-    """(2,) curvature about m1 and m2 of the first section that the handle, or else rest, bends."""
+    """(2,) curvature about m1 and m2 of the first section of what leads that the handle, or else rest, bends."""
     for name in ("steering_1_m_rad", "rest_curvature_1_m"):
-        for section in scene.catheter.sections:
+        for section in (scene.catheter.guide_wire or scene.catheter).sections:
             if any(getattr(section, name)):
                 return np.array(getattr(section, name)[:2])
     return np.array([1.0, 0.0])

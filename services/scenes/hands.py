@@ -11,9 +11,10 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.effects.friction import FrictionSettings
 from services.mechanics.scenarios import Scenario, ToolMotion
 from services.mechanics.scene import ForcepsScene, SceneModel, ToolScene
+from services.mechanics.scene.tools import N_TOOLS
 from services.mechanics.surface.mesh import TriangleMesh
 from services.mechanics.surface.opening import Opening, mouth_opening
-from services.scenes.driving_hands import driving_hand
+from services.scenes.driving_hands import driving_hands
 
 GRIP_BEHIND_TIP_M = 26e-3
 """The catheter is taken so far behind its tip: less and the jaws reach the mouth, more and it buckles."""
@@ -68,13 +69,13 @@ def _insertion(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> Scenari
 
 
 def _drive(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> Scenario:
-    hand, at = driving_hand(scene, mesh), [tool.drives_catheter for tool in scene.forceps].index(True)
+    first, second = (*driving_hands(scene, mesh), None)[:N_TOOLS]
     return Scenario(
         name="drive",
         what=f"a drive pushes, twists and steers the catheter to {scene.target}",
-        duration_s=hand.time_s[-1] + 0.5,
+        duration_s=max(hand.time_s[-1] for hand in (first, second) if hand is not None) + 0.5,
         scene=scene,
-        motions=(None, hand) if at else (hand, None),
+        motions=(first, second),
     )
 
 
