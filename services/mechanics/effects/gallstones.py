@@ -179,7 +179,7 @@ def append_on_catheter(
         # A particle between two segments belongs to the one before it, the tip to the last.
         if (s == 0.0 and segment > 0) or distance == 0.0:
             continue
-        if distance > radius + rod.radius + margin + math.sqrt(dot(slip, slip)):
+        if distance > radius + rod.radius[segment] + margin + math.sqrt(dot(slip, slip)):
             continue
         at = append_row(rows, _UNILATERAL, with_stone(pair_identity(NO_TOOL, 0, -1, CATHETER_SEGMENT, segment), stone))
         if at == NO_ROOM:
@@ -192,7 +192,7 @@ def append_on_catheter(
             rows.point_m[at, axis] = centre[axis] - radius * normal[axis]
             rows.slip_m[at, axis] = slip[axis]
         write_frame(normal, rows.frame[at])
-        rows.gap_m[at] = distance - radius - rod.radius
+        rows.gap_m[at] = distance - radius - rod.radius[segment]
 
 
 @kernel
