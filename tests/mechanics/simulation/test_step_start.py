@@ -43,7 +43,7 @@ def run(play, prepare):
     return np.array(shown)
 
 
-# Once the tool is back, 1e-14 stays 1e-14 for 70 ticks; where the catheter slips later, that decides how the solve ends.
+# Once the tool is back, 1e-14 m stay so for 70 ticks; where the catheter slips later, they decide how a solve ends.
 @pytest.mark.parametrize(("kind", "ticks"), [("jammed", 430), ("all contacts at once, wall gives way", 120)])
 def test_a_try_that_is_taken_back_leaves_nothing_behind(kind, ticks):
     """Tools grasp, press, leave and come back; before, jaws, sleep, friction and loads were those of the last try."""
