@@ -129,7 +129,10 @@ class Gateway:
         self._answers.applied(written_ns)
         self._answers.ask(self._time.index, sampled_ns, timed=self._timed)
         if index % _ORDERS_EVERY == 0:
-            self.orders.obey(self._bus.drain("supervisor.state"), sampled_ns)
+            said = self._bus.drain("supervisor.state")
+            self.orders.obey(said, sampled_ns)
+            if said:
+                self._attempt.starting = said[-1].body.state == "starting"
         if index % _ATTEMPT_EVERY == 0:
             self._attempt.obey(self._bus.latest(ATTEMPT), self._bus.is_fresh(ATTEMPT))
 

@@ -1,4 +1,4 @@
-"""Orders of the training process to the gateway: begin the scene again, and how fast the rig's time goes."""
+"""Orders about the rig's time: how fast it goes, that the scene begins again; it stands until the rig is up."""
 
 from __future__ import annotations
 
@@ -11,14 +11,17 @@ class AttemptOrders:
     """Obeys ``training.attempt``; no arm bears a force while a scene begins again, or time does not go as the clock.
 
     First every hand is let go, at the rate limit. Then the scene begins, or time stands; force comes back by
-    re-engagement once time goes again. Without a training process that speaks, it goes.
+    re-engagement once time goes again. Without a training process that speaks, it goes. While the supervisor says that
+    the rig starts, it stands: a step of physics is most of what the loops compute, and who is not ready yet needs that.
 
     Attributes:
+        starting: Whether the supervisor says so.
         begins: How often the scene was begun again: travels in every frame, so that all begin with the same tick.
     """
 
     def __init__(self, instruments: list[Instrument], time: RigTime) -> None:
         self.begins = 0
+        self.starting = False
         self._instruments, self._time = instruments, time
         self._by = -1, 0, 0  # who orders, with how many begins and steps so far
         self._pace = 1.0
@@ -37,6 +40,8 @@ class AttemptOrders:
             self._pace = body.pace
         if not fresh:
             self._pace = 1.0
+        if self.starting:
+            self._pace = 0.0
         self._acts |= self._begins_owed or self._pace != self._time.pace
 
     def turn(self) -> None:

@@ -129,6 +129,19 @@ def test_a_scene_begins_again_once_the_force_has_faded_and_force_comes_back(pres
     pressed.assert_never_a_kick()
 
 
+def test_time_stands_with_limp_arms_while_the_rig_starts_and_goes_once_it_is_ready(pressed: Bench) -> None:
+    pressed.orders.starting = True
+    pressed.tell()
+    pressed.run(200)
+    assert len(set(pressed.ticks[-100:])) == 1
+    assert pressed.stub.forces_n[-1] == 0.0
+    pressed.orders.starting = False
+    pressed.tell()
+    pressed.run(200)
+    assert pressed.ticks[-1] - pressed.ticks[-101] == 100
+    pressed.assert_never_a_kick()
+
+
 def test_time_stands_and_goes_only_with_limp_arms(pressed: Bench) -> None:
     first = len(pressed.ticks)
     pressed.tell(pace=0.0)

@@ -5,11 +5,14 @@ from __future__ import annotations
 import os
 import re
 import subprocess
+import time
 from pathlib import Path
 from typing import Any
 
+import pytest
 import yaml
 
+from services.runtime.flight import FlightRing
 from services.runtime.realtime import DMA_LATENCY
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -54,18 +57,38 @@ def test_every_container_says_whether_it_is_well_and_has_limits_that_a_host_may_
         assert re.fullmatch(r"\$\{\w+:-\d+\}", each["pids_limit"]), name
 
 
-def test_a_look_at_a_process_that_is_not_ready_starts_no_python(tmp_path: Path) -> None:
-    """It cost each container half a second, again and again, while all were starting on two cores."""
-    (tmp_path / "python").write_text("#!/bin/sh\necho python was started\n")
-    (tmp_path / "python").chmod(0o755)
+def test_every_container_of_the_rig_is_looked_at_by_its_own_ring() -> None:
     for name, each in _services("docker-compose.yml").items():
         assert each["healthcheck"]["test"] == ["CMD", "as-trocar", "--check", name.partition("-")[0]]
-    environment = {"PATH": f"{tmp_path}:{os.environ['PATH']}", "TROCAR_AS_ROOT": "1"}
-    done = subprocess.run(
-        ["sh", ROOT / "deploy" / "as-trocar", "--check", "of_no_rig"],
-        env=environment, capture_output=True, text=True, check=False,
+
+
+@pytest.mark.parametrize(
+    ("shared", "ticks", "exit_code", "said"),
+    [
+        (False, False, 1, "physics: not ready yet\n"),
+        (True, False, 1, "physics: no tick in a second\n"),
+        (True, True, 0, ""),
+    ],
+)
+def test_a_container_is_well_while_its_loop_ticks_and_a_look_starts_no_python(
+    tmp_path: Path, shared: bool, ticks: bool, exit_code: int, said: str
+) -> None:
+    """A look that started Python cost half a second: of all containers at once it held up a start by ten seconds."""
+    (tmp_path / "python").write_text("#!/bin/sh\necho python was started\n")
+    (tmp_path / "python").chmod(0o755)
+    ring = FlightRing(1000.0)
+    if shared:
+        ring.share(tmp_path / "physics.flight")
+    environment = {"PATH": f"{tmp_path}:{os.environ['PATH']}", "TROCAR_AS_ROOT": "1", "TROCAR_RINGS": str(tmp_path)}
+    look = subprocess.Popen(
+        ["sh", ROOT / "deploy" / "as-trocar", "--check", "physics"],
+        env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
-    assert (done.returncode, done.stdout, done.stderr) == (1, "", "of_no_rig: not ready yet\n")
+    while look.poll() is None:
+        if ticks:
+            ring.write(0, 0, 0, 0, 0, ())
+        time.sleep(0.01)
+    assert (look.returncode, *look.communicate()) == (exit_code, "", said)
 
 
 def test_the_rig_starts_on_a_host_without_the_device() -> None:
