@@ -21,8 +21,8 @@ class DrawnSurface:
 
     Args:
         duct: What moves.
-        reach_m: How far from a loaded node, at rest, its residual compliance is drawn: to draw it everywhere takes most
-            of an update, and what is beyond 4 mm is a hundredth of a millimetre.
+        reach_m: How far from a loaded node, at rest, its residual compliance is drawn: everywhere it takes most of an
+            update, 20 ms for 5,000 nodes and 24 loads.
     """
 
     def __init__(self, duct: ReducedDuct, reach_m: float = math.inf) -> None:

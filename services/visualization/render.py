@@ -48,12 +48,14 @@ class Renderer:
         self.plotter = pv.Plotter(off_screen=off_screen, window_size=list(size), lighting="none", title="Trocar")
         self.plotter.set_background(_NIGHT)
         self.plotter.renderer.SetUseOIT(False)
-        self.plotter.add_light(pv.Light(light_type="headlight", color="#fff4e6"))
+        self._lamp = pv.Light(light_type="headlight", color="#fff4e6")
+        self.plotter.add_light(self._lamp)
         self.show_forces = self.show_aim = True
         self.show_strain = False
         self._mirrored = False
         self.effects = effects or Effects()
         self.plotter.render_window.SetMultiSamples(self.effects.samples)
+        self._scenery: list[DrawnPiece] = []
         self._layout: PictureLayout | None = None
         self._built: PictureLayout | None = None
         self._picture: Picture | None = None
@@ -106,6 +108,8 @@ class Renderer:
 
     def draw(self) -> None:
         """Draw."""
+        for piece in self._scenery:
+            piece.light(self.plotter.camera, np.array(self._lamp.diffuse_color.float_rgb))
         self.plotter.render_window.Render()
 
     def is_software(self) -> bool:
