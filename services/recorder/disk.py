@@ -9,6 +9,7 @@ import os
 import threading
 import time
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from queue import SimpleQueue
 
@@ -16,7 +17,7 @@ from mcap.records import Attachment, Channel, Header, Metadata, MetadataIndex, S
 
 from services.recordings.chunks import OpenChunk
 from services.recordings.errors import RecordingError
-from services.recordings.summary import MAGIC, Summary, attachment_index, finish, record_bytes, write_at
+from services.recordings.summary import MAGIC, StoredEntries, Summary, attachment_index, finish, record_bytes, write_at
 from services.trusted_path import fault_of_place
 
 #: Bytes that may wait for the disk: of a whole rig at full rate about a quarter of a minute.
@@ -38,7 +39,6 @@ class RecordingFile:
         self.path = path
         self._handed_over = 0  # by the one thread
         self._done = 0  # by the other
-        self._summary = Summary()
         self._end = 0  # of the last group of records that was written whole
         self._error: OSError | None = None
         self._queue: SimpleQueue[tuple[int, Callable[[], None]] | None] = SimpleQueue()
@@ -51,12 +51,14 @@ class RecordingFile:
             fcntl.flock(self._file, fcntl.LOCK_EX)  # nobody repairs what is being written
             try:
                 self._append(MAGIC + record_bytes(Header("", "trocar")))
+                self._entries = StoredEntries(path.parent)
             except OSError:
                 os.close(self._file)
                 path.unlink()
                 raise
         except OSError as error:
             raise RecordingError(f"{path}: cannot be written: {_why(error)}") from None
+        self._summary = Summary(self._entries)
         self._write: _Write | None = None  # that goes on
         self._thread = threading.Thread(target=self._run, name="disk", daemon=True)
         self._thread.start()
@@ -89,14 +91,15 @@ class RecordingFile:
         """
         self._queue.put(None)
         self._thread.join()
-        try:
-            finish(self._file, self._summary, self._end)
-        except OSError as error:
-            self._error = self._error or error
-        finally:
-            os.close(self._file)
-        if self._error is not None:
-            raise RecordingError(f"{self.path}: {_why(self._error)}; {self._summary.frames} frames were kept")
+        with closing(self._entries):
+            try:
+                finish(self._file, self._summary, self._end)
+            except OSError as error:
+                self._error = self._error or error
+            finally:
+                os.close(self._file)
+            if self._error is not None:
+                raise RecordingError(f"{self.path}: {_why(self._error)}; {self._summary.frames} frames were kept")
 
     @property
     def pending(self) -> int:
@@ -136,25 +139,23 @@ class RecordingFile:
     def _write_metadata(self, record: Metadata) -> None:
         data = record_bytes(record)
         index = MetadataIndex(self._end, len(data), record.name)
-        self._append(data)
-        self._summary.metadata.append(index)
+        self._append(data, lambda: self._summary.metadata.append(index))
 
     def _write_attachment(self, record: Attachment) -> None:
         data = record_bytes(record)
         index = attachment_index(record, self._end, len(data))
-        self._append(data)
-        self._summary.attachments.append(index)
+        self._append(data, lambda: self._summary.attachments.append(index))
 
     def _write_chunk(self, chunk: OpenChunk) -> None:
         data, index = chunk.close(self._end)
-        self._append(data)
-        self._summary.chunks.append(index)
-        self._summary.counts.append(chunk.counts)
+        self._append(data, lambda: self._summary.chunks.append(index))
 
-    def _append(self, data: bytes) -> None:
+    def _append(self, data: bytes, index: Callable[[], None] = lambda: None) -> None:
+        """Write `data`, and then its index: the file ends before what either was not written of."""
         self._write = _Write()
         try:
             write_at(self._file, data, self._end)
+            index()
         finally:
             self._write = None
         self._end += len(data)

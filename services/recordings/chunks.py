@@ -46,11 +46,6 @@ class OpenChunk:
         self._records.append(data)
         self.size += 9 + length
 
-    @property
-    def counts(self) -> dict[int, int]:
-        """Number of messages by channel."""
-        return {channel: len(entries) // 2 for channel, entries in self.index.items()}
-
     def close(self, offset: int) -> tuple[bytes, ChunkIndex]:
         """Return the records of the chunk, compressed, to be written at `offset`, and its entry in the summary."""
         data = b"".join(self._records)

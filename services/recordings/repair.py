@@ -7,7 +7,6 @@ at in full: it may be torn. Whether all chunks hold what was written (their chec
 from __future__ import annotations
 
 import fcntl
-import io
 import os
 import struct
 from array import array
@@ -16,7 +15,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, ChunkIndex, Metadata, MetadataIndex, Schema
 from mcap.stream_reader import get_chunk_data_stream
@@ -24,12 +22,21 @@ from mcap.stream_reader import get_chunk_data_stream
 from services.recordings.chunks import message_indexes
 from services.recordings.errors import HoleError, RecordingError
 from services.recordings.reader import BROKEN
-from services.recordings.summary import MAGIC, Summary, attachment_index, finish, is_closed, write_at
+from services.recordings.summary import (
+    HEAD,
+    MAGIC,
+    Summary,
+    attachment_index,
+    finish,
+    is_closed,
+    messages_of,
+    record_stream,
+    write_at,
+)
 
-_HEAD = struct.Struct("<BQ")
 #: Start, end, uncompressed size and checksum of a chunk, before the name of its compression.
 _CHUNK_HEAD = struct.Struct("<QQQII")
-_INDEX_HEAD = struct.Struct("<HI")
+_CHANNEL = struct.Struct("<H")
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,12 +115,17 @@ class _Scan:
 
     Attributes:
         end: Of the last whole record of the data section.
+        chunks: Those of the summary.
     """
 
     file: int
     size: int
     end: int = 0
-    summary: Summary = field(default_factory=Summary)
+    chunks: list[ChunkIndex] = field(default_factory=list)
+    summary: Summary = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.summary = Summary(self.chunks)
 
     def read(self) -> bool:
         """Walk; return whether the file is an MCAP file at all."""
@@ -126,11 +138,11 @@ class _Scan:
 
     def _take_record(self) -> bool:
         """Take the record at `end` into the summary; return whether there may be another."""
-        head = os.pread(self.file, _HEAD.size, self.end)
-        if len(head) < _HEAD.size:
+        head = os.pread(self.file, HEAD.size, self.end)
+        if len(head) < HEAD.size:
             return False
-        opcode, length = _HEAD.unpack(head)
-        start, after = self.end + _HEAD.size, self.end + _HEAD.size + length
+        opcode, length = HEAD.unpack(head)
+        start, after = self.end + HEAD.size, self.end + HEAD.size + length
         if after > self.size or opcode in (Opcode.DATA_END, Opcode.FOOTER, 0):
             return False
         match opcode:
@@ -141,10 +153,10 @@ class _Scan:
             case Opcode.SCHEMA | Opcode.CHANNEL:
                 self._declare(opcode, os.pread(self.file, length, start))
             case Opcode.METADATA:
-                record = Metadata.read(_stream(os.pread(self.file, length, start)))
+                record = Metadata.read(record_stream(os.pread(self.file, length, start)))
                 self.summary.metadata.append(MetadataIndex(self.end, after - self.end, record.name))
             case Opcode.ATTACHMENT:
-                attachment = Attachment.read(_stream(os.pread(self.file, length, start)))
+                attachment = Attachment.read(record_stream(os.pread(self.file, length, start)))
                 self.summary.attachments.append(attachment_index(attachment, self.end, after - self.end))
         self.end = after
         return True
@@ -163,28 +175,26 @@ class _Scan:
             compressed_size=after - start - _CHUNK_HEAD.size - name_length - 8,
             uncompressed_size=size,
         )
-        self.summary.chunks.append(index)
-        self.summary.counts.append({})
+        self.chunks.append(index)
 
     def _take_message_index(self, start: int, after: int) -> None:
-        if not self.summary.chunks:
+        if not self.chunks:
             return
-        channel, length = _INDEX_HEAD.unpack(os.pread(self.file, _INDEX_HEAD.size, start))
-        chunk = self.summary.chunks[-1]
+        (channel,) = _CHANNEL.unpack(os.pread(self.file, _CHANNEL.size, start))
+        chunk = self.chunks[-1]
         chunk.message_index_offsets[channel] = self.end
         chunk.message_index_length += after - self.end
-        self.summary.counts[-1][channel] = length // 16
         if channel not in self.summary.channels:  # declared within the chunk
             self._look_into(chunk)
 
     def mend_last_chunk(self) -> None:
         """Index the last chunk anew if its indexes are not all there; drop it if it is torn itself."""
-        if not self.summary.chunks:
+        if not self.chunks:
             return
-        chunk = self.summary.chunks[-1]
+        chunk = self.chunks[-1]
         index = self._look_into(chunk)
         counts = {channel: len(entries) // 2 for channel, entries in index.items()}
-        if counts and counts == self.summary.counts[-1]:
+        if counts and counts == messages_of(chunk):
             return
         self.end = chunk.chunk_start_offset + (chunk.chunk_length if counts else 0)
         if counts:
@@ -192,32 +202,28 @@ class _Scan:
             chunk.message_index_length = len(records)
             write_at(self.file, records, self.end)
             self.end += len(records)
-            self.summary.counts[-1] = counts
         else:
             self.summary.drop_last_chunk()
         self.summary.cut(chunk.chunk_start_offset)
 
     def holes(self) -> str:
         """Return which chunks do not hold what was written, empty for none."""
-        chunks, counts = self.summary.chunks, self.summary.counts
-        bad = [k for k, chunk in enumerate(chunks) if counts[k] and not self._look_into(chunk)]
+        bad = [chunk for chunk in self.chunks if messages_of(chunk) and not self._look_into(chunk)]
         if not bad:
             return ""
-        frames, began_ns = sum(sum(counts[k].values()) for k in bad), chunks[0].message_start_time
-        from_s, until_s = (
-            (ns - began_ns) * 1e-9 for ns in (chunks[bad[0]].message_start_time, chunks[bad[-1]].message_end_time)
-        )
-        of = f"{len(bad)} of {len(chunks)} chunks are damaged"
+        frames, began_ns = sum(sum(messages_of(chunk).values()) for chunk in bad), self.chunks[0].message_start_time
+        from_s, until_s = ((ns - began_ns) * 1e-9 for ns in (bad[0].message_start_time, bad[-1].message_end_time))
+        of = f"{len(bad)} of {len(self.chunks)} chunks are damaged"
         return f"{of}, {frames} frames between {from_s:.3f} and {until_s:.3f} s cannot be read"
 
     def _look_into(self, chunk: ChunkIndex) -> dict[int, array[int]]:
         """Return the message index of a chunk, empty if it cannot be read; take what it declares."""
-        data = os.pread(self.file, chunk.chunk_length - _HEAD.size, chunk.chunk_start_offset + _HEAD.size)
+        data = os.pread(self.file, chunk.chunk_length - HEAD.size, chunk.chunk_start_offset + HEAD.size)
         index: dict[int, array[int]] = {}
         try:
-            stream, length = get_chunk_data_stream(Chunk.read(_stream(data)), validate_crc=True)
+            stream, length = get_chunk_data_stream(Chunk.read(record_stream(data)), validate_crc=True)
             while (offset := stream.count) < length:
-                opcode, size = _HEAD.unpack(stream.read(_HEAD.size))
+                opcode, size = HEAD.unpack(stream.read(HEAD.size))
                 record = stream.read(size)
                 if opcode == Opcode.MESSAGE:
                     channel, _sequence, log_ns = struct.unpack_from("<HIQ", record)
@@ -230,12 +236,8 @@ class _Scan:
 
     def _declare(self, opcode: int, data: bytes) -> None:
         if opcode == Opcode.SCHEMA:
-            schema = Schema.read(_stream(data))
+            schema = Schema.read(record_stream(data))
             self.summary.schemas.setdefault(schema.id, schema)
         elif opcode == Opcode.CHANNEL:
-            channel = Channel.read(_stream(data))
+            channel = Channel.read(record_stream(data))
             self.summary.channels.setdefault(channel.id, channel)
-
-
-def _stream(data: bytes) -> ReadDataStream:
-    return ReadDataStream(io.BytesIO(data))
