@@ -8,6 +8,7 @@ import fcntl
 import os
 import threading
 import time
+import zlib
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -39,7 +40,7 @@ class RecordingFile:
         self.path = path
         self._handed_over = 0  # by the one thread
         self._done = 0  # by the other
-        self._end = 0  # of the last group of records that was written whole
+        self._end = self._checksum = 0  # of the last group of records that was written whole, and of all up to it
         self._error: OSError | None = None
         self._queue: SimpleQueue[tuple[int, Callable[[], None]] | None] = SimpleQueue()
         try:
@@ -93,7 +94,7 @@ class RecordingFile:
         self._thread.join()
         with closing(self._entries):
             try:
-                finish(self._file, self._summary, self._end)
+                finish(self._file, self._summary, self._end, self._checksum)
             except OSError as error:
                 self._error = self._error or error
             finally:
@@ -159,6 +160,7 @@ class RecordingFile:
         finally:
             self._write = None
         self._end += len(data)
+        self._checksum = zlib.crc32(data, self._checksum)
 
 
 class _Write:

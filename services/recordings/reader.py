@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import struct
 import zlib
 from collections.abc import Collection, Iterator, Sequence
@@ -13,17 +14,20 @@ from typing import IO, Any
 import zstandard
 from google.protobuf.message import DecodeError
 from mcap.exceptions import McapError
+from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
 from mcap.records import Attachment, Channel, DataEnd, Message, Metadata
 from mcap.stream_reader import StreamReader
 
 from protocol import TOPICS, Frame
 from services.recordings.errors import HoleError, RecordingError
-from services.recordings.summary import has_sound_index, is_closed
+from services.recordings.summary import has_sound_index, is_closed, is_sound, record_stream, records
 from services.recordings.transcode import to_frame
 
 #: What the libraries raise for a record that is cut, or does not hold what it says.
 BROKEN = (McapError, EOFError, ValueError, OverflowError, struct.error, zstandard.ZstdError, zlib.error)
+
+_DAMAGED = "{}: is damaged; `trocar repair` says how much of it cannot be read"
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +124,7 @@ def _messages(path: Path, topics: Collection[str], from_ns: int = 0) -> Iterator
             with suppress(*(() if closed else BROKEN)):
                 found.extend((wanted[name], each) for name, each in _records(file) if name in wanted)
         except BROKEN:
-            raise HoleError(f"{path}: is damaged; `trocar repair` says how much of it cannot be read") from None
+            raise HoleError(_DAMAGED.format(path)) from None
     yield from sorted((each for each in found if each[1].log_time >= from_ns), key=lambda each: each[1].log_time)
 
 
@@ -138,14 +142,25 @@ def _records(file: IO[bytes]) -> Iterator[tuple[str, Message]]:
 def read_extras(path: Path) -> tuple[dict[str, dict[str, str]], dict[str, bytes]]:
     """Return metadata and attachments of a recording by name; of two with one name the last.
 
-    Raises RecordingError if it is no recording.
+    Raises RecordingError if it is no recording, HoleError if an attachment is not what was written.
     """
     metadata: dict[str, dict[str, str]] = {}
     attachments: dict[str, bytes] = {}
-    with opened(path) as file, suppress(*BROKEN):
-        for record in StreamReader(file, emit_chunks=True).records:
-            if isinstance(record, Metadata):
-                metadata[record.name] = record.metadata
-            elif isinstance(record, Attachment):
-                attachments[record.name] = record.data
+    with opened(path) as file:
+        number, opcode = file.fileno(), 0
+        try:
+            for opcode, begin, end in records(number):
+                if opcode == Opcode.METADATA:
+                    record = Metadata.read(record_stream(os.pread(number, end - begin, begin)))
+                    metadata[record.name] = record.metadata
+                elif opcode == Opcode.ATTACHMENT:
+                    content = os.pread(number, end - begin, begin)
+                    attachment = Attachment.read(record_stream(content))
+                    if not is_sound(content):
+                        raise HoleError(f"{path}: the attachment {attachment.name!r} is damaged")
+                    attachments[attachment.name] = attachment.data
+        except BROKEN:
+            opcode = 0
+        if opcode != Opcode.DATA_END and is_closed(number):
+            raise HoleError(_DAMAGED.format(path))
     return metadata, attachments

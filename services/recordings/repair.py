@@ -1,7 +1,7 @@
 """Recordings whose recorder was killed, or whose disk was full: cut after the last whole chunk, and indexed.
 
 To mend one, only the heads of records are read, so a long recording takes a moment. What its last chunk holds is looked
-at in full: it may be torn. Whether all chunks hold what was written (their checksums) is a question of its own.
+at in full: it may be torn. Whether all is what was written (the checksums) is a question of its own.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import fcntl
 import os
 import struct
+import zlib
 from array import array
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,7 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, ChunkIndex, Metadata, MetadataIndex, Schema
+from mcap.records import Attachment, Channel, Chunk, ChunkIndex, DataEnd, Metadata, MetadataIndex, Schema
 from mcap.stream_reader import get_chunk_data_stream
 
 from services.recordings.chunks import message_indexes
@@ -29,14 +30,16 @@ from services.recordings.summary import (
     attachment_index,
     finish,
     is_closed,
+    is_sound,
     messages_of,
     record_stream,
+    records,
     write_at,
 )
 
 #: Start, end, uncompressed size and checksum of a chunk, before the name of its compression.
 _CHUNK_HEAD = struct.Struct("<QQQII")
-_CHANNEL = struct.Struct("<H")
+_CHANNEL, _BLOCK = struct.Struct("<H"), 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +53,7 @@ class RepairedRecording:
 def repair(path: Path, every_chunk: bool = True) -> RepairedRecording | None:
     """Mend the end of the recording `path` in place; None if there is nothing to mend. Then look into `every_chunk`.
 
-    Raises HoleError if chunks do not hold what was written; they stay as they are, the end is mended. Raises
+    Raises HoleError if what is in it is not what was written; that stays as it is, the end is mended. Raises
     RecordingError if it is no recording, is being written, or is broken within: then it stays as it is.
     """
     with _opened(path) as file:
@@ -59,7 +62,7 @@ def repair(path: Path, every_chunk: bool = True) -> RepairedRecording | None:
             return None
         scan = _scan(path, file, mend=not is_whole)
         if not is_whole:
-            finish(file, scan.summary, scan.end)
+            finish(file, scan.summary, scan.end, scan.checksum or 0)
             os.fsync(file)
         if every_chunk and (holes := scan.holes()):
             raise HoleError(f"{path}: {holes}")
@@ -72,6 +75,8 @@ def _scan(path: Path, file: int, mend: bool = True) -> _Scan:
     scan = _Scan(file, os.fstat(file).st_size)
     try:
         is_recording = scan.read()
+        if is_recording and scan.checksum is None and not mend:  # the walk went astray before its end
+            raise EOFError
     except BROKEN:
         raise RecordingError(f"{path}: is broken within, the record at byte {scan.end} cannot be read") from None
     if not is_recording:
@@ -115,12 +120,16 @@ class _Scan:
 
     Attributes:
         end: Of the last whole record of the data section.
+        checksum: Of all up to there, as the file has it, 0 for unknown; None where the file is torn.
+        damaged: Names of attachments that are not what was written.
         chunks: Those of the summary.
     """
 
     file: int
     size: int
     end: int = 0
+    checksum: int | None = None
+    damaged: list[str] = field(default_factory=list)
     chunks: list[ChunkIndex] = field(default_factory=list)
     summary: Summary = field(init=False)
 
@@ -132,34 +141,31 @@ class _Scan:
         if os.pread(self.file, len(MAGIC), 0) != MAGIC:
             return False
         self.end = len(MAGIC)
-        while self._take_record():
-            pass
+        for opcode, start, after in records(self.file):
+            if opcode == Opcode.DATA_END:
+                self.checksum = DataEnd.read(record_stream(os.pread(self.file, after - start, start))).data_section_crc
+            else:
+                self._take_record(opcode, start, after)
+                self.end = after
         return True
 
-    def _take_record(self) -> bool:
-        """Take the record at `end` into the summary; return whether there may be another."""
-        head = os.pread(self.file, HEAD.size, self.end)
-        if len(head) < HEAD.size:
-            return False
-        opcode, length = HEAD.unpack(head)
-        start, after = self.end + HEAD.size, self.end + HEAD.size + length
-        if after > self.size or opcode in (Opcode.DATA_END, Opcode.FOOTER, 0):
-            return False
+    def _take_record(self, opcode: int, start: int, after: int) -> None:
+        """Take a record into the summary."""
         match opcode:
             case Opcode.CHUNK:
                 self._take_chunk(start, after)
             case Opcode.MESSAGE_INDEX:
                 self._take_message_index(start, after)
             case Opcode.SCHEMA | Opcode.CHANNEL:
-                self._declare(opcode, os.pread(self.file, length, start))
+                self._declare(opcode, os.pread(self.file, after - start, start))
             case Opcode.METADATA:
-                record = Metadata.read(record_stream(os.pread(self.file, length, start)))
+                record = Metadata.read(record_stream(os.pread(self.file, after - start, start)))
                 self.summary.metadata.append(MetadataIndex(self.end, after - self.end, record.name))
             case Opcode.ATTACHMENT:
-                attachment = Attachment.read(record_stream(os.pread(self.file, length, start)))
+                content = os.pread(self.file, after - start, start)
+                attachment = Attachment.read(record_stream(content))
                 self.summary.attachments.append(attachment_index(attachment, self.end, after - self.end))
-        self.end = after
-        return True
+                self.damaged += [] if is_sound(content) else [attachment.name]
 
     def _take_chunk(self, start: int, after: int) -> None:
         first_ns, last_ns, size, _crc, name_length = _CHUNK_HEAD.unpack(os.pread(self.file, _CHUNK_HEAD.size, start))
@@ -196,6 +202,7 @@ class _Scan:
         counts = {channel: len(entries) // 2 for channel, entries in index.items()}
         if counts and counts == messages_of(chunk):
             return
+        self.checksum = 0
         self.end = chunk.chunk_start_offset + (chunk.chunk_length if counts else 0)
         if counts:
             records, chunk.message_index_offsets = message_indexes(index, self.end)
@@ -207,14 +214,23 @@ class _Scan:
         self.summary.cut(chunk.chunk_start_offset)
 
     def holes(self) -> str:
-        """Return which chunks do not hold what was written, empty for none."""
+        """Return what is not what was written, empty for nothing."""
         bad = [chunk for chunk in self.chunks if messages_of(chunk) and not self._look_into(chunk)]
-        if not bad:
-            return ""
-        frames, began_ns = sum(sum(messages_of(chunk).values()) for chunk in bad), self.chunks[0].message_start_time
-        from_s, until_s = ((ns - began_ns) * 1e-9 for ns in (bad[0].message_start_time, bad[-1].message_end_time))
-        of = f"{len(bad)} of {len(self.chunks)} chunks are damaged"
-        return f"{of}, {frames} frames between {from_s:.3f} and {until_s:.3f} s cannot be read"
+        found = [f"the attachment {name!r} is damaged" for name in self.damaged]
+        if bad:
+            frames, began_ns = sum(sum(messages_of(chunk).values()) for chunk in bad), self.chunks[0].message_start_time
+            from_s, until_s = ((ns - began_ns) * 1e-9 for ns in (bad[0].message_start_time, bad[-1].message_end_time))
+            of = f"{len(bad)} of {len(self.chunks)} chunks are damaged"
+            found.append(f"{of}, {frames} frames between {from_s:.3f} and {until_s:.3f} s cannot be read")
+        if not found and self.checksum and self.checksum != self._checksum():
+            found.append("what describes it (metadata, schemas, indexes) is damaged")
+        return "; ".join(found)
+
+    def _checksum(self) -> int:
+        found = 0
+        for start in range(0, self.end, _BLOCK):
+            found = zlib.crc32(os.pread(self.file, min(_BLOCK, self.end - start), start), found)
+        return found
 
     def _look_into(self, chunk: ChunkIndex) -> dict[int, array[int]]:
         """Return the message index of a chunk, empty if it cannot be read; take what it declares."""

@@ -130,9 +130,12 @@ class Summary:
         self.metadata = [each for each in self.metadata if each.offset < end]
         self.attachments = [each for each in self.attachments if each.offset < end]
 
-    def end(self, offset: int) -> bytes:
-        """Return everything that follows the last chunk, which ends at `offset`, to the last byte of the file."""
-        data_end = record_bytes(DataEnd(0))
+    def end(self, offset: int, checksum: int) -> bytes:
+        """Return everything that follows the last chunk, which ends at `offset`, to the last byte of the file.
+
+        `checksum` is of all bytes up to there, 0 where it is not known.
+        """
+        data_end = record_bytes(DataEnd(checksum))
         start = offset + len(data_end)
         data, offsets = b"", []
         groups: list[tuple[Opcode, list[McapRecord]]] = [
@@ -199,21 +202,21 @@ def attachment_index(record: Attachment, offset: int, length: int) -> Attachment
     )
 
 
-def finish(file: int, summary: Summary, end: int) -> None:
+def finish(file: int, summary: Summary, end: int, checksum: int = 0) -> None:
     """Cut a file after its last whole group of records, at `end`, and append the summary.
 
-    Where there is no room for it, the last chunks make room.
+    Where there is no room for it, the last chunks make room; `checksum` is of all before `end`, 0 for unknown.
     Raises OSError if not even an empty recording can be written.
     """
     while True:
         os.ftruncate(file, end)
         try:
-            write_at(file, summary.end(end), end)
+            write_at(file, summary.end(end, checksum), end)
             return
         except OSError:
             if not summary.chunks:
                 raise
-            end = summary.drop_last_chunk().chunk_start_offset
+            end, checksum = summary.drop_last_chunk().chunk_start_offset, 0
 
 
 def write_at(file: int, data: bytes, offset: int) -> None:
@@ -222,6 +225,22 @@ def write_at(file: int, data: bytes, offset: int) -> None:
     while view:
         written = os.pwrite(file, view, offset)
         view, offset = view[written:], offset + written
+
+
+def records(file: int) -> Iterator[tuple[int, int, int]]:
+    """Yield opcode, begin and end of the content of each whole record, up to the DataEnd of a file that was closed."""
+    size, end, opcode = os.fstat(file).st_size, len(MAGIC), 0
+    while opcode != Opcode.DATA_END and len(head := os.pread(file, HEAD.size, end)) == HEAD.size:
+        opcode, length = HEAD.unpack(head)
+        begin, end = end + HEAD.size, end + HEAD.size + length
+        if end > size or opcode in (Opcode.FOOTER, 0):
+            return
+        yield opcode, begin, end
+
+
+def is_sound(content: bytes) -> bool:
+    """Return whether an attachment's record, which ends with its checksum, is what was written; 0 stands for none."""
+    return int.from_bytes(content[-4:], "little") in (0, zlib.crc32(content[:-4]))
 
 
 def is_closed(file: int) -> bool:

@@ -12,12 +12,13 @@ import numpy as np
 from mcap.reader import SeekingReader
 
 from services.recordings.errors import RecordingError
-from services.recordings.reader import read_frames
+from services.recordings.reader import read_extras, read_frames
 from services.recordings.repair import repair
 from tests.proofs.trials import Found, Proof, Try
 from tests.recorder.made_up import long_recording
 
-FRAMES = 2_000
+#: A recording whose attachment is a third of it.
+FRAMES, ATTACHED = 2_000, 70_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,17 +28,20 @@ class Original:
     Attributes:
         data: Its bytes.
         frames: Times and bodies.
+        extras: Metadata and attachments.
         until: Of each chunk: where it ends, and how many frames were written up to there.
     """
 
     data: bytes
     frames: list[tuple[int, object]]
+    extras: tuple[dict[str, dict[str, str]], dict[str, bytes]]
     until: list[tuple[int, int]]
 
 
 def original(folder: Path) -> Original:
     """Record, and read all."""
     writer = long_recording(folder / "whole.mcap", FRAMES)
+    writer.attach("scene.npz", "application/x-npz", np.random.default_rng(1).bytes(ATTACHED))
     writer.close()
     with writer.path.open("rb") as file:
         summary = SeekingReader(file).get_summary()
@@ -47,7 +51,7 @@ def original(folder: Path) -> Original:
         (chunk.chunk_start_offset + chunk.chunk_length, sum(ns <= chunk.message_end_time for ns, _ in frames))
         for chunk in summary.chunk_indexes
     ]
-    return Original(writer.path.read_bytes(), frames, until)
+    return Original(writer.path.read_bytes(), frames, read_extras(writer.path), until)
 
 
 def _read(path: Path) -> list[tuple[int, object]]:
@@ -74,17 +78,22 @@ def judge_flip(whole: Original, bit: int, path: Path) -> str:
     data = bytearray(whole.data)
     data[bit // 8] ^= 1 << bit % 8
     path.write_bytes(data)
-    is_told, read = False, []
+    is_told, read, (metadata, attachments) = False, [], ({}, {})
     try:
         repair(path)
     except RecordingError:
         is_told = True
     try:
         read = _read(path)
+        metadata, attachments = read_extras(path)
     except RecordingError:
         is_told = True
     if any(each not in whole.frames for each in read):
         return "a frame was read that was never written"
+    if any(whole.extras[1].get(name) != data for name, data in attachments.items()):
+        return "an attachment was read that was never written"
+    if not is_told and (metadata, attachments) != whole.extras:
+        return "what describes the recording changed in silence"
     return "" if is_told or read == whole.frames else f"{len(whole.frames) - len(read)} frames were lost in silence"
 
 

@@ -114,10 +114,10 @@ def test_a_recording_that_is_read_otherwise_than_it_was_written_is_told(whole: O
     assert judge_cut(whole, size, path) == ""
     assert judge_cut(replace(whole, frames=whole.frames[1:]), size, path).startswith("other frames")
     assert (
-        judge_cut(replace(whole, until=[(end // 2, count) for end, count in whole.until]), size, path)
+        judge_cut(replace(whole, until=[(end // 3, count) for end, count in whole.until]), size, path)
         == "whole chunks were lost"
     )
-    bit = 8 * (whole.until[-1][0] + 5)  # of an index that nobody needs
+    bit = 8 * (len(whole.data) - 4)  # of the last word, which is written anew
     assert judge_flip(whole, bit, path) == ""
     assert judge_flip(replace(whole, frames=whole.frames[1:]), bit, path) == "a frame was read that was never written"
     assert "lost in silence" in judge_flip(replace(whole, frames=[*whole.frames, (0, None)]), bit, path)
@@ -130,6 +130,20 @@ def test_a_flip_within_a_chunk_is_told(whole: Original, tmp_path: Path, monkeypa
     monkeypatch.setattr(recordings, "_read", lambda _path: whole.frames[:-1])
     monkeypatch.setattr(recordings, "repair", lambda _path: None)
     assert judge_flip(whole, bit, path) == "1 frames were lost in silence"
+
+
+def test_a_flip_in_what_describes_a_recording_is_told(
+    whole: Original, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, (metadata, attachments) = tmp_path / "a.mcap", whole.extras
+    at = whole.data.index(attachments["scene.npz"])
+    for bit in (8 * (at + 5), 8 * whole.data.index(b"wall_minus_monotonic_ns")):
+        assert judge_flip(whole, bit, path) == ""
+    monkeypatch.setattr(recordings, "repair", lambda _path: None)
+    monkeypatch.setattr(recordings, "read_extras", lambda _path: ({}, attachments))
+    assert judge_flip(whole, bit, path) == "what describes the recording changed in silence"
+    monkeypatch.setattr(recordings, "read_extras", lambda _path: (metadata, {"scene.npz": b""}))
+    assert judge_flip(whole, bit, path) == "an attachment was read that was never written"
 
 
 def test_what_cannot_be_begun_is_a_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

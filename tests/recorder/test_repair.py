@@ -17,10 +17,12 @@ from mcap.writer import Writer
 from mcap_protobuf.decoder import DecoderFactory
 
 from services.cli.repair import run_repair
+from services.recorder.recording import RecordingWriter
 from services.recordings.errors import HoleError, RecordingError
-from services.recordings.reader import read_frames
+from services.recordings.reader import read_extras, read_frames
 from services.recordings.repair import repair, repair_all
-from tests.recorder.made_up import long_recording, settle
+from services.recordings.summary import records
+from tests.recorder.made_up import long_recording, settle, state
 
 
 def ticks_by_index(path: Path) -> list[int]:
@@ -205,6 +207,78 @@ def test_a_flipped_bit_in_any_chunk_is_told_with_its_place(
             read.extend(each.frame.body.tick for each in read_frames(damaged))
         assert read == list(range(len(read))), "numbers were read that nobody wrote"
     assert repair(damaged, every_chunk=False) is None, "its end is mended"
+
+
+def _explained(path: Path) -> dict[str, tuple[int, int]]:
+    """Record with what explains it, and return by kind of record where it begins and ends."""
+    writer = RecordingWriter(path, {"rig": "left"})
+    writer.attach("scene.yaml", "application/yaml", b"name: narrow\n")
+    for sequence in range(100):
+        writer.write(state(sequence))
+    writer.close()
+    file = os.open(path, os.O_RDONLY)
+    try:
+        return {Opcode(opcode).name: (begin, end) for opcode, begin, end in records(file)}
+    finally:
+        os.close(file)
+
+
+def _flip(path: Path, byte: int) -> None:
+    data = bytearray(path.read_bytes())
+    data[byte] ^= 1
+    path.write_bytes(data)
+
+
+@pytest.mark.parametrize("torn", [False, True])
+def test_a_flipped_bit_in_an_attachment_is_told_and_the_attachment_not_read(tmp_path: Path, torn: bool) -> None:
+    """A scene of other numbers would be replayed, and nobody would know."""
+    path = tmp_path / "a.mcap"
+    end = _explained(path)["ATTACHMENT"][1]
+    assert read_extras(path)[1] == {"scene.yaml": b"name: narrow\n"}
+    _flip(path, end - 8)
+    if torn:
+        path.write_bytes(path.read_bytes()[:-30])
+    for read in (repair, read_extras):
+        with pytest.raises(HoleError, match=r"a\.mcap: the attachment 'scene\.yaml' is damaged"):
+            read(path)
+    assert [each.frame.body.tick for each in read_frames(path)] == list(range(100))
+
+
+@pytest.mark.parametrize("kind", ["METADATA", "MESSAGE_INDEX", "SCHEMA"])
+def test_a_flipped_bit_beside_the_chunks_is_told(tmp_path: Path, kind: str) -> None:
+    """Such records have no checksum of their own, but the whole of them has."""
+    path = tmp_path / "a.mcap"
+    end = _explained(path)[kind][1]
+    assert repair(path) is None
+    _flip(path, end - 3)
+    with pytest.raises(HoleError, match=r"a\.mcap: what describes it .* is damaged"):
+        repair(path)
+
+
+def test_a_length_that_leads_astray_is_told(tmp_path: Path) -> None:
+    """The walk over the records ended there, and what it had seen was called whole."""
+    path = tmp_path / "a.mcap"
+    _flip(path, _explained(path)["METADATA"][0] - 7)
+    with pytest.raises(RecordingError, match="is broken within"):
+        repair(path)
+    with pytest.raises(HoleError, match=r"is damaged; `trocar repair`"):
+        read_extras(path)
+
+
+def test_a_checksum_goes_with_what_was_cut_off_behind_it(tmp_path: Path) -> None:
+    """A footer that is torn leaves it; a last chunk that is indexed anew makes it another file."""
+    path = tmp_path / "a.mcap"
+    end = _explained(path)["MESSAGE_INDEX"][1]
+    whole = path.read_bytes()
+    for size in (len(whole) - 30, end - 1):
+        path.write_bytes(whole[:size])
+        assert repair(path) is not None
+        assert repair(path) is None
+    path.write_bytes(whole[:-30])
+    repair(path)
+    _flip(path, end - 3)
+    with pytest.raises(HoleError, match="what describes it"):
+        repair(path)
 
 
 def test_a_flipped_bit_in_the_index_costs_nothing(whole: Path, tmp_path: Path) -> None:
