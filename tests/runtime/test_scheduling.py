@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
@@ -248,6 +250,20 @@ def test_what_the_loops_of_a_rig_reserve_is_admitted_by_two_cores(path: Path) ->
     reserved = sum(each.share + 2 * scheduling.BESIDE for each in loops)  # and ZeroMQ's two threads
     assert len(loops) == 4
     assert reserved + drive_process.SHARE <= 2 * scheduling.ADMITTED
+
+
+def test_drives_reserve_a_share_of_their_own_period(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They have it in one piece: of a millisecond it was, and what a tick took beyond that waited for the next."""
+    place, signals = Mock(spec=Scheduling), signal.getsignal(signal.SIGINT)
+    monkeypatch.setattr(drive_process.realtime, "set_up", lambda *_given, share: ([], place))
+    monkeypatch.setattr(drive_process.realtime, "freeze_garbage_collector", lambda: None)
+    monkeypatch.setattr(drive_process, "_release_scheduling", lambda: None)
+    monkeypatch.setattr(drive_process, "Drives", lambda _gateway: Mock(obey=lambda: False))  # ends at once
+    monkeypatch.setattr(drive_process, "socket", Mock())
+    monkeypatch.setattr(drive_process.sys, "stdin", Mock())
+    drive_process.main(None, 5)
+    signal.signal(signal.SIGINT, signals)
+    place.resume.assert_called_once_with(period_ns=2_000_000)
 
 
 def test_the_groups_budget_is_found_under_its_name_or_as_the_root_of_a_container(tmp_path: Path) -> None:
