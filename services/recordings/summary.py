@@ -12,7 +12,6 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
 
 from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.opcode import Opcode
@@ -39,20 +38,6 @@ _FOOTER = struct.Struct("<BQQQI")
 _TAIL = _FOOTER.size + len(MAGIC)
 
 
-class ChunkEntries(Protocol):
-    """Entries of chunks in the order in which these were written: a list, or StoredEntries."""
-
-    def append(self, chunk: ChunkIndex, /) -> None:
-        """Add an entry."""
-
-    def pop(self) -> ChunkIndex:
-        """Take the last entry away and return it."""
-
-    def __iter__(self) -> Iterator[ChunkIndex]: ...
-
-    def __len__(self) -> int: ...
-
-
 class StoredEntries:
     """Entries of chunks in a file without a name, in `folder`.
 
@@ -69,7 +54,7 @@ class StoredEntries:
         os.close(self._file)
 
     def append(self, chunk: ChunkIndex, /) -> None:
-        """Add an entry, and behind it its size. Raises OSError where there is no room for it."""
+        """Add an entry, and behind it its size; raises OSError where there is no room for it."""
         record = record_bytes(chunk)
         data = record + _SIZE.pack(len(record))
         write_at(self._file, data, self._size)
@@ -101,7 +86,7 @@ class StoredEntries:
 class Summary:
     """What a file holds, in the order in which it was written."""
 
-    chunks: ChunkEntries
+    chunks: list[ChunkIndex] | StoredEntries
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     metadata: list[MetadataIndex] = field(default_factory=list)
