@@ -65,6 +65,7 @@ class DriveProcess:
         """End it at once, with every drive that is in it."""
         self._process.kill()
         self._process.wait()
+        self._orders.close()
 
     def go_on(self, node: int) -> None:
         """Let the hand of a drive begin without torque. Never waits, and is nothing where the process has ended."""

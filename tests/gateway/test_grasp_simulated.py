@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -128,6 +129,37 @@ def test_each_drive_has_its_own_torque() -> None:
                 handle.write(0.05)
             time.sleep(2e-3)
         assert handles[0].applied_nm() == 0.0, "its loop is open"
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def test_drives_that_died_or_hang_are_a_fault_until_the_rig_is_armed(number: signal.Signals) -> None:
+    """What says so is the gateway's detail, which stands in the history; both handles come back in one new process."""
+    before, handles = _children(), [_handle(0), _handle(1)]
+    with _opened(*handles):
+        (first,) = _children() - before
+        os.kill(first, number)
+        silent_s = time.monotonic() + 2.0 * handles[0].file.heartbeat_timeout_s
+        _read_until(handles, lambda: time.monotonic() > silent_s and all(handle.fault for handle in handles))
+        assert not any(handle.ready for handle in handles)
+        for handle in handles:
+            handle.clear_fault()
+        _read_until(handles, lambda: not any(handle.is_opening or handle.fault for handle in handles))
+        (second,) = _children() - before
+        assert second != first
+        handles[1].go_on()
+        assert _moves(handles[1], 0.01)
+
+
+def _read_until(handles: list[grasp_simulated.Driver], done: Callable[[], bool]) -> None:
+    deadline_s = time.monotonic() + 60.0
+    while True:
+        for handle in handles:
+            handle.read(time.monotonic_ns(), np.zeros(servo_arrays.HANDLE_SIZE))
+            handle.write(0.0)
+        if done():
+            return
+        assert time.monotonic() < deadline_s, [handle.fault for handle in handles]
+        time.sleep(2e-3)
 
 
 def test_nobody_else_can_reach_a_drive() -> None:
