@@ -19,9 +19,9 @@ import numpy as np
 from report import Row, noise, write_report
 from watched_rig import WatchedRig
 
-from services.classroom.app import Classroom
+from review.classroom.app import Classroom
 from services.mechanics.arrays import FloatArray
-from tests.classroom.class_of_pages import rigs, until, write_roll
+from tests.review.class_of_pages import rigs, until, write_roll
 
 LOOPS = ("gateway", "haptics", "physics")
 SETTLE_S = 10.0

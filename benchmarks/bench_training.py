@@ -17,12 +17,12 @@ import msgspec
 from report import Row, measure, parse, write_report
 from sqlalchemy import create_engine, insert
 
-from services.training.assess import Terms, assess
-from services.training.assessment import Assessment
-from services.training.report import render
+from review.attempts.assess import Terms, assess
+from review.attempts.assessment import Assessment
+from review.attempts.report import render
+from review.attempts.store.attempts import Store
+from review.attempts.store.tables import StoredAttempt, Trainee
 from services.training.score import load_rules
-from services.training.store.attempts import Store
-from services.training.store.tables import StoredAttempt, Trainee
 from tests.training.simulated import attempt
 from tests.training.streams import GOOD, SCENARIO, SITE, messages
 

@@ -15,7 +15,7 @@ from typing import Annotated, Any, cast
 import typer
 
 from services.cli import refusals
-from services.cli.options import Address, Database, Experts, Json, Overrides, Rig, Rules, Scene, Token, finite
+from services.cli.options import Address, Json, Overrides, Rig, Scene, Token, finite
 
 app = typer.Typer(
     name="trocar", no_args_is_help=True, add_completion=True, pretty_exceptions_enable=False,
@@ -27,8 +27,6 @@ _LISTS = "overrides", "files", "topics"
 
 config_app = typer.Typer(no_args_is_help=True, help="Show configuration, and what it may say.")
 app.add_typer(config_app, name="config")
-attempts_app = typer.Typer(no_args_is_help=True, help="What was kept of trainees: list, curve, export, erase.")
-app.add_typer(attempts_app, name="attempts")
 Verb = Callable[..., None]
 
 
@@ -155,15 +153,6 @@ def safe_stop(
     """Let the arms go limp until the rig is armed anew."""
 
 
-@_verb("classroom.app:serve")
-def classroom(
-    file: Annotated[Path, typer.Argument(help="TOML: `token`, and of each `[[rig]]` `name`, `address`, `trainee`.")],
-    host: Annotated[str, typer.Option(help="Address to serve at.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=0, max=65535)] = 8090,
-) -> None:
-    """Show many rigs on one page: state, trainee, phase, last score, late or not, a picture on demand."""
-
-
 @_verb("cli.make_keys:run_keys")
 def keys(
     directory: Annotated[Path, typer.Argument(help="Made if it is not there; name it as transport.keys.")],
@@ -202,110 +191,11 @@ def replay(
         return run_replay(asked, fork_server)
 
 
-class Form(StrEnum):
-    """What a recording may be exported to."""
-
-    CSV = "csv"
-    PARQUET = "parquet"
-    NPZ = "npz"
-    MP4 = "mp4"
-
-
-class View(StrEnum):
-    """How a film is seen."""
-
-    SCOPE = "scope"
-    FLUOROSCOPY = "fluoroscopy"
-
-
-@_verb("cli.export:run_export")
-def export(
-    file: Annotated[Path, typer.Argument(help="A recording.")],
-    to: Annotated[Form, typer.Option("--to", help="Tables (csv, parquet), arrays (npz) or a film (mp4).")],
-    out: Annotated[Path | None, typer.Option(help="File, or folder of tables; default: beside the recording.")] = None,
-    topics: Annotated[list[str] | None, typer.Option("--topic", help="Only this topic; may be given again.")] = None,
-    view: Annotated[View, typer.Option(help="Of a film: the endoscope's, or as by X-rays.")] = View.SCOPE,
-) -> None:
-    """Write what a recording holds as tables with a column for each number, as arrays, or as a film."""
-
-
 @_verb("cli.repair:run_repair")
 def repair(
     files: Annotated[list[Path], typer.Argument(help="Recordings, mended in place.")], as_json: Json = False
 ) -> None:
     """Index recordings anew that a killed recorder left, or a full disk: the recorder does so itself at its start."""
-
-
-@_verb("cli.score:run_score")
-def score(
-    file: Annotated[Path, typer.Argument(help="A recording.")],
-    scenario: Annotated[str | None, typer.Option(help="Scenario to judge by; default: the one that it names.")] = None,
-    rules: Rules = "mistels",
-    experts: Experts = None,
-    trainee: Annotated[str | None, typer.Option(help="Keep the attempts as this trainee's, by pseudonym.")] = None,
-    database: Database = None,
-    as_json: Json = False,
-) -> None:
-    """Judge the attempts in a recording: phases, errors, metrics and score."""
-
-
-@app.command()
-def report(
-    what: Annotated[str, typer.Argument(metavar="FILE|NUMBER", help="A recording, or an attempt that was kept.")],
-    out: Annotated[Path | None, typer.Option(help="The file to write.")] = None,
-    attempt: Annotated[int, typer.Option(help="Which of the recording, from 1; -1 is the last; 0 each of them.")] = 0,
-    scenario: Annotated[str | None, typer.Option(help="Scenario to judge by; default: the one that it names.")] = None,
-    rules: Rules = "mistels",
-    experts: Experts = None,
-    database: Database = None,
-    page: Annotated[str, typer.Option(help="Address of the page that opens replays.")] = "http://localhost:8080/",
-) -> None:
-    """Write one HTML file about an attempt: what went wrong and when, and what to practise next."""
-    from services.cli.report import Request, run_report
-
-    run_report(Request(what, out, attempt, scenario, rules, experts, database, page))
-
-
-@_verb("cli.attempts:run_list", "list", to=attempts_app)
-def attempts_list(
-    trainee: Annotated[str | None, typer.Option(help="Only this trainee's.")] = None,
-    scenario: Annotated[str | None, typer.Option(help="Only at this scenario.")] = None,
-    database: Database = None,
-    as_json: Json = False,
-) -> None:
-    """List what was kept."""
-
-
-@_verb("cli.attempts:run_curve", "curve", to=attempts_app)
-def attempts_curve(
-    trainee: Annotated[str, typer.Argument(help="Pseudonym.")],
-    scenario: Annotated[str, typer.Argument(help="Name of the scenario.")],
-    rules: Rules = "mistels",
-    database: Database = None,
-    as_json: Json = False,
-) -> None:
-    """Show how a trainee learns: times, scores, and CUSUM of failures."""
-
-
-@_verb("cli.attempts:run_export", "export", to=attempts_app)
-def attempts_export(
-    trainee: Annotated[str | None, typer.Argument(help="Pseudonym; without, everybody.")] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="The file to write, .csv for a table of metrics; default: standard output.")
-    ] = None,
-    database: Database = None,
-) -> None:
-    """Write all that is known of a trainee as JSON; such a file can be the experts of `trocar score`."""
-
-
-@_verb("cli.attempts:run_erase", "erase", to=attempts_app)
-def attempts_erase(
-    trainee: Annotated[str, typer.Argument(help="Pseudonym.")],
-    recordings: Annotated[bool, typer.Option("--recordings", help="Erase the recordings, too.")] = False,
-    database: Database = None,
-    as_json: Json = False,
-) -> None:
-    """Forget a trainee and all attempts."""
 
 
 @_verb("cli.scenes:run_scenes")
@@ -364,7 +254,7 @@ def config_schema(kind: Annotated[str, typer.Argument(help="rig, scene or device
 def add_installed_verbs() -> None:
     """Add the verbs of installed packages that name a function (app) in the entry-point group `VERBS`.
 
-    `services` does not import what judges it: the studies bring their verbs themselves.
+    `services` imports neither what judges it nor what reviews its runs: they bring their verbs themselves.
     """
     for point in entry_points(group=VERBS):
         if find_spec(point.module.partition(".")[0]):  # an image of the rig leaves the studies out

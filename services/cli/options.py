@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -17,12 +16,6 @@ Overrides = Annotated[
 ]
 Address = Annotated[str | None, typer.Option(help="Address of the supervisor's page; default: the one of this host.")]
 Token = Annotated[str | None, typer.Option(help="Token that the rig printed, with --address.")]
-Rules = Annotated[str, typer.Option(help="Rules of the score: a file, or the name of one in configs/scores.")]
-Experts = Annotated[Path | None, typer.Option(help="Reference attempts, as `trocar attempts export` writes them.")]
-Database = Annotated[
-    str | None,
-    typer.Option(envvar="TROCAR_ATTEMPTS", help="File or address of the database; default: a file of this user."),
-]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
 
 

@@ -28,7 +28,7 @@ def run(command: Callable[[], object]) -> None:
         print(f"trocar: {error}", file=sys.stderr)
         sys.exit(error.exit_code)
     except ModuleNotFoundError as error:
-        if error.name is None or error.name.partition(".")[0] in ("services", "protocol", "studies"):
+        if error.name is None or error.name.partition(".")[0] in ("services", "protocol", "studies", "review"):
             raise
         print(
             f"trocar: the package {error.name} is not installed; `trocar doctor` says what brings it", file=sys.stderr

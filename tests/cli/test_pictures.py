@@ -12,8 +12,8 @@ import pytest
 from services.cli import pictures
 from services.cli.pictures import Player
 from services.recordings.reader import read_messages
+from tests.review.test_assess import recorded, word
 from tests.training.streams import GOOD, messages
-from tests.training.test_assess import recorded, word
 
 SAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "recordings" / "insertion-success.mcap"
 

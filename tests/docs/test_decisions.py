@@ -14,7 +14,7 @@ INDEX = ROOT / "docs" / "decisions" / "README.md"
 MOST_LINES, MOST_WORDS = 60, 400
 LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
 #: A file in the repository, as pages name it.
-FILE = re.compile(r"`((?:benchmarks|configs|deploy|docs|protocol|services|studies|tests)/[\w./-]+)`")
+FILE = re.compile(r"`((?:benchmarks|configs|deploy|docs|protocol|services|studies|review|tests)/[\w./-]+)`")
 
 
 def _name(path: Path) -> str:

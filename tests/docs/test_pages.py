@@ -13,7 +13,7 @@ DOCS = ROOT / "docs"
 FILES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
 MOST_WORDS = 45_000
 _LINK = re.compile(r"\]\(([^)\s]+)\)")
-_NAMED = re.compile(r"`((?:services|studies|protocol|benchmarks|configs|deploy|tests)/[\w./-]+)`")
+_NAMED = re.compile(r"`((?:services|studies|review|protocol|benchmarks|configs|deploy|tests)/[\w./-]+)`")
 _WORD = re.compile(r"\S*\w\S*")
 """Lines of a table are no words."""
 _IN_RECIPES = re.compile(r"```.*?```", re.DOTALL)

@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 
 import trocar
+from review.attempts.recorded import assess_file
 from services.cli.rerun import compare
 from services.recordings.inputs import read_inputs
-from services.training.recorded import assess_file
 from services.training.score import load_rules
 from tests.by_day import by_day
 from tests.envs.walks import SMALL, walk

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import trocar
+from review.attempts.recorded import assess_file
 from services.cli.rerun import compare
 from services.recordings.inputs import read_inputs
-from services.training.recorded import assess_file
 from services.training.score import load_rules
 from trocar.envs import Expert, Insertion, Navigation, navigation_state
 from trocar.envs.navigation import PUSH, STEER, TWIST, travel_m

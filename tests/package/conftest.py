@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-_PARTS = ("protocol", "services", "studies", "trocar", "configs")
+_PARTS = ("protocol", "services", "studies", "review", "trocar", "configs")
 _FILES = ("pyproject.toml", "setup.py", "README.md", "LICENSE")
 
 

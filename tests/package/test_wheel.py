@@ -24,7 +24,7 @@ def _tracked(folder: str) -> set[str]:
     return {name for name in said.splitlines() if (ROOT / name).exists()}
 
 
-@pytest.mark.parametrize("package", ["protocol", "services", "studies", "trocar"])
+@pytest.mark.parametrize("package", ["protocol", "services", "studies", "review", "trocar"])
 def test_it_holds_every_module(names: set[str], package: str) -> None:
     assert not {name for name in _tracked(package) if name.endswith((".py", "py.typed"))} - names
 
@@ -40,7 +40,9 @@ def test_it_holds_the_built_page_and_none_of_its_sources(names: set[str]) -> Non
 
 
 def test_nothing_comes_to_lie_beside_the_packages(names: set[str]) -> None:
-    assert {name.split("/")[0].split("-")[0] for name in names} == {"protocol", "services", "studies", "trocar"}
+    assert {name.split("/")[0].split("-")[0] for name in names} == {
+        "protocol", "services", "studies", "review", "trocar",
+    }  # fmt: skip
 
 
 def test_it_says_its_licence_and_holds_the_text(wheel: Path, names: set[str]) -> None:

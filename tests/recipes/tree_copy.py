@@ -24,7 +24,7 @@ from tests.with_us import with_us
 
 ROOT = Path(__file__).resolve().parents[2]
 RECIPES = Path("docs", "how-to", "recipes.md")
-_COPIED = ("services", "studies", "protocol", "trocar", "configs", "docs", "tests", "pyproject.toml")
+_COPIED = ("services", "studies", "review", "protocol", "trocar", "configs", "docs", "tests", "pyproject.toml")
 _LEFT_OUT = shutil.ignore_patterns("__pycache__", "node_modules", ".*", "*.mcap", "*.png")
 
 

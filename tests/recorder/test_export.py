@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from pyarrow import parquet
 
-from services.cli.export import run_export
-from services.cli.film import write_film
+from review.commands.export import run_export
+from review.export.film import write_film
 from services.recordings.errors import RecordingError
 from services.recordings.reader import read_messages
 

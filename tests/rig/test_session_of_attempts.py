@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from protocol.bodies import Attempt
-from services.cli.app import app
+from services.cli.app import add_installed_verbs, app
 from services.cli.arm import ask_at
 from services.runtime.rig import Transport
 from services.supervisor.page_place import page_file
@@ -22,6 +22,7 @@ LASTS_S = 300.0  # an attempt takes nine seconds
 
 
 def run(*arguments: str) -> str:
+    add_installed_verbs()
     result = CliRunner().invoke(app, arguments, catch_exceptions=False)
     assert result.exit_code == 0, result.output
     return result.stdout

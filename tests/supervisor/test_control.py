@@ -24,8 +24,8 @@ from services.runtime.stop_line import StopLine, stop_gateway
 from services.supervisor.control import Control, ask, control_path
 from services.supervisor.state_machine import RigState
 from services.supervisor.web import PageContext, build_app
-from tests.classroom.class_of_pages import page
 from tests.gateway.test_supervisor_commands import Stub, _frame
+from tests.review.class_of_pages import page
 from tests.supervisor.made_up import Bench, rig
 
 

@@ -13,7 +13,7 @@ import pytest
 from services.supervisor import web
 from services.supervisor.commands import Command
 from services.supervisor.web import PageContext, build_app
-from tests.classroom.class_of_pages import page, served, until
+from tests.review.class_of_pages import page, served, until
 
 #: More than the buffers of a socket hold after a few.
 _STATE = b'{"state":"running","padding":"' + b"x" * (1 << 20) + b'"}'

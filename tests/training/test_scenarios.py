@@ -11,6 +11,8 @@ import pytest
 
 from protocol import Frame
 from protocol.bodies import GatewayState
+from review.attempts.assess import Message, Terms, assess
+from review.attempts.assessment import Assessment
 from services.cache_directory import cache_directory
 from services.cli.attempt import made_of
 from services.mechanics.simulation import Simulation
@@ -18,8 +20,6 @@ from services.runtime import config
 from services.runtime.errors import ConfigError
 from services.scenes import load_duct, load_scene
 from services.scenes.hands import hands_of
-from services.training.assess import Message, Terms, assess
-from services.training.assessment import Assessment
 from services.training.attempt import Attempt
 from services.training.scenario import ASSUMPTION, LIMITS, Scenario, load_scenario, scenario_names, scenario_of
 from services.training.score import load_rules

@@ -15,10 +15,10 @@ from protocol import TOPICS
 from protocol.arrays import pack
 from protocol.bodies import GatewayState, GraspHold, PhysicsState
 from protocol.bodies.physics import REACTION_GRASP_TORQUE
+from review.attempts.trace import Trace
 from services.training.judge import Judge
 from services.training.procedure import PHASES, Procedure
 from services.training.situation import Loads, Observer, Situation, segments_apart_m
-from services.training.trace import Trace
 from tests.protocol import strategies
 from tests.training.streams import GOOD, SCENARIO, SITE, Channel, changed, messages
 from tests.training.test_errors import judged, pulse

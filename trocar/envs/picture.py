@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from protocol import Frame
+from review.export.fluoroscopy import open_renderer
 from services.runtime.errors import ConfigError
 from services.visualization.composer import Composer
-from services.visualization.fluoroscopy import open_renderer
 from trocar.envs.stage import Stage
 
 

@@ -1,0 +1,1 @@
+"""Attempts in recordings: judged, measured, scored, reported and kept."""

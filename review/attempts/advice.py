@@ -1,0 +1,56 @@
+"""What to practise next, in a sentence: the costliest errors first, then what is farthest from the experts."""
+
+from __future__ import annotations
+
+from review.attempts.assessment import Assessment, metric_words
+from services.training.errors import ERRORS
+from services.training.scenario import ErrorCode
+from services.training.score import Band, ScoreRules
+
+_MOST = 3
+_NAMES = {
+    "time_s": "time",
+    "path_m": "path",
+    "regrasps": "regrasps",
+    "retries": "new approaches to the mouth",
+    "peak_n": "peak force",
+    "load_n_s": "load on the tissue",
+    "idle_share": "idle share",
+}
+"""Metrics that a trainee can practise against, by the end of their name; more of each is worse."""
+
+
+def advice(found: Assessment, rules: ScoreRules, band: Band) -> list[str]:
+    """Return up to three sentences, the most important first; one at least."""
+    costs: dict[ErrorCode, float] = dict.fromkeys(ERRORS, 0.0)
+    for event in found.errors:
+        costs[event.code] += rules.penalty(event)
+    codes = sorted(costs, key=lambda code: -costs[code])
+    said = [ERRORS[code][1] for code in codes if costs[code] > 0.0]
+    said += _against_experts(found, band, rules.expert_deviations)
+    if not said and found.outcome == "success":
+        said = ["Nothing stood out: do it again to be sure, then take a harder scenario."]
+    elif not said:
+        said = [f"Bring the catheter to {1e3 * found.goal_depth_m:.0f} mm within {found.time_limit_s:.0f} s."]
+    return said[:_MOST]
+
+
+def _against_experts(found: Assessment, band: Band, deviations: float) -> list[str]:
+    away: list[tuple[float, str]] = []
+    words = metric_words(found.metrics)
+    for name, value in found.metrics.items():
+        owner, _, end = name.rpartition(".")
+        if end not in _NAMES or name not in band:
+            continue
+        mean, most = band[name].mean, band[name].mean + deviations * band[name].deviation
+        if value > most and mean > 0.0:
+            number, unit = words[name]
+            what = f"{_NAMES[end]} of {owner.replace('_', ' on ')}" if owner else _NAMES[end]
+            limit = number * most / value
+            away.append(
+                (
+                    value / mean,
+                    f"Reduce the {what}: {number:.3g} {unit}".rstrip() + f", experts keep below {limit:.3g}.",
+                )
+            )
+    return [sentence for _, sentence in sorted(away, reverse=True)]

@@ -1,0 +1,196 @@
+"""A recording, or any stream of frames, to the assessments of the attempts in it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+
+from protocol.bodies import GatewayState, PhysicsState, SupervisorState
+from protocol.bodies.training import Attempt
+from review.attempts.assessment import Assessment, RigQuality, series_of
+from review.attempts.experts import counts_of
+from review.attempts.metrics import TISSUE_LIMITS, metrics_of
+from review.attempts.trace import Trace
+from services.runtime.errors import UserError
+from services.training.judge import Judge
+from services.training.scenario import Scenario
+from services.training.score import Band, ScoreRules, score_of
+from services.training.site import Site
+from services.training.situation import TICK_S, TISSUES
+
+Message = tuple[str, int, msgspec.Struct]
+TOPICS = ("gateway.state", "haptics.contacts", "physics.state", "supervisor.state", "training.attempt")
+VERSION = "1"
+"""Of what is measured: it changes where the same recording would be judged otherwise."""
+#: Physics is recorded at 25 Hz at least; with longer gaps something may have happened unseen.
+_LARGEST_GAP_S = 0.5
+_LONGEST_S = 86_400.0
+_LATE = ("degraded", "safe_stop")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Terms:
+    """By what attempts are judged. Scenario and experts are asked for by the name that an attempt has."""
+
+    scenario_of: Callable[[str], Scenario]
+    rules: ScoreRules
+    band_of: Callable[[str], Band] = lambda _: {}
+    site: Site | None = None
+
+
+def assess(messages: Iterable[Message], terms: Terms, source: str = "") -> Iterator[Assessment]:
+    """Yield the attempts of a stream in which somebody moved, each when it has ended; the last may be incomplete.
+
+    Without a word of `training.attempt` the whole stream is one attempt at the scenario without a name.
+    Raises UserError naming the source, if ticks jump by more than a day.
+    """
+    running: _Running | None = None
+    told = False
+    first_ns: int | None = None
+    for topic, time_ns, body in messages:
+        first_ns = time_ns if first_ns is None and isinstance(body, GatewayState) else first_ns
+        if isinstance(body, Attempt):
+            told = True
+            if running is not None and (body.attempt_id != running.attempt_id or body.state != "running"):
+                yield running.end(body)
+                running = None
+            if running is None and body.state == "running":
+                running = _Running(terms, source, (time_ns, time_ns - (first_ns or time_ns)), body)
+        elif running is None and not told and isinstance(body, GatewayState):
+            running = _Running(terms, source, (time_ns, 0), None)
+        if running is not None:
+            running.take(topic, time_ns, body)
+    if running is not None:
+        yield running.end(None)
+
+
+class _Running:
+    """An attempt that goes on."""
+
+    def __init__(self, terms: Terms, source: str, began_ns: tuple[int, int], told: Attempt | None) -> None:
+        self.attempt_id = told.attempt_id if told else ""
+        self._terms, self._source, self._began_ns, self._told = terms, source, began_ns, told
+        self._scenario = terms.scenario_of(told.scenario if told else "")
+        self._judge = Judge(self._scenario, terms.site)
+        self._trace = Trace()
+        self._rig = _RigWatch()
+
+    def take(self, topic: str, time_ns: int, body: msgspec.Struct) -> None:
+        """Take a frame of any topic."""
+        if isinstance(body, Attempt):
+            self._told = body
+        elif isinstance(body, SupervisorState):
+            self._rig.take_word(body)
+        elif isinstance(body, GatewayState):
+            self._rig.take_devices(body)
+            self._trace.take_devices(body)
+        elif isinstance(body, PhysicsState):
+            self._rig.take_physics(body)
+        situation = self._judge.take(topic, time_ns, body)
+        if situation is not None:
+            self._trace.take(situation, self._judge.procedure)
+
+    def end(self, told: Attempt | None) -> Assessment:
+        """Return what is known; `told` is the word that ended it, None where the stream did."""
+        ended = told if told is not None and told.attempt_id == self.attempt_id else None
+        last = ended or self._told
+        outcome = "incomplete" if told is None else "abandoned"
+        if ended is not None and ended.state == "done":
+            outcome = ended.outcome or "failure"
+            self._judge.finish()
+        return self._assessment(outcome, last)
+
+    def _assessment(self, outcome: str, told: Attempt | None) -> Assessment:
+        scenario, procedure, terms = self._scenario, self._judge.procedure, self._terms
+        columns, errors = self._trace.columns(), self._judge.log.events
+        if max([0.0, *columns.time_s[-1:], *columns.way_s[-1:]]) > _LONGEST_S:
+            raise UserError(f"{self._source}: an attempt of more than a day: the ticks in it cannot be right")
+        metrics = metrics_of(columns, procedure, scenario) | counts_of(errors)
+        if told is not None:
+            metrics["time_s"] = told.time_s if outcome in ("success", "failure") else procedure.time_s
+        score = score_of(scenario, terms.rules, outcome, metrics["time_s"], errors, terms.band_of(scenario.name))
+        if score is not None:
+            metrics["total"] = score.total
+        rig = self._rig.quality(has_force=self._trace.has_force)
+        return Assessment(
+            attempt_id=self.attempt_id,
+            scenario=scenario.name,
+            title=scenario.title,
+            outcome=outcome,
+            reason=told.reason if told else "",
+            source=self._source,
+            began_ns=self._began_ns[0],
+            began_at_s=1e-9 * self._began_ns[1],
+            version=VERSION,
+            why_not=self._why_not(told, rig),
+            time_s=metrics["time_s"],
+            time_limit_s=scenario.goal.time_limit_s,
+            goal_depth_m=scenario.goal.depth_m,
+            depth_max_m=scenario.limit("depth_max_m"),
+            phases=procedure.spans,
+            errors=errors,
+            metrics=dict(sorted(metrics.items())),
+            limits={tissue: scenario.limit(name) for tissue, name in TISSUE_LIMITS.items()},
+            score=score,
+            rig=rig,
+            bookmarks_s=told.bookmarks_s if told else (),
+            par=dict(scenario.par),
+            not_judged=self._not_judged(),
+            series=series_of(columns, TISSUES),
+        )
+
+    def _why_not(self, told: Attempt | None, rig: RigQuality) -> tuple[str, ...]:
+        why = [told.why_not or "the rig says so"] if told is not None and not told.counts else []
+        why += [f"the rig broke its contracts: {fault}" for fault in rig.faults]
+        if rig.largest_gap_s > _LARGEST_GAP_S:
+            why.append(f"the recording has a gap of {rig.largest_gap_s:.1f} s")
+        return tuple(why)
+
+    def _not_judged(self) -> tuple[str, ...]:
+        site = self._terms.site
+        lacking = {"E2: area of the opening": site is not None and bool(site.rim_gain), "E11": site is not None}
+        lacking["E12: view"] = site is not None and site.eye_m is not None
+        lacking["E14"] = not self._scenario.view.one_handed
+        return tuple(name for name, known in lacking.items() if not known)
+
+
+class _RigWatch:
+    """Ticks that are missing, and what the supervisor says."""
+
+    def __init__(self) -> None:
+        self._ticks = self._lost = self._gap = 0
+        self._last_tick: int | None = None
+        self._last_step: int | None = None
+        self._ages_s: list[float] = []
+        self._level = 0
+        self._faults: dict[str, None] = {}
+
+    def take_word(self, body: SupervisorState) -> None:
+        self._level = max(self._level, body.quality_level)
+        if body.state in _LATE or (body.safe_stop and body.state != "off"):
+            self._faults[body.reason or body.state] = None
+
+    def take_devices(self, body: GatewayState) -> None:
+        if self._last_tick is not None and body.tick > self._last_tick:
+            self._ticks += body.tick - self._last_tick
+            self._lost += body.tick - self._last_tick - 1
+        self._last_tick = body.tick
+        self._ages_s.extend(each.model_age_s for each in body.instruments if each.model_age_s >= 0.0)
+
+    def take_physics(self, body: PhysicsState) -> None:
+        if self._last_step is not None:
+            self._gap = max(self._gap, body.tick - self._last_step)
+        self._last_step = body.tick
+
+    def quality(self, *, has_force: bool) -> RigQuality:
+        return RigQuality(
+            lost_ticks=self._lost / self._ticks if self._ticks else 0.0,
+            largest_gap_s=self._gap * TICK_S,
+            model_age_ms=1e3 * float(np.quantile(self._ages_s, 0.99)) if self._ages_s else None,
+            lowest_quality_level=self._level,
+            has_force=has_force,
+            faults=tuple(self._faults),
+        )

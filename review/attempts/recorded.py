@@ -1,0 +1,56 @@
+"""Recordings judged: a file to the assessments of its attempts. The same file gives the same bytes."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+from review.attempts.assess import TOPICS, Terms, assess
+from review.attempts.assessment import Assessment
+from review.attempts.experts import load_band
+from services.recordings.reader import read_extras, read_messages
+from services.runtime.errors import ConfigError
+from services.training.scenario import Goal, Scenario, load_scenario
+from services.training.score import Band, ScoreRules
+from services.training.site import Site, read_site
+
+#: What is done where a recording names no scenario: there is no depth that ends it, but the limits hold.
+PRACTICE = Scenario(name="practice", title="Practice without a goal", scene="", goal=Goal(depth_m=0.01))
+
+
+def assess_file(
+    path: Path, rules: ScoreRules, scenario: str | None = None, experts: Path | None = None
+) -> list[Assessment]:
+    """Return the attempts in a recording, in the order in which they were made.
+
+    Raises RecordingError or ConfigError: one sentence, if recording, scenario or experts cannot be used.
+
+    Args:
+        scenario: A file, or a name in configs/scenarios, that all attempts are judged by; None: the one that each
+            names.
+        experts: Reference attempts, as `trocar attempts export` writes them.
+    """
+    named = load_scenario(scenario) if scenario is not None else None
+    site = _site(path)
+
+    @cache
+    def scenario_of(name: str) -> Scenario:
+        return named or (load_scenario(name) if name else PRACTICE)
+
+    @cache
+    def band_of(name: str) -> Band:
+        return load_band(experts, name) if experts is not None else {}
+
+    terms = Terms(scenario_of=scenario_of, rules=rules, band_of=band_of, site=site)
+    return list(assess(read_messages(path, TOPICS), terms, path.name))
+
+
+def _site(path: Path) -> Site | None:
+    """Return where the mouth is, None of a recording without its duct."""
+    attachments = read_extras(path)[1]
+    if "duct.npz" not in attachments:
+        return None
+    try:
+        return read_site(attachments["duct.npz"])
+    except ValueError as error:
+        raise ConfigError(f"{path}: {error}") from None

@@ -1,0 +1,173 @@
+"""One thread a rig asks its page once a second; a rig that is slow, silent or mad holds up its own thread and no other.
+
+What a rig answers is read up to a limit, decoded into what is shown and no more, and replaced by the next answer.
+"""
+
+from __future__ import annotations
+
+import http.client
+import threading
+import time
+from collections.abc import Callable
+from urllib.parse import urlsplit
+
+import msgspec
+
+from review.classroom.roll import Place
+from services.runtime.errors import UserError
+
+PERIOD_S = 1.0
+#: A page that has not answered for so long is shown as silent: what is known of the rig is old.
+SILENT_S = 3.0
+_PATIENCE_S = 2.0
+_STATE_BYTES = 1 << 20
+_PICTURE_BYTES = 8 << 20
+_PICTURE_S = 40.0
+_SCORE_EVERY_S = 30.0
+
+
+class _Loop(msgspec.Struct, frozen=True):
+    contract_ok: bool = True
+
+
+class _Process(msgspec.Struct, frozen=True):
+    name: str
+    loop: _Loop | None = None
+
+
+class _Path(msgspec.Struct, frozen=True):
+    name: str
+    ok: bool = True
+
+
+class _Attempt(msgspec.Struct, frozen=True):
+    state: str = ""
+    outcome: str = ""
+    title: str = ""
+    phase: str = ""
+    time_s: float = 0.0
+    depth_m: float = 0.0
+    goal_depth_m: float = 0.0
+    errors: dict[str, int] = {}
+
+
+class RigState(msgspec.Struct, frozen=True):
+    """What is taken of a rig's ``/api/state``: the rest is for its own page."""
+
+    state: str = ""
+    reason: str = ""
+    processes: tuple[_Process, ...] = ()
+    paths: tuple[_Path, ...] = ()
+    attempt: _Attempt | None = None
+
+    def late(self) -> tuple[str, ...]:
+        """Return the loops and paths that do not keep their contracts."""
+        loops = [each.name for each in self.processes if each.loop is not None and not each.loop.contract_ok]
+        return (*loops, *(each.name for each in self.paths if not each.ok))
+
+
+class Row(msgspec.Struct, frozen=True):
+    """A rig as the class page shows it; `fault` is why it is not known, `silent_s` for how long."""
+
+    name: str
+    address: str
+    trainee: str
+    state: str
+    reason: str
+    late: tuple[str, ...]
+    attempt: _Attempt | None
+    score: float | None
+    silent_s: float
+    fault: str
+
+
+class Watch:
+    """Follows one rig until it is closed; `last_score` is asked now and then for the last one of its trainee."""
+
+    def __init__(self, place: Place, last_score: Callable[[str], float | None]) -> None:
+        self.place = place
+        self._last_score = last_score
+        self._state = RigState()
+        self._fault = "has not answered yet"
+        self._score: float | None = None
+        self._heard_s = time.monotonic()
+        self._drawing = threading.Lock()
+        self._ending = threading.Event()
+        threading.Thread(target=self._run, name=place.name, daemon=True).start()
+
+    def close(self) -> None:
+        """Ask no more."""
+        self._ending.set()
+
+    def row(self) -> Row:
+        """Return what is known now."""
+        silent_s, state = time.monotonic() - self._heard_s, self._state
+        is_silent = bool(self._fault) or silent_s > SILENT_S
+        return Row(
+            self.place.name, self.place.address, self.place.trainee,
+            "silent" if is_silent else state.state, state.reason, () if is_silent else state.late(),
+            state.attempt, self._score, silent_s if is_silent else 0.0, self._fault,
+        )  # fmt: skip
+
+    def picture(self) -> bytes:
+        """Wait for a picture of the rig and return it as PNG.
+
+        Raises UserError if it has none, or one is being drawn already.
+        """
+        if not self._drawing.acquire(blocking=False):
+            raise UserError("a picture is being drawn already")
+        try:
+            rig = msgspec.json.decode(self._once(self.place.address, "/api/rig", _STATE_BYTES, _PATIENCE_S))
+            host, port = urlsplit(self.place.address).hostname, urlsplit(rig["view_ws"]).port
+            netloc = f"[{host}]:{port}" if ":" in (host or "") else f"{host}:{port}"
+            return self._once(f"http://{netloc}", "/snapshot.png", _PICTURE_BYTES, _PICTURE_S)
+        except (OSError, http.client.HTTPException, ValueError, KeyError, TypeError) as error:
+            raise UserError(f"no picture: {error}") from None
+        finally:
+            self._drawing.release()
+
+    def _run(self) -> None:
+        link: http.client.HTTPConnection | None = None
+        score_s = 0.0
+        while not self._ending.wait(PERIOD_S):
+            try:
+                link = link or _connection(self.place.address, _PATIENCE_S)
+                self._state = msgspec.json.decode(_get(link, "/api/state", _STATE_BYTES), type=RigState)
+                self._heard_s, self._fault = time.monotonic(), ""
+            except (OSError, http.client.HTTPException, ValueError) as error:
+                self._fault = getattr(error, "strerror", None) or str(error) or type(error).__name__
+                if link is not None:
+                    link.close()
+                link = None
+            if time.monotonic() >= score_s:
+                score_s = time.monotonic() + _SCORE_EVERY_S
+                self._score = self._last_score(self.place.trainee)
+        if link is not None:
+            link.close()
+
+    def _once(self, address: str, path: str, most: int, patience_s: float) -> bytes:
+        link = _connection(address, patience_s)
+        try:
+            return _get(link, path, most)
+        finally:
+            link.close()
+
+
+def _connection(address: str, patience_s: float) -> http.client.HTTPConnection:
+    parts = urlsplit(address)
+    return http.client.HTTPConnection(parts.hostname or "", parts.port, timeout=patience_s)
+
+
+def _get(link: http.client.HTTPConnection, path: str, most: int) -> bytes:
+    """Return the body of an answer.
+
+    Raises OSError or HTTPException or ValueError if there is none, it is an error, or it is longer than `most` bytes.
+    """
+    link.request("GET", path)
+    answer = link.getresponse()
+    body = answer.read(most + 1)
+    if len(body) > most or answer.status != 200:
+        link.close()
+        said = body[:200].decode("utf-8", "replace") if len(body) <= most else f"more than {most} bytes"
+        raise ValueError(f"{path}: status {answer.status}: {said}")
+    return body

@@ -1,0 +1,1 @@
+"""Verbs of the `trocar` command that review runs: what each does, a module each."""

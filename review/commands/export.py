@@ -1,0 +1,73 @@
+"""``trocar export``: a recording as tables for whoever has other tools, or as a film."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Collection
+from pathlib import Path
+
+import numpy as np
+
+from protocol import TOPICS
+from review.export.tables import Columns, read_columns
+from services.nearest_word import did_you_mean
+from services.recordings.errors import RecordingError
+
+#: Formats, and what holds them beside the recording.
+FORMATS = {"csv": "a folder", "parquet": "a folder", "npz": "a file", "mp4": "a file"}
+
+
+def run_export(file: Path, to: str, out: Path | None, topics: Collection[str], view: str = "scope") -> None:
+    """Write what a recording holds in another form, and say where; a film shows it in a view.
+
+    Raises RecordingError if it is no recording, holds nothing of the topics, or a package is missing that the form
+    needs.
+    """
+    for topic in topics:
+        if topic not in TOPICS:
+            raise RecordingError(f"there is no topic {topic!r}{did_you_mean(topic, TOPICS)}")
+    place = out or file.with_suffix("" if FORMATS[to] == "a folder" else f".{to}")
+    if to == "mp4":
+        from review.export.film import write_film
+
+        write_film(file, place, view)
+    elif to == "npz":
+        arrays = {f"{t}.{name}": a for t, c in read_columns(file, topics).items() for name, a in c.arrays().items()}
+        place.parent.mkdir(parents=True, exist_ok=True)
+        np.savez_compressed(place, **arrays)  # type: ignore[arg-type]
+    else:
+        write = {"csv": _write_csv, "parquet": _write_parquet}[to]
+        if to == "parquet":
+            _need("pyarrow", to)
+        place.mkdir(parents=True, exist_ok=True)
+        for topic, columns in read_columns(file, topics).items():
+            write(place / f"{topic}.{to}", columns)
+    print(place)
+
+
+def missing(package: str, to: str) -> RecordingError:
+    """Return what is said where a package is not installed."""
+    extra = {"pyarrow": "parquet", "av": "video", "pyvista": "view"}[package]
+    return RecordingError(f"{to} needs the package {package!r}: pip install 'trocar[{extra}]'")
+
+
+def _need(package: str, to: str) -> None:
+    try:
+        __import__(package)
+    except ModuleNotFoundError:
+        raise missing(package, to) from None
+
+
+def _write_csv(path: Path, columns: Columns) -> None:
+    flat = columns.flat()
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(flat)
+        writer.writerows(zip(*(column.tolist() for column in flat.values()), strict=True))
+
+
+def _write_parquet(path: Path, columns: Columns) -> None:
+    import pyarrow
+    from pyarrow import parquet
+
+    parquet.write_table(pyarrow.table(columns.flat()), path)

@@ -1,0 +1,79 @@
+"""``trocar report``: one attempt as one HTML file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from review.attempts.assessment import Assessment
+from review.attempts.experts import load_band
+from review.attempts.recorded import assess_file
+from review.attempts.report import Past, render
+from services.atomic_file import atomic_file
+from services.runtime.errors import ConfigError
+from services.training.score import load_rules
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What the command line asks for; `what` is a recording, or the number of an attempt that was kept.
+
+    `attempt` is which of the recording, from 1, negative from the last; 0: each of them.
+    """
+
+    what: str
+    out: Path | None
+    attempt: int
+    scenario: str | None
+    rules: str
+    experts: Path | None
+    database: str | None
+    page: str
+
+
+def run_report(request: Request) -> None:
+    """Write the report, or one of each attempt in a recording, and say where it is.
+
+    Raises RecordingError or ConfigError or StoreError: one sentence, if something of what is named cannot be used.
+    """
+    out = request.out or Path(f"report-{Path(request.what).stem}.html")
+    if request.what.isdecimal():
+        found, trainee, past = _kept(request)
+        _write(out, found, request, trainee, past)
+        return
+    chosen = _of_file(request)
+    for number, each in chosen.items():
+        _write(out if len(chosen) == 1 else out.with_stem(f"{out.stem}-{number}"), each, request)
+
+
+def _write(out: Path, found: Assessment, request: Request, trainee: str = "", past: Sequence[Past] = ()) -> None:
+    rules = load_rules(request.rules)
+    band = load_band(request.experts, found.scenario) if request.experts else {}
+    text = render(found, rules, trainee=trainee, past=past, band=band, page=request.page)
+    with atomic_file(out) as half:
+        half.write_text(text, encoding="utf-8")
+    print(out)
+
+
+def _kept(request: Request) -> tuple[Assessment, str, list[Past]]:
+    from review.attempts.store.attempts import Store
+
+    with Store(request.database) as store:
+        found, trainee = store.assessment(int(request.what))
+        return found, trainee, store.past(trainee, found.scenario, found.began_ns)
+
+
+def _of_file(request: Request) -> dict[int, Assessment]:
+    """Return the attempts that are asked for by their number in the recording."""
+    rules = load_rules(request.rules)
+    every = assess_file(Path(request.what), rules, request.scenario, request.experts)
+    if not every:
+        raise ConfigError(f"{request.what}: nobody makes an attempt in it")
+    found = dict(enumerate(every, 1))
+    if request.attempt == 0:
+        return found
+    number = request.attempt if request.attempt > 0 else len(every) + 1 + request.attempt
+    if number not in found:
+        raise ConfigError(f"--attempt {request.attempt}: the recording has attempts 1 to {len(every)}")
+    return {number: found[number]}

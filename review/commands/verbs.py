@@ -1,0 +1,153 @@
+"""Verbs of the `trocar` command that review runs; each imports what it needs when it is used."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from services.cli.options import Json
+
+Rules = Annotated[str, typer.Option(help="Rules of the score: a file, or the name of one in configs/scores.")]
+Experts = Annotated[Path | None, typer.Option(help="Reference attempts, as `trocar attempts export` writes them.")]
+Database = Annotated[
+    str | None,
+    typer.Option(envvar="TROCAR_ATTEMPTS", help="File or address of the database; default: a file of this user."),
+]
+
+
+class Form(StrEnum):
+    """What a recording may be exported to."""
+
+    CSV = "csv"
+    PARQUET = "parquet"
+    NPZ = "npz"
+    MP4 = "mp4"
+
+
+class View(StrEnum):
+    """How a film is seen."""
+
+    SCOPE = "scope"
+    FLUOROSCOPY = "fluoroscopy"
+
+
+attempts_app = typer.Typer(no_args_is_help=True, help="What was kept of trainees: list, curve, export, erase.")
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the verbs to the command: the entry point ``trocar.verbs`` of `pyproject.toml`."""
+    for verb in (classroom, export, score, report):
+        app.command()(verb)
+    app.add_typer(attempts_app, name="attempts")
+
+
+def classroom(
+    file: Annotated[Path, typer.Argument(help="TOML: `token`, and of each `[[rig]]` `name`, `address`, `trainee`.")],
+    host: Annotated[str, typer.Option(help="Address to serve at.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535)] = 8090,
+) -> None:
+    """Show many rigs on one page: state, trainee, phase, last score, late or not, a picture on demand."""
+    from review.classroom.app import serve
+
+    serve(file, host, port)
+
+
+def export(
+    file: Annotated[Path, typer.Argument(help="A recording.")],
+    to: Annotated[Form, typer.Option("--to", help="Tables (csv, parquet), arrays (npz) or a film (mp4).")],
+    out: Annotated[Path | None, typer.Option(help="File, or folder of tables; default: beside the recording.")] = None,
+    topics: Annotated[list[str] | None, typer.Option("--topic", help="Only this topic; may be given again.")] = None,
+    view: Annotated[View, typer.Option(help="Of a film: the endoscope's, or as by X-rays.")] = View.SCOPE,
+) -> None:
+    """Write what a recording holds as tables with a column for each number, as arrays, or as a film."""
+    from review.commands.export import run_export
+
+    run_export(file, to, out, topics or (), view)
+
+
+def score(
+    file: Annotated[Path, typer.Argument(help="A recording.")],
+    scenario: Annotated[str | None, typer.Option(help="Scenario to judge by; default: the one that it names.")] = None,
+    rules: Rules = "mistels",
+    experts: Experts = None,
+    trainee: Annotated[str | None, typer.Option(help="Keep the attempts as this trainee's, by pseudonym.")] = None,
+    database: Database = None,
+    json: Json = False,
+) -> None:
+    """Judge the attempts in a recording: phases, errors, metrics and score."""
+    from review.commands.score import run_score
+
+    run_score(file, scenario, rules, experts, trainee, database, json)
+
+
+def report(
+    what: Annotated[str, typer.Argument(metavar="FILE|NUMBER", help="A recording, or an attempt that was kept.")],
+    out: Annotated[Path | None, typer.Option(help="The file to write.")] = None,
+    attempt: Annotated[int, typer.Option(help="Which of the recording, from 1; -1 is the last; 0 each of them.")] = 0,
+    scenario: Annotated[str | None, typer.Option(help="Scenario to judge by; default: the one that it names.")] = None,
+    rules: Rules = "mistels",
+    experts: Experts = None,
+    database: Database = None,
+    page: Annotated[str, typer.Option(help="Address of the page that opens replays.")] = "http://localhost:8080/",
+) -> None:
+    """Write one HTML file about an attempt: what went wrong and when, and what to practise next."""
+    from review.commands.report import Request, run_report
+
+    run_report(Request(what, out, attempt, scenario, rules, experts, database, page))
+
+
+@attempts_app.command("list")
+def attempts_list(
+    trainee: Annotated[str | None, typer.Option(help="Only this trainee's.")] = None,
+    scenario: Annotated[str | None, typer.Option(help="Only at this scenario.")] = None,
+    database: Database = None,
+    json: Json = False,
+) -> None:
+    """List what was kept."""
+    from review.commands.attempts import run_list
+
+    run_list(database, trainee, scenario, json)
+
+
+@attempts_app.command("curve")
+def attempts_curve(
+    trainee: Annotated[str, typer.Argument(help="Pseudonym.")],
+    scenario: Annotated[str, typer.Argument(help="Name of the scenario.")],
+    rules: Rules = "mistels",
+    database: Database = None,
+    json: Json = False,
+) -> None:
+    """Show how a trainee learns: times, scores, and CUSUM of failures."""
+    from review.commands.attempts import run_curve
+
+    run_curve(database, trainee, scenario, rules, json)
+
+
+@attempts_app.command("export")
+def attempts_export(
+    trainee: Annotated[str | None, typer.Argument(help="Pseudonym; without, everybody.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="The file to write, .csv for a table of metrics; default: standard output.")
+    ] = None,
+    database: Database = None,
+) -> None:
+    """Write all that is known of a trainee as JSON; such a file can be the experts of `trocar score`."""
+    from review.commands.attempts import run_export
+
+    run_export(database, trainee, out)
+
+
+@attempts_app.command("erase")
+def attempts_erase(
+    trainee: Annotated[str, typer.Argument(help="Pseudonym.")],
+    recordings: Annotated[bool, typer.Option("--recordings", help="Erase the recordings, too.")] = False,
+    database: Database = None,
+    json: Json = False,
+) -> None:
+    """Forget a trainee and all attempts."""
+    from review.commands.attempts import run_erase
+
+    run_erase(database, trainee, recordings, json)

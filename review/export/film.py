@@ -1,0 +1,73 @@
+"""A recording as a film: the picture of each recorded state, drawn off the screen."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+
+from protocol import Frame
+from review.commands.export import missing
+from review.export.fluoroscopy import open_renderer
+from services.cli.rerun import load
+from services.recordings.errors import RecordingError
+from services.recordings.inputs import RecordedInputs
+from services.recordings.reader import read_extras, read_frames
+from services.runtime.bus import Bus
+from services.visualization.composer import Composer
+
+
+class _Newest:
+    """The newest frames of a recording up to some time, as the picture asks the bus for them."""
+
+    def __init__(self) -> None:
+        self.frames: dict[str, Frame] = {}
+
+    def sample(self, topics: Iterable[str], _until_ns: int) -> dict[str, Frame]:
+        return {topic: self.frames[topic] for topic in topics if topic in self.frames}
+
+
+def write_film(
+    path: Path, out: Path, view: str = "scope", rate_hz: int = 25, size: tuple[int, int] = (800, 600)
+) -> None:
+    """Draw a recording in its own time, as the endoscope sees it or as by X-rays.
+
+    Raises RecordingError if it cannot be drawn, or a package is missing.
+    """
+    os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")  # else VTK complains of no display
+
+    metadata, attachments = read_extras(path)
+    if "scene.yaml" not in attachments:
+        raise RecordingError(f"{path}: its scene is not in it")
+    scene, duct = load(RecordedInputs(path, metadata.get("trocar", {}), attachments))
+    try:
+        import av
+
+        renderer = open_renderer(view, size)
+    except ModuleNotFoundError as error:
+        raise missing(str(error.name), "mp4") from None
+    newest = _Newest()
+    composer = Composer(cast(Bus, newest), scene, metadata["trocar"].get("scene", ""), duct)
+    drawn = 0
+    with av.open(str(out), "w") as film:
+        stream = film.add_stream("libx264", rate=rate_hz)
+        stream.width, stream.height, stream.pix_fmt = *size, "yuv420p"
+        due_ns = 0
+        for each in read_frames(path, ("gateway.state", "physics.state")):
+            newest.frames[each.frame.topic] = each.frame
+            due_ns = due_ns or each.time_ns
+            if each.time_ns < due_ns or "physics.state" not in newest.frames:
+                continue
+            due_ns += 1_000_000_000 // rate_hz
+            picture = composer.compose()
+            renderer.update(composer.layout, picture)
+            image = np.ascontiguousarray(renderer.image())
+            film.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="rgb24")))
+            drawn += 1
+        film.mux(stream.encode(None))
+    renderer.close()
+    if not drawn:
+        raise RecordingError(f"{path}: holds no state of physics to draw")

@@ -1,0 +1,67 @@
+"""Two true rigs on one class page: as each stands, with a picture, and what is shown of one that is killed."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from review.classroom.app import Classroom, build_app
+from services.runtime.rig import Transport
+from services.supervisor.page_place import page_file
+from tests.review.class_of_pages import TOKEN, served, until, write_roll
+from tests.rig.conftest import SCENE, Rig, running_rig
+
+pytestmark = [pytest.mark.rig, pytest.mark.timeout(900)]
+_WITH = {"X-Trocar-Token": TOKEN}
+_PATIENCE_S = 180.0
+
+
+def _address(rig: Rig) -> str:
+    address: str = json.loads(page_file(Transport(directory=rig.directory / "bus")).read_text())["address"]
+    return address
+
+
+def test_two_rigs_a_picture_and_one_that_is_killed(tmp_path: Path) -> None:
+    folders = [tmp_path / name for name in ("a", "b")]
+    for folder in folders:
+        folder.mkdir()
+    patient = ["supervisor.heartbeat_timeout_s=30", "supervisor.watch_floor=false"]  # two rigs starve each other
+    file = tmp_path / "class.toml"
+    with running_rig(folders[0], str(SCENE), patient) as one:
+        classroom = Classroom(write_roll(file, [_address(one)], bench_0="heron-17"))
+        with closing(classroom), served(build_app(classroom)) as [address]:
+
+            def rows() -> list[dict[str, Any]]:
+                told = httpx.get(f"{address}/api/class", headers=_WITH, timeout=30.0).json()
+                found: list[dict[str, Any]] = told["rigs"]
+                return found
+
+            images: list[bytes] = []
+
+            def drawn() -> (
+                bool
+            ):  # by a process that comes after all others: on a busy machine the first try is too late
+                answer = httpx.get(f"{address}/api/picture/bench-0", headers=_WITH, timeout=_PATIENCE_S)
+                images.append(answer.content)
+                return answer.status_code == 200
+
+            until(drawn, "a picture", _PATIENCE_S)
+            assert images[-1].startswith(b"\x89PNG")
+            with running_rig(folders[1], str(SCENE), patient) as two:
+                write_roll(file, [_address(one), _address(two)], bench_0="heron-17")
+                runs = ("running", "degraded")
+                until(lambda: [row["state"] in runs for row in rows()] == [True, True], "both run", _PATIENCE_S)
+                until(lambda: all(row["attempt"] for row in rows()), "both are practised at", _PATIENCE_S)
+                assert [row["trainee"] for row in rows()] == ["heron-17", ""]
+                assert {row["attempt"]["title"] for row in rows()} == {"Practice without a goal"}
+                os.kill(one.process.pid, signal.SIGKILL)
+                until(
+                    lambda: [row["state"] == "silent" for row in rows()] == [True, False], "one is silent", _PATIENCE_S
+                )
