@@ -38,6 +38,7 @@ def insert(cache_dir, effects, **catheter):
     return simulation, book.flow
 
 
+@pytest.mark.long
 def test_books_balance_over_an_insertion_with_friction_in_the_introducer(cache_dir):
     free = insert(cache_dir, {}, introducer_seal_friction_n=0.0)[1]
     simulation, flow = insert(cache_dir, {}, introducer_friction=0.3)
@@ -53,7 +54,7 @@ def test_books_balance_with_every_dissipating_effect(cache_dir):
     assert simulation.inserted_length_m > 15e-3
     assert abs(flow.imbalance_j) < 0.01 * flow.input_j
     assert flow.effects_j > 1e-6
-    assert flow.friction_j > 1e-6
+    assert flow.friction_j > 0.55e-3  # of which 20 mN over 27.5 mm in the introducer's seal; 0.02 mJ without
 
 
 def test_books_balance_when_a_hold_that_had_found_no_row_comes_back(cache_dir, monkeypatch):

@@ -128,6 +128,7 @@ def test_strokes_of_11_mm_stay_in_the_lumen_and_in_the_books(duct, speed_m_s):
     assert flow.rod_j > 0.0
 
 
+@pytest.mark.long
 def test_a_catheter_withdrawn_at_once_stays_in_its_introducer_and_goes_in_again(duct):
     """The hand goes 80 mm beyond where the catheter's end stops, at 0.5 m/s, and comes back; the grip slips instead.
 

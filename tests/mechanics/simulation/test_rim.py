@@ -32,7 +32,7 @@ def assert_stays_out_of_the_wall(course):
 
 ENDS = ((60, -30, 30), (60, 30, 30), (60, 0, 35), (58, -20, 0), (60, -30, -30), (75, 30, -30))
 SWEEPS = {(end, speed_m_s) for end in ENDS for speed_m_s in (0.1, 0.3, 0.5)}
-SWEEPS_BY_DAY = [((60, -30, 30), 0.5), ((58, -20, 0), 0.1), ((75, 30, -30), 0.3)]
+SWEEPS_BY_DAY = [((60, -30, 30), 0.5), ((75, 30, -30), 0.3)]
 
 
 @pytest.mark.parametrize(("end", "speed_m_s"), by_day(SWEEPS_BY_DAY, sorted(SWEEPS - {*SWEEPS_BY_DAY})))
@@ -43,9 +43,9 @@ def test_a_catheter_pulled_sideways_out_of_the_mouth_rests_on_its_rim(duct, end,
 @pytest.mark.parametrize(
     ("end", "deeper_mm"),
     by_day(
-        [((60, -30, 30), 1.5), ((60, 25, -30), 6.0)],
+        [((60, 25, -30), 6.0)],
         [
-            *(((60, -30, 30), deeper_mm) for deeper_mm in (-1.0, 3.0, 6.0)),
+            *(((60, -30, 30), deeper_mm) for deeper_mm in (-1.0, 1.5, 3.0, 6.0)),
             *(((60, 25, -30), deeper_mm) for deeper_mm in (-1.0, 1.5, 3.0)),
         ],
     ),
@@ -70,7 +70,7 @@ def overlap_with_lost_ticks_m(duct, seed):
     return np.array(overlap_m)
 
 
-@pytest.mark.parametrize("seed", by_day(range(1, 3), range(3, 13)))
+@pytest.mark.parametrize("seed", by_day([1], range(2, 13)))
 def test_a_hand_that_jumps_because_ticks_were_lost_pushes_it_in_for_a_few_ticks_at_most(duct, seed):
     """With one flank of each fold alone, half of these stayed in the wall, the deepest by 1.7 mm."""
     overlap_m = overlap_with_lost_ticks_m(duct, seed)

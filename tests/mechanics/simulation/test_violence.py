@@ -63,7 +63,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("case", by_day(list(CASES)[:2], list(CASES)[2:]))
+@pytest.mark.parametrize("case", by_day(list(CASES)[:1], list(CASES)[1:]))
 def test_a_hand_that_jumps_leaves_nothing_in_the_wall_and_nothing_racing(inserted, case):
     """Before, the catheter was shot at 30 to 75 m/s and stayed millimetres deep in the wall."""
     course = Course(inserted(), *CASES[case])
