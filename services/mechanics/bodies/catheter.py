@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from services.mechanics.arrays import AnyArray, FloatArray, IntArray
-from services.mechanics.bodies.guide_wire import GuideWire
+from services.mechanics.bodies.guide_wire import GuideWire, lay_at_rest
 from services.mechanics.bodies.sections import segment_radii, softness
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Struct, reader
@@ -85,6 +85,8 @@ class CatheterBody:
         self._acts_in_next_step = acts_in_next_step
         has_wire = scene.guide_wire is not None
         self.wire = GuideWire(scene, self.properties, self.integrator, self.state) if has_wire else None
+        if has_wire:
+            lay_at_rest(scene, self.properties, rod_supports(scene), self.state)
         step = FreeStep.zeros(n=n, start=self.state.position_m.copy(), last_external=np.full((n, 3), np.nan))
         self.start_m, self.motion_m = step.start, step.motion
         self.constant_force_n, self.external_force_n, self.contact_force_n = step.constant, step.external, step.contact
@@ -217,10 +219,7 @@ class CatheterBody:
 
     def halt(self) -> None:
         """Stop all motion at the present position."""
-        self.state.velocity_m_s[:] = 0.0
-        self.state.slow_velocity_m_s = None
-        if self.state.frame is not None:
-            self.state.frame.forget_motion()
+        self.state.halt()
         self.contact_force_n[:] = 0.0
         self._step.owed_j = 0.0
         self._step.last_external[:] = np.nan

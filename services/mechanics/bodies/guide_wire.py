@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.rod import RodProperties, RodState, RoundTube
+from services.mechanics.rod import ImplicitIntegrator, RodProperties, RodState, RoundTube, Supports
 from services.mechanics.rod.guide_wire import GuideWireModel, Place, lay, stored
 from services.mechanics.rod.integrator import RodIntegrator
 from services.mechanics.rod.material_frame import initial_frame
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from services.mechanics.rod.material_frame import Frame
 
 _FAR_M = 100.0  # longer than any wire
+# Of the steps to rest: so long that inertia holds nothing back, and at rest where one moves nothing by more than that.
+_SLOW_S, _RESTING_M, _MOST_STEPS = 1.0, 1e-12, 1000
 
 
 def wire_tube(wire: GuideWireScene) -> RoundTube:
@@ -75,10 +77,10 @@ class GuideWire:
         model.tip, self._rod = c, model
         twist.bending = model.joint_stiffness
         self.catheter_rest = twist.rest_rotation.copy()
-        arc_m, bent = _sections(wire, tube)
+        arc_m, bent, squared = _sections(wire, tube)
         self.place_array: FloatArray = np.zeros(2)
         self.model = GuideWireModel(
-            arc=arc_m, bent=bent, catheter_bending=bending, catheter_torsion=torsion,
+            arc=arc_m, bent=bent, squared=squared, catheter_bending=bending, catheter_torsion=torsion,
             catheter_rest=self.catheter_rest, joint_stiffness=model.joint_stiffness, torsion=twist.torsion,
             rest_rotation=twist.rest_rotation, rest_length=model.rest_length, mass=model.mass, drag=model.drag,
             EA=model.EA, load=np.zeros((properties.n_particles, 3)), moment=np.zeros((properties.n_particles - 2, 3)),
@@ -115,6 +117,19 @@ class GuideWire:
         return out
 
 
+def lay_at_rest(scene: CatheterScene, properties: RodProperties, supports: Supports, state: RodState) -> None:
+    """Lay a catheter where it rests with its wire in it: in its introducer, its proximal end held, nothing touched."""
+    integrator = ImplicitIntegrator(properties, replace(supports, held=(0,)))
+    GuideWire(scene, properties, integrator, state)
+    nothing = np.zeros_like(state.position_m)
+    for _ in range(_MOST_STEPS):
+        start_m = state.position_m.copy()
+        integrator.predict(state, nothing, _SLOW_S)
+        state.halt()
+        if float(np.max(np.abs(state.position_m - start_m))) < _RESTING_M:
+            return
+
+
 def frame_of(state: RodState) -> Frame:
     """Return the arrays of a rod's material frame."""
     frame = state.frame
@@ -122,11 +137,12 @@ def frame_of(state: RodState) -> Frame:
     return frame.tangent, frame.m1, frame.twist_rad
 
 
-def _sections(wire: GuideWireScene, tube: RoundTube) -> tuple[FloatArray, FloatArray]:
-    """Return where sections end, from the tip on, and how far the wire is bent up to there: per moment, and at rest."""
-    flexibility, rows = 1.0 / (wire.youngs_modulus_pa * tube.second_moment_m4()), [np.zeros(4)]
+def _sections(wire: GuideWireScene, tube: RoundTube) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the rows of `GuideWireModel`: where sections end, from the tip on, and what the wire is up to there."""
+    flexibility, rows = 1.0 / (wire.youngs_modulus_pa * tube.second_moment_m4()), [np.zeros(5)]
     for section in wire.sections:
         softness = wire.youngs_modulus_pa / (section.youngs_modulus_pa or wire.youngs_modulus_pa)
-        rows.append(section.length_m * np.array([1.0, softness * flexibility, *section.rest_curvature_1_m[:2]]))
-    table = np.cumsum([*rows, np.array([_FAR_M, _FAR_M * flexibility, 0.0, 0.0])], axis=0)
-    return table[:, 0].copy(), table[:, 1:].copy()
+        a, b, _ = section.rest_curvature_1_m
+        rows.append(section.length_m * np.array([1.0, softness * flexibility, a, b, a * a + b * b]))
+    table = np.cumsum([*rows, _FAR_M * np.array([1.0, flexibility, 0.0, 0.0, 0.0])], axis=0)
+    return table[:, 0].copy(), table[:, 1:4].copy(), table[:, 4].copy()

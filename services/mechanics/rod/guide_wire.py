@@ -26,6 +26,7 @@ class GuideWireModel(Struct):
 
     arc: Annotated[FloatArray, "k"]  # from the wire's tip, where its sections end; the last is beyond its end, m
     bent: Annotated[FloatArray, "k", 3]  # up to there: angle per moment, rad/(N m), and at rest about m1 and m2, rad
+    squared: Annotated[FloatArray, "k"]  # and the sum of the squares of that curvature over the length, rad^2/m
     catheter_bending: Annotated[FloatArray, "c"]  # of the joints, and of the half segment before the tip, N m/rad
     catheter_torsion: Annotated[FloatArray, "c"]
     catheter_rest: Annotated[FloatArray, "n - 2", 3]  # its own rest rotation, rad
@@ -107,52 +108,61 @@ def _rotation(frame: Frame, i: int) -> tuple[float, Vector]:
 
 
 @kernel
-def _piece(wire: GuideWireModel, start: float, end: float, roll: float) -> tuple[float, float, float]:
-    """Bending stiffness of the piece of wire between two places, and its rest rotation about the catheter's m1, m2."""
-    bent = (0.0, 0.0, 0.0)
+def _piece(wire: GuideWireModel, start: float, end: float, roll: float) -> tuple[float, float, float, float]:
+    """Bending stiffness of the piece of wire between two places, and its rest rotation about the catheter's m1, m2.
+
+    Then the mean of the squares of what it would be if all of the piece were bent as each of its parts.
+    """
+    bent, squared = (0.0, 0.0, 0.0), 0.0
     for at, sign in ((start, -1.0), (end, 1.0)):
         k = 1
         while k < wire.arc.shape[0] - 1 and wire.arc[k] < at:
             k += 1
         share = (at - wire.arc[k - 1]) / (wire.arc[k] - wire.arc[k - 1])
         bent = along(along(bent, row(wire.bent, k - 1), sign * (1.0 - share)), row(wire.bent, k), sign * share)
+        squared += sign * ((1.0 - share) * wire.squared[k - 1] + share * wire.squared[k])
     cosine, sine = math.cos(roll), math.sin(roll)
-    return 1.0 / bent[0], cosine * bent[1] - sine * bent[2], sine * bent[1] + cosine * bent[2]
+    a, b = cosine * bent[1] - sine * bent[2], sine * bent[1] + cosine * bent[2]
+    return 1.0 / bent[0], a, b, (end - start) * squared
 
 
 @kernel
-def _wire_joint(wire: GuideWireModel, i: int, place: Place) -> tuple[float, float, float]:
+def _wire_joint(wire: GuideWireModel, i: int, place: Place) -> tuple[float, float, float, float]:
     """What the wire alone is at joint i: half a segment on either side of it."""
     beyond = place[0] / (wire.mass.shape[0] - 1 - wire.tip)
     before = wire.rest_length[0] if i < wire.tip else beyond
     after = wire.rest_length[0] if i + 1 < wire.tip else beyond
     at = place[0] + (wire.tip - i - 1) * before
-    piece: tuple[float, float, float] = _piece(wire, at - 0.5 * after, at + 0.5 * before, place[1])
+    piece: tuple[float, float, float, float] = _piece(wire, at - 0.5 * after, at + 0.5 * before, place[1])
     return piece
 
 
 @kernel
 def _joint(wire: GuideWireModel, i: int, place: Place) -> tuple[float, tuple[float, float], float, float, float]:
-    """Bending stiffness, rest rotation, torsional stiffness and rest twist of a joint, and what both hold, J."""
-    bending, a, b = _wire_joint(wire, i, place)
+    """Bending stiffness, rest rotation, torsional stiffness and rest twist of a joint, and what both hold, J.
+
+    They hold each other all along it, as they are bent at rest in each place: a bend that comes in by a part of a joint
+    is no less bent there.
+    """
+    bending, a, b, squared = _wire_joint(wire, i, place)
     shear = 1.0 + wire.poisson
     if i >= wire.tip:
         return bending, (a, b), bending / shear, 0.0, 0.0
     own, own_torsion = wire.catheter_bending[i], wire.catheter_torsion[i]
     if i == wire.tip - 1:  # half of it in the catheter, half of it out: one behind the other
-        inside, a_in, b_in = _piece(wire, place[0], place[0] + 0.5 * wire.rest_length[0], place[1])
+        inside, a_in, b_in, squared = _piece(wire, place[0], place[0] + 0.5 * wire.rest_length[0], place[1])
         outside = 1.0 / (1.0 / bending - 1.0 / inside)
         both, share = own + inside, own / (own + inside)
         twists = own_torsion + inside / shear
-        apart = 0.5 * own * (1.0 - share) * (a_in * a_in + b_in * b_in)
+        apart = 0.5 * own * (1.0 - share) * squared
         series, turns = both * outside / (both + outside), twists * outside / (twists * shear + outside)
         return series, (a - share * a_in, b - share * b_in), turns, 0.0, apart
     both, torsion, share = own + bending, own_torsion + bending / shear, own / (own + bending)
-    d, e, twist = wire.catheter_rest[i, 0] - a, wire.catheter_rest[i, 1] - b, wire.catheter_rest[i, 2]
-    apart = 0.5 * own * (1.0 - share) * (d * d + e * e)
+    c, d, twist = wire.catheter_rest[i, 0], wire.catheter_rest[i, 1], wire.catheter_rest[i, 2]
+    apart = 0.5 * own * (1.0 - share) * (c * c + d * d - 2.0 * (a * c + b * d) + squared)
     held = own_torsion / torsion
     apart += 0.5 * own_torsion * (1.0 - held) * twist * twist
-    return both, (a + share * d, b + share * e), torsion, held * twist, apart
+    return both, (a + share * (c - a), b + share * (d - b)), torsion, held * twist, apart
 
 
 @kernel
@@ -214,7 +224,7 @@ def _bend_loads(wire: GuideWireModel, frame: Frame, place: Place) -> None:
     wire.load[:] = 0.0
     for i in range(last + 1):
         t, u = row(frame[0], i), row(frame[0], i + 1)
-        stiffness, a, b = _wire_joint(wire, i, place)
+        stiffness, a, b, _ = _wire_joint(wire, i, place)
         theta, axis = bending_angle(t, u)
         m1, n1 = row(frame[1], i), row(frame[1], i + 1)
         moment = scaled(axis, stiffness * theta)

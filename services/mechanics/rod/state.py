@@ -36,6 +36,13 @@ class RodState:
         slow = None if self.slow_velocity_m_s is None else self.slow_velocity_m_s.copy()
         return RodState(self.position_m.copy(), self.velocity_m_s.copy(), frame, slow)
 
+    def halt(self) -> None:
+        """Stop all motion at the present position."""
+        self.velocity_m_s[:] = 0.0
+        self.slow_velocity_m_s = None
+        if self.frame is not None:
+            self.frame.forget_motion()
+
 
 def straight_rod(properties: RodProperties, start_m: ArrayLike, direction: ArrayLike) -> RodState:
     """Return an unstretched rod at rest from ``start_m`` along ``direction``, which may have any length.

@@ -40,7 +40,8 @@ class CatheterDrive:
         self._lost = world.holds.lost
         self.work_j = self.apart_j = 0.0
         if self._twist is not None:
-            self._state.frame = initial_frame(self._state.position_m, walls=self._twist.walls)
+            state = self._state
+            state.frame = state.frame or initial_frame(state.position_m, walls=self._twist.walls)
             self._wire = world.catheter.wire
             self._own_rest = self._twist.rest_rotation if self._wire is None else self._wire.catheter_rest
             self._rest = self._own_rest.copy()

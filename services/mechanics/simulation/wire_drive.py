@@ -29,7 +29,8 @@ class WireMotion:
         work_j: float. What its motion, at a given shape, has put into the rod.
         input_j: float. What its drive has put in by twisting it.
         friction_j: float. What friction between wire and catheter has taken.
-        numerical_j: float. What the implicit step of its sliding has taken.
+        numerical_j: float. What steps have taken: those of slide and roll are implicit, and the forces at the start of
+            a step miss some of what the rod takes up in it.
     """
 
     place: Place
@@ -126,8 +127,7 @@ class WireDrive:
         return float(against_j + spring_j + 0.5 * self._mass_kg * motion.speed_m_s * motion.speed_m_s)
 
     def _take_hold(self) -> None:
-        tool, was_held = self._tool, self._is_held
-        self._is_held = bool(self._tools.present[tool] and not self._tools.waiting[tool])
+        was_held, self._is_held = self._is_held, bool(self._tools.present[self._tool])
         if self._is_held and not was_held:
             self._origin_m = self._hub_m() - self.motion.place[0]
             self._rolled_rad = self._roll_rad() - self.motion.twisted_rad
@@ -154,37 +154,45 @@ class WireDrive:
         free_m = at_m + _within((asked_n - against_n) / (inertia + spring), -_FARTHEST * at_m, _FARTHEST * at_m)
         out_m = _within(free_m, self._scene.least_out_m, self._scene.reach_m)
         speed_m_s = (out_m - at_m) / dt_s if out_m == free_m else 0.0
+        push_n, rubbed_j = spring * (wanted_m - out_m), abs((against_n - holds) * (out_m - at_m))
+        moving_j = 0.5 * self._mass_kg * (speed_m_s**2 - before.speed_m_s**2)
         return replace(
             before,
             place=(out_m, before.place[1]),
             speed_m_s=speed_m_s,
-            push_n=spring * (wanted_m - out_m),
-            friction_j=before.friction_j + abs((against_n - holds) * (out_m - at_m)),
-            numerical_j=before.numerical_j + 0.5 * self._mass_kg * (speed_m_s - before.speed_m_s) ** 2,
+            push_n=push_n,
+            friction_j=before.friction_j + rubbed_j,
+            numerical_j=before.numerical_j + push_n * (out_m - at_m) - moving_j - rubbed_j,
         )
 
     def _turned(self, motion: WireMotion, torques_nm: tuple[float, ...]) -> WireMotion:
         """Return a motion with the wire turned, in the same way; where nobody holds its end, that goes with it."""
         (asks, slope, rubs), stiffness, (out_m, roll_rad) = torques_nm, self._torsion_nm_rad, motion.place
-        twisted_rad = self._roll_rad() - self._rolled_rad if self._is_held else roll_rad
-        excess = stiffness * (twisted_rad - roll_rad) - asks
+        ahead_rad = self._roll_rad() - self._rolled_rad - roll_rad if self._is_held else 0.0
+        excess = stiffness * ahead_rad - asks
         turned = (excess - _within(excess, -rubs, rubs)) / (stiffness + max(slope, 0.0))
         turned = _within(turned, -_FARTHEST, _FARTHEST)
+        left_rad = ahead_rad - turned if self._is_held else 0.0
+        torque_nm, twisted_rad, rubbed_j = stiffness * left_rad, roll_rad + turned + left_rad, rubs * abs(turned)
+        springs_j = 0.5 * (torque_nm - motion.torque_nm) ** 2 / stiffness
         return replace(
             motion,
             place=(out_m, roll_rad + turned),
-            torque_nm=stiffness * (twisted_rad - roll_rad - turned),
+            torque_nm=torque_nm,
             twisted_rad=twisted_rad,
-            input_j=motion.input_j + motion.torque_nm * (twisted_rad - motion.twisted_rad),
-            friction_j=motion.friction_j + rubs * abs(turned),
+            input_j=motion.input_j + torque_nm * (twisted_rad - motion.twisted_rad),
+            friction_j=motion.friction_j + rubbed_j,
+            numerical_j=motion.numerical_j + torque_nm * turned - rubbed_j + springs_j,
         )
 
     def _lay(self, place: Place) -> None:
-        """Lay the rod anew, and enter what that puts into it."""
+        """Lay the rod anew, and enter what that puts into it, and into what both hold against each other."""
         state = self._catheter.state
-        before_j = self.wire.stored_j(state, self.wire.place)[0]
+        before_j, apart_j = self.wire.stored_j(state, self.wire.place)
         self.wire.lay(place)
-        self.motion = replace(self.motion, work_j=self.motion.work_j + self.wire.stored_j(state, place)[0] - before_j)
+        now_j, now_apart_j = self.wire.stored_j(state, place)
+        motion, put_j, held_j = self.motion, now_j - before_j, now_apart_j - apart_j
+        self.motion = replace(motion, work_j=motion.work_j + put_j, numerical_j=motion.numerical_j - put_j - held_j)
 
     def _carry(self, change_m_s: float) -> None:
         """Let the wire beyond the tip move with what slides out: all of it is as much longer."""

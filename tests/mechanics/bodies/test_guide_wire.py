@@ -74,6 +74,31 @@ def test_a_stiff_wire_straightens_a_bent_catheter():
     assert curvature(rod, N - 20, N - 3) == pytest.approx(20.0 * own / (own + wire), rel=1e-3)
 
 
+def test_it_starts_where_it_rests():
+    """Bent as the wire beyond its tip is; nothing springs, and nothing has moved its proximal end."""
+    bend = CatheterSection(length_m=14e-3, youngs_modulus_pa=0.3e9, rest_curvature_1_m=(110.0, 0.0, 0.0))
+    rod = body(replace(CATHETER, guide_wire=replace(WIRE, sections=(bend,))))
+    straight = body(CATHETER).state.position_m
+    start_m = rod.state.position_m.copy()
+    np.testing.assert_array_equal(start_m[0], straight[0])
+    assert np.linalg.norm(start_m[-1] - straight[-1]) > 5e-3
+    tangent = np.diff(start_m[-3:], axis=0) / np.linalg.norm(np.diff(start_m[-3:], axis=0), axis=1)[:, None]
+    turned_rad = np.arccos(tangent[0] @ tangent[1])
+    assert turned_rad == pytest.approx(110.0 * rod.wire.model.rest_length[-1], rel=1e-6)
+    settled(rod, 50)
+    assert np.abs(rod.state.position_m - start_m)[:, 1:].max() < 1e-9
+
+
+def test_what_a_bend_asks_for_on_its_way_out_is_as_large_between_joints_as_at_them():
+    """A catheter holds its wire's bend straight: for each metre, half of both springs in series times its square."""
+    own, wire = stiffnesses(CATHETER)
+    bend = CatheterSection(length_m=60e-3, rest_curvature_1_m=(30.0, 0.0, 0.0))
+    rod = body(replace(CATHETER, guide_wire=replace(WIRE, sections=(bend,))))
+    held_j = [rod.wire.stored_j(rod.state, (out_m, 0.0))[1] for out_m in np.linspace(15e-3, 25e-3, 41)]
+    pushes_n = np.diff(held_j) / 0.25e-3
+    np.testing.assert_allclose(pushes_n, -0.5 * own * wire / (own + wire) * 30.0**2, rtol=1e-9)
+
+
 def on_an_arc(radius_m, **wire):
     """The catheter on an arc from its proximal end on, the wire on its way straight on; both bent so at rest."""
     bend = CatheterSection(length_m=LENGTH_M + OUT_M, rest_curvature_1_m=(1.0 / radius_m, 0.0, 0.0))
