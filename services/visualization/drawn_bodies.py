@@ -70,7 +70,7 @@ class _Surface:
 
 
 class DrawnPiece:
-    """A piece of scenery, on which shadows fall: lit at its vertices, as a bed behind everything has most of the pixels.
+    """A piece of scenery, on which shadows fall: lit at its vertices, as the bed has most of the pixels.
 
     By the lamp at the lens, of white (0 to 1): what is diffuse and what shines, as VTK has it for each pixel. The
     processor took a fifth of a picture for that.
