@@ -44,6 +44,7 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
             tools.segments_m[:, :, 1] += 1e-5
         deepest_touch(touches.pairs, 0, JAW_A, DUCT_TRIANGLE)
         touched_apart_m(touches.pairs, duct.mesh, 0, 0)
+        grasping.begin_again()
         kernels.begin("the catheter")
         _step_catheter(scene)
         if kernels.count:

@@ -43,12 +43,12 @@ class Pricing:
 
     def finds_violations(self) -> bool:
         """Return whether something ends too deep that no row holds."""
-        system = self._world.system
-        if self._is_off or not self._search.has_candidates:
-            return False
+        return not self._is_off and self._search.has_candidates and self._price()
+
+    def _price(self) -> bool:
         copy_arrays(self._note_pose)
         self._world.tools.update_pose()
-        found = self._search.price(self._bodies, system.address, self._tolerance_m, self._pairs)
+        found = self._search.price(self._bodies, self._world.system.address, self._tolerance_m, self._pairs)
         copy_arrays(self._put_pose)
         self.violations += found > 0
         return found > 0
@@ -66,9 +66,9 @@ class Pricing:
         self.new_rows += rows.n_contacts - before
 
     def compile_kernels(self) -> None:
-        """Compile what a price asks for: the first violation may come late, while a loop runs."""
+        """Compile what a price asks for: the first violation may come late, as what is near may, while a loop runs."""
         if not self._is_off:
-            self.note()
-            self.finds_violations()
+            copy_arrays(self._note)
+            self._price()
             self.take_back()
             self.append_rows()
