@@ -51,27 +51,29 @@ def arm_of(name: str, *, bounded: bool = True) -> ArmAtWall:
 def hunt(name: str, searches: int, *, bounded: bool = True, first_seed: int = 0) -> Hunted:
     """Search for hands that gain at one arm; not ``bounded`` a force may give what was not put in."""
     arm = arm_of(name, bounded=bounded)
-    gained = _gained(lambda points: books_of(decode(points), arm), len(RANGES), searches, first_seed)
+    seeds = range(first_seed, first_seed + searches)
+    gained = _gained(lambda points: books_of(decode(points), arm), len(RANGES), seeds, GENERATIONS)
     return Hunted(name, bounded, len(gained), int(np.sum(gained > 0.0)), float(gained.max()))
 
 
-def hunt_pairs(searches: int, *, bounded: bool = True, first_seed: int = 0) -> Hunted:
+def hunt_pairs(searches: int, *, bounded: bool = True, first_seed: int = 0, generations: int = GENERATIONS) -> Hunted:
     """Search for pairs of hands that gain together, at the linked Premium."""
-    gained = _gained(lambda points: books_of_pairs(points, bounded=bounded), DIMENSIONS, searches, first_seed)
+    seeds = range(first_seed, first_seed + searches)
+    gained = _gained(lambda points: books_of_pairs(points, bounded=bounded), DIMENSIONS, seeds, generations)
     return Hunted("two linked Premiums", bounded, len(gained), int(np.sum(gained > 0.0)), float(gained.max()))
 
 
-def _gained(books_of: Books, dimensions: int, searches: int, first_seed: int) -> FloatArray:
+def _gained(books_of: Books, dimensions: int, seeds: range, generations: int) -> FloatArray:
     """Return what each hand gained that the searches looked at, J."""
     found: list[FloatArray] = []
-    for seed in range(first_seed, first_seed + searches):
+    for seed in seeds:
 
         def value(points: FloatArray, seed: int = seed) -> FloatArray:
             books = books_of(points)
             found.append(books[:, GAINED])
             return books[:, GAINED] / np.maximum(books[:, MOVED], 1e-6) if seed % 2 else books[:, GAINED]
 
-        search(value, dimensions, GENERATIONS, seed)
+        search(value, dimensions, generations, seed)
     return np.concatenate(found)
 
 

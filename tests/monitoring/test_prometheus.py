@@ -141,6 +141,7 @@ def test_every_panel_is_answered(monitor: Monitor, file: Path) -> None:
         assert found or "> 0" in expression, f"{title}: {expression}"
 
 
+@pytest.mark.long
 def test_a_stall_is_told(monitor: Monitor) -> None:
     """While physics stands it is down; when it goes on, the ticks that it lost are far beyond its budget."""
     before = {alert for alert in monitor.firing() if alert[0] not in OF_A_BUSY_MACHINE}

@@ -14,12 +14,13 @@ def silent(what, done, total):
     pass
 
 
-@pytest.fixture
-def run_smallest(tmp_path):
-    """Return rows of studies, and the log that has them."""
+@pytest.fixture(scope="session")
+def run_smallest(tmp_path_factory):
+    """Return rows of studies, and the log that has them: of a folder, else of one in which each is computed once."""
+    shared = tmp_path_factory.mktemp("studies")
 
     def run(*names, folder=None, costs=True, scheduler=None):
-        log = StudyLog(folder or tmp_path / "log", SMALLEST, "code")
+        log = StudyLog(folder or shared, SMALLEST, "code")
         with open_workers(1, scheduler) as workers:
             fill_errors(names, SMALLEST, log, workers, silent)
         if costs:

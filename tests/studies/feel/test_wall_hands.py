@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from services.mechanics.arrays import FloatArray
-from studies.feel.hunt import MASSES_KG, arm_of, hunt, hunt_pairs
+from studies.feel.hunt import GENERATIONS, MASSES_KG, arm_of, hunt, hunt_pairs
 from studies.feel.search import search
 from studies.feel.slow_hands import WALLS_N_M, feel_walls
 from studies.feel.wall_hands import GAINED, LARGEST, MOVED, RANGES, books_of, decode
+from tests.by_day import by_day
 
 
 @pytest.mark.parametrize("wall_n_m", [300.0, 1000.0, 2000.0])
@@ -33,13 +34,15 @@ def test_no_hand_that_a_search_finds_gains(name: str) -> None:
     assert books_of(decode(points), at)[:, GAINED].max() <= 0.0
 
 
-def test_no_pair_of_hands_that_a_search_finds_gains_and_unbounded_most_do() -> None:
-    bounded, free = hunt_pairs(1, first_seed=1), hunt_pairs(1, bounded=False, first_seed=1)
+@pytest.mark.parametrize(("generations", "share"), by_day([(8, 0.25)], [(GENERATIONS, 0.5)]))
+def test_no_pair_of_hands_that_a_search_finds_gains_and_unbounded_many_do(generations: int, share: float) -> None:
+    bounded, free = (hunt_pairs(1, bounded=each, first_seed=1, generations=generations) for each in (True, False))
     assert bounded.gaining == 0
-    assert free.gaining > 0.5 * free.hands
+    assert free.gaining > share * free.hands
     assert bounded.row().endswith("| 0 | nothing |")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", MASSES_KG)
 def test_no_hand_of_whole_searches_gains(name: str) -> None:
     assert hunt(name, 2, first_seed=100).gaining == 0
