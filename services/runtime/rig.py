@@ -196,7 +196,7 @@ class ViewSettings(Settings):
     """
 
     viewer: Literal["auto", "web", "native", "none"] = "web"
-    rate_hz: Annotated[float, Field(ge=1, le=120)] = 60.0
+    rate_hz: Annotated[float, Field(ge=10, le=120)] = 60.0
     host: Host = "127.0.0.1"
     port: Annotated[int, Field(ge=0, le=65535)] = 8081
 

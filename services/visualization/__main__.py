@@ -22,6 +22,8 @@ from services.visualization.rig_state import RigNotice
 
 #: A picture is judged late against 30 Hz, whatever faster rate the rig file asks for.
 PICTURE_DEADLINE_NS = 33_333_333
+#: Of health reports, which are made between pictures: a process that is silent for half a second is killed as hung.
+REPORTS_HZ = 10.0
 
 
 def prepare(process_config: ProcessConfig) -> tuple[SceneModel, ReducedDuct]:
@@ -30,6 +32,11 @@ def prepare(process_config: ProcessConfig) -> tuple[SceneModel, ReducedDuct]:
     duct = load_duct(scene, cache_directory(), progress)
     DrawnSurface(duct).warm_up()
     return scene, duct
+
+
+def composing_hz(wanted_hz: float | None, most_hz: float) -> float:
+    """Return how often to compose for who can take `wanted_hz` at most; a client that takes fewer gets fewer."""
+    return min(most_hz, max(wanted_hz or most_hz, REPORTS_HZ))
 
 
 def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
@@ -63,7 +70,7 @@ def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
             meter.stages_ns = (composed_ns - started_ns, time.monotonic_ns() - composed_ns)
             health.gauges.update(output.gauges())
             health.gauges["duct_frames_refused"] = float(composer.refused)
-            meter.change_rate(min(settings.rate_hz, output.wanted_hz() or settings.rate_hz))
+            meter.change_rate(composing_hz(output.wanted_hz(), settings.rate_hz))
             health.send_if_due()
     finally:
         output.close()

@@ -10,6 +10,9 @@ import pytest
 import services.visualization.feed as feed_module
 from services.runtime.health import LatencyPath
 from services.runtime.histogram import LatencyHistogram
+from services.runtime.rig import SupervisorSettings
+from services.visualization import server
+from services.visualization.__main__ import composing_hz
 from services.visualization.feed import IN_FLIGHT, Feed, FeedMessage, Feeds
 
 
@@ -182,3 +185,9 @@ def test_the_fastest_client_says_how_many_are_made():
     assert feeds.wanted_hz() == 10.0
     slow.want(None)
     assert feeds.wanted_hz() is None
+
+
+def test_a_client_that_takes_one_picture_a_second_does_not_silence_the_process() -> None:
+    """Reports are made between pictures: the process was killed as hung, again and again."""
+    assert [composing_hz(hz, 30.0) for hz in (None, 60.0, 15.0)] == [30.0, 30.0, 15.0]
+    assert 2.0 / composing_hz(server.MIN_HZ, 30.0) < SupervisorSettings().heartbeat_timeout_s
