@@ -81,6 +81,7 @@ def test_a_film_of_mucus_is_no_penetration(insertion_duct):
     assert 0.0 < max(course.penetration) < 0.1e-3
 
 
+@pytest.mark.long
 def test_a_hand_four_times_slower_ends_at_the_same_place(insertion, insertion_duct):
     """What it costs, resists and reaches is quasi-static."""
     fast = scenarios.insertion()

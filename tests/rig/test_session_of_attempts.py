@@ -44,11 +44,11 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Attemp
         page = json.loads(page_file(Transport(directory=folder / "bus")).read_text())
         ask_at(page["address"], page["token"], "attempt", {"what": "new"})
         told.clear()
-        rig.observer.until(lambda: len(done()) >= 2, LASTS_S, "two attempts are done")
+        rig.observer.until(lambda: bool(done()), LASTS_S, "an attempt is done")
         ended = done()
-        rig.observer.until(lambda: bool(done()) and len(told) > 2, LASTS_S, "and another has begun")
+        rig.observer.until(lambda: bool(done()) and len(told) > 1, LASTS_S, "and another has begun")
     (path,) = (folder / "recordings").glob("*.mcap")
-    return path, ended[:2]
+    return path, ended[:1]
 
 
 def test_each_attempt_of_the_recording_is_scored_and_kept(session: tuple[Path, list[Attempt]], tmp_path: Path) -> None:
