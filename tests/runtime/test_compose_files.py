@@ -27,7 +27,7 @@ def _services(file: str) -> dict[str, dict[str, Any]]:
 def test_what_the_hand_feels_comes_before_what_else_the_host_computes() -> None:
     """Where no real-time class is granted, a niceness would count beside the other processes of its container only."""
     weights = {name: each.get("cpu_shares", 1024) for name, each in _services("docker-compose.yml").items()}
-    loops = {weights[name] for name in ("physics", "haptics", "gateway", "gateway-hardware")}
+    loops = {weights[name] for name in ("physics", "haptics", "gateway", "gateway-hardware", "supervisor")}
     assert min(loops) > weights["recorder"] > weights["visualization"]
 
 
