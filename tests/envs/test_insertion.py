@@ -45,6 +45,7 @@ def test_gymnasium_finds_it_in_a_fresh_process(text: str) -> None:
 
 
 def test_without_randomisation_it_is_the_plain_simulation_to_the_bit(env: Insertion) -> None:
+    """But for the stiffness that hands would meet, which nobody asks for."""
     env.reset(seed=0)
     scene = trocar.load_scene("default", SMALL)
     plain = trocar.simulate(scene)
@@ -61,6 +62,8 @@ def test_without_randomisation_it_is_the_plain_simulation_to_the_bit(env: Insert
             plain.step(hands.inputs, 2e-3)
     np.testing.assert_array_equal(plain.catheter.state.position_m, env.simulation.catheter.state.position_m)
     np.testing.assert_array_equal(plain.duct_state.q, env.simulation.duct_state.q)
+    assert plain.tool_results.stiffness_n_m.any()
+    assert not env.simulation.tool_results.stiffness_n_m.any()
 
 
 def test_what_is_drawn_lies_within_its_range_and_is_in_the_scene() -> None:

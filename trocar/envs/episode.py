@@ -59,6 +59,7 @@ class Episode:
         self, stage: Stage, hands: DeviceHands, scenario: Scenario, rules: ScoreRules, path: Path | None = None
     ) -> None:
         self.simulation, self._hands, self._rules = stage.simulation, hands, rules
+        self.simulation.is_felt = path is not None  # stiffness is for hands; a recording tells what they would feel
         self._grips = stage.grips
         self._framer = Framer(self.simulation, self._grips, hands)
         self._recording = EpisodeRecording(path, stage, self._framer) if path is not None else None

@@ -59,6 +59,9 @@ class Simulation:
     Args:
         duct: ReducedDuct. From `build_scene_duct`, which lays the effects' constant loads into its rest shape.
         search: ContactSearch, optional. Collision detection; by default that of `services.mechanics.collision`.
+
+    Attributes:
+        is_felt: bool. Whether what tools meet is written as a stiffness as well, for hands that go on with it.
     """
 
     def __init__(self, scene: SceneModel, duct: ReducedDuct, search: ContactSearch | None = None) -> None:
@@ -77,7 +80,7 @@ class Simulation:
         self.drive = build_drive(scene, world)
         self.wire_drive = build_wire_drive(scene, world)
         self.tool_results = ToolResults()
-        self.max_penetration_m = 0.0
+        self.max_penetration_m, self.is_felt = 0.0, True
         self._lumen = Lumen(duct, self.catheter.properties.n_particles)
         self._tool_pairs = ContactPairs.allocate(scene.contact.capacity)
         self._tool_force = np.zeros((N_TOOLS, N_COORDINATES))
@@ -350,7 +353,7 @@ class Simulation:
         """Write what the tools feel."""
         addresses = (self.system.address, self.tools.address, self._report_arrays.address)
         self.max_penetration_m = report(*addresses, dt_s)
-        if self.system.strategy.knows_stiffness:
+        if self.system.strategy.knows_stiffness and self.is_felt:
             self._stiffness.write()
         if self.wire_drive is not None:
             self.wire_drive.felt_stiffness(self.tool_results.stiffness_n_m)
