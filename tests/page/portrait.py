@@ -1,18 +1,15 @@
 """The picture of the page in the README: ``python -m tests.page.portrait docs/page.png``, in three minutes.
 
 A browser that draws on the processor is made to draw as one with a graphics processor does, few pictures a second: what
-is to be seen is how the page looks, not how this machine keeps up.
+is to be seen is how the page looks, not how this machine keeps up. It waits for everything else.
 """
 
 from __future__ import annotations
 
 import json
-import os
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from services.runtime.rig import Transport
@@ -39,18 +36,11 @@ def inserted_mm(browser: Chromium) -> float:
     return float(words.split()[0]) if words.endswith(" mm") else 0.0
 
 
-@contextmanager
-def _last_of_all() -> Iterator[None]:
-    """Let what is started from now on wait for everything else: a rig beside a browser that draws is late otherwise."""
-    os.nice(19)
-    yield
-
-
 def portrait(path: Path) -> None:
     """Write the page to `path` as a PNG, with the catheter in the duct."""
     with tempfile.TemporaryDirectory() as folder:
         directory = Path(folder)
-        with running_rig(directory, "default", []), _last_of_all(), Chromium(directory / "profile", SIZE) as browser:
+        with running_rig(directory, "default", []), Chromium(directory / "profile", SIZE, 19) as browser:
             browser.command("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": "dark"}])
             browser.open(json.loads(page_file(Transport(directory=directory / "bus")).read_text())["address"])
             browser.until(lambda: inserted_mm(browser) > INSERTED_MM, _INSERTS_S, "the catheter is in the duct")
