@@ -16,9 +16,12 @@ import can
 import numpy as np
 import pytest
 
-from protocol.bodies import ContactModel
+from protocol import topic
+from protocol.bodies import ContactModel, SupervisorState
+from services.gateway import __main__ as gateway_process
 from services.gateway import cansimple
 from services.gateway.cansimple import AxisError
+from services.runtime import bus
 from tests.by_day import by_day
 from tests.gateway.drill_bench import (
     ENDS_S,
@@ -340,3 +343,23 @@ def test_a_gateway_that_was_held_up_does_not_go_on_where_it_was(drill: Drill) ->
     after = drill.run(0.1)
     assert limp(after[TTL_TICKS:])
     never_a_kick(drill.moments)
+
+
+def test_while_the_rig_starts_its_time_stands_the_hand_is_limp_and_ticks_are_fewer(drill: Drill) -> None:
+    """The loops took half of what others need to be ready; a start in containers took 17 s, and 11 so."""
+    supervisor = bus.Outbox(topic("supervisor.state"), bus.new_incarnation())
+
+    def say(state: str) -> None:
+        body = SupervisorState(state=state)
+        drill.haptics.hub.send("supervisor.state", supervisor.seal(body, drill.clock.now_ns, True))
+
+    say("starting")
+    stands = drill.run(0.3)
+    assert drill.gateway.meter.rate_hz == gateway_process.STARTING_HZ
+    assert topic("gateway.state").stale_after_s > 1.0 / gateway_process.STARTING_HZ
+    assert not np.any(stands[-1].state.applied_force_n)
+    assert np.ptp([moment.state.position_m for moment in stands[-100:]], axis=0).max() == 0.0
+    say("running")
+    goes = drill.run(0.3)
+    assert drill.gateway.meter.rate_hz == gateway_process.RATE_HZ
+    assert np.ptp([moment.state.position_m for moment in goes], axis=0).max() > 1e-3
