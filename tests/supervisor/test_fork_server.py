@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -17,7 +18,8 @@ from services.supervisor import fork_link
 from services.supervisor.fork_link import ForkServer
 from services.supervisor.launcher import Child
 from services.supervisor.processes import ENVIRONMENT, ProcessSpec
-from tests.supervisor.fakes import gone
+from services.supervisor.supervisor import Supervisor
+from tests.supervisor.fakes import HERE, Fakes, Scenario, gone, until, until_running
 
 _PATIENCE_S = 120.0
 _TELLS = """
@@ -160,3 +162,42 @@ def test_it_ends_with_its_supervisor_whatever_ends_that_and_holds_no_output_open
     finally:
         if child:  # as every process of a rig whose supervisor was killed, it goes on
             os.kill(child, signal.SIGKILL)
+
+
+def test_who_looks_at_processes_that_others_start_keeps_no_fork_server(fakes: Fakes) -> None:
+    options = replace(fakes.options, overrides=("supervisor.mode=attach",))
+    with closing(ForkServer()) as fork_server:
+        replace(fakes, options=options, fork_server=fork_server).play(lambda _supervisor: iter([None]))
+        assert fork_server.pid == 0
+
+
+def test_processes_are_forked_while_the_rig_starts_and_started_by_themselves_later(
+    fakes: Fakes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join((str(HERE), str(HERE.parents[1]))))
+    forked, pids = [], []
+
+    def scenario(supervisor: Supervisor) -> Scenario:
+        yield from until_running(supervisor)
+        members = supervisor.crew.members.values()
+        forked.extend(_is_forked(member.pid) for member in members)
+        assert fork_server.pid == 0
+        member = supervisor.crew.members["haptics"]
+        first = member.pid
+        os.kill(first, signal.SIGKILL)
+        yield from until(lambda: member.up and member.pid != first)
+        yield from until_running(supervisor)
+        assert gone(first)
+        forked.append(_is_forked(member.pid))
+        pids.extend(member.pid for member in members)
+
+    with closing(ForkServer()) as fork_server:
+        events = replace(fakes, fork_server=fork_server).play(scenario)
+    assert forked == [True] * 6 + [False]
+    assert all(gone(pid) for pid in pids)
+    assert sum(event.startswith("haptics: ended by SIGKILL") for event in events) == 1
+
+
+def _is_forked(pid: int) -> bool:
+    """Return whether a process is a fork of one that had more room for its command line."""
+    return Path(f"/proc/{pid}/cmdline").read_bytes().endswith(b"\0\0")

@@ -6,7 +6,7 @@ import os
 import signal
 import subprocess
 import sys
-from contextlib import closing
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,7 +19,29 @@ from services.supervisor.member import MemberState
 from services.supervisor.state_machine import RigState
 from services.supervisor.supervisor import Supervisor
 from tests.real_time import fifo_is_granted
-from tests.supervisor.fakes import HERE, Fakes, Scenario, gone, page_servers, until, until_running
+from tests.supervisor.fakes import Fakes, Scenario, gone, page_servers, until, until_running
+
+
+class OneServer(ForkServer):
+    """A fork server that serves rig after rig: their processes import nothing anew."""
+
+    def close(self) -> None:
+        """Go on: a rig that runs, or has ended, needs it no more, the next one does."""
+
+    def end(self) -> None:
+        super().close()
+
+
+@pytest.fixture(scope="module")
+def server(own_cache: Path) -> Iterator[OneServer]:
+    made = OneServer()
+    yield made
+    made.end()
+
+
+@pytest.fixture
+def fakes(fakes: Fakes, server: OneServer) -> Fakes:
+    return replace(fakes, fork_server=server)
 
 
 def test_start_order_progress_no_second_rig_and_a_clean_end(fakes: Fakes) -> None:
@@ -66,45 +88,6 @@ def test_a_rig_whose_place_for_flights_is_taken_by_somebody_runs_and_ends_all_th
     monkeypatch.setattr("services.runtime.flight._MEMORY", tmp_path)
     monkeypatch.setattr("services.runtime.flight.is_memory", lambda _directory: False)
     fakes.play(until_running)
-
-
-def test_who_looks_at_processes_that_others_start_keeps_no_fork_server(fakes: Fakes) -> None:
-    options = replace(fakes.options, overrides=("supervisor.mode=attach",))
-    with closing(ForkServer()) as fork_server:
-        replace(fakes, options=options, fork_server=fork_server).play(lambda _supervisor: iter([None]))
-        assert fork_server.pid == 0
-
-
-def test_processes_are_forked_while_the_rig_starts_and_started_by_themselves_later(
-    fakes: Fakes, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join((str(HERE), str(HERE.parents[1]))))
-    forked, pids = [], []
-
-    def scenario(supervisor: Supervisor) -> Scenario:
-        yield from until_running(supervisor)
-        members = supervisor.crew.members.values()
-        forked.extend(_is_forked(member.pid) for member in members)
-        assert fork_server.pid == 0
-        member = supervisor.crew.members["haptics"]
-        first = member.pid
-        os.kill(first, signal.SIGKILL)
-        yield from until(lambda: member.up and member.pid != first)
-        yield from until_running(supervisor)
-        assert gone(first)
-        forked.append(_is_forked(member.pid))
-        pids.extend(member.pid for member in members)
-
-    with closing(ForkServer()) as fork_server:
-        events = replace(fakes, fork_server=fork_server).play(scenario)
-    assert forked == [True] * 6 + [False]
-    assert all(gone(pid) for pid in pids)
-    assert sum(event.startswith("haptics: ended by SIGKILL") for event in events) == 1
-
-
-def _is_forked(pid: int) -> bool:
-    """Return whether a process is a fork of one that had more room for its command line."""
-    return Path(f"/proc/{pid}/cmdline").read_bytes().endswith(b"\0\0")
 
 
 def test_killed_or_stopped_is_noticed_and_started_again(fakes: Fakes) -> None:
@@ -222,7 +205,7 @@ def test_it_judges_in_real_time_and_what_it_starts_is_ordinary(fakes: Fakes) -> 
 
     kept = os.sched_getscheduler(0)
     try:
-        fakes.play(scenario)
+        replace(fakes, fork_server=None).play(scenario)
     finally:
         os.sched_setscheduler(0, kept, os.sched_param(0))
     assert had.pop("judge") == os.SCHED_FIFO
