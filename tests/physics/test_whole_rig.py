@@ -126,7 +126,7 @@ def test_walls_feel_soft_and_hard_in_the_order_of_their_materials(
     """The same hand on walls of 20 kPa to 1 MPa: it meets more force, and is held further out."""
     press = {"script": str(Path(__file__).parents[1] / "rig" / "press.yaml")}
     felt_n, yielded_m = [], []
-    for modulus_pa in (20e3, 60e3, 200e3, 1e6):
+    for modulus_pa in (20e3, 100e3, 1e6):
         scene = load_scene(SMALL, (f"duct.youngs_modulus_pa={modulus_pa}", "effects={}"))
         rig = WholeRig(tmp_path, monkeypatch, scene, (press, press))
         pressed = rig.run(1.5)[-200:]

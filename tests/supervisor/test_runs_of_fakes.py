@@ -120,19 +120,23 @@ def _trocar(fakes: Fakes, verb: str, *arguments: str) -> subprocess.CompletedPro
     return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False, cwd=HERE.parents[1])
 
 
-def test_up_announces_the_page_and_ctrl_c_still_writes_the_report(fakes: Fakes, tmp_path: Path) -> None:
-    file = tmp_path / "run.json"
-    up = subprocess.Popen(_command(fakes, "--json", str(file)), stderr=subprocess.PIPE, text=True)
-    assert up.stderr is not None
-    lines = [up.stderr.readline()]
-    while "is running: open http://127.0.0.1:" not in lines[-1]:
-        assert lines[-1], "it ended"
-        lines.append(up.stderr.readline())
-    assert sum("page: not the one of here" in line for line in lines) == 1
-    _until_measured(fakes)
-    up.send_signal(signal.SIGINT)
-    assert up.wait(PATIENCE_S) == 0
-    up.stderr.close()
+def test_up_says_first_where_to_look_announces_the_page_and_ctrl_c_still_writes_the_report(
+    fakes: Fakes, tmp_path: Path
+) -> None:
+    """Without a terminal, too."""
+    file, said = tmp_path / "run.json", [""]
+    command = _command(fakes, "--json", str(file))
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as up:
+        assert up.stdout is not None
+        while "is running: open http://127.0.0.1:" not in said[-1]:
+            said.append(up.stdout.readline())
+            assert said[-1], "it ended"
+        _until_measured(fakes)
+        up.send_signal(signal.SIGINT)
+        assert up.wait(PATIENCE_S) == 0
+    assert sum("page: not the one of here" in line for line in said) == 1
+    (starts,) = (line for line in said if " is starting: open http://127.0.0.1:" in line)
+    assert starts.split("open ")[1].strip() == said[-1].split("open ")[1].split()[0]
     assert json.loads(file.read_text())["loops"]["gateway"]["ticks"] > 0
 
 
@@ -148,19 +152,6 @@ def _until_measured(fakes: Fakes) -> None:
             time.sleep(0.02)
     finally:
         bus.close()
-
-
-def test_a_start_without_a_terminal_says_first_where_to_look(fakes: Fakes) -> None:
-    said: list[str] = []
-    with subprocess.Popen(_command(fakes), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as up:
-        assert up.stdout is not None
-        while not said or "is running: open" not in said[-1]:
-            said.append(up.stdout.readline())
-            assert said[-1], "it ended"
-        up.send_signal(signal.SIGINT)
-        assert up.wait(PATIENCE_S) == 0
-    (starts,) = (line for line in said if " is starting: open http://127.0.0.1:" in line)
-    assert starts.split("open ")[1].strip() == said[-1].split("open ")[1].split()[0]
 
 
 @pytest.mark.parametrize("where", by_day(["a pipe that nobody reads"], ["closed"]))
