@@ -17,6 +17,7 @@ from studies.full_model import (
     modal_reaction,
     rayleigh_damping_ratio,
 )
+from tests.by_day import by_day
 
 DT_S, STEPS = 1e-3, 500
 # Tissue damps what is fast as well as what is slow: 10 % of critical in the first mode, loss factor 0.13 at 100 Hz.
@@ -60,19 +61,21 @@ def largest_error(history, reference):
     return np.linalg.norm(history - reference, axis=2).max(axis=0) / scale
 
 
-def test_step_load_and_release_follow_the_full_model(model, duct):
+@pytest.mark.parametrize("name", by_day(["wall"], ["tip"]))
+def test_step_load_and_release_follow_the_full_model(model, duct, name):
     mesh = model.mesh
     observed = np.array([mesh.vertex_sets["mouth"][0], wall_node(mesh)], np.int32)
-    for name, loaded in (("wall", observed[1:]), ("tip", mesh.vertex_sets["mouth"])):
-        forces = np.tile([0.0, -2e-3 / len(loaded), 0.0], (len(loaded), 1))
-        full, bare, reduced = histories(model, duct, (loaded, forces), observed, BETA_S, 6)
-        errors, bare_errors = largest_error(reduced, full), largest_error(bare, full)
-        print(f"load on {name}: worst error over 0.5 s at tip and wall {errors}, without residual {bare_errors}")
-        assert errors.max() < 0.01
-        if name == "wall":
-            assert bare_errors[1] > 0.05
+    loaded = {"wall": observed[1:], "tip": mesh.vertex_sets["mouth"]}[name]
+    forces = np.tile([0.0, -2e-3 / len(loaded), 0.0], (len(loaded), 1))
+    full, bare, reduced = histories(model, duct, (loaded, forces), observed, BETA_S, 6)
+    errors, bare_errors = largest_error(reduced, full), largest_error(bare, full)
+    print(f"load on {name}: worst error over 0.5 s at tip and wall {errors}, without residual {bare_errors}")
+    assert errors.max() < 0.01
+    if name == "wall":
+        assert bare_errors[1] > 0.05
 
 
+@pytest.mark.long
 def test_with_the_papers_damping_what_rings_is_what_the_modes_leave_out(model, duct):
     # B = alpha M hardly damps the fast modes of the full model: they ring about the residual's static answer.
     observed = np.array([model.mesh.vertex_sets["mouth"][0], wall_node(model.mesh)], np.int32)

@@ -268,7 +268,7 @@ def softening_of_fewer_nodes(duct):
         return made
 
 
-@pytest.mark.parametrize(("name", "x_m", "angle_rad", "depth", "is_pinch"), [UNSEEN[0], UNSEEN[1], UNSEEN[6]])
+@pytest.mark.parametrize(("name", "x_m", "angle_rad", "depth", "is_pinch"), by_day([UNSEEN[0]], [UNSEEN[1], UNSEEN[6]]))
 def test_squeezes_of_fewer_nodes_teach_as_much(
     duct, lumen, softening_of_fewer_nodes, name, x_m, angle_rad, depth, is_pinch
 ):
