@@ -1,39 +1,83 @@
-"""Learning curve of behaviour cloning: ``python -m benchmarks.study_cloning``, ten minutes of a core.
+"""Learning curves of behaviour cloning: ``python -m benchmarks.study_cloning``, a quarter of an hour of a core each.
 
-For each of three seeds an expert with trembling hands is recorded in scenes whose catheter begins elsewhere; policies
-that are cloned from the first 1, 2, 4 and 8 of its episodes are tried in scenes that none of them has seen, and beside
-them the expert and actions at random. Writes the table benchmarks/results/cloning.md and the curve
-docs/results/cloning.svg.
+For each of three seeds an expert with trembling hands is recorded in scenes that differ; policies that are cloned from
+the first 1, 2, 4 and 8 of its episodes are tried in scenes that none of them has seen, and beside them the expert and
+actions at random. Writes benchmarks/results/cloning.md and docs/results/cloning.svg of the insertion, and with
+``--task navigation`` cloning-navigation.md and cloning-navigation.svg of the way into a branch.
 """
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
+import gymnasium
 import numpy as np
 
 from benchmarks.report import Row, parse, write_report
 from services.mechanics.arrays import Float32Array
-from trocar.envs.cloning import clone, read_demonstrations
+from trocar.envs.cloning import ClonedPolicy, clone, read_demonstrations
 from trocar.envs.rollouts import Outcome, Policy, rollouts
 
-RANGES = {"catheter.tip_position_m.1": (-1.5e-3, 1.5e-3), "catheter.tip_position_m.2": (-1.5e-3, 1.5e-3)}
 COUNTS = (1, 2, 4, 8)
-WALL = ("duct.n_around=20", "duct.n_along=26", "duct.n_modes=40")
-"""A coarse one: hands that strike at tissue, as those of bad policies do, cost a fine wall ten times the real time."""
 SEEDS = (0, 1, 2)
-MOST_STEPS = 400
-"""Twice as many as an expert takes."""
-CURVE = Path(__file__).parents[1] / "docs" / "results" / "cloning.svg"
-NOTES = """Episodes of `trocar/Insertion-v0` that end in success, of {tries} a seed; the tip begins up to 1.5 mm beside
+CURVES = Path(__file__).parents[1] / "docs" / "results"
+POLICY = "A policy is ridge regression on 600 random Fourier features, as in `trocar.envs.cloning`.\n"
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is cloned.
+
+    Attributes:
+        name, title: Of the table's file, and over it.
+        environment, settings: As for `rollouts`.
+        most_steps: After which an episode is no success: twice what an expert takes.
+        notes: What the table says of it.
+    """
+
+    name: str
+    title: str
+    environment: str
+    settings: Mapping[str, Any]
+    most_steps: int
+    notes: str
+
+
+INSERTION = Task(
+    "cloning",
+    "Behaviour cloning of the insertion",
+    "trocar/Insertion-v0",
+    {
+        "randomise": {"catheter.tip_position_m.1": (-1.5e-3, 1.5e-3), "catheter.tip_position_m.2": (-1.5e-3, 1.5e-3)},
+        # A coarse wall: hands that strike at tissue, as bad policies do, cost a fine one ten times the real time.
+        "overrides": ("duct.n_around=20", "duct.n_along=26", "duct.n_modes=40"),
+    },
+    400,
+    """Episodes of `trocar/Insertion-v0` that end in success, of {tries} a seed; the tip begins up to 1.5 mm beside
 and above its place, the same scenes for every row; the wall has 20 x 26 cells. Depth is the mean at the end; the goal
 is 10 mm. Demonstrations are an expert's with noise of 0.1 on each action; an episode that has not ended after 8 s,
-twice what the expert takes, is no success. A policy is ridge regression on 600 random Fourier features, as in
-`trocar.envs.cloning`.
-"""
+twice what the expert takes, is no success.
+""",
+)
+NAVIGATION = Task(
+    "cloning-navigation",
+    "Behaviour cloning of the way into a branch",
+    "trocar/Navigation-v0",
+    {
+        "scenario": "endovascular",
+        "randomise": {"catheter.youngs_modulus_pa": (22e6, 38e6), "effects.friction.mu_kinetic": (0.03, 0.05)},
+    },
+    600,
+    """Episodes of `trocar/Navigation-v0` in scenario `endovascular` that end in success, of {tries} a seed; the
+catheter's modulus is drawn from 22 to 38 MPa and friction from 0.03 to 0.05, the same scenes for every row. Depth is
+the mean way at the end; the goal is 60 mm on the way into the subclavian artery. Demonstrations are an expert's with
+noise of 0.1 on each action; an episode that has not ended after 12 s is no success.
+""",
+)
 
 
 @dataclass
@@ -41,36 +85,30 @@ class Random:
     """Actions evenly drawn."""
 
     seed: int
+    shape: tuple[int, ...]
     source: np.random.Generator = field(init=False)
 
     def __post_init__(self) -> None:
         self.source = np.random.default_rng(self.seed)
 
     def __call__(self, _observation: Float32Array) -> Float32Array:
-        return self.source.uniform(-1.0, 1.0, (2, 5)).astype(np.float32)
+        return self.source.uniform(-1.0, 1.0, self.shape).astype(np.float32)
 
 
-def demonstrate(seed: int, folder: Path) -> list[Path]:
+def demonstrate(task: Task, seed: int, folder: Path) -> list[Path]:
     """Return recordings of an expert, in the order in which they were made."""
     paths: list[Path] = []
-    for _ in rollouts(
-        None,
-        range(1000 * seed, 1000 * seed + max(COUNTS)),
-        noise=0.1,
-        record=str(folder),
-        randomise=RANGES,
-        overrides=WALL,
-    ):
+    seeds = range(1000 * seed, 1000 * seed + max(COUNTS))
+    for _ in rollouts(None, seeds, noise=0.1, environment=task.environment, record=str(folder), **task.settings):
         paths += sorted(set(folder.glob("*.mcap")) - set(paths))
     return paths
 
 
-def try_out(policy: Policy | None, seed: int, tries: int) -> list[Outcome]:
+def try_out(task: Task, policy: Policy | None, seed: int, tries: int) -> list[Outcome]:
     """Return what a policy, or the expert, reaches in scenes that were not demonstrated."""
     begin = 1000 * seed + 500
-    return list(
-        rollouts(policy, range(begin, begin + tries), randomise=RANGES, overrides=WALL, max_episode_steps=MOST_STEPS)
-    )
+    limits = {"environment": task.environment, "max_episode_steps": task.most_steps, **task.settings}
+    return list(rollouts(policy, range(begin, begin + tries), **limits))
 
 
 def row(name: str, by_seed: Sequence[Sequence[Outcome]]) -> Row:
@@ -84,7 +122,7 @@ def row(name: str, by_seed: Sequence[Sequence[Outcome]]) -> Row:
     )
 
 
-def draw(rows: Sequence[Row], tries: int, expert: Row) -> None:
+def draw(rows: Sequence[Row], tries: int, expert: Row, path: Path) -> None:
     """Draw the curve: a thin line a seed, their mean, and the expert."""
     from matplotlib.figure import Figure
 
@@ -99,26 +137,39 @@ def draw(rows: Sequence[Row], tries: int, expert: Row) -> None:
     axes.set(xlabel="demonstrations", ylabel="share of episodes that succeed")
     axes.minorticks_off()
     axes.legend(fontsize="small")
-    figure.savefig(CURVE, metadata={"Date": None})
+    figure.savefig(path, metadata={"Date": None})
+
+
+def cloned(task: Task, paths: Sequence[Path], seed: int) -> ClonedPolicy:
+    """Return the policy that does what was recorded."""
+    env = gymnasium.make(task.environment, **task.settings)
+    env.reset(seed=seed)
+    return clone(*read_demonstrations(paths, env=env.unwrapped), seed=seed)  # type: ignore[arg-type]
 
 
 def main() -> None:
     """Play, write the table and draw the curve."""
-    tries = parse(__doc__, tries=(6, "episodes in which each policy is tried, a seed")).tries
+    arguments = parse(
+        __doc__,
+        task=("insertion", "or navigation"),
+        tries=(6, "episodes in which each policy is tried, a seed"),
+    )
+    task, tries = {"insertion": INSERTION, "navigation": NAVIGATION}[arguments.task], arguments.tries
+    shape = gymnasium.make(task.environment, **task.settings).action_space.shape or ()
     found: dict[str, list[list[Outcome]]] = {}
     for seed in SEEDS:
         with tempfile.TemporaryDirectory() as folder:
-            paths = demonstrate(seed, Path(folder))
+            paths = demonstrate(task, seed, Path(folder))
             for n in COUNTS:
-                policy = clone(*read_demonstrations(paths[:n]), seed=seed)
+                policy = cloned(task, paths[:n], seed)
                 name = f"{n} demonstration{'s' if n > 1 else ''}"
-                found.setdefault(name, []).append(try_out(policy, seed, tries))
+                found.setdefault(name, []).append(try_out(task, policy, seed, tries))
                 print(seed, name, sum(each.success for each in found[name][-1]), flush=True)
-        found.setdefault("the expert", []).append(try_out(None, seed, tries))
-        found.setdefault("actions at random", []).append(try_out(Random(seed), seed, tries))
+        found.setdefault("the expert", []).append(try_out(task, None, seed, tries))
+        found.setdefault("actions at random", []).append(try_out(task, Random(seed, shape), seed, tries))
     rows = [row(name, by_seed) for name, by_seed in found.items()]
-    write_report("cloning", "Behaviour cloning of the insertion", rows, NOTES.format(tries=tries))
-    draw(rows[: len(COUNTS)], tries, rows[len(COUNTS)])
+    write_report(task.name, task.title, rows, task.notes.format(tries=tries) + POLICY)
+    draw(rows[: len(COUNTS)], tries, rows[len(COUNTS)], CURVES / f"{task.name}.svg")
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ from services.cli.rerun import compare
 from services.recordings.inputs import read_inputs
 from services.training.score import load_rules
 from trocar.envs import Expert, Insertion, Navigation, navigation_state
+from trocar.envs.cloning import clone, read_demonstrations
 from trocar.envs.navigation import PUSH, STEER, TWIST, travel_m
 from trocar.envs.rollouts import rollouts
 from trocar.envs.state import places
@@ -130,10 +131,12 @@ def test_an_image_is_the_view_as_by_x_rays() -> None:
 
 def test_an_experts_episode_succeeds_and_its_recording_is_judged_and_run_again_alike(tmp_path: Path) -> None:
     made = Navigation("endovascular", targets=["carotid"], record=tmp_path)
-    made.reset(seed=0)
+    seen, did = [made.reset(seed=0)[0]], []
     expert, done, info = Expert(made, pace=1.0), False, {}
     while not done:
-        *_, done, _, info = made.step(expert.action())
+        did.append(expert.action())
+        observation, _, done, _, info = made.step(did[-1])
+        seen.append(observation)
     made.leave()
     (path,) = tmp_path.glob("*.mcap")
     (found,) = assess_file(path, load_rules())
@@ -143,6 +146,10 @@ def test_an_experts_episode_succeeds_and_its_recording_is_judged_and_run_again_a
     again = compare(read_inputs(path))
     assert again.compared > 200
     assert again.alike == again.compared, again.first_difference
+    observations, actions = read_demonstrations([path], env=made)
+    np.testing.assert_array_equal(observations.astype(np.float32), np.array(seen)[:-1])
+    np.testing.assert_allclose(actions, np.array(did), atol=1e-6)
+    assert clone(observations, actions)(seen[0]).shape == (3,)
 
 
 @pytest.mark.long

@@ -6,10 +6,11 @@ NIPS 2007) of the observation, scaled to unit spread.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -19,8 +20,11 @@ from services.recordings.reader import read_extras, read_moments
 from services.training.site import read_site
 from services.training.situation import TICK_S
 from trocar.envs.episode import FAST
-from trocar.envs.hands import COLUMNS, HandLimits
-from trocar.envs.state import StateView
+from trocar.envs.hands import HandLimits
+from trocar.envs.state import StateView, View
+
+if TYPE_CHECKING:
+    from trocar.envs.task import Task
 
 N_FEATURES = 600
 WIDTH = 4.0
@@ -34,7 +38,7 @@ _SMALLEST = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class ClonedPolicy:
-    """Maps an observation (s,) to an action (tools, 5): picklable, without randomness.
+    """Maps an observation (s,) to an action of ``shape``: picklable, without randomness.
 
     Nothing is done faster than it was shown: far from what was seen a fitted function goes anywhere, and hands that
     strike at tissue with all their speed also cost the simulation most.
@@ -47,11 +51,12 @@ class ClonedPolicy:
     weights: FloatArray
     least: FloatArray
     most: FloatArray
+    shape: tuple[int, ...]
 
     def __call__(self, observation: Float32Array) -> Float32Array:
         """Return the action."""
         action = _features((observation - self.middle) / self.spread, self.frequencies, self.phases) @ self.weights
-        return np.clip(action, self.least, self.most).astype(np.float32).reshape(-1, COLUMNS)
+        return np.clip(action, self.least, self.most).astype(np.float32).reshape(self.shape)
 
 
 def clone(observations: FloatArray, actions: FloatArray, seed: int = 0) -> ClonedPolicy:
@@ -59,7 +64,7 @@ def clone(observations: FloatArray, actions: FloatArray, seed: int = 0) -> Clone
 
     Args:
         observations: (n, s) array
-        actions: (n, tools, 5) array
+        actions: (n, ...) array
         seed: int. Of the random features.
     """
     random = np.random.default_rng(seed)
@@ -71,16 +76,30 @@ def clone(observations: FloatArray, actions: FloatArray, seed: int = 0) -> Clone
     features = _features((observations - middle) / spread, frequencies, phases)
     normal = features.T @ features + RIDGE * len(features) / N_FEATURES * np.eye(features.shape[1])
     weights = cho_solve(cho_factor(normal), features.T @ flat)
-    return ClonedPolicy(middle, spread, frequencies, phases, weights, flat.min(axis=0), flat.max(axis=0))
+    least, most = flat.min(axis=0), flat.max(axis=0)
+    return ClonedPolicy(middle, spread, frequencies, phases, weights, least, most, actions.shape[1:])
 
 
-def read_demonstrations(paths: Iterable[Path], limits: HandLimits | None = None) -> tuple[FloatArray, FloatArray]:
-    """Return observations (n, s) and actions (n, tools, 5) of recorded episodes.
+def read_demonstrations(
+    paths: Iterable[Path], limits: HandLimits | None = None, env: Task | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Return observations (n, s) and actions (n, ...) of recorded episodes.
 
     Raises RecordingError or ValueError: a file is no recording, or carries no duct.
+
+    Args:
+        limits: Of the hands of an insertion.
+        env: ``env.unwrapped`` of what was recorded, after a reset: whoever was recorded had its duct. None: insertions,
+            in any duct.
     """
-    view_of = cache(_view)
-    parts = [_read(path, view_of, limits or HandLimits()) for path in paths]
+    if env is not None:
+        parts = [_read(path, env.view, env.hands.limits.rates) for path in paths]
+        return _joined([(seen, np.stack([env.action_of(each) for each in done])) for seen, done in parts])
+    view_of, rates = cache(_view), (limits or HandLimits()).rates
+    return _joined([_read(path, view_of(read_extras(path)[1]["duct.npz"]), rates) for path in paths])
+
+
+def _joined(parts: list[tuple[FloatArray, FloatArray]]) -> tuple[FloatArray, FloatArray]:
     return np.concatenate([each[0] for each in parts]), np.concatenate([each[1] for each in parts])
 
 
@@ -88,16 +107,15 @@ def _view(duct_file: bytes) -> StateView:
     return StateView(read_site(duct_file), duct_file)
 
 
-def _read(path: Path, view_of: Callable[[bytes], StateView], limits: HandLimits) -> tuple[FloatArray, FloatArray]:
+def _read(path: Path, view: View, fastest: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return what was seen at each moment, and how fast the hands went to the next."""
-    view = view_of(read_extras(path)[1]["duct.npz"])
     observations, states, times_s = [], [], []
     for devices, contacts, solved in read_moments(path, FAST):
         observations.append(view.read(devices, contacts, solved))
         states.append([(*each.position_m, each.roll_rad, each.handle_angle_rad) for each in devices.instruments])
         times_s.append(solved.tick * TICK_S)
     rates = np.diff(np.array(states), axis=0) / np.diff(times_s)[:, None, None]
-    return np.array(observations, np.float64)[:-1], rates / limits.rates
+    return np.array(observations, np.float64)[:-1], rates / fastest
 
 
 def _features(scaled: FloatArray, frequencies: FloatArray, phases: FloatArray) -> FloatArray:

@@ -143,6 +143,11 @@ class Task(gymnasium.Env[Any, Any]):
         return self._stage.simulation
 
     @property
+    def view(self) -> View:
+        """What reads observations of numbers, in the scene of this episode."""
+        return self._view
+
+    @property
     def depth_m(self) -> float:
         """How deep the catheter is: its length in the lumen, or the way that its tip has come to the goal's branch."""
         return self._verdict.depth_m
