@@ -61,12 +61,12 @@ class OverlapJudge:
 
     def _catheter(self, wall_m: FloatArray) -> Depths:
         catheter = self._simulation.catheter
-        line_m, reach_m = catheter.state.position_m, catheter.radius_m + self._half_m
+        line_m, reach_m = catheter.state.position_m, catheter.radii_m + self._half_m  # of the segment that follows
         segments = np.stack([line_m[:-1], line_m[1:]], axis=1)
         points = np.stack([line_m, line_m], axis=1)
         strands_m = nearest_strands(line_m, self._apart) if self._apart else math.inf
         return {
-            "catheter": float(self._depths(segments, reach_m, wall_m).max()),
+            "catheter": float(self._depths(segments, reach_m[:-1], wall_m).max()),
             "particles": float(self._depths(points, reach_m, wall_m).max()),
             "strands": max(2.0 * catheter.radius_m - strands_m, 0.0),
         }

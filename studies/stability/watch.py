@@ -240,11 +240,10 @@ class _Rod:
         catheter = simulation.catheter
         model: RodModel = implicit_integrator(simulation).model
         self._state = catheter.state
-        self._rest_m = float(model.rest_length[0])
-        self._radius_m = catheter.radius_m
+        self._rest_m, self._radii_m = model.rest_length, catheter.radii_m[1:-1]  # of a joint: of what follows it
         self.length_m = float(model.rest_length.sum())
         self.stiffness_n = float(model.EA.min())
-        self.sound_m_s = math.sqrt(float(model.EA.max()) * self._rest_m / float(model.mass[1:-1].min()))
+        self.sound_m_s = math.sqrt(float((model.EA * self._rest_m).max()) / float(model.mass[1:-1].min()))
 
     def speed_m_s(self) -> float:
         velocity: FloatArray = self._state.velocity_m_s
@@ -255,8 +254,8 @@ class _Rod:
         segments = np.diff(self._state.position_m, axis=0)
         lengths = np.sqrt(np.einsum("ij,ij->i", segments, segments))
         turned = np.diff(segments / lengths[:, None], axis=0)
-        bend = math.sqrt(float(np.einsum("ij,ij->i", turned, turned).max())) / self._rest_m * self._radius_m
-        return float(np.abs(lengths / self._rest_m - 1.0).max()), bend
+        bend = np.sqrt(np.einsum("ij,ij->i", turned, turned)) * self._radii_m / self._rest_m[1:]
+        return float(np.abs(lengths / self._rest_m - 1.0).max()), float(bend.max())
 
 
 class _Energy:
