@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from studies.stability.families import (
     abuse,
     driving,
@@ -41,6 +43,7 @@ FAMILIES: dict[str, Family] = {
     "rolling": Family("jaws roll to and fro at 1 to 20 rad/s, holding, squeezing and pressing", rolling.cases),
     "probing": Family("a probe pressed into wall and catheter and dragged over both", probing.cases),
     "driving": Family("a catheter pushed, twisted and steered through a fork, by any opening", driving.cases),
+    "driving_tube": Family("the same through a tube, by both ends", partial(driving.cases, wall=driving.Wall.TUBE)),
     "numbers": Family(
         "NaN, infinities and what overflows, from a device and from a caller", numbers.cases, may_heal=True
     ),

@@ -1,10 +1,15 @@
-"""A catheter driven at random through a fork: pushed and drawn back, twisted and steered, by any of three openings."""
+"""A catheter driven at random through a fork or a tube: pushed and drawn back, twisted and steered, by any opening.
+
+The hands are the same in both, and so are the wall and the catheter: what fails more often in the fork fails by the
+fork.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from enum import Enum
 from functools import cache, partial
 
 import numpy as np
@@ -16,6 +21,7 @@ from services.mechanics.scene import CatheterScene, CatheterSection, DriveScene,
 from services.mechanics.scene.duct_branch import DuctBranch
 from services.mechanics.scene.duct_tubes import duct_tubes
 from services.mechanics.simulation.scene_catheter import place_catheter
+from services.mechanics.simulation.scene_duct import scene_mesh
 from services.mechanics.surface.mesh import TriangleMesh
 from services.meshes.branching import branching_mesh
 from studies.stability.drive import Play
@@ -23,7 +29,6 @@ from studies.stability.family import Case, Draw, played
 from studies.stability.hands import HandMotions, least_jerk
 from studies.stability.situations import LEAD_STEPS
 
-OPENINGS = "mouth", "left", "right"
 SPEEDS_M_S = 0.05, 0.1, 0.3
 COUNT = 7
 MOVES = 4
@@ -57,30 +62,40 @@ FORK = SceneModel(
 )
 
 
+TUBE = replace(FORK, duct=replace(FORK.duct, length_m=54e-3, branches=()))
+
+
+class Wall(Enum):
+    """A wall, by the openings that a catheter comes by."""
+
+    FORK = "mouth", "left", "right"
+    TUBE = "mouth", "clamped"
+
+
 @cache
-def fork_mesh() -> TriangleMesh:
-    """Return the wall of the fork: a trunk, and two branches; one of them is held."""
-    return branching_mesh(duct_tubes(FORK.duct), EDGE_M)
+def mesh_of(wall: Wall) -> TriangleMesh:
+    """Return the triangles of a wall: of the fork a trunk and two branches, one of them held; the tube is as long."""
+    return branching_mesh(duct_tubes(FORK.duct), EDGE_M) if wall is Wall.FORK else scene_mesh(TUBE.duct)
 
 
-def cases(draw: Draw) -> Iterator[Case]:
+def cases(draw: Draw, wall: Wall = Wall.FORK) -> Iterator[Case]:
     """By every opening, at every speed of a hand."""
-    for opening in OPENINGS:
+    for opening in wall.value:
         for speed in SPEEDS_M_S if draw.is_long else (0.1,):
             for k in range(COUNT if draw.is_long else 1):
                 name = f"{opening}, {speed:g} m/s, number {k}"
-                yield played(name, partial(_play, draw, name, opening, speed))
+                random = partial(draw.random, f"driving {name}")
+                yield played(name, partial(_play, wall, opening, random, speed))
 
 
-def _play(draw: Draw, name: str, opening: str, speed_m_s: float) -> Play:
-    random = draw.random(f"driving {name}")
-    scene = replace(FORK, catheter=replace(FORK.catheter, opening=opening))
-    return Play(scene=scene, hands=random_drive(scene, random, speed_m_s), mesh=fork_mesh())
+def _play(wall: Wall, opening: str, random: Callable[[], np.random.Generator], speed_m_s: float) -> Play:
+    scene, mesh = FORK if wall is Wall.FORK else TUBE, mesh_of(wall)
+    scene = replace(scene, catheter=replace(scene.catheter, opening=opening))
+    return Play(scene=scene, hands=random_drive(place_catheter(scene, mesh).catheter, random(), speed_m_s), mesh=mesh)
 
 
-def random_drive(scene: SceneModel, random: np.random.Generator, speed_m_s: float) -> HandMotions:
+def random_drive(catheter: CatheterScene, random: np.random.Generator, speed_m_s: float) -> HandMotions:
     """Push to random depths, by turns with random rolls of up to a turn and random angles of the handle."""
-    catheter = place_catheter(scene, fork_mesh()).catheter
     along = np.array(catheter.direction)
     ways: list[FloatArray] = [np.zeros((LEAD_STEPS, 3))]  # depth, roll, handle
     for _ in range(MOVES):

@@ -21,6 +21,7 @@ DAY = {
     "rolling": "holding, 5 rad/s, number 0",
     "probing": "wall, 0.3 m/s, number 0",
     "driving": "left, 0.1 m/s, number 0",
+    "driving_tube": "mouth, 0.1 m/s, number 0",
     "numbers": "nan in position_m, number 0",
     "switches": "holding, number 0",
     "effect_pairs": "twist and friction, number 0",
