@@ -5,9 +5,11 @@ from __future__ import annotations
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.compiled.memory import copy_arrays, copy_table
 from services.mechanics.contact.working_set import TOUCHING_M
+from services.mechanics.simulation.pace import LONGEST_STEP_S
 from services.mechanics.world import World
 
-#: A candidate without a row may end as deep as what touches, and in a thin wall by this part of it.
+#: A candidate without a row may end as deep as what touches, in a longer step by as much more as it is longer, and in a
+#: thin wall by this part of it.
 TOLERANCE_OF_WALL = 0.125
 
 
@@ -30,7 +32,6 @@ class Pricing:
         kept_pose = [array.copy() for array in pose]
         self._note_pose, self._put_pose = copy_table(kept_pose, pose), copy_table(pose, kept_pose)
         self._pairs = ContactPairs.allocate(world.scene.contact.capacity)
-        self._tolerance_m = min(TOUCHING_M, TOLERANCE_OF_WALL * world.scene.duct.thickness_m)
         self._is_off = not world.system.strategy.knows_stiffness or catheter.plain_integrator is None
         self.violations = self.new_rows = 0
         self._kept = kept, kept_pose
@@ -48,7 +49,9 @@ class Pricing:
     def _price(self) -> bool:
         copy_arrays(self._note_pose)
         self._world.tools.update_pose()
-        found = self._search.price(self._bodies, self._world.system.address, self._tolerance_m, self._pairs)
+        longer = max(1.0, self._world.duct.dt_s / LONGEST_STEP_S)
+        tolerance_m = min(longer * TOUCHING_M, TOLERANCE_OF_WALL * self._world.scene.duct.thickness_m)
+        found = self._search.price(self._bodies, self._world.system.address, tolerance_m, self._pairs)
         copy_arrays(self._put_pose)
         self.violations += found > 0
         return found > 0

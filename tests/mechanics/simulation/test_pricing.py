@@ -11,6 +11,7 @@ from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL
 from services.mechanics.contact.identity import target_kind_of, target_of
 from services.mechanics.contact.price import MOST_NEW_ROWS, ONE_VIOLATION, piece_of
 from services.mechanics.contact.working_set import N_TOOL_PIECES
+from services.mechanics.scene import QualityLevel
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.scene_duct import build_scene_duct
@@ -149,6 +150,27 @@ class DepthJudge(PriceJudge):
         corners = self._simulation.duct.surface_m()[self._simulation.duct.reduced.mesh.triangles]
         apart = [min(point_triangle(tuple(x), *map(tuple, c)) for c in corners) for x in line[-6:]]
         return float(np.sqrt(min(apart))) - self._simulation.catheter.radius_m - 0.1e-3
+
+
+@pytest.mark.parametrize(
+    ("ticks_per_step", "thickness_m", "tolerance_m"), [(1, 1e-3, 30e-6), (2, 1e-3, 60e-6), (2, 0.2e-3, 25e-6)]
+)
+def test_a_longer_step_lets_pass_as_much_more_and_never_more_than_a_part_of_the_wall(
+    small_scene, ducts, ticks_per_step, thickness_m, tolerance_m
+):
+    """Two of three steps of 2 ms were solved twice in the scene everything: its jaws ended 36 to 44 um deep."""
+    quality = (QualityLevel(ticks_per_step=ticks_per_step),)
+    scene = replace(small_scene, duct=replace(small_scene.duct, thickness_m=thickness_m), quality=quality)
+    simulation, tools, asked_m = Simulation(scene, ducts(thickness_m)), ToolInputs(), []
+    price = simulation.search.price
+    simulation.search.price = lambda bodies, state, tolerance, pairs: (
+        asked_m.append(tolerance) or price(bodies, state, tolerance, pairs)
+    )
+    tools.position_m[:] = (20e-3, 0.0, 21.5e-3), (30e-3, 3e-3, 21.5e-3)
+    for _ in range(20):
+        simulation.step(tools, ticks_per_step * 1e-3)
+    assert asked_m
+    assert asked_m[-1] == pytest.approx(tolerance_m)
 
 
 def test_a_row_that_was_too_deep_ends_no_deeper_than_it_began(small_scene, ducts):
