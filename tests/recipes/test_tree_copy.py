@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import os
+import py_compile
+import shutil
 import socket
+import subprocess
+import sys
+from importlib.util import cache_from_source
 from pathlib import Path
 
 import pytest
 
-from tests.recipes.tree_copy import RECIPES, ROOT, TreeCopy
+from tests.recipes.tree_copy import RECIPES, ROOT, TreeCopy, take_bytecode
 
 pytestmark = pytest.mark.timeout(600)  # a changed copy of the tree compiles anew
 
@@ -117,3 +122,26 @@ def test_a_restored_copy_is_as_new(tree: TreeCopy, anchor: str) -> None:
     tree.restore()
     assert content() == as_new
     assert not (tree.root / "bus").exists()
+
+
+@pytest.mark.parametrize("beside", [True, False])
+def test_what_the_tree_has_compiled_is_not_compiled_again_in_a_copy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, beside: bool
+) -> None:
+    monkeypatch.setattr(sys, "pycache_prefix", None if beside else str(tmp_path / "kept"))
+    tree, copy = tmp_path / "tree", tmp_path / "copy"
+    (tree / "parts").mkdir(parents=True)
+    for name in ("same", "changed"):
+        (tree / "parts" / f"{name}.py").write_text(f"X = {name!r}\n")
+        py_compile.compile(str(tree / "parts" / f"{name}.py"))
+    shutil.copytree(tree, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    take_bytecode(tree, copy, "parts")
+    (copy / "parts" / "changed.py").write_text("X = 'another one'\n")
+    monkeypatch.setattr(sys, "pycache_prefix", None)
+    of_copy = [Path(cache_from_source(str(copy / "parts" / f"{name}.py"))) for name in ("same", "changed")]
+    before = [path.stat().st_ino for path in of_copy]
+    environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": ""}
+    code = "from parts import changed, same; print(same.X, changed.X)"
+    done = subprocess.run([sys.executable, "-c", code], cwd=copy, env=environment, capture_output=True, text=True)
+    assert done.stdout == "same another one\n"
+    assert [path.stat().st_ino == inode for path, inode in zip(of_copy, before, strict=True)] == [True, False]

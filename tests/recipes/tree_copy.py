@@ -38,6 +38,7 @@ class TreeCopy:
                 shutil.copytree(ROOT / name, root / name, ignore=_LEFT_OUT)
             else:
                 shutil.copy2(ROOT / name, root / name)
+            take_bytecode(ROOT, root, name)
         self._pristine = self._stamps()
 
     def restore(self) -> None:
@@ -160,6 +161,21 @@ class TreeCopy:
             content = f"\n{content}".replace(f"\n{before}", f"\n{after}", 1)[1:]
         file.write_text(content, encoding="utf-8")
         return str(file.relative_to(self.root))
+
+
+def take_bytecode(tree: Path, copy: Path, name: str) -> None:
+    """Give a folder of a copy what Python has compiled of the tree, or each copy would compile all that it imports.
+
+    By the times of its sources, which a copy has, Python knows what is theirs; what a recipe changes is compiled anew.
+    """
+    kept = tree if sys.pycache_prefix is None else Path(sys.pycache_prefix, *tree.parts[1:])
+    for path in (kept / name).rglob("*.pyc"):
+        folder = copy / path.parent.relative_to(kept)
+        if folder.name != "__pycache__":
+            folder /= "__pycache__"
+        if folder.parent.is_dir():
+            folder.mkdir(exist_ok=True)
+            shutil.copy2(path, folder)
 
 
 def _blocks(document: str, section: str) -> list[tuple[str, str]]:
