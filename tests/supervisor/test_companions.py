@@ -16,12 +16,13 @@ from services.supervisor.observers import lateness_floor
 from services.supervisor.observers.lateness_floor import LatenessFloor
 from services.supervisor.observers.observer import Sight
 from services.supervisor.supervisor import Supervisor
+from tests.by_day import by_day
 from tests.supervisor.fakes import Fakes, Scenario, page_servers, until, until_running
 
 PATIENCE_S = 60.0
 
 
-@pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL])
+@pytest.mark.parametrize("number", by_day([signal.SIGSTOP], [signal.SIGKILL]))
 def test_a_page_that_hangs_or_ends_is_started_again(
     fakes: Fakes, monkeypatch: pytest.MonkeyPatch, number: signal.Signals
 ) -> None:
