@@ -69,6 +69,8 @@ LIMITS: Mapping[str, Limit] = {
     "counter_traction_n": Limit(value=0.01),
 }
 """Every limit that a scenario may name, with what holds where it does not; no assumption is clinically validated."""
+_LEAST = "bend_radius_m", "clip_min_n", "counter_traction_n", "depth_min_m", "shaft_distance_m", "slipped_out_m"
+"""Of them those that must not be passed downwards: 0 asks for nothing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -169,7 +171,8 @@ def _fault(scenario: Scenario) -> str:
     for name, limit in scenario.limits.items():
         if name not in LIMITS:
             return f"limits.{name}: unknown limit; known: {', '.join(LIMITS)}{did_you_mean(name, LIMITS)}"
-        if limit.value <= 0.0 < LIMITS[name].value:
+        asks_nothing = limit.value == 0.0 and name in _LEAST
+        if limit.value <= 0.0 < LIMITS[name].value and not asks_nothing:
             return f"limits.{name}.value: must be positive, is {limit.value:g}"
         if not limit.source.strip():
             return f"limits.{name}.source: must name a source, or say {ASSUMPTION!r}"

@@ -81,6 +81,11 @@ class SimulatedRig:
 
 @pytest.fixture
 def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Be patient in a test."""
+    be_patient(monkeypatch)
+
+
+def be_patient(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let frames of memory be as old as a busy machine makes them."""
     monkeypatch.setattr("services.runtime.bus.FLOOD_FACTOR", 1e6)
     for name in FAST:

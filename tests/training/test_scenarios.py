@@ -3,47 +3,39 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from protocol import Frame
-from protocol.bodies import GatewayState
-from review.attempts.assess import Message, Terms, assess
-from review.attempts.assessment import Assessment
-from services.cache_directory import cache_directory
 from services.cli.attempt import made_of
-from services.mechanics.simulation import Simulation
 from services.runtime import config
 from services.runtime.errors import ConfigError
-from services.scenes import load_duct, load_scene
-from services.scenes.hands import hands_of
-from services.training.attempt import Attempt
-from services.training.scenario import ASSUMPTION, LIMITS, Scenario, load_scenario, scenario_names, scenario_of
-from services.training.score import load_rules
-from services.training.sight import Sight
-from services.tube_paths import TubePaths
-from tests.training.simulated import SimulatedRig, patient
-from tests.training.simulated import attempt as word
+from services.scenes import load_scene
+from services.training.scenario import ASSUMPTION, LIMITS, load_scenario, scenario_names, scenario_of
+from tests.training.hands_attempt import attempt_of_hands
+from tests.training.simulated import patient
 
 __all__ = ["patient"]
 
-NAMES = ["basic", "bronchoscopy", "endovascular", "mirrored", "narrow", "one-handed", "stone", "weak-wall"]
-#: Of the hands' script in the stub rig.
-PACE = 0.2
+NAMES = [
+    "basic",
+    "bronchoscopy",
+    "endovascular",
+    "guide-wire",
+    "mirrored",
+    "narrow",
+    "one-handed",
+    "stone",
+    "weak-wall",
+]
 #: What is said of simulated hands besides the time: of the one that takes the catheter, of the tip and of the tissues.
 PAR = (
     "time_s", "errors", "grasps", "retries", "tip.path_m", "tool_duct.peak_n", "tool_catheter.peak_n",
     "catheter_wall.peak_n",
 )  # fmt: skip
-#: Ticks between frames that the recorder keeps.
-KEPT_EVERY = 20
-COARSE = ("duct.n_around=20", "duct.n_along=26", "duct.n_modes=40")
 
 
-def test_there_are_the_eight() -> None:
+def test_there_are_the_nine() -> None:
     assert scenario_names() == NAMES
 
 
@@ -139,7 +131,7 @@ def test_what_cannot_be_used_is_refused_with_a_sentence_that_names_the_key(
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=[pytest.mark.long] * (name != "one-handed"))
+        pytest.param(name, marks=[pytest.mark.long] * (name not in ("one-handed", "narrow")))
         for name in NAMES
         if name != "mirrored"  # to the mechanics it is `basic`
     ],
@@ -153,34 +145,3 @@ def test_simulated_hands_reach_the_goal_as_par_says(name: str) -> None:
     par = load_scenario(name).par
     assert set(par) == set(PAR)
     assert {key: found.metrics[key] for key in par} == pytest.approx(par, rel=0.1, abs=1e-3)
-
-
-def attempt_of_hands(scenario: Scenario) -> Assessment:
-    """Return the attempt that the scene's hands make, ended where the goal is reached and held."""
-    scene = load_scene(scenario.scene, (*scenario.set, *COARSE))
-    duct = load_duct(scene, cache_directory(), lambda stage, fraction: None)
-    hands = hands_of(Simulation(scene, duct).scene, duct.mesh)
-    rig, attempt = SimulatedRig(hands, PACE), Attempt(scenario.goal)
-    terms = Terms(scenario_of=lambda _: scenario, rules=load_rules(), site=rig.site)
-    ways = TubePaths({name: np.array(way) for name, way in rig.site.ways.items()})
-    sight = Sight((), ways, scenario.goal.branch)
-    (found,) = assess(_told(rig.messages(hands.duration_s / PACE), attempt, sight, scenario.name), terms)
-    return found
-
-
-def _told(messages: Iterator[Message], attempt: Attempt, sight: Sight, name: str) -> Iterator[Message]:
-    """Yield what the recorder keeps of a stream, and the attempt as the training process tells of it, up to its end."""
-    yield "training.attempt", 0, word("armed", scenario=name)
-    for topic, time_ns, body in messages:
-        sight.take({topic: Frame(1, topic, 1, 1, 0, 0, 0, True, body)}, time_ns)
-        if body.tick % KEPT_EVERY == 0:
-            yield topic, time_ns, body
-        if isinstance(body, GatewayState) and body.tick % KEPT_EVERY == 0:
-            before = attempt.state
-            if (look := sight.look()) is not None:
-                attempt.look(look)
-            if attempt.state is not before:
-                said = {"outcome": attempt.outcome, "time_s": attempt.time_s, "scenario": name}
-                yield "training.attempt", time_ns, word(attempt.state.value, **said)
-            if attempt.ended:
-                return
