@@ -11,15 +11,16 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from services.mechanics.arrays import BoolArray, FloatArray
+from services.mechanics.bodies.wire_drive import WireMotion
 from services.mechanics.contact.laws import ELASTIC_AXES
 from services.mechanics.reduction import ModalState
 from services.mechanics.rod import ImplicitIntegrator, RodState
-from services.mechanics.rod.energy import RodEnergy
-from services.mechanics.rod.model import RodModel, allocate_work
+from services.mechanics.rod.energy import RodEnergy, rod_energy
+from services.mechanics.rod.model import RodModel, RodWork, allocate_work
+from services.mechanics.rod.twist import add_frame_forces
 from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation.body_energy import body_energies_j, catheter_energy
 from services.mechanics.simulation.simulation import Simulation, Watcher
-from services.mechanics.simulation.wire_drive import WireMotion
+from services.mechanics.world import World
 from studies.grip_energy import Grips, enter_grips, stored_in_grips
 from studies.rod_forces import internal_forces
 
@@ -269,9 +270,11 @@ def stored_energies_j(simulation: Simulation, rod: RodEnergy | None = None) -> d
 
     ``rod`` is the catheter's, where it is known already.
     """
-    tools = simulation.tools
-    stored = body_energies_j(simulation.world, rod)
-    stored |= {
+    tools, duct = simulation.tools, simulation.duct
+    stored = {
+        "catheter": (rod or catheter_energy(simulation.world)).total_j,
+        "duct": duct.kinetic_energy_j() + duct.strain_energy_j(),
+        "duct_load": -float(np.sum(duct.constant_modal_force * duct.state.q)),
         "couplings": 0.5 * float(np.sum(tools.stiffness * tools.stretch**2)),
         "grips": stored_in_grips(simulation).total_j,
         "squeeze": simulation.squeeze.stored_j,
@@ -322,3 +325,12 @@ def nodal_loads(simulation: Simulation) -> FloatArray:
     n = simulation.n_loads
     loads[simulation.load_nodes[:n]] = simulation.load_force_n[:n]
     return loads
+
+
+def catheter_energy(world: World, work: RodWork | None = None) -> RodEnergy:
+    """Return the catheter's energies with the material frame brought to where the particles are: in a step it lags."""
+    integrator, state = world.catheter.integrator, world.catheter.state
+    if integrator.twist is not None:
+        state = state.copy()
+        add_frame_forces(integrator.twist, state, np.zeros_like(state.position_m))
+    return rod_energy(integrator.model, state, integrator.twist, work)

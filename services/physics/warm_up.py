@@ -145,6 +145,10 @@ class _MadeUpSearch:
         """Return that nothing ends too deep."""
         return 0
 
+    def price_tools(self, state: Address[ContactState], tolerance_m: float, pairs: ContactPairs) -> int:
+        """Return that nothing ends too deep."""
+        return 0
+
     def note_pressed(self, state: Address[ContactState]) -> None:
         """Nothing is remembered."""
 

@@ -200,7 +200,6 @@ class CatheterBody:
         state = self.state
         path_m = None if state.frame is None else state.frame.last_path_m
         self._noted_flags = self._was_touched, self._was_woken, self.slept
-        self._noted_place = self.wire.place if self.wire is not None else (0.0, 0.0)
         self._noted = [None if array is None else array.copy() for array in (state.slow_velocity_m_s, path_m)]
 
     def put_back_start(self) -> None:
@@ -209,13 +208,6 @@ class CatheterBody:
         self.state.slow_velocity_m_s, path_m = self._noted
         if self.state.frame is not None:
             self.state.frame.last_path_m = path_m
-
-    def go_back(self) -> None:
-        """Restore position and velocity of the start of the last step, and its wire's place."""
-        self.state.position_m[:] = self.start_m
-        self.state.velocity_m_s[:] = self._step.start_velocity
-        if self.wire is not None:
-            self.wire.lay(self._noted_place)
 
     def halt(self) -> None:
         """Stop all motion at the present position."""

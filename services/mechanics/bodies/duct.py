@@ -218,13 +218,6 @@ class DuctBody:
         """Return the live arrays that a step changes, from `predict` on."""
         return *self.given_arrays(), self.modal_kick
 
-    def go_back(self) -> None:
-        """Restore position and rates of the start of the last step, without loads."""
-        self.state.q[:] = self.q_start
-        self.state.qdot[:] = self._free.before
-        self.contact_impulse[:] = self._loads.last
-        self._n_loads[:] = 0
-
     def halt(self) -> None:
         """Stop all motion at the present position."""
         self._debt[:] = 0.0

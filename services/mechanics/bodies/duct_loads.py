@@ -10,6 +10,7 @@ from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.reduction.node_compliance import NodeArrays, gather_and_displace
 from services.mechanics.reduction.residual.node_numbering import forget_numbers, number_node
+from services.mechanics.rod.free_step import FreeStep, step_at
 
 
 class DuctMotion(Struct):
@@ -50,6 +51,24 @@ class DuctLoads(Struct):
 
 
 loads_at = reader(DuctLoads)
+
+
+@kernel
+def begin_duct_loads(address: Address[DuctMotion]) -> None:
+    """Write the constant load over that of the last step, and no kick."""
+    duct = motion_at(address)
+    for mode in range(duct.force.shape[0]):
+        duct.force[mode], duct.kick[mode] = duct.constant[mode], 0.0
+
+
+@kernel
+def begin_loads(duct_address: Address[DuctMotion], catheter_address: Address[FreeStep]) -> None:
+    """Write the constant loads over those of the last step, and no kick."""
+    begin_duct_loads(duct_address)
+    catheter = step_at(catheter_address)
+    for i in range(catheter.external.shape[0]):
+        for axis in range(3):
+            catheter.external[i, axis] = catheter.constant[i, axis]
 
 
 @inlined_kernel

@@ -13,11 +13,11 @@ import numpy as np
 from services.mechanics.arrays import ByteArray, FloatArray, IntArray
 from services.mechanics.bodies.wall_motion import wall_motion
 from services.mechanics.collision.primitives import segment_pierces
-from services.mechanics.collision.rim_caps import fill_rim
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import Vector, cross, dot, row, squared_distance, subtract
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.surface.mesh import TriangleMesh, boundary_loops
+from services.mechanics.surface.rim_caps import fill_rim
 
 OUTSIDE = -1.0
 

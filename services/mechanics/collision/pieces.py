@@ -5,8 +5,7 @@ from __future__ import annotations
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.candidate_list import CandidateList, list_at
 from services.mechanics.collision.capsules import Tools
-from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs
-from services.mechanics.collision.writer import write_pair
+from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs, write_pair
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.compiled.vectors import Vector

@@ -21,7 +21,7 @@ from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.engagement import engage_tools
 from services.mechanics.contact.geometry import ContactGeometry
-from services.mechanics.contact.price import note_pressed, write_chosen, write_violations
+from services.mechanics.contact.price import note_pressed, write_capsule_violations, write_chosen, write_violations
 from services.mechanics.contact.search import Moving
 from services.mechanics.contact.spheres import Spheres, no_spheres, take_ends, take_spheres
 from services.mechanics.contact.state import ContactState, state_at
@@ -90,7 +90,7 @@ class CandidateSearch:
     @property
     def has_candidates(self) -> bool:
         """Whether anything is so near that it may touch within a step."""
-        return bool(self._wall.list.n_nodes > 0)
+        return bool(self._wall.list.n_nodes > 0 or self._capsules.active.any())
 
     def begin(self, bodies: Moving) -> None:
         """Place wall and pieces at the start of a step, and choose the candidates that get rows."""
@@ -158,6 +158,11 @@ class CandidateSearch:
         found = self._found.address, self._ended.address
         addresses = (self._wall.list.address, found, self._working.address, state)
         return int(write_violations(addresses, self._start.where, tolerance_m, pairs.address))
+
+    def price_tools(self, state: Address[ContactState], tolerance_m: float, pairs: ContactPairs) -> int:
+        """Append pairs of tools that end too deep in the catheter where `price` has measured; return how many."""
+        addresses, sizes = (self._wall.list.address, self._capsules.address, state), (self._half_m, tolerance_m)
+        return int(write_capsule_violations(addresses, self._start.where[0], sizes, pairs.address))
 
     def note_pressed(self, state: Address[ContactState]) -> None:
         """Renew the life of what pressed in the step that was solved."""

@@ -9,8 +9,7 @@ from services.mechanics.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, SHAFT
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import along, cross, dot, put_row_of, row_of, unit
-from services.mechanics.contact.frames import tangents
+from services.mechanics.compiled.vectors import along, cross, dot, put_row_of, row_of, tangents, unit
 from services.mechanics.contact.geometry import ContactGeometry, ToolGeometry, WallGeometry
 from services.mechanics.contact.identity import hold_identity
 from services.mechanics.contact.laws import number_of
@@ -27,7 +26,7 @@ from services.mechanics.contact.writer import (
 from services.mechanics.rod.curve import point_on_curve
 from services.mechanics.scene.tools import N_TOOLS
 
-_HOLD, _GRIP = number_of("hold"), number_of("grip")
+_GRIP = number_of("grip")
 # The axis of a catheter's row that lies along it; the first one is across the jaws.
 _ALONG = 1
 # A direction in which a point is guided, not held.
@@ -62,8 +61,7 @@ def append_holds(state_address: Address[ContactState], holds_address: Address[Ho
     n_rows = rows.reserved = 0
     for index in range(count):
         slot = holds.order[index]
-        law = _GRIP if holds.target_kind[slot] == CATHETER_SEGMENT else _HOLD
-        row = append_row(rows, law, hold_identity(holds.number[slot]))
+        row = append_row(rows, _GRIP, hold_identity(holds.number[slot]))
         if row == NO_ROOM:
             continue
         _tool_side(holds, slot, geometry.tools, rows, row)

@@ -10,7 +10,7 @@ from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
 from services.mechanics.bodies.forceps.tool_body import ToolArrays, tools_at
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.contact import laws
+from services.mechanics.contact.admissible import closed_axes
 from services.mechanics.contact.geometry import Bodies
 from services.mechanics.contact.lasting_compliance import (
     LastingArrays,
@@ -120,7 +120,7 @@ def _list_closed(rows: ContactRows, slides: BoolArray, tool: int, out: IntArray)
     """List the axes that stay closed when the tool moves, of as many contacts as there is room for."""
     count = 0
     for row in range(rows.n_contacts):
-        axes = laws.closed_axes(rows.law[row], rows, row, slides[row]) if rows.tool[row] == tool else 0
+        axes = closed_axes(rows, row, slides[row]) if rows.tool[row] == tool else 0
         if count + axes <= out.shape[0]:
             for axis in range(axes):
                 out[count, 0], out[count, 1] = row, axis

@@ -5,7 +5,7 @@ motion has to vanish, and a *column* direction, along which the force changes:
 
 - a pressed normal, and the three axes of what sticks or is held: the axis itself;
 - the normal of a sliding contact: its friction changes with it, so the column is :math:`(1, \mu \hat t)`;
-- what slides on the edge of a disk or ball, :math:`u = -\lambda f` with :math:`|f| = r`: the directions across f. There
+- what slides on the edge of its disk, :math:`u = -\lambda f` with :math:`|f| = r`: the directions across f. There
   the motion along the unknown is :math:`-\lambda` times the force's change, which adds :math:`\lambda` to the diagonal.
 
 That is the exact derivative of the law while nobody changes between open, sticking and sliding: near the solution
@@ -18,9 +18,9 @@ from __future__ import annotations
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
-from services.mechanics.contact import laws
+from services.mechanics.contact.admissible import add_unknowns, project, room
 from services.mechanics.contact.dense import solve_dense
-from services.mechanics.contact.laws.law import ContactProblem, Unknowns
+from services.mechanics.contact.problem import ContactProblem, Unknowns
 
 
 @kernel
@@ -28,7 +28,7 @@ def list_unknowns(problem: ContactProblem, out: Unknowns) -> int:
     """Fill ``out`` with what can change in the present state, and return how many unknowns that is."""
     n, rows = 0, problem.rows
     for block in range(rows.n_contacts):
-        n = laws.add_unknowns(rows.law[block], problem, block, out, n)
+        n = add_unknowns(problem, block, out, n)
     return n
 
 
@@ -66,7 +66,7 @@ def room_for_step(problem: ContactProblem, unknowns: Unknowns, n: int, change: F
             change[unknowns.block[i], axis] += unknowns.step[i] * unknowns.column[i, axis]
     for block in range(rows.n_contacts):
         whole = change[block, 0], change[block, 1], change[block, 2]
-        share = min(share, laws.room(rows.law[block], rows, block, whole))
+        share = min(share, room(rows, block, whole))
     return share
 
 
@@ -79,4 +79,4 @@ def add_step(problem: ContactProblem, unknowns: Unknowns, n: int, share: float) 
         for axis in range(3):
             rows.force_n[block, axis] += share * unknowns.step[i] * unknowns.column[i, axis]
     for block in range(rows.n_contacts):
-        laws.project(rows.law[block], problem, block)
+        project(rows, block)

@@ -8,9 +8,8 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.kinematics import N_CELLS
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, NO_TOOL, SHAFT, ContactPairs
 from services.mechanics.compiled import kernel
-from services.mechanics.compiled.vectors import Vector, dot
+from services.mechanics.compiled.vectors import Vector, dot, write_frame
 from services.mechanics.compiled.vectors import row as row_at
-from services.mechanics.contact.frames import write_frame
 from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, ToolGeometry, WallGeometry
 from services.mechanics.contact.identity import pair_identity
 from services.mechanics.contact.laws import number_of

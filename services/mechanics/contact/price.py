@@ -10,16 +10,26 @@ from __future__ import annotations
 
 import math
 
+from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.candidate_list import CandidateList, list_at
 from services.mechanics.collision.candidates import Candidates, Where, candidates_at, closest_pair, offset, put
-from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, SHAFT, ContactPairs, pairs_at
+from services.mechanics.collision.capsules import CapsuleMemory, between_capsules, capsules_at, meet_again
+from services.mechanics.collision.pairs import (
+    CATHETER_SEGMENT,
+    DUCT_TRIANGLE,
+    NO_TOOL,
+    SHAFT,
+    ContactPairs,
+    pairs_at,
+    write_pair,
+)
 from services.mechanics.collision.pieces import N_TOOL_PIECES, write_piece_pair
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
-from services.mechanics.compiled.vectors import Vector, dot, put_row, row, scaled, squared_distance
-from services.mechanics.contact import laws
+from services.mechanics.compiled.vectors import Vector, dot, put_row, row, row_of, scaled, squared_distance, unit
 from services.mechanics.contact.geometry import ToolGeometry
 from services.mechanics.contact.identity import PARTICLE, target_kind_of, target_of, tool_segment_of
+from services.mechanics.contact.laws import HAS_GAP
 from services.mechanics.contact.pair_rows import thinned_m, touches
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.state import ContactState, state_at
@@ -159,7 +169,7 @@ def _is_row(rows: ContactRows, p: int, t: int) -> bool:
 def is_of(rows: ContactRows, at: int, p: int, t: int) -> bool:
     """Return whether a row is a contact of this piece with this triangle."""
     identity = rows.identity[at]
-    if identity < 0 or not laws.HAS_GAP[rows.law[at]]:
+    if identity < 0 or not HAS_GAP[rows.law[at]]:
         return False
     if target_kind_of(identity) != DUCT_TRIANGLE or target_of(identity) != t:
         return False
@@ -191,6 +201,58 @@ def _write_violation(listed: CandidateList, found: Candidates, i: int, start: Wh
 
 
 @kernel
+def write_capsule_violations(
+    addresses: tuple[Address[CandidateList], Address[CapsuleMemory], Address[ContactState]],
+    start: FloatArray,
+    sizes: tuple[float, float],
+    pairs_address: Address[ContactPairs],
+) -> int:
+    """Append pairs of tools with segments of the catheter that end too deep, and return how many there are.
+
+    ``start`` (p, 2, 3) are the pieces where the step began; ``sizes`` are half the wall, which is part of a piece's
+    thickness, and the tolerance. A pair keeps the side on which it began.
+    """
+    listed, memory, state = list_at(addresses[0]), capsules_at(addresses[1]), state_at(addresses[2])
+    pairs, (half_m, tolerance_m), tools, count = pairs_at(pairs_address), sizes, state.geometry.tools, 0
+    for i in range(N_TOOL_PIECES):
+        pad_m = tools.pad[i // 3, CATHETER_SEGMENT] if i % 3 != SHAFT and tools.held[i // 3, CATHETER_SEGMENT] else 0.0
+        for j in range(memory.active.shape[1]):
+            if memory.active[i, j] == 0 or not is_touching(tools, i):
+                continue
+            side, apart_m = row_of(memory.normal, i, j), listed.thickness[i] + listed.thickness[N_TOOL_PIECES + j]
+            apart_m -= 2.0 * half_m + pad_m
+            s, t, distance, normal = meet_again(listed.ends, (i, N_TOOL_PIECES + j), side)
+            is_again = t == 1.0 and j + 1 < memory.active.shape[1] and memory.active[i, j + 1] == 1
+            if is_again or distance - apart_m >= -tolerance_m:
+                continue
+            if distance >= meet_again(start, (i, N_TOOL_PIECES + j), side)[2] - CREEP * tolerance_m:
+                continue
+            away = between_capsules(start, (i, N_TOOL_PIECES + j), s, t)
+            if dot(away, normal) < apart_m and dot(away, side) > 0.0:  # round a corner, see `_write_violation`
+                normal = unit(away)
+            if not _is_known(state.rows, i, j, t, normal):
+                count += 1
+                if count <= min(MOST_NEW_ROWS, room_for_rows(state.rows) - pairs.count):
+                    pair = (i // 3, i % 3, -1, CATHETER_SEGMENT, j, s, (1.0 - t, t, 0.0))
+                    write_pair(pairs, pair, distance - apart_m, normal)
+    return count
+
+
+@kernel
+def _is_known(rows: ContactRows, i: int, j: int, t: float, normal: Vector) -> bool:
+    """Return whether a row is of a piece of a tool and a segment of the catheter, nearly there and along the normal."""
+    for at in range(rows.n_contacts):
+        identity = rows.identity[at]
+        if identity < 0 or not HAS_GAP[rows.law[at]] or target_kind_of(identity) != CATHETER_SEGMENT:
+            continue
+        is_of_pair = rows.tool[at] == i // 3 and tool_segment_of(identity) == i % 3 and target_of(identity) == j
+        is_there = abs(rows.rod_weight[at, 3] + t) < ONE_POINT
+        if is_of_pair and is_there and dot(row_of(rows.frame, at, 0), normal) > _SAME_ROW:
+            return True
+    return False
+
+
+@kernel
 def write_chosen(
     found_address: Address[Candidates],
     set_address: Address[WorkingSet],
@@ -214,7 +276,7 @@ def note_pressed(state_address: Address[ContactState], set_address: Address[Work
     age(working)
     for at in range(rows.n_contacts):
         identity = rows.identity[at]
-        is_wall = identity >= 0 and laws.HAS_GAP[rows.law[at]]
+        is_wall = identity >= 0 and HAS_GAP[rows.law[at]]
         if is_wall and target_kind_of(identity) == DUCT_TRIANGLE and rows.force_n[at, 0] > 0.0:
             p = piece_of(rows, at)
             if 0 <= p < working.life.shape[0]:

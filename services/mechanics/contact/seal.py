@@ -10,10 +10,9 @@ from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.contact.frames import write_frame
+from services.mechanics.compiled.vectors import write_frame
 from services.mechanics.contact.identity import pair_identity, with_law
-from services.mechanics.contact.laws import number_of
-from services.mechanics.contact.laws.seal import SEAL_SOFTNESS_M_N
+from services.mechanics.contact.laws import SEAL_SOFTNESS_M_N, number_of
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.system import ContactSystem
 from services.mechanics.contact.writer import FIRST_SIDE, NO_ROOM, append_row, put_on_rod

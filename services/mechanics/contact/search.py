@@ -54,6 +54,9 @@ class ContactSearch(Protocol):
     def price(self, bodies: Moving, state: Address[ContactState], tolerance_m: float, pairs: ContactPairs) -> int:
         """Write pairs of what ends too deep in the solved step, where the bodies are now, and return how many."""
 
+    def price_tools(self, state: Address[ContactState], tolerance_m: float, pairs: ContactPairs) -> int:
+        """Append pairs of tools that end too deep in the catheter where `price` has measured; return how many."""
+
     def note_pressed(self, state: Address[ContactState]) -> None:
         """Renew the life of what pressed in the step that was solved."""
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.contact.laws.law import ContactProblem
 from services.mechanics.contact.newton import add_step, list_unknowns, newton_step, room_for_step
+from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.solver_steps import SolverScratch, copy_forces, go_down, sweep, update_motion
 from services.mechanics.contact.tresca import solve_in_turns
 

@@ -9,9 +9,9 @@ import numpy as np
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Struct
-from services.mechanics.contact import laws
-from services.mechanics.contact.laws.law import ContactProblem, Unknowns
+from services.mechanics.contact.admissible import relax
 from services.mechanics.contact.newton import add_step, list_unknowns, newton_step, room_for_step
+from services.mechanics.contact.problem import ContactProblem, Unknowns
 
 # Newton steps that follow each other may cost as much as so many sweeps.
 MOST_ON_THE_WAY = 30
@@ -41,7 +41,7 @@ def sweep(problem: ContactProblem, W: FloatArray) -> tuple[float, float]:
     """Relax every contact once; return the largest change of a force component, and of a place along its normal."""
     largest_n, largest_m, rows, change = 0.0, 0.0, problem.rows, problem.change
     for block in range(rows.n_contacts):
-        laws.relax(rows.law[block], problem, W, block)
+        relax(problem, W, block)
         largest_n = max(largest_n, abs(change[0]), abs(change[1]), abs(change[2]))
         largest_m = max(largest_m, abs(change[0]) * W[3 * block, 3 * block])
     return largest_n, largest_m

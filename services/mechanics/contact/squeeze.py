@@ -24,11 +24,10 @@ from services.mechanics.bodies.forceps.tool_body import ToolArrays, ToolBody, to
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, JAW_B
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.contact import laws
-from services.mechanics.contact.frames import write_frame
+from services.mechanics.compiled.vectors import write_frame
 from services.mechanics.contact.geometry import ToolGeometry, WallGeometry
 from services.mechanics.contact.identity import pair_identity, target_kind_of, target_of, tool_segment_of, with_law
-from services.mechanics.contact.laws import number_of
+from services.mechanics.contact.laws import HAS_GAP, number_of
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solid_wall import (
     SolidWall,
@@ -45,7 +44,7 @@ from services.mechanics.contact.writer import NO_ROOM, append_row
 from services.mechanics.scene import DuctScene, ToolScene
 from services.mechanics.scene.tools import N_TOOLS
 
-_SQUEEZE, _HOLD = number_of("squeeze"), number_of("hold")
+_SQUEEZE, _GRIP = number_of("squeeze"), number_of("grip")
 _NO_ROW = -1
 _WALL, _CATHETER = 0, 1
 # Wall that is not pressed any more gives up the cell that it is squeezed in within so long.
@@ -223,7 +222,7 @@ def _append_pair(rows: ContactRows, tools: ToolArrays, tool: int, what: tuple[in
     lever = along * math.cos(half)
     apart = along * math.sin(half) - tools.jaw_radius[tool]
     for side in range(2):
-        segment, law = (JAW_A, _SQUEEZE) if side == 0 else (JAW_B, _HOLD)
+        segment, law = (JAW_A, _SQUEEZE) if side == 0 else (JAW_B, _GRIP)
         row = append_row(rows, law, with_law(pair_identity(tool, segment, -1, kind, 0), _SQUEEZE))
         sign = 1.0 - 2.0 * side
         rows.tool[row] = tool
@@ -287,7 +286,7 @@ def _find_wall(rows: ContactRows, wall: WallGeometry, tools: ToolArrays, reach: 
     reach[:, :, 0], reach[:, :, 1] = math.inf, -math.inf
     cosine = math.cos(0.5 * tools.proxy[tool, 3])
     for row in range(rows.n_contacts):
-        if rows.tool[row] != tool or not laws.HAS_GAP[rows.law[row]] or rows.force_n[row, 0] <= 0.0:
+        if rows.tool[row] != tool or not HAS_GAP[rows.law[row]] or rows.force_n[row, 0] <= 0.0:
             continue
         segment, normal = tool_segment_of(rows.identity[row]), rows.frame[row, 0]
         is_wall = target_kind_of(rows.identity[row]) == DUCT_TRIANGLE

@@ -12,8 +12,6 @@ from services.mechanics.arrays import AnyArray, FloatArray
 from services.mechanics.collision.pairs import NO_TOOL, ContactPairs
 from services.mechanics.contact import stages
 from services.mechanics.contact.geometry import Bodies, ContactGeometry
-from services.mechanics.contact.giving import give_forces
-from services.mechanics.contact.passivity import BEGINS_S
 from services.mechanics.contact.rows import add_rod_motion
 from services.mechanics.contact.state import ContactState
 from services.mechanics.contact.strategies import STRATEGIES
@@ -82,11 +80,10 @@ class ContactSystem:
         self.rows.put_zero("n_contacts")
         self.rows.dt_s = self.bodies.duct.dt_s
         self._first_new = 0
-        self._state.ledger.put_zero("solves")
 
     def step_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays that a step changes, and the next one goes on from."""
-        return *self._state.memory.own_memory(), *self._state.ledger.own_memory()
+        return tuple(self._state.memory.own_memory())
 
     def note_start(self) -> None:
         """Note what a step begins with beside `step_arrays`."""
@@ -167,12 +164,12 @@ class ContactSystem:
         """Forget the forces of the last tick: nothing is touched."""
         self.sweeps = 0
         self._state.memory.n_contacts = 0
-        self._state.ledger.begun_s = BEGINS_S
 
     def forget(self) -> None:
         """Forget the contacts of this step and their forces."""
         self.clear()
         self.rest()
+        self._gone_is_known = False
 
     def apply(self, tool_force: FloatArray) -> None:
         """Give the forces to duct, catheter and, as generalised forces ``tool_force`` (2, 4), to the tools."""
@@ -186,7 +183,7 @@ class ContactSystem:
             )
             addresses = (self.address, bodies.duct.loads_address, catheter.step_address, bodies.tools.address)
             more = (bodies.duct.dt_s, tool_force, rod.twist is None)
-            rod.note_factors(give_forces(addresses, rod.addresses, motion, step, *more))
+            rod.note_factors(stages.give_forces(addresses, rod.addresses, motion, step, *more))
             if rod.twist is not None:
                 rod.pay_for_change(catheter.state, catheter.step_address)
             catheter.note_contacts(k)

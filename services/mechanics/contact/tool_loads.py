@@ -11,7 +11,7 @@ from services.mechanics.bodies.forceps.tool_body import ToolArrays, tools_at
 from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.contact import laws
+from services.mechanics.contact.laws import HAS_GAP
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.scene.tools import N_TOOLS, ToolResults
@@ -122,6 +122,6 @@ def _moments(rows: ContactRows, forces: FloatArray, about: FloatArray, moment: F
 def _deepest_overlap(rows: ContactRows) -> float:
     deepest = 0.0
     for row in range(rows.n_contacts):
-        if laws.HAS_GAP[rows.law[row]] and rows.tool[row] == NO_TOOL:
+        if HAS_GAP[rows.law[row]] and rows.tool[row] == NO_TOOL:
             deepest = max(deepest, -rows.gap_m[row])
     return deepest

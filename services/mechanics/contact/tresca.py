@@ -20,9 +20,10 @@ import math
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import inlined_kernel, kernel
+from services.mechanics.contact.admissible import ON_THE_LIMIT
 from services.mechanics.contact.laws import HAS_GAP
-from services.mechanics.contact.laws.law import ON_THE_LIMIT, ContactProblem
 from services.mechanics.contact.newton import add_step, list_unknowns, newton_step
+from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver_steps import SolverScratch, copy_forces, go_down, sweep, update_motion
 

@@ -1,5 +1,7 @@
 """Last tick's contact forces as the start of this tick's solve, found again by the bodies and their place on the wall.
 
+The elastic slip of friction goes with them, to the next triangle as well; it is forgotten when the surfaces part.
+
 Which triangle a contact is of says little: on an edge it is now the one, now the other.
 """
 
@@ -15,6 +17,7 @@ from services.mechanics.compiled.vectors import Vector, put_row, squared_distanc
 from services.mechanics.compiled.vectors import row as vector
 from services.mechanics.contact.identity import without_target
 from services.mechanics.contact.laws import ELASTIC_AXES
+from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.working_set import place_at_rest
 
@@ -38,7 +41,7 @@ SAME_PLACE_M = 50e-6
 
 @kernel
 def recall_forces(memory: ForceMemory, rows: ContactRows, slides: BoolArray, vertices_m: FloatArray) -> None:
-    """Fill ``rows.force_n``, ``elastic_m``, ``held_j`` and ``slides`` (C,) with what is remembered, or with zero.
+    """Fill ``rows.force_n``, ``elastic_m`` and ``slides`` (C,) with what is remembered, or with zero.
 
     First what is of the same first body and at the same place on the wall, whose undeformed nodes are ``vertices_m``
     (n, 3), or of the same pair beside the wall; then what is nearest of the same body against the same kind of target,
@@ -48,7 +51,6 @@ def recall_forces(memory: ForceMemory, rows: ContactRows, slides: BoolArray, ver
     for row in range(rows.n_contacts):
         rows.force_n[row] = 0.0
         rows.elastic_m[row] = 0.0
-        rows.held_j[row] = 0.0
         slides[row] = False
         memory.found[row] = _recall(memory, rows, row, _nearest(memory, rows, row, vertices_m, False), slides)
     for row in range(rows.n_contacts):
@@ -93,8 +95,6 @@ def _recall(memory: ForceMemory, rows: ContactRows, row: int, old: int, slides: 
             + rows.frame[row, axis, 1] * memory.force_n[old, 1]
             + rows.frame[row, axis, 2] * memory.force_n[old, 2]
         )
-        if axis >= 3 - ELASTIC_AXES[rows.law[row]]:
-            rows.held_j[row] += 0.5 * rows.softness_m_n[row, axis] * rows.force_n[row, axis] ** 2
     return True
 
 
@@ -110,3 +110,31 @@ def store_forces(
         memory.slides[row] = slides[row]
         for axis in range(3):
             memory.force_n[row, axis] = forces[row, axis]
+
+
+@kernel
+def store_anchors(problem: ContactProblem, slides: BoolArray, out: FloatArray) -> None:
+    r"""Write the elastic slip (C, 3) at the end of the step along world axes, from the solved forces and motions.
+
+    Two surfaces that stick are tied at the point where they last slid, their *anchor*, by the stiffness of the surfaces
+    themselves: :math:`f_t = -e / c`, e being how far they have moved since and c the row's softness. As e, and not its
+    rate, sets the force, what sticks does not creep, and the force depends on the step as little as e does. Where the
+    cone bounds the force the anchor follows: :math:`e = -c f_t` (elastoplastic friction; the return mapping of a
+    plastic bar in Simo and Hughes, "Computational Inelasticity", 1998, ch. 1). What a solve that was cut short leaves
+    open is part of e: the next one takes it up.
+
+
+    ``slides`` (C,) says where the force is on its cone.
+    """
+    rows = problem.rows
+    for row in range(rows.n_contacts):
+        out[row] = 0.0
+        force = rows.force_n[row]
+        if force[0] == 0.0 and force[1] == 0.0 and force[2] == 0.0:
+            continue
+        for axis in range(3 - ELASTIC_AXES[rows.law[row]], 3):
+            slip = -rows.softness_m_n[row, axis] * force[axis]
+            if not slides[row]:
+                slip += problem.motion[3 * row + axis]
+            for k in range(3):
+                out[row, k] += slip * rows.frame[row, axis, k]

@@ -24,7 +24,7 @@ from services.mechanics.compiled.vectors import Vector, combine, dot, put_row, r
 #: Two contacts of a body with normals further apart than 26 degrees hold different things.
 SAME_NORMAL = 0.9
 #: A gap below this touches: surfaces at rest overlap or part by less. A step begins with rows for what touches, or
-#: will; and what has none may end no deeper, see `simulation.pricing`.
+#: will; and what has none may end no deeper, see `simulation.step_solver`.
 TOUCHING_M = 30e-6
 #: Nearer than this part of the distance between axis and middle surface, two points are one, whatever they do.
 ONE_POINT = 0.02

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.bodies.forceps.kinematics import contact_lever
 from services.mechanics.collision.pairs import NO_TOOL
@@ -11,9 +9,9 @@ from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.vectors import Vector, cross, subtract
 from services.mechanics.compiled.vectors import row as vector
 from services.mechanics.compiled.vectors import row_of as vector_of
-from services.mechanics.contact import laws
 from services.mechanics.contact.geometry import ToolGeometry
 from services.mechanics.contact.identity import with_law
+from services.mechanics.contact.laws import LIMIT_N, SINKS, SOFTNESS_M_N
 from services.mechanics.contact.rows import NO_STONE, ContactRows
 
 NO_ROOM = -1
@@ -46,7 +44,7 @@ def append_row(rows: ContactRows, law: int, identity: int) -> int:
     rows.rod_weight[row] = 0.0
     rows.gap_m[row] = rows.pad_m[row] = 0.0
     rows.slip_m[row] = 0.0
-    rows.friction[row], rows.force_limit_n[row] = 0.0, math.inf
+    rows.friction[row] = 0.0
     put_under_law(rows, row, law)
     return row
 
@@ -54,8 +52,10 @@ def append_row(rows: ContactRows, law: int, identity: int) -> int:
 @inlined_kernel
 def put_under_law(rows: ContactRows, row: int, law: int) -> None:
     """Put a row under a law, with the softness and the limits that are particular to it."""
-    rows.law[row] = law
-    laws.open_row(law, rows, row)
+    rows.law[row], rows.force_limit_n[row] = law, LIMIT_N[law]
+    for axis in range(3):
+        rows.softness_m_n[row, axis] = SOFTNESS_M_N[law, axis]
+    rows.softness_m_n[row, 0] += SINKS[law] * rows.dt_s
 
 
 @kernel

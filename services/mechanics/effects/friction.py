@@ -38,7 +38,7 @@ class Friction(Effect):
     """Stick below mu_static times the normal force, slide with mu_kinetic times it.
 
     A contact that slid in the last tick has the kinetic coefficient, every other one the static. The law is
-    solved together with the normal forces, see `contact.laws.unilateral`; friction always opposes sliding and so
+    solved together with the normal forces, see `contact.laws`; friction always opposes sliding and so
     never feeds energy in.
     """
 

@@ -13,8 +13,7 @@ from services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL
 from services.mechanics.collision.primitives import place_along
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import Vector, along, dot, row, scaled, subtract
-from services.mechanics.contact.frames import write_frame
+from services.mechanics.compiled.vectors import Vector, along, dot, row, scaled, subtract, write_frame
 from services.mechanics.contact.geometry import ContactGeometry, geometry_at
 from services.mechanics.contact.identity import pair_identity, with_stone
 from services.mechanics.contact.laws import number_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from services.mechanics.collision.self_contact import SelfContactDetector
+from services.mechanics.collision.capsules import SelfContactDetector
 from services.mechanics.effects.base import Effect, require_positive
 from services.mechanics.world import World
 

@@ -12,13 +12,12 @@ from typing import Annotated, cast
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.duct import DuctBody
-from services.mechanics.bodies.duct_loads import DuctMotion, motion_at
+from services.mechanics.bodies.duct_loads import DuctMotion, begin_duct_loads, motion_at
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.effects import Effect, build_effects, by_stage
 from services.mechanics.reduction import ModalState, ReducedDuct
 from services.mechanics.scene import SceneModel
-from services.mechanics.simulation.loads import begin_duct_loads
 from services.mechanics.simulation.pace import steps_of
 from services.mechanics.simulation.scene_world import build_duct_body
 from services.mechanics.world import World

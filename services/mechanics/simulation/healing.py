@@ -1,34 +1,34 @@
-"""States that no hand can have brought about are found at the end of a step, and the last sound one is taken up again.
+"""States that no hand can have brought about are found at the end of a step, and what it began with is taken up again.
 
 What is sound is judged by what bodies can do at all, not by what is likely: numbers that are finite, a catheter that is
-neither torn nor shot, and whose axis goes through the wall nowhere. A state that is taken up again is at rest, and the
-couplings restart unstretched; otherwise the restored copy would hand back energy already spent. For the same reason it
-is the newest of several copies that stores no more than was there when the bad step began.
+neither torn nor shot, and whose axis goes through the wall nowhere. The start of the step is taken up at rest, and
+couplings restart unstretched: it stores no more than was there, so nothing that was spent comes back.
 
-What made a state unsound may do so again at once. So a copy is taken up once: heals that follow each other go further
-back, to the first state of all at last, and from the second on tools touch nothing until they have been withdrawn.
+What made a state unsound may do so again at once. So where that was not sound either, or another heal was `AGAIN` steps
+ago or less, a copy of some steps before is taken up, and then the first state of all; from the second heal on tools
+touch nothing until they have been withdrawn.
 """
 
 from __future__ import annotations
 
 from typing import Annotated
 
-from services.mechanics.arrays import AnyArray, FloatArray
+from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.memory import copy_arrays, copy_table
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.scene.tools import N_TOOLS
-from services.mechanics.simulation.body_energy import body_energies_j
-from services.mechanics.simulation.copies import Copies
+from services.mechanics.simulation.pace import LONGEST_STEP_S, SHORTEST_STEP_S
+from services.mechanics.simulation.step_start import StepStart
 from services.mechanics.world import World
 
 # A polymer yields at a few per cent; the strongest pull of both grips stretches a catheter by two. What stores that
 # strain, let go, moves by it times the speed of sound.
 MOST_STRETCH = 0.25
-# Copies are made so many steps apart; the newest may already be on its way to what is not sound.
-APART = 16
-# A hundredth of what a catheter's length holds at a tenth of a metre per second: no energy.
-NO_ENERGY_J = 1e-8
+# A heal has helped once so many steps were sound: more than the parts of a tick.
+AGAIN = round(LONGEST_STEP_S / SHORTEST_STEP_S)
+_LATE, _FIRST = 0, 1
 
 
 class LiveState(Struct):
@@ -65,95 +65,60 @@ live_at = reader(LiveState)
 class Healer:
     """Watches a world, and heals it.
 
+    Args:
+        start: StepStart. What the last part of a step began with.
+
     Attributes:
         healed: int. How often, since the start.
     """
 
-    def __init__(self, world: World) -> None:
-        self._world = world
-        self._copies: Copies | None = None
-        self._steps = self.healed = 0
+    def __init__(self, world: World, start: StepStart) -> None:
+        self._world, self._start = world, start
         self._live = LiveState.of(world)
+        live = [array for body in (world.duct, world.catheter, world.tools) for array in body.state_arrays()]
+        live += [array for effect in world.effects for array in effect.state_arrays()]
+        self._kept = [[array.copy() for array in live] for _ in range(2)]
+        self._keep = [copy_table(kept, live) for kept in self._kept]
+        self._take = [copy_table(live, kept) for kept in self._kept]
+        self._has_first, self._sound_steps, self._in_a_row, self.healed = False, 0, 0, 0
 
     def begin(self) -> None:
         """Refuse to begin with what is no state.
 
         Raises ValueError: a caller has put a NaN or an infinity into it before the first step.
         """
-        if self._copies is None and not numbers_are_finite(self._live.address):
+        if not self._has_first and not numbers_are_finite(self._live.address):
             raise ValueError("the state of catheter, duct or tools holds a NaN or an infinity before the first step")
 
     def watch(self) -> bool:
-        """Return whether the state at the end of a step is sound, and keep a copy now and then.
+        """Return whether the state at the end of a step is sound.
 
         A scene that a caller has begun in a state that is not sound is left to come out of it, while its numbers are.
         """
         is_sound = state_is_sound(self._live.address) and self._world.search.is_sound()
-        if is_sound:
-            if self._steps % APART == 0:
-                self._keep()
-            self._steps += 1
-        return is_sound or self._copies is None
+        if is_sound and self._sound_steps % AGAIN == 0:
+            copy_arrays(self._keep[_LATE])
+            if not self._has_first:
+                copy_arrays(self._keep[_FIRST])
+            self._has_first = True
+        self._sound_steps += is_sound
+        return is_sound or not self._has_first
 
     def heal(self) -> None:
-        """Go back to the last sound state, at rest, or further; whoever holds something lets go."""
-        self.healed += 1
+        """Go back to the start of the step, or further, at rest; whoever holds something lets go."""
         world = self._world
-        if self._copies is None:
-            self._halt()
-        else:
-            if self._copies.are_all_trusted:  # whoever comes back inside something touches nothing, see `engagement`
-                world.tools.present[:] = False
-            self._take_up(self._copies)
-        self._steps = 1
-        world.holds.lose()
-        world.system.forget()
-        world.seal.forget()
-        world.squeeze.forget()
-        world.search.forget()
-
-    def _take_up(self, copies: Copies) -> None:
-        """Put back the newest copy that stores, at rest, no more than was there; or else the one that stores least.
-
-        "There" is where the step began that was not sound: what it has made of that is nobody's.
-        """
-        world, places, stored_j = self._world, copies.places(), {}
-        world.duct.go_back()
-        world.catheter.go_back()
-        there_j = _stored_j(world)
-        for place in places:
-            copies.put_back(place)
-            self._halt()
-            stored_j[place] = _stored_j(world)
-            if stored_j[place] <= there_j + NO_ENERGY_J:
-                break
-        else:
-            place = min(places, key=stored_j.__getitem__)
-            copies.put_back(place)
-            self._halt()
-        copies.go_on_before(place)
-
-    def _halt(self) -> None:
-        for body in (self._world.duct, self._world.catheter, self._world.tools):
+        self._in_a_row = 1 if self._sound_steps > AGAIN else self._in_a_row + 1
+        self._start.put_back()
+        if self._in_a_row > 1 or not state_is_sound(self._live.address):
+            copy_arrays(self._take[_LATE if self._in_a_row <= 2 else _FIRST])
+        if self._in_a_row > 1:
+            world.tools.present[:] = False  # whoever comes back inside something touches nothing, see `engagement`
+        self.healed, self._sound_steps = self.healed + 1, 1
+        for body in (world.duct, world.catheter, world.tools):
             body.halt()
-
-    def _keep(self) -> None:
-        if self._copies is None:
-            self._copies = Copies(self._arrays())
-        else:
-            self._copies.keep()
-
-    def _arrays(self) -> list[AnyArray]:
-        world = self._world
-        arrays = [*world.duct.state_arrays(), *world.catheter.state_arrays(), *world.tools.state_arrays()]
-        for effect in world.effects:
-            arrays += effect.state_arrays()
-        return arrays
-
-
-def _stored_j(world: World) -> float:
-    effects_j = sum(effect.potential_energy_j(world) for effect in world.effects)
-    return effects_j + sum(body_energies_j(world).values())
+        for part in (world.system, world.seal, world.squeeze, world.search):
+            part.forget()
+        world.holds.lose()
 
 
 @kernel

@@ -11,9 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from services.mechanics.arrays import ByteArray, FloatArray, IntArray
+from services.mechanics.bodies.catheter_drive import build_drive
+from services.mechanics.bodies.duct_loads import begin_loads
 from services.mechanics.bodies.forceps import Grasp, JawState
 from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
 from services.mechanics.bodies.lumen import Lumen
+from services.mechanics.bodies.wire_drive import build_wire_drive
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.contact.engagement import take_pads
 from services.mechanics.contact.local_stiffness import LocalStiffness
@@ -26,15 +29,12 @@ from services.mechanics.reduction import ModalState, ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs, ToolResults
 from services.mechanics.simulation.calls import CallCheck
-from services.mechanics.simulation.drive import build_drive
 from services.mechanics.simulation.healing import Healer
-from services.mechanics.simulation.loads import begin_loads
 from services.mechanics.simulation.pace import LONGEST_STEP_S, SHORTEST_STEP_S, Pace, steps_of
 from services.mechanics.simulation.scene_catheter import place_catheter
 from services.mechanics.simulation.scene_world import build_world
 from services.mechanics.simulation.step_solver import StepSolver
 from services.mechanics.simulation.step_start import StepStart
-from services.mechanics.simulation.wire_drive import build_wire_drive
 
 LONGEST_TICK_S = 1.0
 STAGE_NAMES = ("loads", "predict", "detect", "assemble", "solve", "correct", "report")
@@ -77,8 +77,8 @@ class Simulation:
             for tool, each in enumerate(scene.forceps)
             if each.jaws is not None
         )
-        self.drive = build_drive(scene, world)
-        self.wire_drive = build_wire_drive(scene, world)
+        self.drive = build_drive(scene, self._moving[1:], self.holds.lost)
+        self.wire_drive = build_wire_drive(scene, self._moving[1:])
         self.tool_results = ToolResults()
         self.max_penetration_m, self.is_felt = 0.0, True
         self._lumen = Lumen(duct, self.catheter.properties.n_particles)
@@ -89,7 +89,6 @@ class Simulation:
         self.cost_ns = [0] * len(STAGE_NAMES)
         self._marks_ns = [0] * (len(STAGE_NAMES) + 1)
         self.pace = Pace(world)
-        self._healer = Healer(world)
         self._calls = CallCheck()
         self.watcher: Watcher | None = None
         for effect in stages["prepare"]:
@@ -98,6 +97,7 @@ class Simulation:
         self._start = StepStart(
             world, [*self.grasps, *(drive for drive in (self.drive, self.wire_drive) if drive is not None)]
         )
+        self._healer = Healer(world, self._start)
         for name in scene.quality[0].without:
             self.effects[name].rest()
         self._use_rung(0)

@@ -8,9 +8,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from services.mechanics.bodies.lumen import Lumen
-from services.mechanics.collision.rim_caps import fill_rim
 from services.mechanics.simulation.scene_duct import build_scene_duct
 from services.mechanics.surface.mesh import boundary_loops
+from services.mechanics.surface.rim_caps import fill_rim
 
 N = 40
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from services.mechanics.collision.capsules import SelfContactDetector
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, ContactPairs
-from services.mechanics.collision.self_contact import SelfContactDetector
 
 RADIUS_M, MARGIN_M = 0.8e-3, 0.5e-3
 

@@ -6,18 +6,16 @@ import numpy as np
 import pytest
 
 from services.mechanics.collision.pairs import DUCT_TRIANGLE
-from services.mechanics.contact.anchors import store_anchors
 from services.mechanics.contact.engagement import CLEAR_M
 from services.mechanics.contact.free_motion import free_motion
 from services.mechanics.contact.identity import pair_identity
-from services.mechanics.contact.laws import number_of
-from services.mechanics.contact.laws.law import ContactProblem
-from services.mechanics.contact.laws.unilateral import SINKS_M_S_N, SURFACE_SOFTNESS_M_N
+from services.mechanics.contact.laws import SINKS_M_S_N, SURFACE_SOFTNESS_M_N, number_of
+from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import solve_contacts
 from services.mechanics.contact.solver_steps import SolverScratch
 from services.mechanics.contact.stages import mark_sliding, write_world_forces
-from services.mechanics.contact.warm_start import ForceMemory, recall_forces, store_forces
+from services.mechanics.contact.warm_start import ForceMemory, recall_forces, store_anchors, store_forces
 from services.mechanics.contact.writer import append_row
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation

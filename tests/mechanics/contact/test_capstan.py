@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from services.mechanics.bodies.catheter import list_particles
+from services.mechanics.compiled.vectors import write_frame
 from services.mechanics.contact.delassus import add_rod_compliance, rotate_to_contact_frames
-from services.mechanics.contact.frames import write_frame
 from services.mechanics.contact.free_motion import free_motion
 from services.mechanics.contact.laws import number_of
-from services.mechanics.contact.laws.law import ContactProblem
+from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import solve_contacts
 from services.mechanics.contact.solver_steps import SolverScratch

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from services.mechanics.collision.pairs import CATHETER_SEGMENT
-from services.mechanics.contact.laws.hold import GRIP_SOFTNESS_M_N
+from services.mechanics.contact.laws import GRIP_SOFTNESS_M_N
 from services.mechanics.scene.tools import GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
 from studies.judge.overlaps import OverlapJudge

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from services.mechanics.collision.pairs import CATHETER_SEGMENT
+from services.mechanics.contact import admissible
 from services.mechanics.contact.lasting_compliance import LASTING_S
-from services.mechanics.contact.laws import LAWS
 from services.mechanics.effects.base import NoSettings
 from services.mechanics.effects.friction import FrictionSettings
 from services.mechanics.rod.generalized_alpha import implicit_euler
@@ -66,12 +66,12 @@ def test_it_is_that_of_a_dense_step_of_backward_euler(small_scene, small_duct, h
 
 def closed_axes(simulation):
     """Return row and axis of what stays closed when the hand moves."""
-    rows, slides, laws = simulation.contacts, simulation.slides, list(LAWS.values())
+    rows, slides = simulation.contacts, simulation.slides
     return [
         (row, axis)
         for row in range(rows.n_contacts)
         if rows.tool[row] == TOOL
-        for axis in range(laws[rows.law[row]].closed_axes(rows, row, slides[row]))
+        for axis in range(admissible.closed_axes(rows, row, slides[row]))
     ]
 
 

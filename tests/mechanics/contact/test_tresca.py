@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from services.mechanics.contact.laws import number_of
-from services.mechanics.contact.laws.law import ContactProblem
+from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import MOST_SWEEPS, solve_contacts
 from services.mechanics.contact.solver_steps import MOST_ON_THE_WAY, SolverScratch

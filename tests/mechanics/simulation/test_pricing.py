@@ -215,3 +215,19 @@ def test_what_flies_at_a_wall_that_nothing_touches_ends_no_deeper_than_the_toler
         simulation.step(tools)
         judge.look()
     assert judge.deepest["catheter"] < DEEPEST_M
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_tool_that_is_swept_across_a_catheter_ends_no_deeper_in_it_than_the_tolerance(small_scene, small_duct, seed):
+    """Outside the duct, at half a metre a second to and fro: the place of contact runs along both."""
+    catheter = replace(small_scene.catheter, tip_position_m=(60e-3, 0.0, 0.0))
+    simulation, tools = Simulation(replace(small_scene, catheter=catheter), small_duct), ToolInputs()
+    rng, judge, tools.present[1] = np.random.default_rng(seed), OverlapJudge(simulation), False
+    start_m, way_m = np.array([66e-3, 3e-3, 8e-3]), rng.normal(size=3) * (0.3, 1.0, 0.3)
+    tools.jaw_angle_rad[0], tools.roll_rad[0] = 0.3, rng.uniform(0.0, 3.0)
+    for tick in range(200):
+        swing = np.sin(2.0 * np.pi * tick / 100)
+        tools.position_m[0] = start_m + swing * 8e-3 * way_m / np.linalg.norm(way_m)
+        simulation.step(tools)
+        judge.look()
+    assert 0.0 < judge.deepest["tool in catheter"] < DEEPEST_M

@@ -2,17 +2,36 @@
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple
+
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
-from services.mechanics.contact import laws
+from services.mechanics.compiled.vectors import Vector, dot, row_of
+from services.mechanics.compiled.vectors import row as row_at
+from services.mechanics.contact.admissible import normal_range, project, radius
 from services.mechanics.contact.free_motion import free_motion
 from services.mechanics.contact.geometry import Bodies
-from services.mechanics.contact.laws.law import PenaltyGains
+from services.mechanics.contact.laws import FIXES_DISTANCE, HAS_GAP
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.stages import finish
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.strategies.strategy import ContactStrategy
 from services.mechanics.scene import ContactSettings
+
+# Below this sliding speed penalty friction grows in proportion to it: an explicit force cannot stick.
+SLIP_SPEED_M_S = 1e-3
+# Films that a particle between two walls shares its drag out to.
+SHARES = 2.0
+
+
+class PenaltyGains(NamedTuple):
+    """Spring and damper of penalty contact, the step, and the lightest mass that a contact acts on."""
+
+    stiffness_n_m: float
+    damping_n_s_m: float
+    dt_s: float
+    lightest_kg: float
 
 
 class PenaltyStrategy(ContactStrategy):
@@ -54,10 +73,55 @@ def solve_by_penalty(state_address: Address[ContactState], gains: PenaltyGains) 
 def write_penalties(rows: ContactRows, gains: PenaltyGains) -> None:
     """Write the penalty counterpart of every contact's law into ``rows.force_n``."""
     for row in range(rows.n_contacts):
-        slip = rows.slip_m[row]
-        normal, first, second = 0.0, 0.0, 0.0
-        for axis in range(3):
-            normal += rows.frame[row, 0, axis] * slip[axis]
-            first += rows.frame[row, 1, axis] * slip[axis]
-            second += rows.frame[row, 2, axis] * slip[axis]
-        laws.penalty(rows.law[row], rows, row, (normal, first, second), gains)
+        motion = (
+            dot(row_of(rows.frame, row, 0), row_at(rows.slip_m, row)),
+            dot(row_of(rows.frame, row, 1), row_at(rows.slip_m, row)),
+            dot(row_of(rows.frame, row, 2), row_at(rows.slip_m, row)),
+        )
+        if HAS_GAP[rows.law[row]]:
+            _push(rows, row, motion, gains)
+        else:
+            _hold(rows, row, motion, gains)
+        project(rows, row)
+
+
+@kernel
+def _push(rows: ContactRows, row: int, motion: Vector, gains: PenaltyGains) -> None:
+    r"""Write :math:`f_n = \max(0, -k g - c \dot g)` where surfaces overlap, and regularised friction.
+
+    The gap is that in the middle of the step: with the one at its start a force that is held over a step of second
+    order feeds energy in at any stiffness. The damper of a particle is at most what halves its speed in a step. What
+    pulls does so at any gap.
+    """
+    force, gap = rows.force_n[row], rows.gap_m[row] + rows.pad_m[row] + 0.5 * motion[0]
+    damping = gains.damping_n_s_m
+    if _is_of_rod(rows, row):
+        damping = min(damping, 0.5 * gains.lightest_kg / gains.dt_s)
+    spring, damper = gains.stiffness_n_m * gap, damping * motion[0]
+    push = max(0.0, -spring - damper / gains.dt_s) if gap < 0.0 else 0.0
+    force[0] = push + normal_range(rows, row)[0]
+    scale = radius(rows, row) / max(math.hypot(motion[1], motion[2]), SLIP_SPEED_M_S * gains.dt_s)
+    force[1], force[2] = -scale * motion[1], -scale * motion[2]
+
+
+@kernel
+def _hold(rows: ContactRows, row: int, motion: Vector, gains: PenaltyGains) -> None:
+    """Write what stops the slip: of held points by the spring of penalty contact, else by the surfaces' own softness.
+
+    An explicit force is no stiffer than what stops a particle within so many steps as two of them share it out to:
+    more would throw it back. What carries nothing along the tangents has its own and a coupling's softness there.
+    """
+    least = SHARES * gains.dt_s**2 / gains.lightest_kg if _is_of_rod(rows, row) else 0.0
+    for axis in range(3):
+        softness = max(rows.softness_m_n[row, axis], least)
+        if FIXES_DISTANCE[rows.law[row]]:
+            softness = 1.0 / gains.stiffness_n_m
+        elif axis == 0:
+            softness = max(softness, rows.softness_m_n[row, 1])
+        rows.force_n[row, axis] = -motion[axis] / softness
+
+
+@kernel
+def _is_of_rod(rows: ContactRows, row: int) -> bool:
+    """Return whether the catheter takes part."""
+    return bool(rows.rod_weight[row, 0] != 0.0 or rows.rod_weight[row, 2] != 0.0)

@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from services.mechanics.arrays import FloatArray
+from services.mechanics.bodies.catheter import CatheterBody
+from services.mechanics.bodies.forceps import ToolBody
 from services.mechanics.bodies.guide_wire import frame_of
 from services.mechanics.rod.guide_wire import Place, resist
-from services.mechanics.scene import SceneModel
-from services.mechanics.world import World
+from services.mechanics.scene import CatheterScene, SceneModel
 
 # Of the wire that is out, and of a radian: the most that it moves by in a step.
 _FARTHEST = 0.05
@@ -55,13 +56,13 @@ class WireDrive:
         motion: WireMotion
     """
 
-    def __init__(self, scene: SceneModel, world: World, tool: int) -> None:
-        assert scene.catheter.guide_wire is not None
-        assert world.catheter.wire is not None
-        self._tools, self._catheter, self._tool = world.tools, world.catheter, tool
-        self._scene, self.wire = scene.catheter.guide_wire, world.catheter.wire
-        self._along = np.array(scene.catheter.direction) / float(np.linalg.norm(scene.catheter.direction))
-        model, length_m = self.wire.model, scene.catheter.length_m
+    def __init__(self, scene: CatheterScene, bodies: tuple[CatheterBody, ToolBody], tool: int) -> None:
+        self._catheter, self._tools = bodies
+        assert scene.guide_wire is not None
+        assert self._catheter.wire is not None
+        self._tool, self._scene, self.wire = tool, scene.guide_wire, self._catheter.wire
+        self._along = np.array(scene.direction) / float(np.linalg.norm(scene.direction))
+        model, length_m = self.wire.model, scene.length_m
         self._mass_kg = model.density * (length_m + self._scene.out_m)
         bending = (model.arc[-1] - model.arc[-2]) / (model.bent[-1, 0] - model.bent[-2, 0])
         self._torsion_nm_rad = bending / (1.0 + model.poisson) / length_m
@@ -207,7 +208,7 @@ def _within(value: float, least: float, most: float) -> float:
     return min(max(value, least), most)
 
 
-def build_wire_drive(scene: SceneModel, world: World) -> WireDrive | None:
+def build_wire_drive(scene: SceneModel, bodies: tuple[CatheterBody, ToolBody]) -> WireDrive | None:
     """Return the drive of a scene's guide wire, None where there is none."""
     driving = [tool for tool, each in enumerate(scene.forceps) if each.drives_wire]
-    return WireDrive(scene, world, driving[0]) if scene.catheter.guide_wire is not None else None
+    return WireDrive(scene.catheter, bodies, driving[0]) if scene.catheter.guide_wire is not None else None

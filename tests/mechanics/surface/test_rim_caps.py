@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from services.mechanics.collision.rim_caps import fill_rim
 from services.mechanics.surface.mesh import boundary_loops
+from services.mechanics.surface.rim_caps import fill_rim
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 RADIUS_M = 4e-3

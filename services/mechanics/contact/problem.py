@@ -1,0 +1,61 @@
+"""The contact problem of a step, and what a Newton step solves for."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Struct
+from services.mechanics.contact.rows import ContactRows
+
+
+class ContactProblem(Struct):
+    """The complementarity problem of k contacts in contact space: 3 k rows, normal and two tangents each.
+
+    It goes with the Delassus operator W (3 k, 3 k) in m/N, symmetric positive.
+
+    Attributes:
+        rows: ContactRows. Laws, limits, and the present forces.
+        motion: (3 C,) float64. Gaps and slips at the end of the step with the present forces, in m.
+        change: (3,) float64. What the last relaxation changed of a contact's force, in N.
+    """
+
+    rows: ContactRows
+    motion: Annotated[FloatArray, "m"]
+    change: Annotated[FloatArray, 3]
+
+
+class Unknowns(Struct):
+    """What a Newton step solves for, at most m unknowns; see `newton`."""
+
+    block: Annotated[IntArray, "m"]
+    test: Annotated[FloatArray, "m", 3]
+    column: Annotated[FloatArray, "m", 3]
+    shift: Annotated[FloatArray, "m"]  # lambda
+    matrix: Annotated[FloatArray, "m * m"]
+    step: Annotated[FloatArray, "m"]
+    along: Annotated[FloatArray, "m"]  # scratch
+
+
+@kernel
+def give(problem: ContactProblem, W: FloatArray, block: int, axis: int, force_n: float) -> None:
+    """Give a contact another force along an axis, note the change, and bring the motion of all rows up to date.
+
+    An update along a row of the symmetric W vectorises, a dot product would not.
+    """
+    row, motion = 3 * block + axis, problem.motion
+    change = force_n - problem.rows.force_n[block, axis]
+    problem.rows.force_n[block, axis], problem.change[axis] = force_n, change
+    if change != 0.0:
+        for column in range(W.shape[0]):
+            motion[column] += W[row, column] * change
+
+
+@kernel
+def add_unknown(out: Unknowns, n: int, block: int, test: tuple[float, float, float], shift: float) -> int:
+    """Add an unknown whose force changes along its test direction, and return the new number of unknowns."""
+    out.block[n], out.shift[n] = block, shift
+    for axis in range(3):
+        out.test[n, axis] = out.column[n, axis] = test[axis]
+    return n + 1
