@@ -31,6 +31,7 @@ class ContactRows(Struct):
             world axes.
         elastic_m: (C, 3) float64. Elastic slip at the start of the step, in world axes, for laws that remember it; see
             `warm_start.store_anchors`.
+        held_j: (C,) float64. What the springs of its friction stored with the force of the last step, in J.
         friction: (C,) float64. Coefficient of Coulomb friction, for laws that have it.
         rubbing_n: (C,) float64. Friction that a contact bears whatever presses it, for laws that have it: nothing, but
             within a solve.
@@ -60,6 +61,7 @@ class ContactRows(Struct):
     taken_m: Annotated[FloatArray, "c"]
     slip_m: Annotated[FloatArray, "c", 3]
     elastic_m: Annotated[FloatArray, "c", 3]
+    held_j: Annotated[FloatArray, "c"]
     friction: Annotated[FloatArray, "c"]
     rubbing_n: Annotated[FloatArray, "c"]
     force_limit_n: Annotated[FloatArray, "c"]

@@ -51,7 +51,7 @@ def complete_new(
     rows = state.rows
     subtract_duct_motion(rows, displacement, motion, first)
     for row in range(first, rows.n_contacts):
-        state.slides[row] = False
+        state.slides[row], rows.held_j[row] = False, 0.0
         for axis in range(3):
             rows.force_n[row, axis] = rows.elastic_m[row, axis] = 0.0
 

@@ -7,6 +7,7 @@ from typing import Annotated
 from services.mechanics.arrays import BoolArray, FloatArray, IntArray
 from services.mechanics.compiled.struct import Struct, reader
 from services.mechanics.contact.geometry import ContactGeometry
+from services.mechanics.contact.passivity import Ledger
 from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.rows import N_ROD_POINTS, ContactRows
 from services.mechanics.contact.solver_steps import SolverScratch
@@ -19,6 +20,7 @@ class ContactState(Struct):
     Attributes:
         problem: ContactProblem. Of these rows; its motion are gaps and slips at the end of the step.
         memory: ForceMemory. Of the last step.
+        ledger: Ledger. What contacts owe.
         delassus: (m m,) float64. Delassus operator W, packed as (3 k, 3 k) for k contacts.
         force_n: (c, 3) float64. Forces on the first bodies along world axes.
         slides: (c,) bool
@@ -29,6 +31,7 @@ class ContactState(Struct):
     rows: ContactRows
     problem: ContactProblem
     memory: ForceMemory
+    ledger: Ledger
     scratch: SolverScratch
     delassus: Annotated[FloatArray, "m * m"]
     force_n: Annotated[FloatArray, "c", 3]
@@ -46,6 +49,7 @@ class ContactState(Struct):
             rows=rows,
             problem=ContactProblem.zeros(m=m, rows=rows),
             memory=ForceMemory.zeros(c=capacity),
+            ledger=Ledger.zeros(),
             scratch=SolverScratch.allocate(capacity),
             **extents,
         )

@@ -12,6 +12,7 @@ from services.mechanics.arrays import AnyArray, FloatArray
 from services.mechanics.collision.pairs import NO_TOOL, ContactPairs
 from services.mechanics.contact import stages
 from services.mechanics.contact.geometry import Bodies, ContactGeometry
+from services.mechanics.contact.passivity import BEGINS_S
 from services.mechanics.contact.rows import add_rod_motion
 from services.mechanics.contact.state import ContactState
 from services.mechanics.contact.strategies import STRATEGIES
@@ -80,10 +81,11 @@ class ContactSystem:
         self.rows.put_zero("n_contacts")
         self.rows.dt_s = self.bodies.duct.dt_s
         self._first_new = 0
+        self._state.ledger.put_zero("solves")
 
     def step_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays that a step changes, and the next one goes on from."""
-        return tuple(self._state.memory.own_memory())
+        return *self._state.memory.own_memory(), *self._state.ledger.own_memory()
 
     def note_start(self) -> None:
         """Note what a step begins with beside `step_arrays`."""
@@ -164,6 +166,7 @@ class ContactSystem:
         """Forget the forces of the last tick: nothing is touched."""
         self.sweeps = 0
         self._state.memory.n_contacts = 0
+        self._state.ledger.begun_s = BEGINS_S
 
     def forget(self) -> None:
         """Forget the contacts of this step and their forces."""

@@ -41,7 +41,7 @@ SAME_PLACE_M = 50e-6
 
 @kernel
 def recall_forces(memory: ForceMemory, rows: ContactRows, slides: BoolArray, vertices_m: FloatArray) -> None:
-    """Fill ``rows.force_n``, ``elastic_m`` and ``slides`` (C,) with what is remembered, or with zero.
+    """Fill ``rows.force_n``, ``elastic_m``, ``held_j`` and ``slides`` (C,) with what is remembered, or with zero.
 
     First what is of the same first body and at the same place on the wall, whose undeformed nodes are ``vertices_m``
     (n, 3), or of the same pair beside the wall; then what is nearest of the same body against the same kind of target,
@@ -51,6 +51,7 @@ def recall_forces(memory: ForceMemory, rows: ContactRows, slides: BoolArray, ver
     for row in range(rows.n_contacts):
         rows.force_n[row] = 0.0
         rows.elastic_m[row] = 0.0
+        rows.held_j[row] = 0.0
         slides[row] = False
         memory.found[row] = _recall(memory, rows, row, _nearest(memory, rows, row, vertices_m, False), slides)
     for row in range(rows.n_contacts):
@@ -95,6 +96,8 @@ def _recall(memory: ForceMemory, rows: ContactRows, row: int, old: int, slides: 
             + rows.frame[row, axis, 1] * memory.force_n[old, 1]
             + rows.frame[row, axis, 2] * memory.force_n[old, 2]
         )
+        if axis >= 3 - ELASTIC_AXES[rows.law[row]]:
+            rows.held_j[row] += 0.5 * rows.softness_m_n[row, axis] * rows.force_n[row, axis] ** 2
     return True
 
 

@@ -13,7 +13,7 @@ from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.delassus import add_rod_compliance, add_tool_compliance, rotate_to_contact_frames
 from services.mechanics.contact.free_motion import free_motion
 from services.mechanics.contact.geometry import Bodies
-from services.mechanics.contact.solver import solve_contacts
+from services.mechanics.contact.passivity import solve_passively
 from services.mechanics.contact.spheres import add_sphere_compliance
 from services.mechanics.contact.stages import finish
 from services.mechanics.contact.state import ContactState, state_at
@@ -76,21 +76,23 @@ class ImplicitStrategy(ContactStrategy):
 
     def solve(self, iterations: int, dt_s: float) -> int:
         """Solve the complementarity problem."""
-        effort = (iterations, self._tolerance_n)
-        sweeps: int = solve_implicitly(self._address, (self._settings.recovery, dt_s), effort)
+        addresses, effort = (self._address, self._bodies.tools.address), (iterations, self._tolerance_n)
+        sweeps: int = solve_implicitly(addresses, (self._settings.recovery, dt_s), effort)
         return sweeps
 
 
 @kernel
 def solve_implicitly(
-    state_address: Address[ContactState], recovery: tuple[float, float], effort: tuple[int, float]
+    addresses: tuple[Address[ContactState], Address[ToolArrays]],
+    recovery: tuple[float, float],
+    effort: tuple[int, float],
 ) -> int:
-    """Find the contact forces from W and return the number of sweeps; see `free_motion` and `solve_contacts`."""
-    state = state_at(state_address)
+    """Find the contact forces from W and return the number of sweeps; see `free_motion` and `solve_passively`."""
+    state, hands = state_at(addresses[0]), (tools_at(addresses[1]), recovery[1])
     size = 3 * state.rows.n_contacts
     W = state.delassus[: size * size].reshape(size, size)
     free_motion(state.rows, recovery[0], recovery[1], state.problem.motion)
-    sweeps: int = solve_contacts(state.problem, W, effort, state.scratch)
+    sweeps: int = solve_passively(state.problem, W, effort, (state.scratch, state.ledger), hands)
     finish(state)
     store_anchors(state.problem, state.slides, state.memory.elastic_m)
     return sweeps

@@ -1,0 +1,131 @@
+"""Contacts give nothing: neither where overlaps are taken back, nor where the solve is cut short."""
+
+import numpy as np
+import pytest
+
+from services.mechanics.bodies.forceps.tool_body import ToolArrays
+from services.mechanics.contact.free_motion import free_motion, taken_back
+from services.mechanics.contact.identity import pair_identity
+from services.mechanics.contact.laws import number_of
+from services.mechanics.contact.passivity import BEGINS_S, LATELY_S, SLACK_J, Ledger, solve_passively
+from services.mechanics.contact.problem import ContactProblem
+from services.mechanics.contact.rows import ContactRows
+from services.mechanics.contact.solver import solve_contacts
+from services.mechanics.contact.solver_steps import SolverScratch
+from services.mechanics.contact.writer import append_row
+
+RECOVERY, DT_S = 0.2, 1e-3
+
+
+class Pressed:
+    """Random contacts under random loads, tied together by a random compliance; some of them overlap."""
+
+    def __init__(self, seed, k=12, deep_m=0.3e-3, pressed_m=1e-4):
+        random = np.random.default_rng(seed)
+        self.rows = ContactRows.zeros(c=k)
+        self.problem = ContactProblem.zeros(m=3 * k, rows=self.rows)
+        for row in range(k):
+            append_row(self.rows, number_of("unilateral"), pair_identity(-1, 0, row, 0, row))
+        rows = self.rows
+        rows.frame[:] = np.linalg.qr(random.normal(size=(k, 3, 3)))[0]
+        rows.gap_m[:] = random.uniform(-deep_m, 0.0, k)
+        rows.friction[:] = random.uniform(0.0, 0.6, k)
+        rows.slip_m[:] = -pressed_m * random.random((k, 1)) * rows.frame[:, 0] + 1e-6 * random.normal(size=(k, 3))
+        half = random.normal(size=(3 * k, 8))
+        self.bodies_m_n = 1e-3 * half @ half.T / 8.0
+        self.W = self.bodies_m_n + np.diag(rows.softness_m_n.ravel())
+        self.scratch, self.ledger = SolverScratch.allocate(k), Ledger.zeros(begun_s=BEGINS_S)
+        free_motion(rows, RECOVERY, DT_S, self.problem.motion)
+
+    def solve(self, how, sweeps=30):
+        more = ((self.scratch, self.ledger), (ToolArrays.zeros(), DT_S)) if how is solve_passively else (self.scratch,)
+        how(self.problem, self.W, (sweeps, 1e-10), *more)
+        return self
+
+    def given_j(self):
+        """Work on the bodies, from their own motion, and what the springs of friction have more."""
+        rows, force = self.rows, self.rows.force_n
+        slip_m = np.einsum("kij,kj->ki", rows.frame, rows.slip_m)
+        moved_m = (self.bodies_m_n @ force.ravel()).reshape(-1, 3) + slip_m
+        return float(np.sum(force * moved_m) + 0.5 * np.sum(rows.softness_m_n[:, 1:] * force[:, 1:] ** 2))
+
+
+@pytest.mark.parametrize("sweeps", [30, 1])
+def test_contacts_give_nothing(sweeps):
+    cases = [(seed, pressed_m) for seed in range(50) for pressed_m in (1e-4, 1e-5)]
+    plain_j = [Pressed(seed, pressed_m=m).solve(solve_contacts, sweeps).given_j() for seed, m in cases]
+    assert max(plain_j) > 1e-6
+    for seed, pressed_m in cases:
+        pressed = Pressed(seed, pressed_m=pressed_m).solve(solve_passively, sweeps)
+        force = pressed.rows.force_n
+        assert pressed.given_j() <= 1.01 * SLACK_J
+        assert (force[:, 0] >= 0.0).all()
+        assert (np.hypot(force[:, 1], force[:, 2]) <= pressed.rows.friction * force[:, 0] * (1.0 + 1e-9)).all()
+
+
+def test_what_is_paid_for_is_taken_back():
+    """A block pressed at 1 N, 0.1 mm deep, slides: friction takes more than 20 um of taking back give."""
+    for slip_m, share in ((0.1e-3, 1.0), (0.0, 0.0)):
+        pressed = Pressed(0, k=1)
+        rows = pressed.rows
+        rows.gap_m[0], rows.friction[0] = -0.1e-3, 0.5
+        rows.slip_m[0] = -1e-3 * rows.frame[0, 0] + (1e-6 + slip_m) * rows.frame[0, 1]
+        pressed.bodies_m_n = np.diag([1e-3, 1e-9, 1e-9])
+        pressed.W = pressed.bodies_m_n + np.diag(rows.softness_m_n[0])
+        free_motion(rows, RECOVERY, DT_S, pressed.problem.motion)
+        pressed.solve(solve_passively)
+        assert rows.force_n[0, 0] == pytest.approx(1.0, rel=0.03)
+        # What the surfaces' own softness takes, 1 uJ, pays for another micrometre.
+        assert rows.taken_m[0] == pytest.approx(share * taken_back(rows, 0, RECOVERY, DT_S), abs=2e-6)
+
+
+def test_a_shallow_overlap_is_taken_back_beside_a_deep_one():
+    """Two blocks under the same load; what friction of the first pays for is enough for the shallow one."""
+    pressed = Pressed(0, k=2)
+    rows = pressed.rows
+    rows.gap_m[:], rows.friction[:] = (-1e-6, -1e-3), (0.5, 0.0)
+    rows.slip_m[:] = -1e-3 * rows.frame[:, 0]
+    rows.slip_m[0] += 20e-6 * rows.frame[0, 1]
+    pressed.bodies_m_n = np.diag([1e-3, 1e-9, 1e-9] * 2)
+    pressed.W = pressed.bodies_m_n + np.diag(rows.softness_m_n.ravel())
+    free_motion(rows, RECOVERY, DT_S, pressed.problem.motion)
+    asked_m = rows.taken_m.copy()
+    pressed.solve(solve_passively)
+    assert rows.taken_m[0] == asked_m[0]
+    assert 0.0 > rows.taken_m[1] > asked_m[1]
+    assert pressed.given_j() <= 1.01 * SLACK_J
+
+
+def test_a_step_that_is_solved_again_is_entered_once():
+    """As where the catheter's step is planned again, or looked at where it ends: what was solved first never was."""
+    pressed, tools = Pressed(0), ToolArrays.zeros(present=np.array([True, False]))
+    tools.stiffness[0], tools.stretch[0], tools.hand[0] = 1000.0, -1e-3, 2e-3
+    pressed.ledger.begun_s = 0.0
+    entered = []
+    for step in range(1, 3):
+        pressed.ledger.solves = 0
+        for _ in range(4):
+            free_motion(pressed.rows, RECOVERY, DT_S, pressed.problem.motion)
+            work = (pressed.scratch, pressed.ledger)
+            solve_passively(pressed.problem, pressed.W, (30, 1e-10), work, (tools, DT_S))
+            ledger = pressed.ledger
+            entered.append((ledger.worked_j, ledger.most_j, ledger.begun_s))
+        assert entered[-4:] == [entered[-4]] * 4
+        assert ledger.begun_s == step * DT_S
+    assert entered[-1][0] == pytest.approx((1.0 + (1.0 - DT_S / LATELY_S)) * 4 * 1000.0 * 1e-3 * 2e-3)
+
+
+def test_what_a_step_may_give_is_not_owed():
+    """A catheter that lies still on flat triangles gives 16 pJ in each step: once that added up, points were kept."""
+    for gap_m, gives_j in ((-5e-6 - 3e-10, 0.6e-10), (-10e-6, 1e-6)):
+        pressed = Pressed(0, k=1)
+        rows = pressed.rows
+        rows.gap_m[0], rows.friction[0] = gap_m, 0.0
+        rows.slip_m[0] = -1e-3 * rows.frame[0, 0]
+        pressed.bodies_m_n = np.diag([1e-3, 1e-9, 1e-9])
+        pressed.W = pressed.bodies_m_n + np.diag(rows.softness_m_n[0])
+        free_motion(rows, RECOVERY, DT_S, pressed.problem.motion)
+        pressed.ledger.most_j = 1.0
+        given_j = pressed.solve(solve_passively).given_j()
+        assert given_j == pytest.approx(gives_j, rel=0.01)
+        assert pressed.ledger.owed_j == pytest.approx(max(given_j - SLACK_J, 0.0), rel=1e-6)
