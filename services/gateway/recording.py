@@ -52,8 +52,10 @@ def read_hand(path: Path, columns: tuple[str, ...], place: Place) -> npt.NDArray
     mount, at_arm, rows = pack_mount(place.mount), np.zeros(3), list[tuple[float, ...]]()
     for _topic, _time_ns, state in read_messages(path, ("gateway.state",)):
         time_s = 1e-3 * state.tick
-        if rows and time_s <= rows[-1][0]:
+        if rows and time_s < rows[-1][0]:
             break
+        if rows and time_s == rows[-1][0]:  # the rig's time stood
+            continue
         for hand in state.instruments:
             if hand.name == place.instrument:
                 to_arm(np.array(hand.position_m) - mount[2:], 0, mount, at_arm, 0)

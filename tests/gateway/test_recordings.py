@@ -53,7 +53,10 @@ SAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "recordings" / "inser
 def test_a_hand_is_read_from_a_recording_of_a_rig_wherever_the_arm_stands() -> None:
     mount = Mount(centre_m=(0.01, 0.02, 0.03), yaw_rad=0.7)
     table = read_hand(SAMPLE, COLUMNS, Place("right", mount))
-    hands = [body.instruments[1] for _, _, body in read_messages(SAMPLE, ["gateway.state"])]
+    states = [body for _, _, body in read_messages(SAMPLE, ["gateway.state"])]
+    first_of_tick = {body.tick: body for body in reversed(states)}
+    assert len(first_of_tick) < len(states), "time stood while the rig started: nothing ends there"
+    hands = [first_of_tick[tick].instruments[1] for tick in sorted(first_of_tick)]
     packed, world_m = pose.pack_mount(mount), np.zeros(3)
     for row, hand in list(zip(table, hands, strict=True))[::500]:
         pose.to_world(np.array([row["x_m"], row["y_m"], row["z_m"]]), 0, packed, world_m, 0)

@@ -7,11 +7,13 @@ from services.mechanics.simulation.simulation import Simulation
 
 
 def compile_rare_kernels(simulation: Simulation) -> None:
-    """Call what assembles many contacts, judges a wall that moves far, and lets the catheter sleep.
+    """Call what assembles many contacts, judges a wall that moves far, lets the catheter sleep, and books energies.
 
     Physics needs them, and haptics compiles them for it: the order is the same in both.
     """
     simulation.system.strategy.compile_kernels()
     simulation.pace.compile_kernels()
+    for effect in simulation.world.effects:
+        effect.potential_energy_j(simulation.world)
     catheter = simulation.catheter
     sleep_on(catheter.step_address, catheter.state.position_m, catheter.state.velocity_m_s)

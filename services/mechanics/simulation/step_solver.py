@@ -52,9 +52,10 @@ class Pricing:
 
     def finds_violations(self) -> bool:
         """Return whether something ends too deep that no row holds."""
+        return not self._is_off and self._search.has_candidates and self._price()
+
+    def _price(self) -> bool:
         system = self._world.system
-        if self._is_off or not self._search.has_candidates:
-            return False
         copy_arrays(self._note_pose)
         self._world.tools.update_pose()
         longer = max(1.0, self._world.duct.dt_s / LONGEST_STEP_S)
@@ -78,10 +79,10 @@ class Pricing:
         self.new_rows += rows.n_contacts - before
 
     def compile_kernels(self) -> None:
-        """Compile what a price asks for: the first violation may come late, while a loop runs."""
+        """Compile what a price asks for: the first violation may come late, as what is near may, while a loop runs."""
         if not self._is_off:
-            self.note()
-            self.finds_violations()
+            copy_arrays(self._note)
+            self._price()
             self.take_back()
             self.append_rows()
 
