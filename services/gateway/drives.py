@@ -9,6 +9,7 @@ import socket
 import struct
 import subprocess
 import sys
+import threading
 
 from services.gateway import drive_orders
 from services.gateway.drive_orders import Add, Ask, BeginAgain, GoOn, Order, Pace
@@ -19,6 +20,8 @@ _STOP_TIMEOUT_S = 2.0
 _ANSWER_TIMEOUT_S = 5.0
 
 _running: dict[tuple[int | None, int | None], DriveProcess] = {}
+#: Handles are opened anew in threads of their own.
+_finding = threading.Lock()
 
 
 class DriveProcess:
@@ -98,8 +101,9 @@ class DriveProcess:
 
 
 def find_process(core: int | None, priority: int | None) -> DriveProcess:
-    """Return the process for drives that run there, started if there is none yet."""
+    """Return the process for drives that run there, started if there is none yet; from any thread."""
     key = core, priority
-    if key not in _running or _running[key].end() is not None:
-        _running[key] = DriveProcess(core, priority)
-    return _running[key]
+    with _finding:
+        if key not in _running or _running[key].end() is not None:
+            _running[key] = DriveProcess(core, priority)
+        return _running[key]

@@ -6,6 +6,7 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -148,6 +149,22 @@ def test_drives_that_died_or_hang_are_a_fault_until_the_rig_is_armed(number: sig
         assert second != first
         handles[1].go_on()
         assert _moves(handles[1], 0.01)
+
+
+def test_handles_that_are_opened_at_once_find_one_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each is opened in a thread of its own, and a process takes a while to start on a busy machine."""
+
+    class Slow:
+        def __init__(self, core: int | None, priority: int | None) -> None:
+            time.sleep(0.2)
+
+        def end(self) -> None: ...
+
+    monkeypatch.setattr(drives, "DriveProcess", Slow)
+    monkeypatch.setattr(drives, "_running", {})
+    with ThreadPoolExecutor(2) as threads:
+        first, second = threads.map(lambda _: drives.find_process(None, None), range(2))
+    assert first is second
 
 
 def _read_until(handles: list[grasp_simulated.Driver], done: Callable[[], bool]) -> None:

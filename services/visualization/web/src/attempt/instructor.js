@@ -34,9 +34,11 @@ export class Instructor {
     $("instructor-said").dataset.level = ok ? "good" : "bad";
   }
 
+  // Comes with every new link to the rig too; what the instructor has chosen meanwhile stays chosen.
   setRig({ scenarios = [], scenario, switches }) {
     this.switches = switches;
-    $("scenario").replaceChildren(...scenarios.map((name) => element("option", { value: name, textContent: name, selected: name === scenario })));
+    const chosen = $("scenario").value || scenario;
+    $("scenario").replaceChildren(...scenarios.map((name) => element("option", { value: name, textContent: name, selected: name === chosen })));
     text($("scenario-how"), switches ? "" : "This rig was not started by trocar up; trocar up --scenario NAME begins one.");
     this.admitSwitch();
   }
