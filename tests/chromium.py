@@ -20,6 +20,8 @@ from websockets.sync.client import ClientConnection, connect
 _PR_SET_PDEATHSIG = 1
 _PATIENCE_S = 170.0
 _libc = ctypes.CDLL(None)
+#: What the protocol says of a page that is left while it is asked, for another one or for itself anew.
+_LEFT = ("context", "navigated")
 
 #: What a browser of a container needs, and what keeps it from doing anything but the page.
 _OPTIONS = (
@@ -28,6 +30,10 @@ _OPTIONS = (
     "--disable-background-networking", "--disable-component-update", "--disable-sync", "--mute-audio",
     "--disable-dev-shm-usage", "--hide-scrollbars",
 )  # fmt: skip
+
+
+class PageLeftError(Exception):
+    """The page was left before it answered: what it would have said, the next one may be asked."""
 
 
 def find() -> str | None:
@@ -99,19 +105,21 @@ class Chromium:
 
     @staticmethod
     def until(condition: Callable[[], object], seconds: float, what: str) -> None:
-        """Wait until `condition` holds."""
+        """Wait until `condition` holds; of a page that is just being left nothing does."""
         end = time.monotonic() + seconds
-        while not condition():
+        while not _holds(condition):
             assert time.monotonic() < end, f"not within {seconds} s: {what}"
             time.sleep(0.05)
 
     def command(self, method: str, **parameters: Any) -> dict[str, Any]:
-        """Send a command of the protocol; return its result."""
+        """Send a command of the protocol; return its result. Raises PageLeftError."""
         self._last += 1
         self._socket.send(json.dumps({"id": self._last, "method": method, "params": parameters}))
         while True:
             answer = json.loads(self._socket.recv(timeout=_PATIENCE_S))
             if answer.get("id") == self._last:
+                if any(word in answer.get("error", {}).get("message", "") for word in _LEFT):
+                    raise PageLeftError(answer)
                 assert "error" not in answer, answer
                 result: dict[str, Any] = answer["result"]
                 return result
@@ -127,7 +135,7 @@ class Chromium:
         self.command("Page.navigate", url=address)
 
     def evaluate(self, expression: str) -> Any:
-        """Return what a JavaScript expression, or the promise that it is, comes to."""
+        """Return what a JavaScript expression, or the promise that it is, comes to. Raises PageLeftError."""
         done = self.command("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
         assert "exceptionDetails" not in done, done
         return done["result"].get("value")
@@ -140,3 +148,10 @@ class Chromium:
         """Write what is to be seen as a PNG; with `whole`, the page as long as it is."""
         image = self.command("Page.captureScreenshot", format="png", captureBeyondViewport=whole)
         path.write_bytes(base64.b64decode(image["data"]))
+
+
+def _holds(condition: Callable[[], object]) -> bool:
+    try:
+        return bool(condition())
+    except PageLeftError:
+        return False

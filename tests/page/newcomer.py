@@ -23,6 +23,7 @@ from PIL import Image
 from services.runtime.rig import Transport
 from services.supervisor.page_place import page_file
 from tests.chromium import Chromium
+from tests.page.orders import PATIENCE_S, order
 from tests.rig.conftest import running_rig
 
 INSERTED_MM = 5.0
@@ -99,7 +100,9 @@ def newcomer(directory: Path) -> Iterator[Mouse]:
     ):
         access = json.loads(page_file(Transport(directory=directory / "bus")).read_text())
         browser.open(f"{access['address']}#token={access['token']}")
-        browser.until(lambda: browser.evaluate("document.querySelector('#view.ready') !== null"), 60, "the page loaded")
+        browser.until(
+            lambda: browser.evaluate("document.querySelector('#view.ready') !== null"), PATIENCE_S, "the page loaded"
+        )
         yield Mouse(browser)
 
 
@@ -121,7 +124,7 @@ def insert(mouse: Mouse, look: Callable[[], None] = lambda: None) -> None:
     draw_to(mouse, BEFORE_MM, 2.0)
     look()
     draw_to(mouse, 57.0, 3.0)
-    mouse.browser.until(lambda: inserted_mm(mouse) > INSERTED_MM, 60, "the catheter is in the duct")
+    mouse.browser.until(lambda: inserted_mm(mouse) > INSERTED_MM, PATIENCE_S, "the catheter is in the duct")
     look()
     draw_to(mouse, 45.0, 4.0)
     time.sleep(1.0)
@@ -136,7 +139,9 @@ def take(mouse: Mouse, look: Callable[[], None] = lambda: None) -> None:
     time.sleep(1.0)
     look()
     mouse.press("#take-hands")
-    browser.until(lambda: browser.evaluate("document.querySelector('#hands.taken') !== null"), 20, "the hands are on")
+    browser.until(
+        lambda: browser.evaluate("document.querySelector('#hands.taken') !== null"), PATIENCE_S, "the hands are on"
+    )
     time.sleep(1.0)  # the eye has moved
     look()
 
@@ -211,10 +216,10 @@ def attempt(mouse: Mouse, most_s: float = 300.0) -> Course:
 def begin_again(mouse: Mouse) -> None:
     """Put everything back to its start, from the page."""
     browser = mouse.browser
-    mouse.press("#attempt-again")
+    assert order(browser, lambda: mouse.press("#attempt-again")) == "a new attempt begins"
     browser.until(
         lambda: browser.text("#attempt-state").startswith("Begin") and browser.text("#depth-value") == "0.0 mm",
-        60, "everything is back at its start",
+        PATIENCE_S, "everything is back at its start",
     )  # fmt: skip
 
 

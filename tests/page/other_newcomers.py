@@ -14,6 +14,7 @@ import pytest
 from tests import chromium
 from tests.chromium import Chromium
 from tests.page.newcomer import INSERTED_MM, Mouse, inserted_mm, jaws_mm, newcomer
+from tests.page.orders import PATIENCE_S
 
 pytestmark = [
     pytest.mark.rig,
@@ -84,13 +85,15 @@ def take(person: Mouse) -> Chromium:
     person.press("#toggle-dashboard")
     time.sleep(1.0)
     person.press("#take-hands")
-    browser.until(lambda: browser.evaluate("document.querySelector('#hands.taken') !== null"), 20, "the hands are on")
+    browser.until(
+        lambda: browser.evaluate("document.querySelector('#hands.taken') !== null"), PATIENCE_S, "the hands are on"
+    )
     time.sleep(1.0)  # the eye has moved
     return browser
 
 
 def until_in(person: Mouse) -> None:
-    person.browser.until(lambda: inserted_mm(person) > INSERTED_MM, 60, "the catheter is in the duct")
+    person.browser.until(lambda: inserted_mm(person) > INSERTED_MM, PATIENCE_S, "the catheter is in the duct")
 
 
 def test_keys_alone_insert_the_catheter_and_turn_the_other_tool(tmp_path: Path) -> None:

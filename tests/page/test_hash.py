@@ -61,11 +61,11 @@ def test_an_open_tab_takes_a_token_that_is_pasted_and_gives_it_up(page: tuple[Ch
     assert "open the address" in browser.text("#hand-hint")
     for token in ("first", "of-the-next-start"):
         browser.open(f"{address}#token={token}")
-        browser.until(lambda: all(_may_command(browser)), 20, "the page took the token")
+        browser.until(lambda: all(_may_command(browser)), 170, "the page took the token")
         browser.evaluate("document.getElementById('arm').click()")
         assert browser.evaluate("sent.at(-1)") == ["api/arm", token]
     assert browser.text("#hand-hint").startswith("Move the forceps yourself")
     assert browser.evaluate("trocar.hands.token") == "of-the-next-start"
     browser.screenshot(tmp_path / "page.png")
     browser.open(f"{address}#")
-    browser.until(lambda: not any(_may_command(browser)), 20, "the page gave the token up")
+    browser.until(lambda: not any(_may_command(browser)), 170, "the page gave the token up")

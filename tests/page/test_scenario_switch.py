@@ -14,6 +14,7 @@ from services.runtime.rig import Transport
 from services.supervisor.page_place import page_file
 from tests import chromium
 from tests.chromium import Chromium
+from tests.page.orders import PATIENCE_S, order
 from tests.rig.conftest import START_S, Rig, running_rig
 
 pytestmark = [
@@ -21,7 +22,6 @@ pytestmark = [
     pytest.mark.timeout(900),
     pytest.mark.skipif(chromium.find() is None, reason="no Chromium on this machine"),
 ]
-PATIENCE_S = 170.0
 #: Keeps all that the page says to the instructor, over its reload: no look from outside is as quick as that may be.
 _HEAR = """
 {
@@ -42,17 +42,6 @@ def rig(tmp_path: Path) -> Iterator[Rig]:
 def _page(rig: Rig) -> dict[str, str]:
     said: dict[str, str] = json.loads(page_file(Transport(directory=rig.directory / "bus")).read_text())
     return said
-
-
-def _click_until_it_begins(browser: Chromium) -> None:
-    """Click as a person does: once more where the page stood still for so long that the order was too old."""
-    answer = "globalThis.old === true ? document.getElementById('instructor-said').textContent : 'the page has gone'"
-    said = "not reachable"
-    while "given it up" in said or "not reachable" in said:
-        browser.evaluate("document.getElementById('instructor-said').textContent = ''")
-        browser.evaluate("document.getElementById('scenario-run').click()")
-        browser.until(lambda: browser.evaluate(answer), PATIENCE_S, "the page says what came of it")
-        said = browser.evaluate(answer)
 
 
 def _rig(address: str) -> Any:
@@ -77,7 +66,7 @@ def test_another_scenario_begins_at_the_same_address_with_the_same_token(rig: Ri
         browser.until(lambda: browser.evaluate("document.getElementById('scenario').value") == "basic", PATIENCE_S, "")
         browser.evaluate(_HEAR)
         browser.evaluate("globalThis.old = true; document.getElementById('scenario').value = 'narrow'")
-        _click_until_it_begins(browser)
+        order(browser, lambda: browser.evaluate("document.getElementById('scenario-run').click()"))
         browser.until(lambda: browser.evaluate("globalThis.old !== true"), START_S, "the page is loaded anew")
         browser.until(lambda: browser.text("#rig-name").endswith("narrow"), START_S, "it shows the other scene")
         heard = browser.evaluate("sessionStorage.getItem('heard') ?? ''")
@@ -85,7 +74,8 @@ def test_another_scenario_begins_at_the_same_address_with_the_same_token(rig: Ri
         browser.until(lambda: browser.text("#tick").endswith(" s"), START_S, "a picture came")
         begun = "narrow: "
         browser.until(lambda: browser.text("#instructor-scenario").startswith(begun), START_S, "its attempt is shown")
-        assert browser.evaluate("document.getElementById('scenario').value") == "narrow"
+        chosen = "document.getElementById('scenario').value"
+        browser.until(lambda: browser.evaluate(chosen) == "narrow", PATIENCE_S, "and chosen")
         browser.screenshot(rig.directory / "instructor.png")
     assert _page(rig) == page
     assert _rig(address)["scenario"] == "narrow"

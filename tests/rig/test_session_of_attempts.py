@@ -14,6 +14,7 @@ from services.cli.arm import ask_at
 from services.runtime.rig import Transport
 from services.supervisor.page_place import page_file
 from tests import chromium
+from tests.obeyed import until_obeyed
 from tests.rig.conftest import running_rig
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(600)]
@@ -42,7 +43,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Attemp
         # Scripted hands wait for nobody: on a busy machine they are in before the training process follows them.
         rig.observer.until(lambda: bool(done() or told), LASTS_S, "somebody follows the attempt")
         page = json.loads(page_file(Transport(directory=folder / "bus")).read_text())
-        ask_at(page["address"], page["token"], "attempt", {"what": "new"})
+        until_obeyed(lambda: ask_at(page["address"], page["token"], "attempt", {"what": "new"}))
         told.clear()
         rig.observer.until(lambda: bool(done()), LASTS_S, "an attempt is done")
         ended = done()

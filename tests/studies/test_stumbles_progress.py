@@ -53,11 +53,15 @@ def test_lines_come_in_a_pipe_also_while_one_step_takes_long(
     monkeypatch.setattr(progress_bar, "EVERY_S", 0.05)
     with progress_line() as tell:
         tell("cases, pinch", 1, 8)
-        time.sleep(0.5)
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert len(said.err.splitlines()) >= 2
-    assert said.err.splitlines()[-1].startswith("cases, pinch: 1 of 8, ")
+        said, end_s = "", time.monotonic() + 60.0
+        while said.count("\n") < 3:
+            assert time.monotonic() < end_s, said
+            time.sleep(0.01)
+            out, err = capsys.readouterr()
+            said += err
+            assert out == ""
+    assert said.splitlines()[2].startswith("cases, pinch: 1 of 8, ")
+    capsys.readouterr()
     time.sleep(0.2)
     assert capsys.readouterr().err == ""
 

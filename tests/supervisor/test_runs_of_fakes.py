@@ -23,6 +23,7 @@ from services.runtime.zmq_bus import ZmqBus
 from services.supervisor import run_report
 from services.supervisor.supervisor import Supervisor
 from tests.by_day import by_day
+from tests.obeyed import until_obeyed
 from tests.supervisor.fakes import HERE, PATIENCE_S, Fakes, Scenario, gone, page_servers, until, until_running
 from tests.with_us import with_us
 
@@ -255,7 +256,7 @@ def test_a_command_that_was_given_up_is_not_carried_out_by_a_page_that_hung(fake
         os.kill(page_server, signal.SIGCONT)
         yield from until(lambda: any("given it up: nothing was done" in event.text for event in supervisor.events))
         assert supervisor.body().armed == 0
-        armed = asked(lambda: ask_at(address, token, "arm"))
+        armed = asked(lambda: until_obeyed(lambda: ask_at(address, token, "arm")))
         yield from until(lambda: bool(armed))
         assert armed == ["armed: hands may be pushed"]
 

@@ -176,7 +176,7 @@ def test_origins():
 
 @pytest.mark.parametrize("path", ["snapshot.png", "camera.mjpeg"])
 def test_a_picture_is_not_given_to_another_sites_name_for_this_machine(show, path):
-    answer = httpx.get(f"http://127.0.0.1:{show.port}/{path}", headers={"Host": "evil.example"})
+    answer = httpx.get(f"http://127.0.0.1:{show.port}/{path}", headers={"Host": "evil.example"}, timeout=PATIENCE_S)
     assert answer.status_code == 421
     assert "not known here" in answer.text
 

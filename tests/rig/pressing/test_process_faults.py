@@ -13,6 +13,7 @@ import pytest
 
 from services.cli.attempt import run_order
 from services.recordings.reader import read_frames
+from tests.obeyed import until_obeyed
 from tests.rig.conftest import Rig
 from tests.rig.faults import FAULTS, MENDED_S, engage, force_n, force_rates_n_s, rate_limit_n_s, strike
 
@@ -31,7 +32,7 @@ def test_an_attempt_begins_again_stands_and_goes_on_with_limp_arms_and_without_a
     observer, overrides = rig.observer, (f"transport.directory={rig.directory / 'bus'}",)
 
     def ask(what: str, value: float = 0.0) -> None:
-        run_order("stub", overrides, what, value)
+        until_obeyed(lambda: run_order("stub", overrides, what, value))
 
     engage(rig)
     del observer.samples[:-50]

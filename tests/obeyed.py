@@ -1,0 +1,23 @@
+"""Orders to a rig, given again where a busy machine let one come too late: of such a one nothing was done."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+from services.runtime.errors import UserError
+
+_PATIENCE_S = 60.0
+T = TypeVar("T")
+
+
+def until_obeyed(order: Callable[[], T]) -> T:
+    """Give an order until the rig obeys; return what `order` does. Raises what it raises where it never does."""
+    end_s = time.monotonic() + _PATIENCE_S
+    while True:
+        try:
+            return order()
+        except UserError:
+            if time.monotonic() > end_s:
+                raise
