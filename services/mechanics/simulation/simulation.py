@@ -87,7 +87,7 @@ class Simulation:
         self._report_arrays = ReportArrays.of(self.tool_results, self._tool_force)
         self._stiffness = LocalStiffness(self.system.bodies, self.system.address, self.tool_results)
         self.cost_ns = [0] * len(STAGE_NAMES)
-        self._marks_ns = [0] * (len(STAGE_NAMES) + 1)
+        self._marks_ns = [0] * (len(STAGE_NAMES) - 1)
         self.pace = Pace(world)
         self._calls = CallCheck()
         self.watcher: Watcher | None = None
@@ -123,8 +123,11 @@ class Simulation:
         steps = steps_of(dt_s, self.rung.ticks_per_step * LONGEST_STEP_S)
         for _ in range(steps):
             if not self._step_in_parts(tools, dt_s / steps):
-                self._heal(dt_s)
+                self._heal()
                 break
+        start_ns = perf_counter_ns()
+        self.write_report(dt_s)
+        self.cost_ns[-1] = perf_counter_ns() - start_ns
         if self._fading and all(effect.rests for effect in self._fading):
             self._use_rung(self.quality_level)
 
@@ -143,7 +146,7 @@ class Simulation:
         if not self._move(tools, dt_s) and dt_s > SHORTEST_STEP_S:
             self._start.put_back()
             return all(self._take_part(tools, 0.5 * dt_s) for _ in range(2))
-        self._end_step(dt_s)
+        self._correct(dt_s)
         if self.watcher is not None:
             self.watcher.end(dt_s)
         return self._healer.watch()
@@ -169,21 +172,10 @@ class Simulation:
         marks[4] = perf_counter_ns()
         is_settled = self.solver.solve(dt_s)
         marks[5] = perf_counter_ns()
-        self.cost_ns[:5] = map(add, self.cost_ns, map(sub, marks[1:6], marks[:5]))
+        self.cost_ns[:5] = map(add, self.cost_ns, map(sub, marks[1:], marks))
         return is_settled and self.pace.is_seen()
 
-    def _end_step(self, dt_s: float) -> None:
-        """Let effects act on the end of a step, and write what tools feel."""
-        marks = self._marks_ns
-        if self.wire_drive is not None:
-            self.wire_drive.settle()
-        self._correct(dt_s)
-        marks[6] = perf_counter_ns()
-        self.write_report(dt_s)
-        marks[7] = perf_counter_ns()
-        self.cost_ns[5:] = map(add, self.cost_ns[5:], map(sub, marks[6:], marks[5:7]))
-
-    def _heal(self, dt_s: float) -> None:
+    def _heal(self) -> None:
         """Go back to the last sound state; in this tick nothing acts on a tool."""
         self._healer.heal()
         for grasp in self.grasps:
@@ -192,7 +184,6 @@ class Simulation:
             self.wire_drive.let_go()
         self._tool_force[:] = 0.0
         self._use_rung(self.quality_level)
-        self.write_report(dt_s)
 
     @property
     def duct_state(self) -> ModalState:
@@ -338,6 +329,10 @@ class Simulation:
         return held
 
     def _correct(self, dt_s: float) -> None:
+        """Let what has moved act on the end of a step."""
+        start_ns = perf_counter_ns()
+        if self.wire_drive is not None:
+            self.wire_drive.settle()
         self.seal.slide()
         self.holds.slide()
         self.search.note_pressed(self.system.address)
@@ -348,9 +343,10 @@ class Simulation:
             effect.settle(self.world, dt_s)
         for effect in self._stages["after_solve"]:
             effect.after_solve(self.world, dt_s)
+        self.cost_ns[-2] += perf_counter_ns() - start_ns
 
     def write_report(self, dt_s: float) -> None:
-        """Write what the tools feel."""
+        """Write what the tools feel at the end of a tick, however many parts it was taken in."""
         addresses = (self.system.address, self.tools.address, self._report_arrays.address)
         self.max_penetration_m = report(*addresses, dt_s)
         if self.system.strategy.knows_stiffness and self.is_felt:

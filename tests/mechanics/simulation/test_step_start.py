@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from services.mechanics.contact.tool_loads import FORCE_RATE_N_S
 from services.mechanics.contact.working_set import MOST_AHEAD_M
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from studies.stability.drive import reduced_duct
 from studies.stability.families.abuse import KINDS
+from studies.stability.finely import contact_forces_n
 
 LEAVES, RETURNS = 330, 360
 ROUNDING = 1e-10
@@ -84,3 +86,23 @@ def test_a_catheter_that_snaps_goes_no_further_in_a_part_than_contacts_are_seen_
     assert sum(dt_s for dt_s, _ in ways.parts) == pytest.approx(1e-3)
     assert len(ways.parts) > 1
     assert max(way_m for _, way_m in ways.parts) <= MOST_AHEAD_M
+
+
+def test_a_force_that_is_gone_in_a_late_part_of_a_tick_falls_as_far_as_in_any_other():
+    """Hands are shown one force a tick: how it is split decides nothing. A grip tears, and its tick is split."""
+    play = KINDS["pulled apart by both tools"](np.random.default_rng(3))
+    simulation, tools = Simulation(play.scene, reduced_duct(play.scene)), ToolInputs()
+    ways, felt_n = Ways(simulation), simulation.tool_results.force_n
+    split = set()
+    for step in range(len(play.hands)):
+        before_n = felt_n.copy()
+        ways.parts.clear()
+        play.hands.write(step, tools)
+        simulation.step(tools)
+        wanted_n = contact_forces_n(simulation) - before_n
+        for tool, size_n in enumerate(np.linalg.norm(wanted_n, axis=1)):
+            share = min(FORCE_RATE_N_S * 1e-3 / max(size_n, 1e-12), 1.0)
+            np.testing.assert_allclose(felt_n[tool], before_n[tool] + share * wanted_n[tool], rtol=0, atol=1e-9)
+            if share < 1.0 and len(ways.parts) > 1:
+                split.add(tool)
+    assert split == {0, 1}
