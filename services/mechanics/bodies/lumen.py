@@ -14,12 +14,15 @@ from services.mechanics.arrays import ByteArray, FloatArray, IntArray
 from services.mechanics.bodies.wall_motion import wall_motion
 from services.mechanics.collision.primitives import segment_pierces
 from services.mechanics.compiled import kernel
-from services.mechanics.compiled.vectors import Vector, cross, dot, row, squared_distance, subtract
+from services.mechanics.compiled.vectors import Vector, along, cross, dot, row, squared_distance, subtract
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.surface.mesh import TriangleMesh, boundary_loops
 from services.mechanics.surface.rim_caps import fill_rim
 
 OUTSIDE = -1.0
+Caps = tuple[IntArray, IntArray, FloatArray]
+"""Triangles (m, 3) of all caps, where each of them ends, and room for a radius of each."""
+Placed = tuple[FloatArray, FloatArray]
 
 
 class Lumen:
@@ -44,8 +47,8 @@ class Lumen:
         triangles = np.concatenate([np.zeros((0, 3), np.int32), *caps])
         self._nodes, local = np.unique(triangles, return_inverse=True)
         self._nodes = self._nodes.astype(np.int32)
-        self._caps = np.ascontiguousarray(local.reshape(-1, 3), np.int32)
-        self._ends = np.cumsum([len(cap) for cap in caps], dtype=np.int32)
+        ends = np.cumsum([len(cap) for cap in caps], dtype=np.int32)
+        self._caps = np.ascontiguousarray(local.reshape(-1, 3), np.int32), ends, np.zeros(len(ends))
         self._closed, self._mesh = np.concatenate([mesh.triangles, triangles]), mesh
         self._motion = wall_motion(duct, 1)
         self.inside = np.zeros(n_particles, np.int8)
@@ -62,7 +65,7 @@ class Lumen:
         corners_m = self._motion.positions(self._nodes, q)
         self._follow_base(q, position_m[0], corners_m)
         place: float
-        place, cap = cross_caps(position_m, (corners_m, self._caps, self._ends), self._begins_inside, self.inside)
+        place, cap = cross_caps(position_m, corners_m, self._caps, self._begins_inside, self.inside)
         self.entered_by = self.openings[cap] if cap >= 0 else ""
         return place
 
@@ -79,15 +82,9 @@ class Lumen:
         if self._base_m is None:
             every = np.arange(self._mesh.n_vertices, dtype=np.int32)
             self._begins_inside = abs(turns_round(base_m, self._closed, self._motion.positions(every, q))) > 0.5
-        else:
-            first = 0
-            for end in self._ends:
-                nodes = self._caps[first:end]
-                carried_m = self._base_m + (corners_m[nodes] - self._corners_m[nodes]).mean(axis=(0, 1))
-                way, turned = np.stack([carried_m, base_m]), np.zeros(2, np.int8)
-                cross_caps(way, (corners_m, nodes, np.array([len(nodes)], np.int32)), self._begins_inside, turned)
-                self._begins_inside = bool(turned[1])
-                first = end
+            self._base_m = base_m
+        before = self._base_m, self._corners_m
+        self._begins_inside ^= goes_through_caps(before, (base_m, corners_m), self._caps)
         self._base_m, self._corners_m = base_m.copy(), corners_m
 
 
@@ -98,20 +95,42 @@ def name_of(mesh: TriangleMesh, rim: IntArray) -> str:
 
 
 @kernel
+def goes_through_caps(before: Placed, now: Placed, caps: Caps) -> bool:
+    """Return whether a point that each cap carries along changes sides on its way to where it is now.
+
+    ``before`` and ``now`` are the point (3,), and corners of caps.
+    """
+    (triangles, ends, _), first, changes = caps, 0, False
+    was, here = (before[0][0], before[0][1], before[0][2]), (now[0][0], now[0][1], now[0][2])
+    for cap in range(ends.shape[0]):
+        p = was
+        for t in range(first, ends[cap]):
+            for corner in range(3):
+                came = subtract(row(now[1], triangles[t, corner]), row(before[1], triangles[t, corner]))
+                p = along(p, came, 1.0 / (3 * (ends[cap] - first)))
+        if _crossing(p, here, now[1], triangles, (first, ends[cap])) >= 0.0:
+            changes = not changes
+        first = ends[cap]
+    return changes
+
+
+@kernel
 def cross_caps(
-    position: FloatArray, caps: tuple[FloatArray, IntArray, IntArray], begins_inside: bool, inside: ByteArray
+    position: FloatArray, corners: FloatArray, caps: Caps, begins_inside: bool, inside: ByteArray
 ) -> tuple[float, int]:
     """Write who of the particles is inside, and return where the axis last crossed a cap, in segments, and which.
 
-    ``caps`` are their corners (k, 3), triangles (m, 3) and where each of them ends.
+    ``corners`` (k, 3) are where those of the caps are.
     """
-    corners, triangles, ends = caps
+    triangles, ends, radii = caps
+    _measure(corners, caps)
     inside[0] = 1 if begins_inside else 0
     last, by = 0.0, -1
     for i in range(position.shape[0] - 1):
         p, q, first, turns = row(position, i), row(position, i + 1), 0, 0
         for cap in range(ends.shape[0]):
-            if _is_near(p, q, corners, triangles, (first, ends[cap])):
+            reach = radii[cap] + math.sqrt(squared_distance(p, q))
+            if squared_distance(p, row(corners, triangles[first, 0])) <= reach * reach:
                 place = _crossing(p, q, corners, triangles, (first, ends[cap]))
                 if place >= 0.0:
                     turns += 1
@@ -119,6 +138,18 @@ def cross_caps(
             first = ends[cap]
         inside[i + 1] = inside[i] if turns % 2 == 0 else 1 - inside[i]
     return (last, by) if inside[position.shape[0] - 1] else (OUTSIDE, -1)
+
+
+@kernel
+def _measure(corners: FloatArray, caps: Caps) -> None:
+    """Write the radius of a sphere about the first corner of each cap which holds it."""
+    (triangles, ends, radii), first = caps, 0
+    for cap in range(ends.shape[0]):
+        middle, radius_2 = row(corners, triangles[first, 0]), 0.0
+        for t in range(first, ends[cap]):
+            for corner in range(3):
+                radius_2 = max(radius_2, squared_distance(middle, row(corners, triangles[t, corner])))
+        radii[cap], first = math.sqrt(radius_2), ends[cap]
 
 
 @kernel
@@ -130,18 +161,6 @@ def _crossing(p: Vector, q: Vector, corners: FloatArray, triangles: IntArray, sp
         if meets and s < 1.0:
             return s
     return -1.0
-
-
-@kernel
-def _is_near(p: Vector, q: Vector, corners: FloatArray, triangles: IntArray, span: tuple[int, int]) -> bool:
-    """Return whether a segment may meet a cap: whether it reaches a sphere round it."""
-    middle = row(corners, triangles[span[0], 0])
-    radius_2 = 0.0
-    for t in range(span[0], span[1]):
-        for corner in range(3):
-            radius_2 = max(radius_2, squared_distance(middle, row(corners, triangles[t, corner])))
-    reach = math.sqrt(radius_2) + math.sqrt(squared_distance(p, q))
-    return bool(squared_distance(p, middle) <= reach * reach)
 
 
 def turns_round(point_m: FloatArray, triangles: IntArray, vertices_m: FloatArray) -> float:
