@@ -95,11 +95,7 @@ class WallPlacement:
 
     def _stand(self, q: FloatArray, moved_m: float, loads: Loads, lasting: Loads) -> float:
         self.bounds.take(q)
-        leave(self.wall.address, q)
-        add_loads(self.wall.address, loads)
-        if len(lasting[0]):
-            add_loads(self.wall.address, lasting)
-        return float(arrive(self.wall.address, moved_m))
+        return float(stand_at(self.wall.address, q, moved_m, loads, lasting))
 
     def place(self, nodes: IntArray) -> None:
         """Place ``nodes`` (k,) where the wall stands, those that are not there yet."""
@@ -173,9 +169,18 @@ def _residual(duct: ReducedDuct) -> dict[str, AnyArray]:
 
 
 @kernel
-def leave(address: Address[PlacedWall], q: FloatArray) -> None:
-    """Stand at coordinates q (r,) without any loads."""
+def stand_at(address: Address[PlacedWall], q: FloatArray, moved_m: float, loads: Loads, lasting: Loads) -> float:
+    """Stand at coordinates q (r,) and loads; return how far in m a node can have moved, with modes by ``moved_m``."""
     wall = wall_at(address)
+    _leave(wall, q)
+    _add_loads(wall, loads)
+    _add_loads(wall, lasting)
+    return float(_arrive(wall, moved_m))
+
+
+@kernel
+def _leave(wall: PlacedWall, q: FloatArray) -> None:
+    """Stand at coordinates q (r,) without any loads."""
     wall.n_changed = 0
     for mode in range(q.shape[0]):
         wall.q[mode] = q[mode]
@@ -185,9 +190,8 @@ def leave(address: Address[PlacedWall], q: FloatArray) -> None:
 
 
 @kernel
-def add_loads(address: Address[PlacedWall], loads: Loads) -> None:
+def _add_loads(wall: PlacedWall, loads: Loads) -> None:
     """Add loads to those that the wall stands at."""
-    wall = wall_at(address)
     for load in range(loads[0].shape[0]):
         at = wall.n_loads
         wall.load_node[at] = loads[0][load]
@@ -207,9 +211,9 @@ def _note_change(wall: PlacedWall, load: int, sign: float) -> None:
 
 
 @kernel
-def arrive(address: Address[PlacedWall], moved_m: float) -> float:
+def _arrive(wall: PlacedWall, moved_m: float) -> float:
     """Return how far in m a node can have moved, with modes by ``moved_m``; unless by nothing, none is placed yet."""
-    wall, total = wall_at(address), 0.0
+    total = 0.0
     for k in range(wall.n_changed):
         node, square = wall.changed[k], 0.0
         for axis in range(3):

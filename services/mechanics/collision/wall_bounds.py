@@ -10,17 +10,30 @@ from __future__ import annotations
 import itertools
 import math
 from copy import copy
-from typing import Self
+from typing import Annotated, Self
 
 import numpy as np
 
 from services.mechanics.arrays import FloatArray, LongArray
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.reduction.large_rotations.warping import SectionFrame
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 
 _BLOCKS = 8
 """Blocks of modes, small ones where modes are soft: what moves far."""
+
+
+class BlocksOfModes(Struct):
+    """The frequencies of r modes, where b blocks of them begin and the last ends, what each moves, and from where."""
+
+    omega: Annotated[FloatArray, "r"]
+    edges: Annotated[LongArray, "e"]
+    gain: Annotated[FloatArray, "b"]
+    anchor: Annotated[FloatArray, "r"]
+
+
+blocks_at = reader(BlocksOfModes)
 
 
 class WallBounds:
@@ -30,25 +43,26 @@ class WallBounds:
         r = len(omega_rad_s)
         edges = np.unique(np.round(r * np.linspace(0.0, 1.0, _BLOCKS + 1) ** 1.5).astype(int))
         spans = list(itertools.pairwise(edges))
-        self._omega, self._edges = np.ascontiguousarray(omega_rad_s), edges
-        self._gain = np.array([largest_gain(Phi[:, :, a:b] / omega_rad_s[a:b]).max() for a, b in spans])
-        self._anchor = np.zeros(r)
+        gain = np.array([largest_gain(Phi[:, :, a:b] / omega_rad_s[a:b]).max() for a, b in spans])
+        self._modes = BlocksOfModes.zeros(omega=np.ascontiguousarray(omega_rad_s), edges=edges, gain=gain, r=r)
 
     def twin(self) -> Self:
         """Return bounds of the same wall that count from elsewhere."""
-        twin = copy(self)
-        twin._anchor = self._anchor.copy()  # noqa: SLF001
+        twin, modes = copy(self), self._modes
+        twin._modes = BlocksOfModes(  # noqa: SLF001
+            omega=modes.omega, edges=modes.edges, gain=modes.gain, anchor=modes.anchor.copy()
+        )
         return twin
 
     def take(self, q: FloatArray) -> None:
         """Count from these coordinates (r,)."""
-        self._anchor[:] = q
+        self._modes.anchor[:] = q
 
     def moved_m(self, q: FloatArray, beyond_m: float = 0.0) -> float:
         """Return how far a node can be from where it was, in m, being ``beyond_m`` at most from where modes put it."""
         if not len(q):
             return 0.0
-        return float(moved_by_blocks(self._omega, self._gain, self._edges, self._anchor, q))
+        return float(moved_by_blocks(self._modes.address, q))
 
 
 class TurnedBounds(WallBounds):
@@ -58,6 +72,7 @@ class TurnedBounds(WallBounds):
         if duct.warp is None:
             raise ValueError("a wall that turns needs a duct with a warp")
         super().__init__(duct.warp.local, duct.basis.omega_rad_s)
+        self._at_rest = self.twin()._modes  # noqa: SLF001
         self._frame = SectionFrame(duct.warp)
         self._arm_m = float(np.linalg.norm(duct.warp.arm_m, axis=1).max())
         self._turns, self._centres_m = self._frame.turns.copy(), self._frame.centres_m.copy()
@@ -73,7 +88,7 @@ class TurnedBounds(WallBounds):
         self._frame.update(q)
         turned = np.linalg.norm(self._frame.turns - self._turns, axis=1).max()
         carried = np.linalg.norm(self._frame.centres_m - self._centres_m, axis=1).max()
-        local_m = float(moved_by_blocks(self._omega, self._gain, self._edges, np.zeros_like(q), q))
+        local_m = float(moved_by_blocks(self._at_rest.address, q))
         return super().moved_m(q) + float(carried + turned * (self._arm_m + local_m + beyond_m))
 
 
@@ -83,9 +98,10 @@ def wall_bounds(duct: ReducedDuct) -> WallBounds:
 
 
 @kernel
-def moved_by_blocks(omega: FloatArray, gain: FloatArray, edges: LongArray, anchor: FloatArray, q: FloatArray) -> float:
+def moved_by_blocks(address: Address[BlocksOfModes], q: FloatArray) -> float:
     """Return the sum over blocks of modes of their gain times |omega (q - anchor)|."""
-    total = 0.0
+    modes, total = blocks_at(address), 0.0
+    omega, edges, gain, anchor = modes.omega, modes.edges, modes.gain, modes.anchor
     for block in range(gain.shape[0]):
         square = 0.0
         for mode in range(edges[block], edges[block + 1]):

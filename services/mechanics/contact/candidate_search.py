@@ -97,7 +97,8 @@ class CandidateSearch:
         duct, catheter, tools = bodies
         listed, n = self._wall.list, duct.n_loads
         self._take_pieces(catheter.start_m, tools)
-        take_spheres(listed.address, self._spheres.address, self._end, self._half_m)
+        if self._spheres.count:
+            take_spheres(listed.address, self._spheres.address, self._end, self._half_m)
         if self._apart_is_unknown:
             self._working.apart_m[:] = merge_distance_m(listed.thickness, 2.0 * self._half_m)
             self._apart_is_unknown = False
@@ -148,7 +149,8 @@ class CandidateSearch:
         duct, catheter, tools = bodies
         n = duct.n_loads
         self._take_pieces(catheter.state.position_m, tools)
-        take_sphere_ends(self._wall.list.address, state, self._end, self._half_m)
+        if self._spheres.count:
+            take_sphere_ends(self._wall.list.address, state, self._end, self._half_m)
         self._wall.move(duct.state.q, (duct.load_nodes[:n], duct.load_force_n[:n]), duct.lasting_loads)
         want_ahead(self._wall.list.address, self._start.where[0], self._ahead_m, self._most_m)
         self._wall.measure(self._found)

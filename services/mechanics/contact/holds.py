@@ -212,7 +212,10 @@ class HoldRegistry:
         self._list_slots()
 
     def _is_sound(self, request: GraspHold) -> bool:
-        """Whether a request means something; what does not is counted."""
+        """Whether a request means something; what does not is counted. Of what is held, only the limit is asked."""
+        known = self.active.get(request.hold_id)
+        if known is not None and known.request is request and request.limit_n >= 0.0:
+            return True
         is_sound = (
             0 <= request.tool < N_TOOLS
             and request.tool not in self._holding_nothing
