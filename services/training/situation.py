@@ -114,6 +114,9 @@ class Observer:
         self._site = site
         self._mouth_m = np.array(site.mouth_m) if site else None
         self._inward = np.array(site.inward) if site else _ZERO
+        self._eye_m: Vector | None = None
+        if site is not None and site.eye_m is not None and site.looks_at_m is not None:
+            self._eye_m, self._axis = np.array(site.eye_m), np.subtract(site.looks_at_m, site.eye_m)
         self._gateway: GatewayState | None = None
         self._contacts: ToolContacts | None = None
         self._due_tick = 0
@@ -237,15 +240,13 @@ class Observer:
             s.arc_over_chord = max(s.arc_over_chord, (end_m - arc_m) / chord_m)
 
     def _take_tools(self, s: Situation) -> None:
-        site = self._site
         if self._gateway is not None:
             s.flushing = any(told.buttons & _FLUSH_BUTTON for told in self._gateway.instruments)
         if self._contacts is not None and len(s.hands) > 1:
             (a, b), (c, d) = (_shaft(hand) for hand in s.hands[:2])
             s.shafts_apart_m = segments_apart_m(a, b, c, d)
-        if site is not None and site.eye_m is not None and site.looks_at_m is not None:
-            eye, axis = np.array(site.eye_m), np.subtract(site.looks_at_m, site.eye_m)
-            s.view_angle_rad = tuple(_angle(_shaft(hand)[1] - eye, axis) for hand in s.hands)
+        if self._eye_m is not None:
+            s.view_angle_rad = tuple(_angle(_shaft(hand)[1] - self._eye_m, self._axis) for hand in s.hands)
 
 
 class _Rod:
@@ -253,25 +254,37 @@ class _Rod:
 
     def __init__(self, points: Vector) -> None:
         self.points = points
-        self._edges = np.diff(points, axis=0)
+        self._edges = points[1:] - points[:-1]
         self._lengths = np.sqrt(np.einsum("ij,ij->i", self._edges, self._edges))
-        self.arc_m = np.concatenate(([0.0], np.cumsum(self._lengths)))
+        self.arc_m = np.zeros(len(points))
+        np.cumsum(self._lengths, out=self.arc_m[1:])
 
     def arc_at(self, place: float) -> float:
         """Return the arc length at a place counted in segments."""
-        return float(np.interp(place, np.arange(len(self.arc_m)), self.arc_m))
+        k = min(max(int(place), 0), len(self._lengths) - 1)
+        begin_m, end_m = self.arc_m[k : k + 2].tolist()
+        return float(begin_m + (end_m - begin_m) * min(max(place - k, 0.0), 1.0))
 
     def point(self, arc_m: float) -> Vector:
-        return np.array([np.interp(arc_m, self.arc_m, self.points[:, axis]) for axis in range(3)])
+        k = self._segment(arc_m)
+        begin_m, end_m = self.arc_m[k : k + 2].tolist()
+        if not begin_m < arc_m < end_m:
+            end: Vector = self.points[k + int(arc_m >= end_m)]
+            return end
+        point: Vector = self._edges[k] / (end_m - begin_m) * (arc_m - begin_m) + self.points[k]
+        return point
 
     def behind_tip(self, length_m: float) -> Vector:
         return self.point(self.arc_m[-1] - length_m)
 
     def tangent(self, arc_m: float) -> Vector:
         """Return the unit vector towards the tip."""
-        k = min(int(np.searchsorted(self.arc_m, arc_m, side="right")) - 1, len(self._lengths) - 1)
+        k = self._segment(arc_m)
         tangent: Vector = self._edges[k] / max(self._lengths[k], 1e-12)
         return tangent
+
+    def _segment(self, arc_m: float) -> int:
+        return min(max(int(self.arc_m.searchsorted(arc_m, side="right")) - 1, 0), len(self._lengths) - 1)
 
     def bend_radius_m(self) -> float:
         """Return the smallest radius of the circles through neighbours that touch both of their segments' middles."""

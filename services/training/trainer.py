@@ -53,7 +53,7 @@ class Trainer:
         self._id = _new_id()
         self._again_after_s, self._judges, self._rules = again_after_s, judges, rules
         self._begins = self._awaited = self._asked = self._steps = 0
-        self._pace, self._score = 1.0, NO_SCORE
+        self._pace, self.score = 1.0, NO_SCORE
         self._ended_s: float | None = None
         self._parting: bodies.Attempt | None = None
         self._answers: deque[bodies.Answer] = deque(maxlen=_KEPT)
@@ -71,7 +71,7 @@ class Trainer:
         if runs and self.sight.judge is None and self._judges is not None and self.scenario is not None:
             self.sight.judge = self._judges(self.scenario)
         if self.attempt.ended and self._ended_s is None:
-            self._ended_s, self._score = now_s, self._total()
+            self._ended_s, self.score = now_s, self._total()
         if self.sight.pressed_s >= PRESSED_S:
             self.sight.release()
             self.begin("somebody pressed the button of a device")
@@ -96,7 +96,7 @@ class Trainer:
             self._parting = self.body()
         self._begins += 1
         self._awaited, self._asked = self.sight.begins + 1, self.sight.gateway
-        self._pace, self._score = 1.0, NO_SCORE
+        self._pace, self.score = 1.0, NO_SCORE
         self._ended_s = self.sight.judge = None
         self.attempt, self._id = Attempt(self.scenario.goal if self.scenario else None), _new_id()
         return "a new attempt begins"
@@ -174,7 +174,7 @@ class Trainer:
             one_handed=scenario.view.one_handed if scenario else False,
             bookmarks_s=tuple(attempt.bookmarks_s[-64:]),
             answers=tuple(self._answers),
-            score=self._score,
+            score=self.score,
         )
 
     def gist(self) -> tuple[object, ...]:

@@ -81,10 +81,10 @@ class Episode:
     def advance(self, ticks: int) -> None:
         """Go on by ``ticks``, with the hands at the rates that they have; the procedure sees how that ends."""
         length = self.simulation.rung.ticks_per_step
-        devices = None
+        devices, last = None, self.tick + ticks - length
         for _ in range(ticks // length):
             if self.tick:
-                self._framer.settle(self.tick)
+                self._framer.settle(self.tick, last)
             before = self._hands.state.copy() if self._recording is not None else None
             self._hands.move(length * TICK_S)
             self._step(length)
@@ -103,11 +103,12 @@ class Episode:
 
     def verdict(self) -> Verdict:
         """Return how it stands."""
-        told, judge = self._trainer.body(), self._trainer.sight.judge
-        cost_s = sum(map(self._rules.penalty, judge.events)) if judge is not None else 0.0
+        attempt, judge = self._trainer.attempt, self._trainer.sight.judge
+        cost_s = sum(map(self._rules.penalty, judge.events)) if judge is not None and attempt.errors else 0.0
         return Verdict(
-            told.outcome, told.reason, told.phase, told.time_s, told.depth_m, cost_s, dict(told.errors), told.score
-        )
+            outcome=attempt.outcome, reason=attempt.reason, phase=attempt.phase, time_s=attempt.time_s,
+            depth_m=attempt.depth_m, cost_s=cost_s, errors=dict(attempt.errors), score=self._trainer.score,
+        )  # fmt: skip
 
     def close(self) -> None:
         """End it where it is; one that is not done is abandoned."""

@@ -78,10 +78,13 @@ class Framer:
         """Return the live rows (n, REACTION_COLUMNS) of what the tools feel."""
         return self._outputs.reactions(self._grips.hands)
 
-    def settle(self, tick: int) -> None:
-        """Measure the inserted length where physics does it after this tick: so frames are the same to the bit."""
+    def settle(self, tick: int, last: int) -> None:
+        """Measure the inserted length where physics does it after this tick: so frames are the same to the bit.
+
+        Not where it does so once more up to ``last``, from where on a frame is looked at.
+        """
         period = max(1, tick // _MEASURED_EVERY)
-        if period != self._period:
+        if period != self._period and period == max(1, last // _MEASURED_EVERY):
             self._period = period
             self._outputs.forget()
             self._outputs.settle()

@@ -9,7 +9,7 @@ import numpy as np
 from protocol.bodies import PhysicsState
 from protocol.bodies.haptics import tool_table
 from services.haptics.grasping import Grasping
-from services.haptics.instruments import HANDLE, INSTRUMENT_COLUMNS, PORT, ROLL
+from services.haptics.instruments import HANDLE_RATE, INSTRUMENT_COLUMNS, PORT, ROLL
 from services.haptics.reactions import Reactions
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.pairs import CATHETER_SEGMENT
@@ -46,10 +46,7 @@ class Grips:
 
         ``newest`` packs what was solved last, None before the first step, and is asked only where jaws close.
         """
-        self._instruments[:, :3], self._instruments[:, ROLL], self._instruments[:, HANDLE] = (
-            state[:, :3],
-            *state[:, 3:].T,
-        )
+        self._instruments[:, :3], self._instruments[:, ROLL:HANDLE_RATE] = state[:, :3], state[:, 3:]
         self.hands = self._grasping.follow(self._n_tools)
         if newest is not None and self._grasping.closing:
             self._grasping.take_shapes(newest())

@@ -22,7 +22,7 @@ Made = tuple[str, Settings]
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """Of one episode; ``processor_s`` is what its steps took, ``simulated_s`` how long it was."""
+    """Of one episode; ``processor_s`` is what the steps of the environment took, ``simulated_s`` how long it was."""
 
     seed: int
     success: bool
@@ -71,16 +71,16 @@ def play(policy: Policy | None, seed: int, noise: float, made: Made) -> Outcome:
     observation, _ = env.reset(seed=seed)
     inside: Any = env.unwrapped
     expert = Expert(inside)
-    steps, reward, cost_s, ended, info = 0, 0.0, 0.0, False, {"is_success": False}
-    began_s = time.process_time()
+    steps, reward, cost_s, took_s, ended, info = 0, 0.0, 0.0, 0.0, False, {"is_success": False}
     while not ended:
         action = policy(observation) if policy is not None else expert.action()
         if noise:
             action = np.clip(action + random.normal(0.0, noise, action.shape), -1.0, 1.0).astype(np.float32)
+        began_s = time.process_time()
         observation, gained, terminated, truncated, info = env.step(action)
+        took_s += time.process_time() - began_s
         steps, reward, cost_s = steps + 1, reward + float(gained), cost_s + info["cost"]
         ended = terminated or truncated
-    took_s = time.process_time() - began_s
     simulated_s, depth_m = inside.time_s, inside.depth_m
     inside.leave()
     return Outcome(seed, bool(info["is_success"]), steps, reward, cost_s, depth_m, simulated_s, took_s)
