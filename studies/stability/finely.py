@@ -26,12 +26,14 @@ Explained = dict[tuple[int, int], FloatArray]
 
 
 def contact_forces_n(simulation: Simulation) -> FloatArray:
-    """Return the contact force on each tool (2, 3), before the limiter."""
+    """Return the force of the contacts, and of a guide wire, on each tool (2, 3), before the limiter."""
     rows, n, forces = simulation.contacts, simulation.contacts.n_contacts, np.zeros((N_TOOLS, 3))
     if n:
         by_tool = rows.tool[:n] != NO_TOOL
         each = np.einsum("kac,ka->kc", rows.lever[:n, :, :3], simulation.contact_force_n)
         np.add.at(forces, rows.tool[:n][by_tool], each[by_tool])
+    if simulation.wire_drive is not None:
+        simulation.wire_drive.load(forces)
     return forces
 
 

@@ -30,8 +30,8 @@ class WireMotion:
         work_j: float. What its motion, at a given shape, has put into the rod.
         input_j: float. What its drive has put in by twisting it.
         friction_j: float. What friction between wire and catheter has taken.
-        numerical_j: float. What steps have taken: those of slide and roll are implicit, and the forces at the start of
-            a step miss some of what the rod takes up in it.
+        numerical_j: float. What steps have taken: those of slide and roll are implicit, the forces at the start of a
+            step miss some of what the rod takes up in it, and the drive is where the catheter's end was then.
     """
 
     place: Place
@@ -67,15 +67,15 @@ class WireDrive:
         bending = (model.arc[-1] - model.arc[-2]) / (model.bent[-1, 0] - model.bent[-2, 0])
         self._torsion_nm_rad = bending / (1.0 + model.poisson) / length_m
         self.motion = WireMotion(self.wire.place)
-        self._origin_m, self._rolled_rad, self._is_held = 0.0, 0.0, False
+        self._origin_m, self._rolled_rad, self._is_held, self._ahead_m = 0.0, 0.0, False, 0.0
 
     def note_start(self) -> None:
         """Note what a step begins with."""
-        self._noted = self.motion, self._origin_m, self._rolled_rad, self._is_held
+        self._noted = self.motion, self._origin_m, self._rolled_rad, self._is_held, self._ahead_m
 
     def put_back_start(self) -> None:
         """Begin with that again."""
-        self.motion, self._origin_m, self._rolled_rad, self._is_held = self._noted
+        self.motion, self._origin_m, self._rolled_rad, self._is_held, self._ahead_m = self._noted
         self.wire.lay(self.motion.place)
 
     def let_go(self) -> None:
@@ -108,11 +108,19 @@ class WireDrive:
         if self.wire.place != self.motion.place:
             self._lay(self.motion.place)
 
-    def give(self, tool_force: FloatArray) -> None:
-        """Add to the generalised forces of the tools (2, 4) what the wire does to its drive."""
+    def load(self, tool_force: FloatArray) -> None:
+        """Add what the wire does to its drive to the forces of the tools: (2, 3), or generalised ones (2, 4)."""
         tool_force[self._tool, :3] -= self.motion.push_n * self._along
+
+    def give(self, tool_force: FloatArray) -> None:
+        """Add that to the generalised forces of the tools (2, 4), and let the tools give way to all of them."""
+        self.load(tool_force)
         self._tools.correct(tool_force)
         self._tools.update_pose()
+        motion, before_m = self.motion, self._ahead_m
+        self._ahead_m = self._hub_m(self._tools.proxy) - self._origin_m - motion.place[0]
+        late_j = motion.push_n * (self._ahead_m - before_m)
+        self.motion = replace(motion, numerical_j=motion.numerical_j + late_j)
 
     def felt_stiffness(self, out: FloatArray) -> None:
         """Write the stiffness (2, 3, 3) that its hand meets along the axis: the coupling's, while the wire stays."""
@@ -130,12 +138,12 @@ class WireDrive:
     def _take_hold(self) -> None:
         was_held, self._is_held = self._is_held, bool(self._tools.present[self._tool])
         if self._is_held and not was_held:
-            self._origin_m = self._hub_m() - self.motion.place[0]
+            self._origin_m, self._ahead_m = self._hub_m(self._tools.free) - self.motion.place[0], 0.0
             self._rolled_rad = self._roll_rad() - self.motion.twisted_rad
 
-    def _hub_m(self) -> float:
-        """Return where the tool is along the axis without the wire, from the catheter's proximal end."""
-        return float((self._tools.free[self._tool, :3] - self._catheter.state.position_m[0]) @ self._along)
+    def _hub_m(self, tools: FloatArray) -> float:
+        """Return where the tool, of coordinates (2, 4), is along the axis from the catheter's proximal end."""
+        return float((tools[self._tool, :3] - self._catheter.state.position_m[0]) @ self._along)
 
     def _roll_rad(self) -> float:
         """Return the roll of the tool less that of the catheter's first director, about the axis, to within turns."""
@@ -147,7 +155,7 @@ class WireDrive:
     def _slid(self, pushes_n: tuple[float, ...], dt_s: float) -> WireMotion:
         """Return the motion with the wire slid by what acts on it beyond what friction holds."""
         before, (outwards, holds, inwards) = self.motion, pushes_n
-        at_m, wanted_m = before.place[0], self._hub_m() - self._origin_m
+        at_m, wanted_m = before.place[0], self._hub_m(self._tools.free) - self._origin_m
         spring = self._is_held / float(self._tools.compliance[self._tool, 0])
         inertia = self._mass_kg / (dt_s * dt_s)
         asked_n = inertia * dt_s * before.speed_m_s + spring * (wanted_m - at_m)

@@ -44,6 +44,12 @@ FAMILIES: dict[str, Family] = {
     "probing": Family("a probe pressed into wall and catheter and dragged over both", probing.cases),
     "driving": Family("a catheter pushed, twisted and steered through a fork, by any opening", driving.cases),
     "driving_tube": Family("the same through a tube, by both ends", partial(driving.cases, wall=driving.Wall.TUBE)),
+    "guide_wire": Family(
+        "the same fork, with a guide wire pushed and twisted ahead", partial(driving.cases, wire=driving.WIRE)
+    ),
+    "guide_wire_tube": Family(
+        "the same wire in the tube", partial(driving.cases, wall=driving.Wall.TUBE, wire=driving.WIRE)
+    ),
     "numbers": Family(
         "NaN, infinities and what overflows, from a device and from a caller", numbers.cases, may_heal=True
     ),
