@@ -46,6 +46,17 @@ def names(imported):
 
 sys.meta_path.insert(0, Without())
 """
+#: Puts modules in the place of others that know every name, and all that any of them does is to return None.
+STAND_INS = """
+import sys, types
+for name in {modules!r}:
+    sys.modules[name] = types.ModuleType(name)
+    sys.modules[name].__getattr__ = lambda asked: lambda *_: None
+"""
+FEATURES = [
+    *(f"services.mechanics.bodies.{name}" for name in ("catheter_drive", "wire_drive", "guide_wire")),
+    *("services.mechanics.rod.guide_wire", "services.mechanics.scene.duct_tubes", "services.meshes.branching"),
+]
 #: Both tools press a duct with a catheter in it, one from above and one aside, with every other effect but the two that
 #: take seconds to prepare: the state to the last bit, how many calls of stages a step makes and how many instructions
 #: of the interpreter it takes, and whether anything was touched.
@@ -111,6 +122,13 @@ def assert_off_is_as_deleted(names: list[str]) -> None:
 @pytest.mark.parametrize("names", GROUPS, ids="-".join)
 def test_off_is_bit_identical_to_a_build_without_them(names):
     assert_off_is_as_deleted(names)
+
+
+def test_a_scene_without_branches_drives_and_wires_is_bit_identical_to_a_build_without_them():
+    """And a step of it takes as many instructions: what is not there is asked for, and nothing of it runs."""
+    with_them, without = outcome([], ""), outcome([], STAND_INS.format(modules=FEATURES))
+    assert with_them[1] == "True"
+    assert with_them == without
 
 
 @pytest.mark.long
