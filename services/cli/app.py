@@ -251,8 +251,9 @@ def config_schema(kind: Annotated[str, typer.Argument(help="rig, scene or device
     """Print the JSON schema of a kind of file."""
 
 
+@functools.cache
 def add_installed_verbs() -> None:
-    """Add the verbs of installed packages that name a function (app) in the entry-point group `VERBS`.
+    """Add the verbs of installed packages, once, that name a function (app) in the entry-point group `VERBS`.
 
     `services` imports neither what judges it nor what reviews its runs: they bring their verbs themselves.
     """

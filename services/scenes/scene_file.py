@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, fields
-from functools import reduce
 from operator import or_
 from typing import Any, get_type_hints
 
@@ -32,9 +32,14 @@ def scene_file_type(tools: tuple[type[ToolScene], ...] | None = None) -> type[py
 
     With ``tools``, the kinds that a file names: then only what these know is known.
     """
-    kinds = get_type_hints(SceneModel)
-    kinds["forceps"] = tuple[reduce(or_, TOOLS.values()), ...] if tools is None else tuple[tools]  # type: ignore[misc, valid-type]
-    kinds["effects"] = TypedDict("Effects", {name: entry.kind.Settings for name, entry in EFFECTS.items()}, total=False)  # type: ignore[operator]
+    forceps: Any = tuple[functools.reduce(or_, TOOLS.values()), ...] if tools is None else tuple[tools]  # type: ignore[misc, valid-type]
+    return _file_type(forceps, tuple((name, entry.kind.Settings) for name, entry in EFFECTS.items()))
+
+
+@functools.cache
+def _file_type(forceps: Any, effects: tuple[tuple[str, Any], ...]) -> type[pydantic.BaseModel]:
+    kinds = get_type_hints(SceneModel) | {"forceps": forceps}
+    kinds["effects"] = TypedDict("Effects", dict(effects), total=False)  # type: ignore[operator]
     said = [field for field in fields(SceneModel) if "follows" not in field.metadata]
     keys: dict[str, Any] = {field.name: (kinds[field.name], _default(field)) for field in said}
     made: type[pydantic.BaseModel] = pydantic.create_model("Scene", __config__=_STRICT, **keys)

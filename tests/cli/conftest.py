@@ -1,7 +1,13 @@
-"""Running the command in this process: exit code, output, errors."""
+"""Running the command in this process: exit code, output, errors.
+
+What `trocar up` starts beside itself before anything is checked, the check and the fork server, imports for two seconds
+of processor each: the check is made in this process, and there is no server. `test_stumbles_validation` and
+`test_errors` start the command as a user does.
+"""
 
 from __future__ import annotations
 
+import json
 import signal
 import sys
 from collections.abc import Callable, Iterator
@@ -10,7 +16,10 @@ from pathlib import Path
 
 import pytest
 
+from services.cli import check_options, validation
 from services.cli.app import main
+from services.runtime.errors import UserError
+from services.supervisor import fork_link
 
 
 @dataclass(frozen=True)
@@ -32,10 +41,27 @@ class Ran:
 Trocar = Callable[..., Ran]
 
 
+class _NoServer:
+    """In the place of a fork server."""
+
+    def close(self) -> None:
+        """Nothing is there to be closed."""
+
+
+def _check(options: str) -> None:
+    rig, scene, overrides = json.loads(options)
+    try:
+        check_options.checked_rig(rig, scene, overrides)
+    except UserError as error:
+        raise validation.RefusedError(str(error), error.exit_code) from None
+
+
 @pytest.fixture
 def trocar(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Iterator[Trocar]:
     for name in ("TROCAR_RIG", "TROCAR_SCENE", "TROCAR_SET", "DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(validation, "_check", _check)
+    monkeypatch.setattr(fork_link, "ForkServer", _NoServer)
     kept = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)}
 
     def run(*arguments: object) -> Ran:

@@ -42,6 +42,14 @@ def test_a_misspelt_option_is_named_and_leaves_nothing(
     assert list(short_path.iterdir()) == []
 
 
+def test_the_check_in_a_process_of_its_own_refuses_with_the_same_sentence_and_code(short_path: Path) -> None:
+    made = f"transport.directory={short_path / 'bus'}"
+    with pytest.raises(validation.RefusedError, match=r"^--rig stubb: .*; did you mean 'stub'\?$") as refused:
+        validation.validate("stubb", None, (made,))
+    assert refused.value.exit_code == 2
+    assert list(short_path.iterdir()) == []
+
+
 @pytest.mark.parametrize(
     ("override", "nearest"),
     [
