@@ -46,7 +46,7 @@ class CandidateList(Struct):
     wanted: Annotated[FloatArray, "p"]  # gap up to which candidates are measured
     reach: Annotated[FloatArray, "p"]  # the largest that may be wanted before the lists are renewed
     skin_m: float
-    along_m: float  # an edge is a candidate of its own up to so much farther than the closest pair; below 0 none is
+    along_m: float  # other places are candidates up to so much farther than the closest pair; below 0 none is
     wall_travel: float = 0.0
     n_nodes: int = 0
     stamp: int = 0

@@ -1,9 +1,9 @@
 """Candidates: the closest pair of every piece and triangle that are within reach, and the unsigned normal between them.
 
 A piece is a capsule (a segment of a tool, of the catheter; a sphere where its ends are one point). Edges, vertices and
-rims come with the triangles. A piece that lies along a triangle comes near it in more than one place: edges as near as
-the closest pair are candidates of their own. With one place a triangle, a jaw across two edges had a contact now at the
-one, now at the other, and sank in where it had none.
+rims come with the triangles. A piece that lies along a triangle comes near it in more than one place: at its ends and
+at edges. Those as near as the closest pair are candidates of their own. With one place a triangle, a jaw across two
+edges had a contact now at the one, now at the other, and a catheter's tip never came to rest beside an edge.
 
 The normal points from the wall's middle surface to the piece's axis, whichever side it is on: what is guaranteed is
 that axes never cross the middle surface, so that the side never changes.
@@ -16,7 +16,7 @@ from typing import Annotated
 
 from services.mechanics.arrays import FloatArray, IntArray, LongArray
 from services.mechanics.collision.candidate_list import CandidateList, is_within, list_at, note_distance
-from services.mechanics.collision.primitives import Edges, closest_of_edges, closest_segment_triangle, on_edge
+from services.mechanics.collision.primitives import Places, closest_places, closest_segment_triangle
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import (
@@ -38,7 +38,7 @@ Where = tuple[FloatArray, FloatArray]
 
 #: Below this distance of an axis from the middle surface a normal is noise.
 _TOUCHING_M = 1e-12
-#: An edge is another place if it is so far along the piece from that, as a part of the distance of axis and surface.
+#: Places are different if they are so far from each other along the piece, as a part of its distance at a touch.
 _ELSEWHERE = 0.02
 
 
@@ -80,28 +80,32 @@ def measure(address: Address[CandidateList], out_address: Address[Candidates], s
 @kernel
 def _measure_entry(found: CandidateList, p: int, k: int, out: Candidates) -> None:
     t, where = found.entry[p, k], (found.ends, found.position)
-    edges = _edges(where, found.clusters.triangles, p, t)
-    distance, s, w, normal = _closest(where, found.clusters.triangles, (p, t), edges)
+    places = _places(where, found.clusters.triangles, p, t)
+    distance, s, w, normal = _closest(where, found.clusters.triangles, (p, t), places)
     note_distance(found, p, k, distance)
     reach = found.thickness[p] + found.wanted[p]
     if distance <= reach:
         put(out, (p, t), (distance - found.thickness[p], s, w, normal))
         if found.along_m >= 0.0:
-            _put_edges(found, (p, t), edges, (min(distance + found.along_m, reach), s), out)
+            _put_others(found, (p, t), places, (min(distance + found.along_m, reach), s), out)
 
 
 @kernel
-def _put_edges(
-    found: CandidateList, place: tuple[int, int], edges: Edges, closest: tuple[float, float], out: Candidates
+def _put_others(
+    found: CandidateList, place: tuple[int, int], places: Places, closest: tuple[float, float], out: Candidates
 ) -> None:
-    """Write the pairs of a piece with edges of a triangle up to a distance, elsewhere along it than the closest one."""
+    """Write the other places of a piece at a triangle up to a distance, each elsewhere along it than what is nearer."""
     p, (most, s_closest), corner = place[0], closest, found.clusters.triangles
     a, b = row_of(found.ends, p, 0), row_of(found.ends, p, 1)
     apart = _ELSEWHERE * found.thickness[p] / max(math.sqrt(squared_distance(a, b)), _TOUCHING_M)
-    for k in range(3):
-        s, u, d2 = edges[k]
-        if _TOUCHING_M**2 < d2 <= most * most and abs(s - s_closest) > apart:
-            w, distance = on_edge(k, u), math.sqrt(d2)
+    for k in range(5):
+        d2, s, w = places[k]
+        is_other = _TOUCHING_M**2 < d2 <= most * most and abs(s - s_closest) > apart
+        for j in range(5):
+            is_nearer = places[j][0] < d2 or (places[j][0] == d2 and j < k)
+            is_other = is_other and not (is_nearer and abs(s - places[j][1]) <= apart)
+        if is_other:
+            distance = math.sqrt(d2)
             normal = scaled(offset((found.ends, found.position), corner, place, s, w), 1.0 / distance)
             put(out, place, (distance - found.thickness[p], s, w, normal))
 
@@ -123,7 +127,7 @@ def put(out: Candidates, place: tuple[int, int], pair: tuple[float, float, Vecto
 @kernel
 def closest_pair(where: Where, corner: IntArray, p: int, t: int) -> tuple[float, float, Vector, Vector]:
     """Return distance, place along the piece, weights in the triangle and normal of a piece and a triangle."""
-    return _closest(where, corner, (p, t), _edges(where, corner, p, t))
+    return _closest(where, corner, (p, t), _places(where, corner, p, t))
 
 
 @kernel
@@ -132,18 +136,18 @@ def _corners(where: Where, corner: IntArray, t: int) -> tuple[Vector, Vector, Ve
 
 
 @kernel
-def _edges(where: Where, corner: IntArray, p: int, t: int) -> Edges:
+def _places(where: Where, corner: IntArray, p: int, t: int) -> Places:
     c0, c1, c2 = _corners(where, corner, t)
-    return closest_of_edges(row_of(where[0], p, 0), row_of(where[0], p, 1), c0, c1, c2)
+    return closest_places(row_of(where[0], p, 0), row_of(where[0], p, 1), c0, c1, c2)
 
 
 @kernel
 def _closest(
-    where: Where, corner: IntArray, place: tuple[int, int], edges: Edges
+    where: Where, corner: IntArray, place: tuple[int, int], places: Places
 ) -> tuple[float, float, Vector, Vector]:
     p, t = place
     c0, c1, c2 = corners = _corners(where, corner, t)
-    d2, s, w = closest_segment_triangle(row_of(where[0], p, 0), row_of(where[0], p, 1), corners, edges)
+    d2, s, w = closest_segment_triangle(row_of(where[0], p, 0), row_of(where[0], p, 1), corners, places)
     distance = math.sqrt(d2)
     if distance > _TOUCHING_M:
         return distance, s, w, scaled(offset(where, corner, place, s, w), 1.0 / distance)

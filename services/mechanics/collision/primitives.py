@@ -10,8 +10,9 @@ from __future__ import annotations
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import Vector, along, combine, cross, dot, squared_distance, subtract
 
-Edge = tuple[float, float, float]
-Edges = tuple[Edge, Edge, Edge]
+Place = tuple[float, float, Vector]
+"""Squared distance of a point of a segment from one of a triangle, where it is on the segment, and its weights."""
+Places = tuple[Place, Place, Place, Place, Place]
 
 
 @kernel
@@ -97,40 +98,36 @@ def segment_pierces(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> tu
 
 
 @kernel
-def closest_of_edges(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> Edges:
-    """Return (s, t, squared distance) of segment pq with each edge of triangle abc: ab, bc and ca."""
-    return closest_of_segments(p, q, a, b), closest_of_segments(p, q, b, c), closest_of_segments(p, q, c, a)
+def closest_places(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> Places:
+    """Return where segment pq may be closest to triangle abc unless they meet: its ends, then where each edge is."""
+    u, v = closest_on_triangle(p, a, b, c), closest_on_triangle(q, a, b, c)
+    return (
+        (squared_distance(p, combine(u, a, b, c)), 0.0, u),
+        (squared_distance(q, combine(v, a, b, c)), 1.0, v),
+        _of_edge(p, q, 0, (a, b)),
+        _of_edge(p, q, 1, (b, c)),
+        _of_edge(p, q, 2, (c, a)),
+    )
 
 
 @kernel
-def on_edge(k: int, t: float) -> Vector:
-    """Return the barycentric weights of the point at t along the edge ab, bc or ca of a triangle abc."""
-    return (1.0 - t, t, 0.0) if k == 0 else (0.0, 1.0 - t, t) if k == 1 else (t, 0.0, 1.0 - t)
+def _of_edge(p: Vector, q: Vector, k: int, ends: tuple[Vector, Vector]) -> Place:
+    """Return where a segment is closest to edge ab, bc or ca of a triangle abc."""
+    s, t, d2 = closest_of_segments(p, q, ends[0], ends[1])
+    return d2, s, ((1.0 - t, t, 0.0) if k == 0 else (0.0, 1.0 - t, t) if k == 1 else (t, 0.0, 1.0 - t))
 
 
 @kernel
-def closest_segment_triangle(
-    p: Vector, q: Vector, corners: tuple[Vector, Vector, Vector], edges: Edges
-) -> tuple[float, float, Vector]:
-    """Return (squared distance, s on the segment, weights in the triangle); distance 0 where they meet.
-
-    ``edges`` are those of `closest_of_edges`.
-    """
-    a, b, c = corners
-    meets, best_s, best_w = segment_pierces(p, q, a, b, c)
+def closest_segment_triangle(p: Vector, q: Vector, corners: tuple[Vector, Vector, Vector], places: Places) -> Place:
+    """Return where segment pq is closest to a triangle, at distance 0 where they meet; see `closest_places`."""
+    meets, s, w = segment_pierces(p, q, corners[0], corners[1], corners[2])
     if meets:
-        return (0.0, best_s, best_w)
-    best_w = closest_on_triangle(p, a, b, c)
-    best, best_s = squared_distance(p, combine(best_w, a, b, c)), 0.0
-    w = closest_on_triangle(q, a, b, c)
-    d2 = squared_distance(q, combine(w, a, b, c))
-    if d2 < best:
-        best, best_s, best_w = d2, 1.0, w
-    for k in range(3):
-        s, t, d2 = edges[k]
-        if d2 < best:
-            best, best_s, best_w = d2, s, on_edge(k, t)
-    return (best, best_s, best_w)
+        return 0.0, s, w
+    best = places[0]
+    for k in range(1, 5):
+        if places[k][0] < best[0]:
+            best = places[k]
+    return best
 
 
 @kernel

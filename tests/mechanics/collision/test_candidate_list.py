@@ -56,11 +56,12 @@ def compare(wall_now, found, ends, active, gap_m, span):
     for key in set(keys) ^ set(expected):
         assert abs(gaps[key] - gap_m) < CLOSE_M, f"{key}: {gaps[key]} m, asked for {gap_m} m"
     p, t, s, w = found.piece[:n], found.triangle[:n], found.s[:n, None], found.weight[:n]
-    is_closest = np.array([k == 0 or keys[k] != keys[k - 1] for k in range(n)], bool)  # its edges come after it
+    is_closest = np.array([k == 0 or keys[k] != keys[k - 1] for k in range(n)], bool)  # other places come after it
     assert found.gap_m[:n][is_closest] == pytest.approx(gaps[p, t][is_closest], abs=CLOSE_M)
     farther_m = found.gap_m[:n] - gaps[p, t]
     assert ((farther_m > -CLOSE_M) & (farther_m < TOUCHING_M + CLOSE_M) & (found.gap_m[:n] < gap_m + CLOSE_M)).all()
-    assert (np.min(w, axis=1)[~is_closest] == 0.0).all(), "they lie on edges"
+    is_at_end = (s[:, 0] == 0.0) | (s[:, 0] == 1.0)
+    assert ((np.min(w, axis=1) == 0.0) | is_at_end)[~is_closest].all(), "they lie on edges, or are ends"
     assert ((w >= 0.0).all() and (s >= 0.0).all() and (s <= 1.0).all()) or n == 0
     away = ends[p, 0] + s * (ends[p, 1] - ends[p, 0]) - np.einsum("kc,kci->ki", w, vertices[triangles[t]])
     apart = found.gap_m[:n] + THICKNESS_M[p]
@@ -139,7 +140,8 @@ def test_within_all_its_reach_a_list_is_complete_where_it_was_made():
 
 
 @pytest.mark.parametrize("tilt", [0.0, 1e-4, -1e-4])
-def test_a_piece_along_a_triangle_touches_it_at_both_edges_whichever_is_nearer(tilt):
+@pytest.mark.parametrize("beyond_m", [1e-3, -0.2e-3], ids=["both edges", "an edge and its end"])
+def test_a_piece_along_a_triangle_touches_it_in_two_places_whichever_is_nearer(tilt, beyond_m):
     """With the nearer one alone a jaw had no contact at the other, and sank in there until it was the nearer one."""
     duct = wall("straight")
     lists, found = reaching(duct, 1), Candidates.zeros(c=512)
@@ -150,16 +152,16 @@ def test_a_piece_along_a_triangle_touches_it_at_both_edges_whichever_is_nearer(t
     on_ab, on_ac = a + 0.5 * (b - a), a + 0.5 * (c - a)
     along = (on_ac - on_ab) / np.linalg.norm(on_ac - on_ab)
     width_m = np.linalg.norm(on_ac - on_ab)
-    ends = np.stack([on_ab - 1e-3 * along, on_ac + 1e-3 * along]) + (1e-3 + 5e-6) * normal
-    ends[1] += tilt * (width_m + 2e-3) * normal
+    ends = np.stack([on_ab - 1e-3 * along, on_ac + beyond_m * along]) + (1e-3 + 5e-6) * normal
+    ends[1] += tilt * (width_m + 1e-3 + beyond_m) * normal
     lists.list.ends[0] = ends
     lists.follow(np.zeros(N_MODES), NO_LOADS)
     lists.list.wanted[:] = 0.1e-3
     lists.measure(found)
     mine = np.flatnonzero(found.triangle[: found.count] == 200)
     touched_m = np.einsum("kc,ci->ki", found.weight[mine], corners_m)
-    for edge_m in (on_ab, on_ac):
-        assert np.linalg.norm(touched_m - edge_m, axis=1).min() < 20e-6
+    for place_m in (on_ab, on_ac + min(beyond_m, 0.0) * along):
+        assert np.linalg.norm(touched_m - place_m, axis=1).min() < 20e-6
     assert np.ptp(found.gap_m[mine]) <= max(abs(tilt) * width_m, 1e-9) + 1e-9
 
 

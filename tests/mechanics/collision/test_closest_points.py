@@ -35,7 +35,7 @@ def test_point_and_triangle(corners, point):
 def test_segment_and_triangle(corners, ends):
     assume(np.linalg.norm(np.cross(corners[1] - corners[0], corners[2] - corners[0])) > 0.0)
     (p, q), triangle = as_vectors(ends), tuple(as_vectors(corners))
-    d2, s, w = primitives.closest_segment_triangle(p, q, triangle, primitives.closest_of_edges(p, q, *triangle))
+    d2, s, w = primitives.closest_segment_triangle(p, q, triangle, primitives.closest_places(p, q, *triangle))
     expected = distance_of_hulls(ends, corners)
     event("pierced" if expected < 1e-9 else "apart")
     assert np.sqrt(d2) == pytest.approx(expected, abs=1e-9)
