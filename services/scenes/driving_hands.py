@@ -31,7 +31,7 @@ def driving_hands(scene: SceneModel, mesh: TriangleMesh) -> list[ToolMotion | No
     """Return for each tool how drives bring the tip to the scene's target: a guide wire's if there is one.
 
     Before each place where another way parts it rolls until the tip bends to the side on which the target's way goes
-    on, bends it by the handle where that steers it, and pushes past. The catheter follows its wire.
+    on, bends it by the handle where that steers it, and pushes past. The catheter leads its wire in, and then follows it.
     Raises ConfigError if the duct has no end of the target's name.
     """
     ways, mouth = TubePaths(centrelines(mesh)), mouth_opening(mesh)
@@ -65,6 +65,8 @@ class _Plan:
         # Time, how deep what leads and the catheter are, handle, roll of what leads.
         self._rows = [(0.0, self._out_m - before_m, -before_m, 0.0, 0.0)]
         self._add(_PAUSE_S)
+        if wire is not None:
+            self._add(before_m / PUSH_M_S, lead=self._out_m, catheter=0.0)
 
     def _add(self, seconds: float, **changes: float) -> None:
         time_s, *last = self._rows[-1]

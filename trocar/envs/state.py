@@ -92,7 +92,8 @@ class StateView:
         """Return the observation (`SIZE`,) as float32."""
         hands = np.zeros((N_TOOLS, 5))
         for row, each in zip(hands, devices.instruments, strict=False):
-            row[:3], row[3:] = np.subtract(each.position_m, self._mouth_m), (each.roll_rad, each.handle_angle_rad)
+            row[:] = *each.position_m, each.roll_rad, each.handle_angle_rad
+            row[:3] -= self._mouth_m
         tools = np.zeros((N_TOOLS, REACTION_COLUMNS))
         told = solved.tools.view()[:N_TOOLS]
         tools[: len(told)] = told
@@ -111,7 +112,7 @@ class StateView:
 def joined(parts: Iterable[ArrayLike], most: Float32Array) -> Float32Array:
     """Return the parts of an observation one after the other, cut off at the largest size of each number."""
     read = np.concatenate([np.ravel(part) for part in parts]).astype(np.float32)
-    return np.clip(read, -most, most, out=read)
+    return np.maximum(np.minimum(read, most, out=read), -most, out=read)
 
 
 def points_m(solved: PhysicsState, count: int = N_POINTS, spacing_m: float = SPACING_M) -> FloatArray:

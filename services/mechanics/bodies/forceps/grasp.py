@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,8 +19,7 @@ from services.mechanics.surface.mesh import TriangleMesh
 GRASP_GAP_M = 0.1e-3
 
 
-@dataclass(frozen=True, slots=True)
-class JawState:
+class JawState(NamedTuple):
     """What a grasp depends on besides contacts: where the jaws are, and where the handle wants them."""
 
     proxy_angle_rad: float
