@@ -12,13 +12,14 @@ import numpy as np
 
 from services.mechanics.arrays import BoolArray, FloatArray
 from services.mechanics.bodies.wire_drive import WireMotion
+from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.contact.laws import ELASTIC_AXES
 from services.mechanics.reduction import ModalState
 from services.mechanics.rod import ImplicitIntegrator, RodState
 from services.mechanics.rod.energy import RodEnergy, rod_energy
 from services.mechanics.rod.model import RodModel, RodWork, allocate_work
 from services.mechanics.rod.twist import add_frame_forces
-from services.mechanics.scene.tools import ToolInputs
+from services.mechanics.scene.tools import N_TOOLS, ToolInputs
 from services.mechanics.simulation.simulation import Simulation, Watcher
 from services.mechanics.world import World
 from studies.grip_energy import Grips, enter_grips, stored_in_grips
@@ -153,7 +154,7 @@ class EnergyBook:
         force = tools.stiffness * tools.stretch + tools.damping * change / dt_s
         self.flow.input_j -= float(np.sum(force * hand_motion))
         # Roll turns jaws from e1 to e2 of `tool_frame`, whose cross product is -d.
-        about_shaft_nm = np.einsum("ta,ta->t", self.simulation.tool_results.port_moment_nm, tools.frame[:, 2])
+        about_shaft_nm = np.einsum("ta,ta->t", _port_moments_nm(self.simulation), tools.frame[:, 2])
         self.flow.input_j += float(about_shaft_nm @ tools.rolled_rad)
         self.flow.released_j += 0.5 * float(np.sum(tools.stiffness * np.where(came, before.stretch, 0.0) ** 2))
         self.flow.coupling_j += float(np.sum(tools.damping * change**2)) / dt_s
@@ -263,6 +264,16 @@ class _Snapshot:
             None if simulation.wire_drive is None else simulation.wire_drive.motion,
             stored_in_grips(simulation),
         )
+
+
+def _port_moments_nm(simulation: Simulation) -> FloatArray:
+    """Return the moment (2, 3) about its port of the contacts' forces on each tool: what is reported is a tick's."""
+    rows, n, moments = simulation.contacts, simulation.contacts.n_contacts, np.zeros((N_TOOLS, 3))
+    tool = rows.tool[:n]
+    on = tool != NO_TOOL
+    arm_m = rows.point_m[:n][on] - simulation.tools.port_m[tool[on]]
+    np.add.at(moments, tool[on], np.cross(arm_m, simulation.contact_force_n[on]))
+    return moments
 
 
 def stored_energies_j(simulation: Simulation, rod: RodEnergy | None = None) -> dict[str, float]:
