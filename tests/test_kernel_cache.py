@@ -7,12 +7,14 @@ import pickle
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from services import kernel_cache
 from services.source_closure import Sources
+from tests.preloaded import Preloaded, Running
 
 pytestmark = pytest.mark.timeout(600)  # it waits for processes that compile
 
@@ -23,6 +25,7 @@ CALLER = (
     "inner = callee.inner\n\n@njit(cache=True)\ndef outer(x):\n    return 10 * inner(x)\n"
 )
 ASK = "from services.caller import outer; print(outer({}), sum(outer.stats.cache_misses.values()))"
+NUMBA = "import numba; numba.njit(lambda x: x + 1)(1)"
 SLOW_INDEX = """
 import time
 from numba.core.caching import IndexDataCacheFile
@@ -57,11 +60,21 @@ def tree(tmp_path: Path) -> Path:
     return tmp_path / "checkout"
 
 
-def _start(tree: Path, argument: str, before: str = "", **variables: str) -> subprocess.Popen[str]:
+@pytest.fixture(autouse=True, scope="module")
+def numba(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Preloaded]:
+    """All that is asked is asked of processes that have numba, and have compiled something, but nothing of ours."""
+    global _numba
+    with Preloaded(tmp_path_factory.mktemp("numba"), NUMBA) as _numba:
+        yield _numba
+
+
+_numba: Preloaded
+
+
+def _start(tree: Path, argument: str, before: str = "", **variables: str) -> Running:
     environment = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
-    environment |= {"PYTHONPATH": str(tree), "NUMBA_CACHE_DIR": str(tree.parent / "kernels"), **variables}
-    command = [sys.executable, "-c", before + ASK.format(argument)]
-    return subprocess.Popen(command, env=environment, cwd=tree, stdout=subprocess.PIPE, text=True)
+    environment |= {"NUMBA_CACHE_DIR": str(tree.parent / "kernels"), **variables}
+    return _numba.start(before + ASK.format(argument), (), tree, environment)
 
 
 def _run(tree: Path, argument: str = "1", **variables: str) -> tuple[float, int]:
@@ -69,11 +82,21 @@ def _run(tree: Path, argument: str = "1", **variables: str) -> tuple[float, int]
     return _answer(_start(tree, argument, **variables))
 
 
-def _answer(process: subprocess.Popen[str]) -> tuple[float, int]:
-    output, _ = process.communicate(timeout=500)
-    assert process.returncode == 0
-    value, misses = output.split()
+def _answer(process: Running) -> tuple[float, int]:
+    done = process.wait()
+    assert done.returncode == 0, done.stderr
+    value, misses = done.stdout.split()
     return float(value), int(misses)
+
+
+def test_a_process_that_imports_numba_after_us_finds_the_same(tree: Path) -> None:
+    """As every process of a rig does; the others here had numba before."""
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
+    environment |= {"PYTHONPATH": str(tree), "NUMBA_CACHE_DIR": str(tree.parent / "kernels")}
+    command = [sys.executable, "-c", ASK.format("1")]
+    asked = [subprocess.run(command, env=environment, cwd=tree, capture_output=True, text=True) for _ in range(2)]
+    assert [each.stdout for each in asked] == ["20 1\n", "20 0\n"]
+    assert _run(tree) == (20, 0)
 
 
 def test_an_edit_of_a_callee_compiles_its_callers_and_an_edit_elsewhere_does_not(tree: Path) -> None:
