@@ -192,8 +192,9 @@ def test_processes_of_gymnasium_step_as_one_does(env: Insertion) -> None:
 def test_a_cluster_plays_the_same_episodes_as_this_process() -> None:
     from distributed import LocalCluster
 
-    settings = {"overrides": SMALL, "randomise": RANGES}
+    settings = {"overrides": SMALL, "randomise": RANGES, "max_episode_steps": 80}
     here = {each.seed: each for each in rollouts(_still, range(2), **settings)}
+    assert here[0].reward != here[1].reward, "what is drawn differs, and is seen"
     with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
         there = {
             each.seed: each for each in rollouts(_still, range(2), scheduler=cluster.scheduler_address, **settings)

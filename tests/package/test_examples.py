@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.by_day import by_day
 from tests.package.conftest import ROOT
 from trocar.examples.ppo_baseline import ENVIRONMENT, RANGES
 
@@ -61,9 +62,10 @@ def test_a_finer_wall_has_a_smaller_error(tmp_path: Path) -> None:
     assert errors[0] > 2.0 > errors[2] >= errors[3] == 0.0
 
 
-def test_a_clone_of_four_episodes_reaches_the_goal_in_one_that_it_has_not_seen(tmp_path: Path) -> None:
-    *shown, reached = _run("clone_an_expert", tmp_path).splitlines()
-    assert [line.partition(",")[2].split(",")[0] for line in shown] == [f" seed {k}: success" for k in range(4)]
+@pytest.mark.parametrize("episodes", by_day([1], [4]))
+def test_a_clone_reaches_the_goal_in_an_episode_that_it_has_not_seen(tmp_path: Path, episodes: int) -> None:
+    *shown, reached = _run("clone_an_expert", tmp_path, f"{episodes}").splitlines()
+    assert [line.partition(",")[2].split(",")[0] for line in shown] == [f" seed {k}: success" for k in range(episodes)]
     assert reached.startswith("clone, seed 100: success")
     assert _numbers(reached)[2] > 10.0
 
