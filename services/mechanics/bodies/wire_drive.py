@@ -46,8 +46,9 @@ class WireMotion:
 
 
 class WireDrive:
-    """The wire's slide and roll, one step after the other; it is held while its tool is there.
+    """The wire's slide and roll, one step after the other; it is held while its tool is there, and else by its valve.
 
+    A valve at the catheter's proximal end, as is closed on a wire that nobody moves, keeps the wire's end where it is.
     Inside the catheter it is stiff along its axis: what its proximal end moves by, its tip does. Its torsion is a
     spring between its proximal end and its tip. In either direction it slips where more acts on it than friction holds,
     and else stays exactly where it is.
@@ -155,8 +156,11 @@ class WireDrive:
     def _slid(self, pushes_n: tuple[float, ...], dt_s: float) -> WireMotion:
         """Return the motion with the wire slid by what acts on it beyond what friction holds."""
         before, (outwards, holds, inwards) = self.motion, pushes_n
+        if not self._is_held:
+            stopped_j = 0.5 * self._mass_kg * before.speed_m_s * before.speed_m_s
+            return replace(before, speed_m_s=0.0, push_n=0.0, friction_j=before.friction_j + stopped_j)
         at_m, wanted_m = before.place[0], self._hub_m(self._tools.free) - self._origin_m
-        spring = self._is_held / float(self._tools.compliance[self._tool, 0])
+        spring = 1.0 / float(self._tools.compliance[self._tool, 0])
         inertia = self._mass_kg / (dt_s * dt_s)
         asked_n = inertia * dt_s * before.speed_m_s + spring * (wanted_m - at_m)
         against_n = _within(asked_n, inwards, outwards)
@@ -175,13 +179,14 @@ class WireDrive:
         )
 
     def _turned(self, motion: WireMotion, torques_nm: tuple[float, ...]) -> WireMotion:
-        """Return a motion with the wire turned, in the same way; where nobody holds its end, that goes with it."""
+        """Return a motion with the wire turned, in the same way."""
         (asks, slope, rubs), stiffness, (out_m, roll_rad) = torques_nm, self._torsion_nm_rad, motion.place
-        ahead_rad = self._roll_rad() - self._rolled_rad - roll_rad if self._is_held else 0.0
+        end_rad = self._roll_rad() - self._rolled_rad if self._is_held else motion.twisted_rad
+        ahead_rad = end_rad - roll_rad
         excess = stiffness * ahead_rad - asks
         turned = (excess - _within(excess, -rubs, rubs)) / (stiffness + max(slope, 0.0))
         turned = _within(turned, -_FARTHEST, _FARTHEST)
-        left_rad = ahead_rad - turned if self._is_held else 0.0
+        left_rad = ahead_rad - turned
         torque_nm, twisted_rad, rubbed_j = stiffness * left_rad, roll_rad + turned + left_rad, rubs * abs(turned)
         springs_j = 0.5 * (torque_nm - motion.torque_nm) ** 2 / stiffness
         return replace(

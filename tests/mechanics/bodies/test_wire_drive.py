@@ -97,6 +97,21 @@ def test_the_books_close_while_both_drives_go_in_jerks(wired):
     assert simulation.wire_drive.motion.push_n > 0.0
 
 
+def test_a_wire_that_is_let_go_of_stays_where_its_valve_holds_it(wired):
+    simulation, inputs = wired
+    book = EnergyBook(simulation)
+    push(book.step, inputs, by_m=15e-3, rolled_rad=1.0, rest=0)
+    inputs.present[1] = False
+    book.step(inputs)
+    put_j, motion = book.flow.input_j, simulation.wire_drive.motion
+    for _ in range(300):
+        book.step(inputs)
+    then = simulation.wire_drive.motion
+    assert (then.place[0], then.twisted_rad, then.speed_m_s) == (motion.place[0], motion.twisted_rad, 0.0)
+    assert abs(book.flow.input_j - put_j) < 1e-3 * put_j
+    assert abs(book.flow.imbalance_j) < 1e-4 * put_j
+
+
 def test_the_books_close_from_the_start_on_with_a_bent_wire_that_is_hardly_rubbed(small_scene, small_duct):
     """What steps miss of the bend that comes out in them, and of the turn to where it rests, is told."""
     bend = CatheterSection(length_m=14e-3, youngs_modulus_pa=1.2e9, rest_curvature_1_m=(0.0, 80.0, 0.0))
