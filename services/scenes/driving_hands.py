@@ -31,7 +31,7 @@ def driving_hands(scene: SceneModel, mesh: TriangleMesh) -> list[ToolMotion | No
     """Return for each tool how drives bring the tip to the scene's target: a guide wire's if there is one.
 
     Before each place where another way parts it rolls until the tip bends to the side on which the target's way goes
-    on, bends it by the handle where that steers it, and pushes past. The catheter leads its wire in, and then follows it.
+    on, bends it by the handle where that steers it, and pushes past. A catheter leads its wire in, then follows.
     Raises ConfigError if the duct has no end of the target's name.
     """
     ways, mouth = TubePaths(centrelines(mesh)), mouth_opening(mesh)
