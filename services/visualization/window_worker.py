@@ -40,7 +40,7 @@ class Window:
         if "EGL" in plotter.render_window.GetClassName():  # what VTK takes where it reaches no display
             sys.exit(f"no display {display_name()}")
         plotter.show(auto_close=False, interactive_update=True)
-        plotter.render_window.SetFrameBlitModeToBlitToCurrent()  # straight to the window: by way of a texture takes 4 ms
+        plotter.render_window.SetFrameBlitModeToBlitToCurrent()  # by way of a texture it takes 4 ms
         plotter.suppress_rendering = True  # pyvista draws for every actor that comes: half a scene, thirty times
         self._governor = RenderGovernor(software=self._renderer.is_software())
         self._overlay = Overlay(plotter)
