@@ -63,13 +63,19 @@ def note_motion(address: Address[CandidateList], wall_moved_m: float) -> None:
     found.wall_travel += wall_moved_m
     for p in range(found.count.shape[0]):
         found.piece_travel[p] += _furthest(found.ends, found.last_ends, p)
-        found.last_ends[p] = found.ends[p]
+        for end in range(2):
+            for axis in range(3):
+                found.last_ends[p, end, axis] = found.ends[p, end, axis]
 
 
 @kernel
 def note_ends(address: Address[CandidateList], ends: FloatArray) -> None:
     """Write where pieces are into ``ends`` (p, 2, 3)."""
-    ends[:] = list_at(address).ends
+    found = list_at(address)
+    for p in range(found.count.shape[0]):
+        for end in range(2):
+            for axis in range(3):
+                ends[p, end, axis] = found.ends[p, end, axis]
 
 
 @kernel
@@ -169,7 +175,9 @@ def _list_piece(found: CandidateList, p: int, wall_moved_m: float) -> None:
             found.entry[p, n], found.bound[p, n] = t, distance - wall_moved_m + travel
             n += 1
     found.count[p], found.is_listed[p] = n, True
-    found.listed_ends[p] = found.ends[p]
+    for end in range(2):
+        for axis in range(3):
+            found.listed_ends[p, end, axis] = found.ends[p, end, axis]
 
 
 @kernel

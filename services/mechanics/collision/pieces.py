@@ -30,11 +30,15 @@ def take_pieces(
         tool, segment = p // n_segments, p % n_segments
         listed.active[p] = present[tool] and radius[tool, segment] > 0.0
         listed.thickness[p] = radius[tool, segment] + sizes[1]
-        listed.ends[p] = segments[tool, segment]
+        for end in range(2):
+            for axis in range(3):
+                listed.ends[p, end, axis] = segments[tool, segment, end, axis]
     for k in range(particles.shape[0] - 1):
         p = first + k
         listed.active[p], listed.thickness[p] = True, sizes[0][k] + sizes[1]
-        listed.ends[p] = particles[k : k + 2]
+        for end in range(2):
+            for axis in range(3):
+                listed.ends[p, end, axis] = particles[k + end, axis]
 
 
 @kernel

@@ -258,11 +258,17 @@ def copy_stand(address: Address[PlacedWall], other_address: Address[PlacedWall])
     """Let a wall stand where another does, with the nodes that are placed there."""
     wall, other = wall_at(address), wall_at(other_address)
     wall.stands, wall.n_loads, wall.n_asked, wall.n_placed = other.stands, other.n_loads, 0, 0
-    n = other.n_loads
-    wall.q[:], wall.load_node[:n], wall.load_force[:n] = other.q, other.load_node[:n], other.load_force[:n]
+    for mode in range(wall.q.shape[0]):
+        wall.q[mode] = other.q[mode]
+    for load in range(other.n_loads):
+        wall.load_node[load] = other.load_node[load]
+        for axis in range(3):
+            wall.load_force[load, axis] = other.load_force[load, axis]
     for k in range(other.n_placed):
         node = other.asked[k]
-        wall.placed[node], wall.position[node] = wall.stands, other.position[node]
+        wall.placed[node] = wall.stands
+        for axis in range(3):
+            wall.position[node, axis] = other.position[node, axis]
 
 
 @kernel

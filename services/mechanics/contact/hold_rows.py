@@ -84,7 +84,8 @@ def _tool_side(holds: HoldArrays, slot: int, tools: ToolGeometry, rows: ContactR
             rows.frame[row, axis, other] = 1.0 if axis == other else 0.0
     # The held point sits between both jaws: as on the shaft, opening or closing them does not move it.
     put_on_tool(rows, row, tools, tool, SHAFT)
-    rows.slip_m[row] = rows.point_m[row]
+    for axis in range(3):
+        rows.slip_m[row, axis] = rows.point_m[row, axis]
     add_tool_motion(rows, row, tools)
 
 

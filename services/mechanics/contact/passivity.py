@@ -88,7 +88,8 @@ def solve_passively(
         if over_j <= credit_j or not take_back_at_most(rows, paid_j, scratch.free):
             break
         is_less = True
-        problem.motion[: W.shape[0]] = scratch.free[: W.shape[0]]
+        for place in range(W.shape[0]):
+            problem.motion[place] = scratch.free[place]
         sweeps += solve_contacts(problem, W, effort, scratch)
         over_j = _over_j(problem, hands)
     ledger.paid_j = PAID * max(work_j(rows) - over_j, 0.0) if is_less else math.inf

@@ -6,7 +6,7 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.contact.newton import add_step, list_unknowns, newton_step, room_for_step
 from services.mechanics.contact.problem import ContactProblem
-from services.mechanics.contact.solver_steps import SolverScratch, go_down, sweep, update_motion
+from services.mechanics.contact.solver_steps import SolverScratch, copy_forces, go_down, sweep, update_motion
 from services.mechanics.contact.tresca import solve_in_turns
 
 # Times the tolerance: a first sweep that changes less is followed by another, which costs less than a Newton step.
@@ -52,7 +52,8 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
             any force component in a sweep at which to stop.
     """
     iterations, tolerance_n = effort
-    scratch.free[: W.shape[0]] = problem.motion[: W.shape[0]]
+    for row in range(W.shape[0]):
+        scratch.free[row] = problem.motion[row]
     update_motion(problem, W, scratch.free)
     sweeps, patience, last_n = 0, 1, 0.0
     cheap = problem.rows.n_contacts // CONTACTS_A_SWEEP
@@ -101,7 +102,7 @@ def _try_newton_step(
     """
     rows, unknowns, sweeps, share = problem.rows, scratch.unknowns, 0, 1.0
     before = _potential(problem, scratch.free)
-    scratch.force[: rows.n_contacts] = rows.force_n[: rows.n_contacts]
+    copy_forces(rows.force_n, scratch.force, rows.n_contacts)
     n = list_unknowns(problem, unknowns)
     if n == 0 or not newton_step(problem, W, unknowns, n):
         return sweeps, NOT_KEPT
@@ -113,7 +114,7 @@ def _try_newton_step(
             return sweeps, SOLVED
         if _potential(problem, scratch.free) < before:
             return sweeps, KEPT if share == 1.0 else IN_PART
-        rows.force_n[: rows.n_contacts] = scratch.force[: rows.n_contacts]
+        copy_forces(scratch.force, rows.force_n, rows.n_contacts)
         update_motion(problem, W, scratch.free)
         share = room_for_step(problem, unknowns, n, scratch.way)
         if share >= 1.0:

@@ -68,10 +68,19 @@ def go_down(problem: ContactProblem, W: FloatArray, scratch: SolverScratch) -> i
 
 
 @kernel
+def copy_forces(source: FloatArray, target: FloatArray, count: int) -> None:
+    """Copy the first ``count`` forces."""
+    for block in range(count):
+        for axis in range(3):
+            target[block, axis] = source[block, axis]
+
+
+@kernel
 def update_motion(problem: ContactProblem, W: FloatArray, free: FloatArray) -> None:
     """Write the motion u = W f + u_free."""
-    motion, size = problem.motion, W.shape[0]
-    motion[:size] = free[:size]
+    motion = problem.motion
+    for row in range(W.shape[0]):
+        motion[row] = free[row]
     for block in range(problem.rows.n_contacts):
         for axis in range(3):
             force = problem.rows.force_n[block, axis]

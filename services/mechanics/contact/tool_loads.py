@@ -79,7 +79,8 @@ def report(
     for tool in range(out.loads.shape[0]):
         out.grasp_torque[tool] = out.loads[tool, 3]
         _follow_force(tools.present[tool], out.loads[tool], FORCE_RATE_N_S * dt_s, out.force[tool])
-        out.proxy_position[tool] = tools.proxy[tool, :3]
+        for axis in range(3):
+            out.proxy_position[tool, axis] = tools.proxy[tool, axis]
         out.proxy_jaw_angle[tool] = tools.proxy[tool, 3]
     return _deepest_overlap(state.rows)
 

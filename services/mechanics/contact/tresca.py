@@ -25,7 +25,7 @@ from services.mechanics.contact.laws import HAS_GAP
 from services.mechanics.contact.newton import add_step, list_unknowns, newton_step
 from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.solver_steps import SolverScratch, go_down, sweep, update_motion
+from services.mechanics.contact.solver_steps import SolverScratch, copy_forces, go_down, sweep, update_motion
 
 # So many turns for Coulomb's law at most, and no other once they have cost half of `MOST_BLOCKS`.
 MOST_TURNS = 6
@@ -98,7 +98,7 @@ def _rub(problem: ContactProblem, W: FloatArray, tolerance_n: float, scratch: So
     What slides on its bound slides with what its coefficient allows.
     """
     rows, k, unknowns = problem.rows, problem.rows.n_contacts, scratch.unknowns
-    scratch.force[:k] = rows.force_n[:k]
+    copy_forces(rows.force_n, scratch.force, k)
     for row in range(k):
         force, limit = rows.force_n[row], scratch.friction[row] * rows.force_n[row, 0]
         rubs_n = math.hypot(force[1], force[2])
@@ -113,7 +113,7 @@ def _rub(problem: ContactProblem, W: FloatArray, tolerance_n: float, scratch: So
     cost = 2 + n**3 // (27 * k * k)
     if sweep(problem, W)[0] <= tolerance_n:
         return cost, True
-    rows.force_n[:k] = scratch.force[:k]
+    copy_forces(scratch.force, rows.force_n, k)
     update_motion(problem, W, scratch.free)
     return cost, False
 

@@ -89,8 +89,8 @@ def _recall(memory: ForceMemory, rows: ContactRows, row: int, old: int, slides: 
         return False
     memory.taken[old] = True
     slides[row] = memory.slides[old]
-    rows.elastic_m[row] = memory.elastic_m[old]
     for axis in range(3):
+        rows.elastic_m[row, axis] = memory.elastic_m[old, axis]
         rows.force_n[row, axis] = (
             rows.frame[row, axis, 0] * memory.force_n[old, 0]
             + rows.frame[row, axis, 1] * memory.force_n[old, 1]
@@ -110,7 +110,9 @@ def store_forces(
     for row in range(rows.n_contacts):
         put_row(memory.place_m, row, _place_m(rows, row, vertices_m))
         memory.identity[row] = rows.identity[row]
-        memory.slides[row], memory.force_n[row] = slides[row], forces[row]
+        memory.slides[row] = slides[row]
+        for axis in range(3):
+            memory.force_n[row, axis] = forces[row, axis]
 
 
 @kernel
@@ -123,6 +125,7 @@ def store_anchors(problem: ContactProblem, slides: BoolArray, out: FloatArray) -
     cone bounds the force the anchor follows: :math:`e = -c f_t` (elastoplastic friction; the return mapping of a
     plastic bar in Simo and Hughes, "Computational Inelasticity", 1998, ch. 1). What a solve that was cut short leaves
     open is part of e: the next one takes it up.
+
 
     ``slides`` (C,) says where the force is on its cone.
     """

@@ -65,10 +65,18 @@ def append_double(rows: ContactRows, source: int, law: int) -> int:
     if row == NO_ROOM:
         return row
     rows.tool[row], rows.stone[row] = rows.tool[source], rows.stone[source]
-    rows.point_m[row], rows.slip_m[row] = rows.point_m[source], rows.slip_m[source]
-    rows.frame[row], rows.lever[row] = rows.frame[source], rows.lever[source]
-    rows.duct_node[row], rows.duct_weight[row] = rows.duct_node[source], rows.duct_weight[source]
-    rows.rod_node[row], rows.rod_weight[row] = rows.rod_node[source], rows.rod_weight[source]
+    for axis in range(3):
+        rows.point_m[row, axis] = rows.point_m[source, axis]
+        rows.slip_m[row, axis] = rows.slip_m[source, axis]
+        rows.duct_node[row, axis] = rows.duct_node[source, axis]
+        rows.duct_weight[row, axis] = rows.duct_weight[source, axis]
+        for other in range(3):
+            rows.frame[row, axis, other] = rows.frame[source, axis, other]
+        for coordinate in range(rows.lever.shape[2]):
+            rows.lever[row, axis, coordinate] = rows.lever[source, axis, coordinate]
+    for point in range(rows.rod_node.shape[1]):
+        rows.rod_node[row, point] = rows.rod_node[source, point]
+        rows.rod_weight[row, point] = rows.rod_weight[source, point]
     return row
 
 
