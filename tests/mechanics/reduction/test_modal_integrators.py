@@ -45,7 +45,8 @@ def test_newmark_period_error_is_the_known_one():
     assert omega * DT_S / phase - 1.0 == pytest.approx((omega * DT_S) ** 2 / 12.0, rel=0.02)
 
 
-numbers = st.floats(-1.0, 1.0)
+#: What is smaller has an energy that doubles hold with a few bits only.
+numbers = st.floats(-1.0, 1.0).map(lambda number: number if abs(number) > 1e-100 else 0.0)
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
@@ -62,13 +63,15 @@ def test_a_free_mode_keeps_its_energy_and_a_damped_one_gains_none(integrator, hz
     def energy():
         return float(0.5 * (state.qdot**2 + (omega * state.q) ** 2)[0])
 
-    began = energy()
-    for _ in range(30):
+    began, steps = energy(), 30
+    # A step far longer than a period adds and takes away (omega dt)^2 times what stays: so much larger is its rounding.
+    rounding = max(1e-9, 2.0 * steps * np.finfo(float).eps * float(omega[0] * dt_s) ** 2)
+    for _ in range(steps):
         scheme.predict(state, force, dt_s)
         if zeta == 0.0:
-            assert energy() == pytest.approx(began, rel=1e-9, abs=1e-300)
+            assert energy() == pytest.approx(began, rel=rounding, abs=1e-300)
         else:
-            assert energy() <= began * (1.0 + 1e-9)
+            assert energy() <= began * (1.0 + rounding)
 
 
 @njit
