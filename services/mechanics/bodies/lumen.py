@@ -82,9 +82,9 @@ class Lumen:
         if self._base_m is None:
             every = np.arange(self._mesh.n_vertices, dtype=np.int32)
             self._begins_inside = abs(turns_round(base_m, self._closed, self._motion.positions(every, q))) > 0.5
-            self._base_m = base_m
-        before = self._base_m, self._corners_m
-        self._begins_inside ^= goes_through_caps(before, (base_m, corners_m), self._caps)
+        else:
+            before = self._base_m, self._corners_m
+            self._begins_inside ^= goes_through_caps(before, (base_m, corners_m), self._caps)
         self._base_m, self._corners_m = base_m.copy(), corners_m
 
 

@@ -62,7 +62,7 @@ class ContactSystem:
         self.slides = self._state.slides
         self.sweeps = 0
         self.dropped_pairs = 0
-        self._first_new, self._dt_s = 0, 0.0
+        self._first_new = 0
         self._gave_forces = self._noted = False
         self._gone, self._gone_is_known = np.zeros(bodies.duct.state.q.size), False
 
@@ -79,8 +79,7 @@ class ContactSystem:
     def clear(self) -> None:
         """Forget the rows of the last step; their forces stay remembered."""
         self.rows.put_zero("n_contacts")
-        if self._dt_s != self.bodies.duct.dt_s:
-            self._dt_s = self.rows.dt_s = self.bodies.duct.dt_s
+        self.rows.dt_s = self.bodies.duct.dt_s
         self._first_new = 0
         self._state.ledger.put_zero("solves")
 
