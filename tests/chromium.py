@@ -18,7 +18,8 @@ from typing import Any, Self
 from websockets.sync.client import ClientConnection, connect
 
 _PR_SET_PDEATHSIG = 1
-_PATIENCE_S = 170.0
+#: A browser that draws in software beside a rig, on a machine that may have other work.
+PATIENCE_S = 170.0
 _libc = ctypes.CDLL(None)
 #: What the protocol says of a page that is left while it is asked, for another one or for itself anew.
 _LEFT = ("context", "navigated")
@@ -89,18 +90,18 @@ class Chromium:
         import httpx
 
         port_file = self._profile / "DevToolsActivePort"
-        self.until(lambda: port_file.is_file() and "\n" in port_file.read_text(), _PATIENCE_S, "the browser started")
+        self.until(lambda: port_file.is_file() and "\n" in port_file.read_text(), PATIENCE_S, "the browser started")
         port = int(port_file.read_text().splitlines()[0])
         pages: list[dict[str, str]] = []
 
         def opened() -> bool:
-            targets = httpx.get(f"http://127.0.0.1:{port}/json", timeout=_PATIENCE_S).json()
+            targets = httpx.get(f"http://127.0.0.1:{port}/json", timeout=PATIENCE_S).json()
             pages[:] = [target for target in targets if target["type"] == "page"]
             return bool(pages)
 
-        self.until(opened, _PATIENCE_S, "the browser opened a page")
+        self.until(opened, PATIENCE_S, "the browser opened a page")
         return self._stack.enter_context(
-            connect(pages[0]["webSocketDebuggerUrl"], max_size=None, compression=None, open_timeout=_PATIENCE_S)
+            connect(pages[0]["webSocketDebuggerUrl"], max_size=None, compression=None, open_timeout=PATIENCE_S)
         )
 
     @staticmethod
@@ -116,7 +117,7 @@ class Chromium:
         self._last += 1
         self._socket.send(json.dumps({"id": self._last, "method": method, "params": parameters}))
         while True:
-            answer = json.loads(self._socket.recv(timeout=_PATIENCE_S))
+            answer = json.loads(self._socket.recv(timeout=PATIENCE_S))
             if answer.get("id") == self._last:
                 if any(word in answer.get("error", {}).get("message", "") for word in _LEFT):
                     raise PageLeftError(answer)

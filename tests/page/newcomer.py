@@ -22,8 +22,8 @@ from PIL import Image
 
 from services.runtime.rig import Transport
 from services.supervisor.page_place import page_file
-from tests.chromium import Chromium
-from tests.page.orders import PATIENCE_S, order
+from tests.chromium import PATIENCE_S, Chromium
+from tests.page.orders import order
 from tests.rig.conftest import running_rig
 
 INSERTED_MM = 5.0

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from tests.chromium import Chromium
+from tests.chromium import PATIENCE_S, Chromium
 
-#: A browser that draws in software beside a rig, on a machine that may have other work.
-PATIENCE_S = 170.0
 #: What is said of an order of which nothing came: the page, or the rig, stood still for as long as anybody waits.
 _NOTHING_DONE = ("given it up", "not reachable")
 _BEGIN = "globalThis.ordered = true; document.getElementById('instructor-said').textContent = ''"

@@ -12,9 +12,8 @@ from typing import Any
 import pytest
 
 from tests import chromium
-from tests.chromium import Chromium
+from tests.chromium import PATIENCE_S, Chromium
 from tests.page.newcomer import INSERTED_MM, Mouse, inserted_mm, jaws_mm, newcomer
-from tests.page.orders import PATIENCE_S
 
 pytestmark = [
     pytest.mark.rig,

@@ -12,7 +12,7 @@ import pytest
 
 from services.supervisor.page_place import DIST
 from tests import chromium
-from tests.chromium import Chromium
+from tests.chromium import PATIENCE_S, Chromium
 
 pytestmark = [
     pytest.mark.timeout(600),
@@ -43,7 +43,7 @@ def page(tmp_path: Path) -> Iterator[tuple[Chromium, str]]:
         address = f"http://127.0.0.1:{server.server_port}/"
         with Chromium(tmp_path / "profile") as browser:
             browser.open(address)
-            browser.until(lambda: browser.evaluate("Boolean(globalThis.trocar?.hands)"), 170, "the page loaded")
+            browser.until(lambda: browser.evaluate("Boolean(globalThis.trocar?.hands)"), PATIENCE_S, "the page loaded")
             browser.evaluate(_RIG)
             yield browser, address
         server.shutdown()
@@ -61,11 +61,11 @@ def test_an_open_tab_takes_a_token_that_is_pasted_and_gives_it_up(page: tuple[Ch
     assert "open the address" in browser.text("#hand-hint")
     for token in ("first", "of-the-next-start"):
         browser.open(f"{address}#token={token}")
-        browser.until(lambda: all(_may_command(browser)), 170, "the page took the token")
+        browser.until(lambda: all(_may_command(browser)), PATIENCE_S, "the page took the token")
         browser.evaluate("document.getElementById('arm').click()")
         assert browser.evaluate("sent.at(-1)") == ["api/arm", token]
     assert browser.text("#hand-hint").startswith("Move the forceps yourself")
     assert browser.evaluate("trocar.hands.token") == "of-the-next-start"
     browser.screenshot(tmp_path / "page.png")
     browser.open(f"{address}#")
-    browser.until(lambda: not any(_may_command(browser)), 170, "the page gave the token up")
+    browser.until(lambda: not any(_may_command(browser)), PATIENCE_S, "the page gave the token up")

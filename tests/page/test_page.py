@@ -21,8 +21,8 @@ from protocol.bodies import Health, Stall
 from services.runtime.rig import Transport
 from services.supervisor.page_place import page_file
 from tests import chromium
-from tests.chromium import Chromium
-from tests.page.orders import PATIENCE_S, order
+from tests.chromium import PATIENCE_S, Chromium
+from tests.page.orders import order
 from tests.rig.conftest import SCENE, Rig, running_rig
 
 pytestmark = [
