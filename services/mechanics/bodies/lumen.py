@@ -77,14 +77,14 @@ class Lumen:
     def _follow_base(self, q: FloatArray, base_m: FloatArray, corners_m: FloatArray) -> None:
         """Find on which side the first particle is: once by the whole wall, then by the caps that it goes through.
 
-        It goes from where it was, carried along with the caps, to where it is.
+        It goes from where it was, carried along with the caps, to where it is: nowhere, the first time.
         """
         if self._base_m is None:
             every = np.arange(self._mesh.n_vertices, dtype=np.int32)
             self._begins_inside = abs(turns_round(base_m, self._closed, self._motion.positions(every, q))) > 0.5
-        else:
-            before = self._base_m, self._corners_m
-            self._begins_inside ^= goes_through_caps(before, (base_m, corners_m), self._caps)
+            self._base_m, self._corners_m = base_m, corners_m
+        before = self._base_m, self._corners_m
+        self._begins_inside ^= goes_through_caps(before, (base_m, corners_m), self._caps)
         self._base_m, self._corners_m = base_m.copy(), corners_m
 
 
