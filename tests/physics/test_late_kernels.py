@@ -1,29 +1,28 @@
 """No kernel is compiled, or read from disk, once a loop runs: in any scene, while its own hands play.
 
-What haptics and physics say to each other is recorded once; then each hears it in a process of its own, in which nobody
-else compiles anything for it.
+Haptics and physics answer each other each in a process of its own, in which nobody else compiles anything for it: forks
+of one that has imported what a rig imports, and has compiled nothing.
 """
 
 from __future__ import annotations
 
 import json
-import pickle
-import subprocess
-import sys
+import os
 import time
+from collections.abc import Callable, Iterator, Sequence
+from multiprocessing import Pipe, get_context
+from multiprocessing.connection import Connection
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from protocol import decode
 from protocol.bodies import GatewayState, InstrumentState
 from services.cache_directory import cache_directory
 from services.haptics import __main__ as haptics_process
 from services.haptics.__main__ import Haptics
 from services.mechanics.compiled import KERNELS
-from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation.scene_catheter import place_catheter
@@ -39,6 +38,7 @@ from services.scenes.ready import load_surface
 from tests.memory_bus import MemoryBus, MemoryHub
 from tests.memory_process import MemoryProcess
 from tests.physics.conftest import let_time_pass
+from tests.preloaded import Preloaded
 
 #: Of the hands' motion; then they begin again. A rung of the ladder holds for so many ticks.
 TICKS, AGAIN, RUNG = 1200, 200, 100
@@ -47,30 +47,27 @@ SMALL = ["duct.n_around=12", "duct.n_along=16", "duct.n_modes=24"]
 BY_DAY = ("everything", "guide-wire", "duct-only")
 NEEDS = {"anatomy": "a surface that is not in the repository"}
 SCENES = sorted(path.stem for path in (config_directory() / "scenes").glob("*.yaml") if path.stem not in NEEDS)
+ROOT = Path(__file__).parents[2]
 Said = list[tuple[str, bytes]]
+Work = Callable[[str, Connection], set[str]]
+
+
+PLAY = "import sys; from tests.physics import test_late_kernels as test; test.play(sys.argv[1])"
+
+
+@pytest.fixture(scope="module")
+def preloaded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Preloaded]:
+    with Preloaded(tmp_path_factory.mktemp("rig"), "import tests.physics.test_late_kernels") as made:
+        yield made
 
 
 @pytest.mark.timeout(900)  # on a machine that has compiled nothing yet
 @pytest.mark.parametrize("scene", [pytest.param(s, marks=() if s in BY_DAY else pytest.mark.long) for s in SCENES])
-def test_nothing_is_compiled_while_a_scenes_hands_play(scene: str, tmp_path: Path) -> None:
-    said = tmp_path / "said"
-    for what in ("duct",) if load_scene(scene, []).duct_alone else ("record", "physics", "haptics"):
-        command = [sys.executable, "-m", "tests.physics.test_late_kernels", what, scene, str(said)]
-        run = subprocess.run(command, cwd=Path(__file__).parents[2], capture_output=True, text=True, check=False)
-        assert run.returncode == 0, run.stderr
-        assert json.loads(run.stdout.splitlines()[-1]) == [], what
-
-
-class _Recorded(MemoryHub):
-    """Keeps what was said."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.said: Said = []
-
-    def send(self, name: str, data: bytes) -> None:
-        super().send(name, data)
-        self.said.append((name, data))
+def test_nothing_is_compiled_while_a_scenes_hands_play(scene: str, preloaded: Preloaded) -> None:
+    run = preloaded.start(PLAY, [scene], ROOT, os.environ).wait()
+    assert run.returncode == 0, run.stderr
+    loops = ("physics",) if load_scene(scene, []).duct_alone else ("haptics", "physics")
+    assert json.loads(run.stdout.splitlines()[-1]) == {name: [] for name in loops}
 
 
 def _signatures() -> set[str]:
@@ -106,71 +103,90 @@ class _Hands:
         )
 
 
-def _play(scene: str, said: Path) -> set[str]:
-    """Let haptics and physics answer the scene's hands, which begin again, on all rungs in turn; keep what they say."""
+class _Hub(MemoryHub):
+    """Where a process meets the others, which are at the other end of a link."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.said: Said = []
+
+    def send(self, name: str, data: bytes) -> None:
+        super().send(name, data)
+        self.said.append((name, data))
+
+    def ticks(self, link: Connection) -> Iterator[None]:
+        """Yield at each tick, with what the others have said; what is said here until the next one is told them."""
+        while (heard := link.recv()) is not None:
+            for name, data in heard:
+                super().send(name, data)
+            self.said = []
+            yield
+            link.send(self.said)
+
+
+def _haptics(scene: str, link: Connection) -> set[str]:
+    """Answer devices; return what haptics compiles once it runs."""
+    model, duct = haptics_process.prepare(_config(scene))
+    process = MemoryProcess("haptics", hub := _Hub())
+    haptics = Haptics(process, LoopMeter(1000.0), model, duct)  # type: ignore[arg-type]
+    before = _signatures()
+    for _ in hub.ticks(link):
+        frame = process.bus.latest("gateway.state")
+        assert frame is not None
+        haptics.answer(frame)
+        haptics.settle()
+    return _signatures() - before
+
+
+def _physics(scene: str, link: Connection) -> set[str]:
+    """Answer contacts on all rungs in turn; return what physics compiles once it runs."""
     model, duct = physics_process.prepare(_config(scene))
-    hub, hands = _Recorded(), _Hands(model)
+    process, meter = MemoryProcess("physics", hub := _Hub()), LoopMeter(1000.0, physics_process.STAGES)
+    physics, clock = Physics(process, meter, model, duct), TickClock(meter)  # type: ignore[arg-type]
+    before = _signatures()
+    for _ in hub.ticks(link):
+        frame = process.bus.latest("haptics.contacts")
+        if frame is not None:  # on a rung of longer steps haptics speaks more seldom
+            physics.obey(frame.body.tick // RUNG % len(model.quality))
+            physics.advance(frame, clock.steps(frame.body.tick))
+            physics.settle()
+    assert meter.tick > TICKS, "it heard all that was said"
+    return _signatures() - before
+
+
+def _run(work: Work, scene: str, link: Connection, not_ours: Sequence[Connection]) -> None:
+    """Run a process of the rig, which ends with whoever started it: nobody else holds the other end of its link."""
+    for each in not_ours:
+        each.close()
+    link.send(sorted(work(scene, link)))
+
+
+def _play_rig(scene: str) -> dict[str, list[str]]:
+    """Let haptics and physics answer the scene's hands, which begin again; return what each compiles meanwhile."""
+    pairs = [Pipe(), Pipe()]
+    (haptics, _), (physics, _) = pairs
+    for work, (_, link) in zip((_haptics, _physics), pairs, strict=True):
+        others = [end for pair in pairs for end in pair if end is not link]
+        get_context("fork").Process(target=_run, args=(work, scene, link, others)).start()
+    for _, link in pairs:
+        link.close()
+    config = _config(scene)
+    hub, hands, answer = _Hub(), _Hands(load_scene(config.scene_name, config.scene_overrides)), Said()
     gateway = MemoryBus(hub, publishes=["gateway.state"])
-    haptics = Haptics(MemoryProcess("haptics", hub), LoopMeter(1000.0), model, duct)  # type: ignore[arg-type]
-    physics, clock, heard = _physics(hub, model, duct)
     for tick in range(TICKS + AGAIN):
         state = GatewayState(tick=tick, instruments=hands.at(tick % TICKS), begins=tick // TICKS)
         gateway.publish("gateway.state", state, origin_ns=time.monotonic_ns())
-        frame = haptics._bus.latest("gateway.state")
-        assert frame is not None
-        haptics.answer(frame)
-        _advance(physics, clock, heard, len(model.quality))
-    said.write_bytes(pickle.dumps(hub.said))
-    return set()
+        answer = _ask(physics, _ask(haptics, [*answer, *hub.said]))
+        hub.said = []
+    return {"haptics": _ask(haptics, None), "physics": _ask(physics, None)}
 
 
-def _physics(hub: MemoryHub, scene: SceneModel, duct: ReducedDuct) -> tuple[Physics, TickClock, MemoryBus]:
-    process, meter = MemoryProcess("physics", hub), LoopMeter(1000.0, physics_process.STAGES)
-    physics = Physics(process, meter, scene, duct)  # type: ignore[arg-type]
-    return physics, TickClock(meter), process.bus
+def _ask(link: Connection, said: Said | None) -> Any:
+    link.send(said)
+    return link.recv()
 
 
-def _advance(physics: Physics, clock: TickClock, heard: MemoryBus, rungs: int) -> None:
-    """Answer what haptics has said, if it has: on a rung of longer steps it speaks more seldom."""
-    frame = heard.latest("haptics.contacts")
-    if frame is not None:
-        physics.obey(frame.body.tick // RUNG % rungs)
-        physics.advance(frame, clock.steps(frame.body.tick))
-        physics.settle()
-
-
-def _answer_contacts(scene: str, said: Path) -> set[str]:
-    """Return what physics compiles once it runs."""
-    model, duct = physics_process.prepare(_config(scene))
-    hub = MemoryHub()
-    others, (physics, clock, heard) = MemoryBus(hub, publishes=["haptics.contacts"]), _physics(hub, model, duct)
-    before = _signatures()
-    for name, data in pickle.loads(said.read_bytes()):
-        if name == "haptics.contacts":
-            others.publish(name, decode(data).body)
-            _advance(physics, clock, heard, len(model.quality))
-    assert physics._meter.tick > TICKS, "it heard what was recorded"
-    return _signatures() - before
-
-
-def _answer_devices(scene: str, said: Path) -> set[str]:
-    """Return what haptics compiles once it runs."""
-    model, duct = haptics_process.prepare(_config(scene))
-    hub = MemoryHub()
-    others, process = MemoryBus(hub, publishes=["gateway.state", "physics.state"]), MemoryProcess("haptics", hub)
-    haptics = Haptics(process, LoopMeter(1000.0), model, duct)  # type: ignore[arg-type]
-    before = _signatures()
-    for name, data in pickle.loads(said.read_bytes()):
-        if name in ("gateway.state", "physics.state"):
-            others.publish(name, decode(data).body)
-            frame = process.bus.latest("gateway.state")
-            if frame is not None:
-                haptics.answer(frame)
-                haptics.settle()
-    return _signatures() - before
-
-
-def _step_alone(scene: str, _said: Path) -> set[str]:
+def _step_alone(scene: str) -> dict[str, list[str]]:
     """Return what physics compiles once a duct runs that is alone."""
     model, duct = physics_process.prepare(_config(scene))
     process = MemoryProcess("physics", MemoryHub())
@@ -178,10 +194,11 @@ def _step_alone(scene: str, _said: Path) -> set[str]:
     before = _signatures()
     for tick in range(TICKS):
         physics.advance(Tick(tick, 0, time.monotonic_ns()))
-    return _signatures() - before
+    return {"physics": sorted(_signatures() - before)}
 
 
-if __name__ == "__main__":
+def play(scene: str) -> None:
+    """Print what is compiled, by process, while a scene runs: nothing has been compiled in this process before."""
+    assert not _signatures()
     let_time_pass(pytest.MonkeyPatch())
-    parts = {"record": _play, "physics": _answer_contacts, "haptics": _answer_devices, "duct": _step_alone}
-    print(json.dumps(sorted(parts[sys.argv[1]](sys.argv[2], Path(sys.argv[3])))))
+    print(json.dumps((_step_alone if load_scene(scene, []).duct_alone else _play_rig)(scene)))
