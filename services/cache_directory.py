@@ -34,7 +34,7 @@ def trusted_directory(variable: str, default: str) -> Path:
 
 @functools.cache
 def _fault(path: str) -> str:
-    return fault_of_place(Path(path))
+    return fault_of_place(Path(path)) or ("it is no folder" if os.path.exists(path) and not os.path.isdir(path) else "")
 
 
 @functools.cache

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from services import cache_directory
 from services.trusted_path import fault_of_place
 
 NOBODY = 65534
@@ -48,6 +49,25 @@ def test_a_ring_of_links_is_no_place(place: Path) -> None:
     (place / "one").symlink_to("two")
     (place / "two").symlink_to("one")
     assert "symbolic links" in fault_of_place(place / "one")
+
+
+@pytest.mark.parametrize("what", ["a file", "a folder that others may write to"])
+def test_a_cache_that_cannot_be_used_gives_way_to_a_fresh_folder_with_one_line(
+    place: Path, what: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cache, why = (place / "file", "it is no folder") if what == "a file" else (place, "others may write to ")
+    if what == "a file":
+        cache.touch()
+    else:
+        cache.chmod(0o777)
+    monkeypatch.setenv("TROCAR_CACHE_DIR", str(cache))
+    used = cache_directory.cache_directory()
+    assert used != cache
+    assert used.parent.stat().st_mode & 0o777 == 0o700
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"{cache} is not used: {why}")
+    assert line.endswith(f"; for this run {used} is")
+    assert cache_directory.cache_directory() == used and not capsys.readouterr().err, "it is said once"
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root gives files away")

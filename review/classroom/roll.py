@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Annotated, Self
 from urllib.parse import urlsplit
 
-from pydantic import AfterValidator, Field, ValidationError, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
+from services.runtime import config
 from services.runtime.errors import ConfigError
 from services.runtime.rig import Settings
 
@@ -51,10 +52,10 @@ def load_roll(path: Path) -> Roll:
     """
     try:
         told = tomllib.loads(path.read_text(encoding="utf-8"))
-        return Roll.model_validate({**told, "rig": tuple(told.get("rig", ()))})
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, TypeError) as error:
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror or error}") from None
+    except UnicodeDecodeError:
+        raise ConfigError(f"{path}: is not UTF-8 text") from None
+    except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{path}: {error}") from None
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(map(str, first["loc"]))
-        raise ConfigError(f"{path}: {where}{': ' if where else ''}{first['msg']}") from None
+    return config.build(Roll, told, str(path))

@@ -7,10 +7,9 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from services.gateway.driver import ArmLimits
-from services.runtime.rig import Settings, Vector3, at_most
+from services.runtime.rig import MOST_TORQUE, Settings, Vector3, at_most
 
 _FORCE = at_most(50.0, "N", "the strongest arm for a hand, a Premium High Force, gives 37.5 N")
-_TORQUE = at_most(5.0, "N m", "the servo gives a handle no more")
 _CURRENT = at_most(40.0, "A", "an ODrive S1 bears no more for long")
 _A_BLINK = at_most(1.0, "s", "a drive that is silent for longer would go on pushing")
 Positive = Annotated[float, Field(gt=0.0)]
@@ -52,7 +51,7 @@ class GraspFile(Settings):
 
     kind: Literal["grasp"]
     model: str
-    max_torque_nm: Annotated[Positive, _TORQUE]
+    max_torque_nm: Annotated[Positive, MOST_TORQUE]
     motor_turns_per_handle_turn: Positive = 1.0
     opens_with_positive_motor: bool = True
     shut_at_motor_turns: float = Field(0.0, description="position estimate of the drive with the handle shut")

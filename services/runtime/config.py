@@ -28,8 +28,15 @@ _INSTALLED = _ROOT / "trocar" / "configs"
 
 
 def config_directory() -> Path:
-    """Return the folder of rigs, scenes and devices: ``$TROCAR_CONFIG_DIR``, else that of the wheel or of the clone."""
-    return Path(os.environ.get("TROCAR_CONFIG_DIR") or (_INSTALLED if _INSTALLED.is_dir() else _ROOT / "configs"))
+    """Return the folder of rigs, scenes and devices: ``$TROCAR_CONFIG_DIR``, else that of the wheel or of the clone.
+
+    Raises ConfigError where the variable names no folder.
+    """
+    if named := os.environ.get("TROCAR_CONFIG_DIR"):
+        if not os.path.isdir(named):
+            raise ConfigError(f"TROCAR_CONFIG_DIR: {named}: there is no such folder")
+        return Path(named)
+    return _INSTALLED if _INSTALLED.is_dir() else _ROOT / "configs"
 
 
 def find(kind: str, name: str | Path) -> Path:
@@ -163,6 +170,7 @@ def build(kind: type[T], data: Mapping[str, Any], where: str) -> T:
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 _MISSING = ("missing", "missing_argument")
 _NO_KIND = "union_tag_not_found"
+_BOUNDS = ("greater_than", "greater_than_equal", "less_than", "less_than_equal")
 
 
 def _sentence(error: ValidationError, kind: type[Any]) -> str:
@@ -182,6 +190,8 @@ def _sentence(error: ValidationError, kind: type[Any]) -> str:
         key = str(first["ctx"]["discriminator"]).strip("'")
         return f"{'.'.join(filter(None, (path, key)))}: this key is missing{more}"
     message = first["msg"].removeprefix("Value error, ")
+    if first["type"] in _BOUNDS:
+        message += f", is {first['input']!r}"
     choices = re.findall("'(.*?)'", str(first.get("ctx", {}).get("expected", "")))
     near = did_you_mean(first["input"], choices)
     return f"{path or 'file'}: {message[:1].lower()}{message[1:]}{more}{near}"

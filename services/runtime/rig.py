@@ -69,6 +69,7 @@ def _not_empty(values: Any) -> Any:
 
 _WATCHED = at_most(60.0, "s", "what fails has to be noticed while a person still looks")
 _A_DAY = at_most(86_400.0, "s", "nobody waits longer than a day")
+MOST_TORQUE = at_most(5.0, "N m", "the servo gives a handle no more")
 _KILOHERTZ = at_most(10_000.0, "Hz", "no loop of the rig is faster")
 _A_MINUTE = at_most(6e7, "us", "a minute is judged at a time")
 Place = Annotated[Path, BeforeValidator(_not_nothing)]
@@ -172,7 +173,7 @@ class GatewaySettings(Settings):
     instruments: Annotated[tuple[InstrumentSettings, ...], Field(max_length=8)] = ()
     force_limit_n: Annotated[float, Field(gt=0, le=20)] = 3.0
     force_rate_limit_n_s: Annotated[float, Field(gt=0), at_most(1e5, "N/s", "no arm's motor is faster")] = 200.0
-    grasp_torque_limit_nm: Annotated[float, Field(gt=0, le=5)] = 0.3
+    grasp_torque_limit_nm: Annotated[float, Field(gt=0), MOST_TORQUE] = 0.3
     engage_ramp_s: Annotated[float, Field(ge=0), _WATCHED] = 0.5
     supervisor_timeout_s: Annotated[float, Field(ge=0.5), _WATCHED] | None = Field(
         2.0, description="every hand is let go when the supervisor has been silent for so long; null: there is none"

@@ -63,8 +63,8 @@ def test_what_the_hands_of_a_scene_do_is_found_once_and_anew_when_the_scene_is_a
 
 
 def test_a_cache_that_cannot_be_written_is_done_without(monkeypatch, tmp_path):
-    (tmp_path / "a file").touch()
-    monkeypatch.setenv("TROCAR_CACHE_DIR", str(tmp_path / "a file"))
+    (tmp_path / "scenes").touch()
+    monkeypatch.setenv("TROCAR_CACHE_DIR", str(tmp_path))
     assert len(find_scene_hands("default").hands) == 2
 
 

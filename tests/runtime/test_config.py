@@ -201,6 +201,14 @@ def test_a_file_that_is_not_there_names_those_that_are() -> None:
         config.load_rig("nowhere.yaml")
 
 
+def test_a_folder_of_configurations_that_is_not_there_is_one_sentence(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("TROCAR_CONFIG_DIR", str(tmp_path / "none"))
+    with pytest.raises(ConfigError, match=r"^TROCAR_CONFIG_DIR: .*none: there is no such folder$"):
+        config.config_directory()
+
+
 def test_options_win_over_the_file_and_origins_are_known(tmp_path: Path) -> None:
     file = write(tmp_path, "name: a\nprocesses: {physics: {core: 1, priority: 60}}")
     rig, origins = config.load(Rig, file, ["processes.physics.core=0", "visualization.port=9000"])
@@ -407,6 +415,8 @@ def test_no_address_is_not_every_address(key: str, empty: str) -> None:
         ("supervisor: {ready_timeout_s: 1.0e+12}", "ready_timeout_s: 1e+12 s is more than 86400 s: nobody waits"),
         ("gateway: {supervisor_timeout_s: 1.0e+12}", "supervisor_timeout_s: 1e+12 s is more than 60 s: "),
         ("gateway: {instruments: []}", "gateway.instruments: is empty"),
+        ("gateway: {grasp_torque_limit_nm: 1000.0}", "grasp_torque_limit_nm: 1000 N m is more than 5 N m: the servo"),
+        ("gateway: {force_limit_n: -1.0}", "force_limit_n: input should be greater than 0, is -1.0"),
         ("processes: {physics: {core: 1000}}", "processes.physics.core: 1000 is more than 511: no host of a rig"),
     ],
 )
