@@ -13,7 +13,8 @@ import pytest
 
 from services.visualization import window as window_module
 from services.visualization.window import WindowOutput
-from tests.visualization.test_window import PATIENCE_S, Display, children, display, pytestmark, window
+from tests.patience import PATIENCE_S
+from tests.visualization.test_window import Display, children, display, pytestmark, window
 
 __all__ = ["display", "pytestmark", "window"]
 
