@@ -17,9 +17,9 @@ from typing import Any, Self
 
 from websockets.sync.client import ClientConnection, connect
 
+from tests.patience import PATIENCE_S
+
 _PR_SET_PDEATHSIG = 1
-#: A browser that draws in software beside a rig, on a machine that may have other work.
-PATIENCE_S = 170.0
 _libc = ctypes.CDLL(None)
 #: What the protocol says of a page that is left while it is asked, for another one or for itself anew.
 _LEFT = ("context", "navigated")

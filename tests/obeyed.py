@@ -7,14 +7,14 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from services.runtime.errors import UserError
+from tests.patience import PATIENCE_S
 
-_PATIENCE_S = 60.0
 T = TypeVar("T")
 
 
 def until_obeyed(order: Callable[[], T]) -> T:
     """Give an order until the rig obeys; return what `order` does. Raises what it raises where it never does."""
-    end_s = time.monotonic() + _PATIENCE_S
+    end_s = time.monotonic() + PATIENCE_S
     while True:
         try:
             return order()

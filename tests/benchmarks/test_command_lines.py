@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.patience import PATIENCE_S
+
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
 COMMANDS = sorted(path for path in BENCHMARKS.glob("*.py") if '__name__ == "__main__"' in path.read_text("utf-8"))
 
@@ -60,5 +62,5 @@ def test_a_benchmark_that_is_ended_ends_what_it_has_started() -> None:
     assert process.stdout.readline() == "begun\n"
     time.sleep(0.05)
     process.terminate()
-    assert process.communicate(timeout=60)[0] == "ended\n"
+    assert process.communicate(timeout=PATIENCE_S)[0] == "ended\n"
     assert process.returncode == 143

@@ -18,6 +18,7 @@ from services.gateway.driver import check_host
 from services.gateway.host_check import HostCheck
 from services.runtime.rig import DriverSettings
 from tests.gateway.virtual_node import VirtualNode
+from tests.patience import PATIENCE_S
 
 SOCKET: dict[str, Any] = {"interface": "socketcan", "channel": "can0"}
 #: For so many heartbeats that a machine which stands still meanwhile leaves some.
@@ -164,7 +165,7 @@ def serial_port(tmp_path: Path) -> Iterator[Path]:
     """The port of drives that live in a process of their own, as docs/how-to/hardware.md has them."""
     port = tmp_path / "adapter"
     drives = subprocess.Popen([sys.executable, "-m", "tests.gateway.drives_to_try", str(port)])
-    until_s = time.monotonic() + 60.0
+    until_s = time.monotonic() + PATIENCE_S
     while not port.exists() and drives.poll() is None and time.monotonic() < until_s:
         time.sleep(0.02)
     yield port

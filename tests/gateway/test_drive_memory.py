@@ -18,6 +18,7 @@ import pytest
 from services.gateway import driver, drives, servo_arrays
 from services.gateway.driver import Place
 from services.runtime.rig import DriverSettings, Mount
+from tests.patience import PATIENCE_S
 
 _PLACES, _TICKS = 128, 5
 _PYTHON = sys.executable
@@ -69,7 +70,7 @@ def _slow_places(folder: Path, prepare: str, monkeypatch: pytest.MonkeyPatch) ->
     read = np.zeros(servo_arrays.HANDLE_SIZE)
     try:
         handle.open()
-        deadline_s = time.monotonic() + 200.0
+        deadline_s = time.monotonic() + PATIENCE_S
         while not (result.exists() and result.read_text()):
             assert time.monotonic() < deadline_s
             assert "CAN: " not in handle.fault  # silent for longer than a drive may be it is beside other work

@@ -16,11 +16,11 @@ from services.gateway import driver, servo_arrays
 from services.gateway.driver import Arm, GraspHandle, Place
 from services.runtime.errors import ConfigError, DeviceError
 from services.runtime.rig import Mount
-from tests.gateway.bench import TICK_S, Bench, BenchUnavailable, open_bench
+from tests.gateway.bench import TICK_S, Bench, BenchUnavailable, SteppedClock, open_bench
+from tests.patience import PATIENCE_S
 
 WRITTEN = 0.01  # N or N m: little for every device
 SOON_S = 1.0  # a drive is asked and answers
-PATIENCE_S = 30.0  # for one that lives in a process of its own, beside other work
 WITHIN_M, WITHIN_RAD = 1.0, math.pi
 
 
@@ -58,7 +58,8 @@ class Subject:
         return read
 
     def exchange_until(self, condition: Callable[[], bool], written: float) -> bool:
-        until_ns = self.bench.clock.monotonic_ns() + round(1e9 * PATIENCE_S)
+        patience_s = SOON_S if isinstance(self.bench.clock, SteppedClock) else PATIENCE_S
+        until_ns = self.bench.clock.monotonic_ns() + round(1e9 * patience_s)
         while self.bench.clock.monotonic_ns() < until_ns:
             self.exchange(written)
             if condition():

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from tests.gateway.rig_bench import RATE_LIMIT_N_S, Bench, assert_never_a_kick, forces
+from tests.patience import PATIENCE_S
 
 FORCE_N = 2.0
 TTL_S = 0.02
@@ -68,7 +69,7 @@ def test_a_safe_stop_is_limp_until_armed_and_a_gateway_ends_when_asked(bench: Be
     bench.until(lambda i: i.state == "active")
     bench.until(_felt)
     gateway.terminate()
-    assert gateway.wait(60) == 0
+    assert gateway.wait(PATIENCE_S) == 0
     bench.until(lambda i: not any(i.applied_force_n))  # let go at the rate limit, not dropped
     assert_never_a_kick(bench.frames)
     said: list[str] = []
@@ -108,7 +109,7 @@ def test_a_gateway_that_hangs_or_dies_is_let_go_by_the_drive(tmp_path: Path) -> 
 
 
 def _assert_ends(pid: int) -> None:
-    deadline_s = time.monotonic() + 60.0
+    deadline_s = time.monotonic() + PATIENCE_S
     while _lives(pid):
         assert time.monotonic() < deadline_s, "the drives end with their gateway"
         time.sleep(0.01)

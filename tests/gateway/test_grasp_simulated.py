@@ -19,6 +19,7 @@ from services.gateway.driver import Place
 from services.gateway.drivers import grasp_simulated
 from services.runtime.errors import DeviceError
 from services.runtime.rig import DriverSettings, Mount
+from tests.patience import PATIENCE_S
 
 PLACE = Place("left", Mount(centre_m=(0.04, -0.03, 0.03)))
 #: Files of the kernel that list sockets with an address: what anybody may send to.
@@ -53,7 +54,7 @@ def _angles(handle: grasp_simulated.Driver, seconds: float) -> list[float]:
 def _moves(handle: grasp_simulated.Driver, by_rad: float) -> bool:
     """Read a handle until it has moved; return whether it ever does."""
     angles: list[float] = []
-    deadline_s = time.monotonic() + 30.0
+    deadline_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline_s:
         angles += _angles(handle, 0.02)
         if np.ptp(angles) > by_rad:
@@ -82,7 +83,7 @@ def test_a_handle_begins_again_where_it_began_and_waits_there_for_its_sign() -> 
         handle.go_on()
         assert _moves(handle, 0.1)
         handle.begin_again()
-        deadline_s = time.monotonic() + 30.0
+        deadline_s = time.monotonic() + PATIENCE_S
         while abs(_angles(handle, 0.02)[-1] - began) > 0.01:
             assert time.monotonic() < deadline_s, "it is not back"
         assert np.ptp(_angles(handle, 0.3)) < 0.01, "nobody has told it to go on"
@@ -96,7 +97,7 @@ def test_a_handle_stands_while_time_does() -> None:
         handle.go_on()
         assert _moves(handle, 0.1)
         handle.keep_pace(0.0)
-        deadline_s = time.monotonic() + 30.0
+        deadline_s = time.monotonic() + PATIENCE_S
         while np.ptp(_angles(handle, 0.3)) > 0.01:
             assert time.monotonic() < deadline_s, "it does not stand"
         handle.keep_pace(1.0)
@@ -168,7 +169,7 @@ def test_handles_that_are_opened_at_once_find_one_process(monkeypatch: pytest.Mo
 
 
 def _read_until(handles: list[grasp_simulated.Driver], done: Callable[[], bool]) -> None:
-    deadline_s = time.monotonic() + 60.0
+    deadline_s = time.monotonic() + PATIENCE_S
     while True:
         for handle in handles:
             handle.read(time.monotonic_ns(), np.zeros(servo_arrays.HANDLE_SIZE))

@@ -11,8 +11,7 @@ from services.gateway import servo_arrays
 from services.gateway.drivers.phantom_hdapi import Driver
 from services.gateway.hdapi.constants import TIMER_ERROR, Style
 from tests.gateway.hdapi_bench import FREE, LEFT, RIGHT, STEP_N, TTL_MS, HdapiBench
-
-PATIENCE_S = 30.0
+from tests.patience import PATIENCE_S
 
 
 def pull_out(arms: HdapiBench, *devices: int) -> None:

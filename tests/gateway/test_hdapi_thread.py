@@ -20,8 +20,8 @@ from tests.gateway.hdapi_bench import HdapiBench
 from tests.gateway.hdapi_library import HdapiStandIn
 from tests.gateway.kicks import kicks_n
 from tests.gateway.rig_bench import RATE_LIMIT_N_S, Bench, forces
+from tests.patience import PATIENCE_S
 
-PATIENCE_S = 30.0
 FORCE_N = 2.0
 
 
@@ -147,6 +147,6 @@ def test_a_gateway_process_pushes_through_the_library_and_lets_go(standin: Hdapi
         rig.until(lambda i: i.state == "active" and not i.fault)
         _assert_never_a_kick(rig)
         gateway.terminate()
-        assert gateway.wait(60) == 0
+        assert gateway.wait(PATIENCE_S) == 0
     finally:
         rig.close()

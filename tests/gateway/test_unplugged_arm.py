@@ -14,6 +14,7 @@ import pytest
 from tests.gateway.bench import BenchUnavailable
 from tests.gateway.hdapi_library import HdapiStandIn
 from tests.gateway.rig_bench import RATE_LIMIT_N_S, Bench, forces
+from tests.patience import PATIENCE_S
 
 LEFT, RIGHT = 0, 1
 #: A contact that pushes to and fro gives energy to a hand: so little here that the servo need not take it back.
@@ -99,7 +100,7 @@ def test_an_arm_that_is_pulled_out_of_a_running_gateway_comes_back_and_the_other
     no_step_above_the_rate_limit(bench.frames[gone:], LEFT)
     no_step_above_the_rate_limit(bench.frames, RIGHT)
     rig.gateway.terminate()
-    assert rig.gateway.wait(60) == 0
+    assert rig.gateway.wait(PATIENCE_S) == 0
 
 
 def assert_goes_on(frames: list[Any], which: int) -> None:

@@ -2,7 +2,7 @@
 
 ``python -m tests.page.newcomer`` does so five times, each beside a rig of its own, and writes what it came to;
 ``python -m tests.page.newcomer docs/insertion.jpg`` keeps what it sees on the way as a strip, each picture drawn at the
-full resolution: the rig waits meanwhile for nobody, so its clock goes on. `test_newcomer.py` is the test.
+full resolution: the rig waits meanwhile for nobody, so its clock goes on. `test_default_rig.py` is the test.
 """
 
 from __future__ import annotations
@@ -22,9 +22,10 @@ from PIL import Image
 
 from services.runtime.rig import Transport
 from services.supervisor.page_place import page_file
-from tests.chromium import PATIENCE_S, Chromium
+from tests.chromium import Chromium
 from tests.page.orders import order
-from tests.rig.conftest import running_rig
+from tests.patience import PATIENCE_S
+from tests.rig.conftest import Rig, running_rig
 
 INSERTED_MM = 5.0
 #: Within so long a newcomer is to reach the goal.
@@ -52,9 +53,17 @@ trocar.view.takeStep();
 class Mouse:
     """A mouse over the page. It may look: where a point of the world is in the picture."""
 
-    def __init__(self, browser: Chromium) -> None:
-        self.browser = browser
+    def __init__(self, rig: Rig, browser: Chromium) -> None:
+        self.rig, self.browser = rig, browser
         self.at = (0.0, 0.0)
+
+    def arrive(self) -> None:
+        """Open the rig's page, which has not been open."""
+        page = access(self.rig)
+        self.browser.open("about:blank")
+        self.browser.open(f"{page['address']}#token={page['token']}")
+        is_ready = "document.querySelector('#view.ready') !== null"
+        self.browser.until(lambda: self.browser.evaluate(is_ready), PATIENCE_S, "the page loaded")
 
     def _event(self, kind: str, **more: object) -> None:
         x, y = self.at
@@ -93,17 +102,18 @@ class Mouse:
 
 @contextmanager
 def newcomer(directory: Path) -> Iterator[Mouse]:
-    """Start a rig whose instruments wait for a hand, and a browser with its page."""
+    """Start a rig whose instruments wait for a hand, as anybody starts one, and a browser."""
     with (
-        running_rig(directory, "default", [], rig="mouse"),
+        running_rig(directory, "default", [], rig="mouse", program=("-m", "services.cli.app", "up")) as rig,
         Chromium(directory / "profile", size=(800, 560)) as browser,
     ):
-        access = json.loads(page_file(Transport(directory=directory / "bus")).read_text())
-        browser.open(f"{access['address']}#token={access['token']}")
-        browser.until(
-            lambda: browser.evaluate("document.querySelector('#view.ready') !== null"), PATIENCE_S, "the page loaded"
-        )
-        yield Mouse(browser)
+        yield Mouse(rig, browser)
+
+
+def access(rig: Rig) -> dict[str, str]:
+    """Return the address of a rig's page and its token."""
+    said: dict[str, str] = json.loads(page_file(Transport(directory=rig.directory / "bus")).read_text())
+    return said
 
 
 def jaws_mm(mouse: Mouse) -> list[float]:
@@ -228,6 +238,7 @@ def five(runs: int = 5) -> None:
     courses = []
     for _ in range(runs):
         with tempfile.TemporaryDirectory() as made, newcomer(Path(made)) as mouse:
+            mouse.arrive()
             courses.append(attempt(mouse))
             begin_again(mouse)
         print(courses[-1], flush=True)
@@ -272,6 +283,7 @@ def strip(path: Path, columns: int = 3, width: int = 480) -> None:
     with tempfile.TemporaryDirectory() as made:
         directory = Path(made)
         with newcomer(directory) as mouse:
+            mouse.arrive()
             insert(mouse, look)
     height = seen[0].height
     sheet = Image.new("RGB", (columns * width, -(-len(seen) // columns) * height))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from tests.chromium import PATIENCE_S, Chromium
+from tests.chromium import Chromium
+from tests.patience import PATIENCE_S
 
 #: What is said of an order of which nothing came: the page, or the rig, stood still for as long as anybody waits.
 _NOTHING_DONE = ("given it up", "not reachable")

@@ -12,8 +12,9 @@ from typing import Any
 import pytest
 
 from tests import chromium
-from tests.chromium import PATIENCE_S, Chromium
+from tests.chromium import Chromium
 from tests.page.newcomer import INSERTED_MM, Mouse, inserted_mm, jaws_mm, newcomer
+from tests.patience import PATIENCE_S
 
 pytestmark = [
     pytest.mark.rig,
@@ -81,6 +82,7 @@ class Fingers:
 def take(person: Mouse) -> Chromium:
     """Take the instruments."""
     browser = person.browser
+    person.arrive()
     person.press("#toggle-dashboard")
     time.sleep(1.0)
     person.press("#take-hands")

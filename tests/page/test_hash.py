@@ -12,7 +12,8 @@ import pytest
 
 from services.supervisor.page_place import DIST
 from tests import chromium
-from tests.chromium import PATIENCE_S, Chromium
+from tests.chromium import Chromium
+from tests.patience import PATIENCE_S
 
 pytestmark = [
     pytest.mark.timeout(600),

@@ -13,6 +13,7 @@ import pytest
 from services.supervisor.page_place import DIST
 from tests import chromium
 from tests.chromium import Chromium
+from tests.patience import PATIENCE_S
 
 pytestmark = [
     pytest.mark.timeout(600),
@@ -171,9 +172,9 @@ def test_the_sound_comes_on_demand_and_follows_the_force(browser: Chromium) -> N
     browser.evaluate("trocar.hands.tone.sound(1.0)")
     assert browser.evaluate("document.getElementById('hand-tone').ariaPressed") == "true"
     gain, hertz = "trocar.hands.tone.gain.gain.value", "trocar.hands.tone.voice.frequency.value"
-    browser.until(lambda: browser.evaluate(gain) > 0.03 and browser.evaluate(hertz) > 400, 60, "it sounds")
+    browser.until(lambda: browser.evaluate(gain) > 0.03 and browser.evaluate(hertz) > 400, PATIENCE_S, "it sounds")
     _click(browser, "hand-tone")
-    browser.until(lambda: browser.evaluate(gain) < 1e-3, 60, "it is silent again")
+    browser.until(lambda: browser.evaluate(gain) < 1e-3, PATIENCE_S, "it is silent again")
     browser.evaluate("trocar.hands.show(false)")
 
 
@@ -199,4 +200,4 @@ def test_the_plot_of_forces_makes_room_for_what_comes(browser: Chromium) -> None
     for t, newton in enumerate(("null", "null", "0.02", "0.03")):
         browser.evaluate(f"{show}({1000 + t}, {newton})")
     lowest = "trocar.dashboard.forces.plot.scales.y.min"
-    browser.until(lambda: 0.0 < (browser.evaluate(lowest) or 0.0) <= 0.02, 30, "it reaches down to the forces")
+    browser.until(lambda: 0.0 < (browser.evaluate(lowest) or 0.0) <= 0.02, PATIENCE_S, "it reaches down to the forces")

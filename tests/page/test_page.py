@@ -21,8 +21,9 @@ from protocol.bodies import Health, Stall
 from services.runtime.rig import Transport
 from services.supervisor.page_place import page_file
 from tests import chromium
-from tests.chromium import PATIENCE_S, Chromium
+from tests.chromium import Chromium
 from tests.page.orders import order
+from tests.patience import PATIENCE_S
 from tests.rig.conftest import SCENE, Rig, running_rig
 
 pytestmark = [

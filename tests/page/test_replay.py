@@ -20,6 +20,7 @@ from services.runtime.rig import Transport
 from services.supervisor.page_place import page_file
 from tests import chromium
 from tests.chromium import Chromium
+from tests.patience import PATIENCE_S
 from tests.ports import free_port
 from tests.with_us import with_us
 
@@ -30,7 +31,6 @@ pytestmark = [
 ]
 
 SAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "recordings" / "insertion-success.mcap"
-PATIENCE_S = 170.0
 
 
 @dataclass
@@ -85,7 +85,7 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shown]:
                 yield shown
         finally:
             process.send_signal(signal.SIGINT)
-            process.wait(60)
+            process.wait(PATIENCE_S)
 
 
 def tick_s(shown: Shown) -> float:

@@ -10,9 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.patience import PATIENCE_S
 from tests.proofs.trials import Found, Proof, Try
 from tests.rig.faults import force_n, force_rates_n_s, rate_limit_n_s
-from tests.rig.two_hosts import PATIENCE_S, FarRig, Hosts, may_be_had
+from tests.rig.two_hosts import FarRig, Hosts, may_be_had
 
 LOST, MOST_DELAY_MS, PRESS_S = 0.2, 20.0, 4.2
 FELT_N = 0.02

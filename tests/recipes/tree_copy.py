@@ -130,7 +130,8 @@ class TreeCopy:
     def failed_tests(self, suite: str, *arguments: str) -> dict[str, set[str]]:
         """Return by parameter which tests of a suite in the copy fail or cannot be set up: none where all pass."""
         report = self.root / "report.xml"
-        command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", f"--junitxml={report}", suite]
+        options = ["-q", "--tb=no", "-p", "no:cacheprovider", f"--junitxml={report}"]
+        command = [sys.executable, "-m", "pytest", *options, suite]
         self.run("bash", "-c", f"{shlex.join([*command, *arguments])} || true")
         failed: dict[str, set[str]] = {}
         for case in ElementTree.parse(report).iter("testcase"):

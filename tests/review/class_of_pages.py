@@ -16,6 +16,7 @@ import uvicorn
 from starlette.types import ASGIApp
 
 from services.supervisor.web import PageContext, build_app
+from tests.patience import PATIENCE_S
 from tests.supervisor.made_up import rig
 
 TOKEN = "of the whole class 7"
@@ -83,7 +84,7 @@ def write_roll(file: Path, addresses: list[str], *, more: str = "", **trainees: 
     return file
 
 
-def until(condition: Callable[[], bool], what: str, patience_s: float = 60.0) -> None:
+def until(condition: Callable[[], bool], what: str, patience_s: float = PATIENCE_S) -> None:
     end_s = time.monotonic() + patience_s
     while not condition():
         assert time.monotonic() < end_s, f"not within {patience_s} s: {what}"

@@ -16,7 +16,8 @@ from pathlib import Path
 
 import psycopg
 
-_PATIENCE_S = 120.0
+from tests.patience import PATIENCE_S
+
 #: Nothing has to outlive the tests.
 _SETTINGS = ("listen_addresses=", "fsync=off", "full_page_writes=off", "max_connections=20", "shared_buffers=16MB")
 
@@ -48,7 +49,7 @@ def server(folder: Path) -> Iterator[Callable[[], str]]:
         yield lambda: _database(folder)
     finally:
         process.send_signal(signal.SIGINT)
-        process.wait(60)
+        process.wait(PATIENCE_S)
 
 
 def _connect(folder: Path) -> psycopg.Connection:
@@ -56,7 +57,7 @@ def _connect(folder: Path) -> psycopg.Connection:
 
 
 def _wait(process: subprocess.Popen[bytes], folder: Path) -> None:
-    end_s = time.monotonic() + _PATIENCE_S
+    end_s = time.monotonic() + PATIENCE_S
     while True:
         assert process.poll() is None, "the server has ended"
         try:

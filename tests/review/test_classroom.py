@@ -23,11 +23,12 @@ from review.classroom.app import Classroom, build_app
 from review.classroom.roll import Place
 from review.classroom.watch import Watch
 from tests.chromium import Chromium, find
+from tests.patience import PATIENCE_S
 from tests.review.class_of_pages import TOKEN, rigs, served, state, until, write_roll
 
 _WITH = {"X-Trocar-Token": TOKEN}
 #: httpx gives up after five seconds: a busy machine may take them.
-_get = functools.partial(httpx.get, timeout=60.0)
+_get = functools.partial(httpx.get, timeout=PATIENCE_S)
 
 
 @contextmanager
@@ -189,7 +190,7 @@ def test_a_picture_comes_on_demand_and_one_at_a_time(tmp_path: Path) -> None:
             picture = f"{address}/api/picture/bench-0"
             asking = threading.Thread(target=lambda: first.append(_get(picture, headers=_WITH)))
             asking.start()
-            assert drawn.acquire(timeout=30)
+            assert drawn.acquire(timeout=PATIENCE_S)
             assert _get(picture, headers=_WITH).status_code == 503
             go_on.set()
             asking.join()

@@ -18,6 +18,7 @@ from review.attempts.figures import ticks
 from review.attempts.report import Past, render
 from services.training.score import load_rules
 from tests import chromium
+from tests.patience import PATIENCE_S
 from tests.review.test_assess import assessed, told
 from tests.training.streams import GOOD, changed, messages
 from tests.training.test_errors import CASES
@@ -145,7 +146,7 @@ def test_a_browser_draws_it_dark_and_light_and_on_a_phone(
         browser.command("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
         browser.set_size(width, 800)
         browser.open(path.as_uri())
-        browser.until(lambda: browser.evaluate("document.readyState") == "complete", 60, "the report is there")
+        browser.until(lambda: browser.evaluate("document.readyState") == "complete", PATIENCE_S, "the report is there")
         assert browser.text(".badge") == "does not count"
         assert browser.evaluate("document.querySelectorAll('#timeline a').length") == len(erring.errors)
         assert browser.evaluate("document.documentElement.scrollWidth") <= width
@@ -163,7 +164,7 @@ def test_a_click_on_a_mark_plays_the_attempt_from_three_seconds_before(
     mark = "document.querySelector('#timeline a text').getBoundingClientRect().toJSON()"
     browser.set_size(1280, 800)
     browser.open(path.as_uri())
-    browser.until(lambda: browser.evaluate("document.readyState") == "complete", 60, "the report is there")
+    browser.until(lambda: browser.evaluate("document.readyState") == "complete", PATIENCE_S, "the report is there")
     assert browser.evaluate("place") is None
     browser.evaluate(
         "globalThis.draws = []; const drawn = go; go = (to, plays) => { draws.push(to); drawn(to, plays); }"
@@ -178,7 +179,7 @@ def test_a_click_on_a_mark_plays_the_attempt_from_three_seconds_before(
     for kind in ("mousePressed", "mouseReleased"):
         browser.command("Input.dispatchMouseEvent", type=kind, **at)
     began_s = erring.errors[0].begin_s - 3.0
-    browser.until(lambda: browser.evaluate("draws.length > 2"), 60, "it plays")
+    browser.until(lambda: browser.evaluate("draws.length > 2"), PATIENCE_S, "it plays")
     assert browser.evaluate("draws[0]") == pytest.approx(began_s, abs=0.01)
     assert browser.evaluate("place") > began_s
     assert browser.evaluate("document.getElementById('paths').getBoundingClientRect().top < innerHeight"), "in sight"

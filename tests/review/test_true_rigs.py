@@ -15,12 +15,12 @@ import pytest
 from review.classroom.app import Classroom, build_app
 from services.runtime.rig import Transport
 from services.supervisor.page_place import page_file
+from tests.patience import PATIENCE_S
 from tests.review.class_of_pages import TOKEN, served, until, write_roll
 from tests.rig.conftest import SCENE, Rig, running_rig
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(900)]
 _WITH = {"X-Trocar-Token": TOKEN}
-_PATIENCE_S = 180.0
 
 
 def _address(rig: Rig) -> str:
@@ -39,7 +39,7 @@ def test_two_rigs_a_picture_and_one_that_is_killed(tmp_path: Path) -> None:
         with closing(classroom), served(build_app(classroom)) as [address]:
 
             def rows() -> list[dict[str, Any]]:
-                told = httpx.get(f"{address}/api/class", headers=_WITH, timeout=30.0).json()
+                told = httpx.get(f"{address}/api/class", headers=_WITH, timeout=PATIENCE_S).json()
                 found: list[dict[str, Any]] = told["rigs"]
                 return found
 
@@ -48,20 +48,20 @@ def test_two_rigs_a_picture_and_one_that_is_killed(tmp_path: Path) -> None:
             def drawn() -> (
                 bool
             ):  # by a process that comes after all others: on a busy machine the first try is too late
-                answer = httpx.get(f"{address}/api/picture/bench-0", headers=_WITH, timeout=_PATIENCE_S)
+                answer = httpx.get(f"{address}/api/picture/bench-0", headers=_WITH, timeout=PATIENCE_S)
                 images.append(answer.content)
                 return answer.status_code == 200
 
-            until(drawn, "a picture", _PATIENCE_S)
+            until(drawn, "a picture", PATIENCE_S)
             assert images[-1].startswith(b"\x89PNG")
             with running_rig(folders[1], str(SCENE), patient) as two:
                 write_roll(file, [_address(one), _address(two)], bench_0="heron-17")
                 runs = ("running", "degraded")
-                until(lambda: [row["state"] in runs for row in rows()] == [True, True], "both run", _PATIENCE_S)
-                until(lambda: all(row["attempt"] for row in rows()), "both are practised at", _PATIENCE_S)
+                until(lambda: [row["state"] in runs for row in rows()] == [True, True], "both run", PATIENCE_S)
+                until(lambda: all(row["attempt"] for row in rows()), "both are practised at", PATIENCE_S)
                 assert [row["trainee"] for row in rows()] == ["heron-17", ""]
                 assert {row["attempt"]["title"] for row in rows()} == {"Practice without a goal"}
                 os.kill(one.process.pid, signal.SIGKILL)
                 until(
-                    lambda: [row["state"] == "silent" for row in rows()] == [True, False], "one is silent", _PATIENCE_S
+                    lambda: [row["state"] == "silent" for row in rows()] == [True, False], "one is silent", PATIENCE_S
                 )

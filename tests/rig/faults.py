@@ -10,9 +10,9 @@ import time
 
 from services.gateway.servo_law import MAX_STEP_S
 from services.runtime.config import load_rig
+from tests.patience import PATIENCE_S
 from tests.rig.conftest import Rig, Sample
 
-MENDED_S = 60.0
 #: Of the gateway, each of a millisecond or more, in which force is gone: the ttl of models, and to let go. Counted in
 #: these, as a machine that stands still runs none; figures in time are in benchmarks/.
 TICKS = 120
@@ -34,11 +34,11 @@ def rate_limit_n_s() -> float:
 
 def engage(rig: Rig) -> None:
     """Wait until the rig runs and the left hand feels the duct."""
-    rig.observer.until(lambda: rig.observer.is_up, MENDED_S, "running")
+    rig.observer.until(lambda: rig.observer.is_up, PATIENCE_S, "running")
     rig.observer.samples.clear()
     rig.observer.until(
         lambda: len(rig.observer.samples) > 300 and min(force_n(s) for s in rig.observer.samples[-50:]) > 0.02,
-        MENDED_S, "a force at the left hand",
+        PATIENCE_S, "a force at the left hand",
     )  # fmt: skip
 
 
@@ -64,18 +64,18 @@ def strike(rig: Rig, name: str, number: signal.Signals) -> None:
     os.kill(before[name], number)
     struck_ns = time.monotonic_ns()
 
-    observer.until(lambda: any(_is_lost(s, name, before) for _, s in observer.states[noticed:]), MENDED_S, "noticed")
+    observer.until(lambda: any(_is_lost(s, name, before) for _, s in observer.states[noticed:]), PATIENCE_S, "noticed")
 
     observer.until(
         lambda: observer.report(name) == "ready" and observer.pids()[name] not in (0, before[name]),
-        MENDED_S, f"{name} back",
+        PATIENCE_S, f"{name} back",
     )  # fmt: skip
-    observer.until(lambda: observer.is_up, MENDED_S, "running again")
+    observer.until(lambda: observer.is_up, PATIENCE_S, "running again")
     after = observer.pids()
     assert {k: v for k, v in after.items() if k != name} == {k: v for k, v in before.items() if k != name}
     if name in ("haptics", "physics"):
         _assert_fades_and_returns(rig, struck_ns)
-    observer.until(lambda: force_n(observer.samples[-1]) > 0.02, MENDED_S, "a force at the left hand")
+    observer.until(lambda: force_n(observer.samples[-1]) > 0.02, PATIENCE_S, "a force at the left hand")
     rates_n_s = force_rates_n_s(observer.samples)
     assert len(rates_n_s) > 50
     assert max(rates_n_s) <= rate_limit_n_s()
@@ -102,7 +102,7 @@ def _assert_fades_and_returns(rig: Rig, struck_ns: int) -> None:
     limp = _first(samples, struck, felt=False)
     assert limp is not None
     assert limp - struck <= TICKS
-    rig.observer.until(lambda: _first(samples, limp, felt=True) is not None, MENDED_S, "force back")
+    rig.observer.until(lambda: _first(samples, limp, felt=True) is not None, PATIENCE_S, "force back")
     returned = _first(samples, limp, felt=True)
     assert returned is not None
     assert samples[returned].state in ("engaging", "active")

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.patience import PATIENCE_S
 from tests.rig.conftest import HERE, SCENE, Rig, running_rig
 from tests.rig.faults import engage, force_n, force_rates_n_s, rate_limit_n_s
 
@@ -28,10 +29,10 @@ def test_floods_and_a_slow_disk_are_in_the_history_and_harm_nobody(
         for loop in ("gateway", "haptics", "physics"):
             _misbehave(rig, loop, f"{loop}: floods ")
         _misbehave(rig, "recorder", "recorder: WARNING the disk has held a write for ")
-        rig.observer.until(lambda: rig.observer.is_up, 60.0, "running")
+        rig.observer.until(lambda: rig.observer.is_up, PATIENCE_S, "running")
         assert rig.observer.pids() == before
         assert max(force_rates_n_s(rig.observer.samples)) <= rate_limit_n_s()
-        rig.observer.until(lambda: force_n(rig.observer.samples[-1]) > 0.02, 60.0, "a force at the left hand")
+        rig.observer.until(lambda: force_n(rig.observer.samples[-1]) > 0.02, PATIENCE_S, "a force at the left hand")
 
 
 def _misbehave(rig: Rig, process: str, text: str) -> None:
@@ -39,4 +40,4 @@ def _misbehave(rig: Rig, process: str, text: str) -> None:
     log = rig.directory / "log"
     rig.observer.until(lambda: text in log.read_text(errors="replace"), 60.0, text)
     began = time.monotonic()
-    rig.observer.until(lambda: time.monotonic() - began > 0.6, 20.0, "its end")
+    rig.observer.until(lambda: time.monotonic() - began > 0.6, PATIENCE_S, "its end")

@@ -16,6 +16,7 @@ from services.recordings.inputs import RecordedInputs, read_inputs
 from services.recordings.provenance import machine, mechanics_digest
 from services.runtime.rig import Transport
 from services.runtime.zmq_bus import ZmqBus
+from tests.patience import PATIENCE_S
 from tests.ports import free_port
 from tests.recorder.conftest import recorded
 from tests.with_us import with_us
@@ -66,7 +67,7 @@ def replayed(inputs: RecordedInputs, folder: Path) -> dict[int, PhysicsState]:
                 bus.wait("physics.state", time.monotonic_ns() + 20_000_000)
         finally:
             process.terminate()
-            process.wait(60)
+            process.wait(PATIENCE_S)
     assert process.returncode == 0, (folder / "log").read_text()[-3000:]
     return said
 

@@ -15,6 +15,7 @@ from services.runtime.rig import Transport
 from services.supervisor.page_place import page_file
 from tests import chromium
 from tests.obeyed import until_obeyed
+from tests.patience import PATIENCE_S
 from tests.rig.conftest import running_rig
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(600)]
@@ -84,7 +85,9 @@ def test_each_has_a_report_that_a_browser_opens(session: tuple[Path, list[Attemp
     with chromium.Chromium(tmp_path / "profile") as browser:
         for file, said in zip(written, told, strict=False):
             browser.open(Path(file).as_uri())
-            browser.until(lambda: browser.evaluate("document.readyState") == "complete", 60, "the report is there")
+            browser.until(
+                lambda: browser.evaluate("document.readyState") == "complete", PATIENCE_S, "the report is there"
+            )
             assert f"{said.time_s:.1f} s" in browser.text(".tiles")
             assert browser.evaluate("document.querySelectorAll('#timeline .phase').length") >= 3
             assert browser.evaluate("times.length > 20 && names.length === 3")

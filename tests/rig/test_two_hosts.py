@@ -10,8 +10,9 @@ from contextlib import ExitStack, closing
 import pytest
 from websockets.sync.client import ClientConnection, connect
 
+from tests.patience import PATIENCE_S
 from tests.rig.faults import force_n, force_rates_n_s, rate_limit_n_s
-from tests.rig.two_hosts import AHEAD_S, PATIENCE_S, FarRig, Hosts, address, may_be_had
+from tests.rig.two_hosts import AHEAD_S, FarRig, Hosts, address, may_be_had
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(900), pytest.mark.skipif(bool(may_be_had()), reason=may_be_had())]
 

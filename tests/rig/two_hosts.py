@@ -19,13 +19,13 @@ import protocol.bodies as bodies
 from services.runtime import keys
 from services.runtime.rig import Transport
 from services.runtime.zmq_bus import ZmqBus
+from tests.patience import PATIENCE_S
 from tests.ports import free_port
 from tests.rig.conftest import SCENE, START_S, Observer
 from tests.with_us import with_us
 
 HERE = Path(__file__).parent
 PORT = 23_000
-PATIENCE_S = 30.0
 #: The bench has the machine's own clock, as has who observes there; the others' uptimes differ by an hour each.
 AHEAD_S = (0, 3600, 7200)
 OURS = "supervisor"

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from services.runtime.rig import Transport
+from tests.patience import PATIENCE_S
 
 
 @pytest.fixture
@@ -22,7 +23,7 @@ def eventually() -> Callable[[Callable[[], bool]], None]:
     """Wait for a condition; fails after half a minute."""
 
     def wait(condition: Callable[[], bool]) -> None:
-        deadline = time.monotonic() + 30.0
+        deadline = time.monotonic() + PATIENCE_S
         while not condition():
             assert time.monotonic() < deadline, "it did not happen"
             time.sleep(1e-3)

@@ -12,6 +12,7 @@ import zmq
 
 from services.runtime import zmtp
 from services.runtime.direct import MAX_PEERS, DirectReader, DirectSender
+from tests.patience import PATIENCE_S
 
 Eventually = Callable[[Callable[[], bool]], None]
 LENGTHS = (0, 1, 255, 256, 5470, 100_000, 1 << 20)
@@ -120,7 +121,7 @@ def test_a_reader_finds_the_next_publisher_and_keeps_what_the_last_one_said(path
     assert reader.newest() == b"last words"
     assert reader.newest() is None
     other = DirectSender(path)
-    until = time.monotonic() + 30.0
+    until = time.monotonic() + PATIENCE_S
     while not other.readers:
         assert time.monotonic() < until
         assert not reader.wait(time.monotonic_ns() + 1_000_000)

@@ -16,6 +16,7 @@ from services.runtime.errors import BusError, UserError
 from services.runtime.flight import COLUMNS, FlightRing, flight_directory, is_memory, remove_rings
 from services.runtime.flights import Flights, ThreadTime, overrun_ns, read_file, read_ring, read_rings, to_bytes
 from services.runtime.loop import LoopMeter
+from tests.patience import PATIENCE_S
 
 MS = 1_000_000
 
@@ -84,7 +85,7 @@ def test_rows_are_whole_while_they_are_written(directory: Path) -> None:
     writer = threading.Thread(target=write)
     writer.start()
     try:
-        until = time.monotonic() + 60.0
+        until = time.monotonic() + PATIENCE_S
         seen = 0
         while seen <= 2 * ring.capacity:
             assert time.monotonic() < until, "nothing more is written"

@@ -23,12 +23,12 @@ from services.runtime.health import HealthReporter
 from services.runtime.rig import Transport
 from services.runtime.zmq_bus import ZmqBus
 from tests.health_reports import report_of
+from tests.patience import PATIENCE_S
 from tests.ports import base_port
 from tests.runtime.between import Between
 
 STATE = "gateway.state"
 PORT = base_port(23_800)
-PATIENCE_S = 60.0
 SILENCE_S = 0.5
 
 

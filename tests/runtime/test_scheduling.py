@@ -17,6 +17,7 @@ from services.gateway import drive_process
 from services.runtime import realtime, scheduling
 from services.runtime.config import load_rig
 from services.runtime.scheduling import Scheduling, Wish
+from tests.patience import PATIENCE_S
 
 RIGS = Path(__file__).parents[2] / "configs" / "rigs"
 
@@ -130,7 +131,9 @@ def test_who_steps_aside_never_gives_up_a_deadline_threads_budget(policy: int, f
     """The kernel takes a yield of such a thread as the end of its work: it is not run before its next period."""
     runtime_ns = 300_000 if policy == scheduling.DEADLINE else 0
     script = _ASIDE.format(policy=policy, flags=flags, runtime_ns=runtime_ns)
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=PATIENCE_S, check=False
+    )
     assert done.stdout.strip() == str(yields), done.stderr
 
 
@@ -187,7 +190,9 @@ Scheduling._deadline = refuse_first
 @needs_deadline
 def test_a_loop_reserves_what_its_work_took() -> None:
     script = _LOOP.format(share=0.7)
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=PATIENCE_S, check=True
+    )
     policy, share, had, refused = json.loads(done.stdout)
     assert policy == scheduling.DEADLINE
     assert 0.37 < share < 0.69, had
@@ -199,7 +204,9 @@ def test_a_loop_reserves_what_its_work_took() -> None:
 @needs_nice
 def test_a_loop_that_found_no_room_comes_back_when_there_is() -> None:
     script = _LOOP.format(share=0.7).replace("asked.resume", _NO_ROOM_AT_FIRST + "asked.resume")
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=PATIENCE_S, check=True
+    )
     policy, share, had, refused = json.loads(done.stdout)
     assert had[0].startswith("nice -20")
     assert had[-1] == f"DEADLINE {100 * share:.0f} % of a core"

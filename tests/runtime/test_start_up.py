@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from services import start_up
+from tests.patience import PATIENCE_S
 
 SERVICES = Path(start_up.__file__).parent
 PROCESSES = sorted(path.parent.name for path in SERVICES.glob("*/__main__.py"))
@@ -110,5 +111,5 @@ def test_what_only_a_basis_is_built_with_is_not_imported(process: str) -> None:
 
 def test_a_supervisor_that_is_to_prepare_only_starts_no_rig() -> None:
     command = [sys.executable, "-m", "services.supervisor", "--prepare-only"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

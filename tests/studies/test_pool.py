@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from studies.pool import open_pool
+from tests.patience import PATIENCE_S
 
 WORK = """
 import os, signal, sys, time
@@ -41,7 +42,7 @@ def test_workers_in_the_middle_of_something_are_gone_when_their_parent_is(tmp_pa
     try:
         assert _until(lambda: len(list(pids.iterdir())) == 2)
         parent.send_signal(told)
-        parent.wait(timeout=60.0)
+        parent.wait(timeout=PATIENCE_S)
         assert _until(lambda: not any(_runs(each.name) for each in pids.iterdir()))
     finally:
         parent.kill()

@@ -14,9 +14,9 @@ from services.supervisor.fork_link import ForkServer
 from services.supervisor.processes import TABLE, ProcessSpec
 from services.supervisor.state_machine import RigState
 from services.supervisor.supervisor import Supervisor
+from tests.patience import PATIENCE_S
 
 HERE = Path(__file__).parent
-PATIENCE_S = 120.0
 Scenario = Iterator[None]
 
 
@@ -63,7 +63,7 @@ class Fakes:
         return events
 
 
-def until(condition: Callable[[], bool], patience_s: float = 120.0) -> Scenario:
+def until(condition: Callable[[], bool], patience_s: float = PATIENCE_S) -> Scenario:
     deadline = time.monotonic() + patience_s
     while not condition():
         assert time.monotonic() < deadline, "it did not happen"

@@ -17,9 +17,8 @@ from services.supervisor.observers.lateness_floor import LatenessFloor
 from services.supervisor.observers.observer import Sight
 from services.supervisor.supervisor import Supervisor
 from tests.by_day import by_day
+from tests.patience import PATIENCE_S
 from tests.supervisor.fakes import Fakes, Scenario, page_servers, until, until_running
-
-PATIENCE_S = 60.0
 
 
 @pytest.mark.parametrize("number", by_day([signal.SIGSTOP], [signal.SIGKILL]))

@@ -19,9 +19,9 @@ from services.supervisor.fork_link import ForkServer
 from services.supervisor.launcher import Child
 from services.supervisor.processes import ENVIRONMENT, ProcessSpec
 from services.supervisor.supervisor import Supervisor
+from tests.patience import PATIENCE_S
 from tests.supervisor.fakes import HERE, Fakes, Scenario, gone, until, until_running
 
-_PATIENCE_S = 120.0
 _TELLS = """
 import gc, os, signal, sys
 print(os.getppid(), os.getsid(0) == os.getpid(), os.getpgid(0) == os.getpid())
@@ -53,7 +53,7 @@ def _says(statement: str) -> list[str]:
 
 
 def _until(condition: Callable[[], object]) -> None:
-    deadline_s = time.monotonic() + _PATIENCE_S
+    deadline_s = time.monotonic() + PATIENCE_S
     while not condition():
         assert time.monotonic() < deadline_s
         time.sleep(0.01)
@@ -156,7 +156,7 @@ def test_it_ends_with_its_supervisor_whatever_ends_that_and_holds_no_output_open
     assert supervisor.stdout is not None
     server, child = map(int, supervisor.stdout.readline().split())
     supervisor.kill()
-    assert supervisor.communicate(timeout=10.0)[0] == ""
+    assert supervisor.communicate(timeout=PATIENCE_S)[0] == ""
     try:
         _until(lambda: gone(server))
     finally:

@@ -17,10 +17,10 @@ import pytest
 from services.supervisor import runqueue_waits
 from services.supervisor.kernel_word import KernelWord
 from services.supervisor.runqueue_waits import BusWaits, ThreadWait
+from tests.patience import PATIENCE_S
 from tests.real_time import fifo_is_granted
 
 SPIN = "print(1, flush=True)\nwhile True: pass"
-PATIENCE_S = 60.0
 #: Takes its core from everybody of the ordinary class until its file is there, or somebody has forgotten it.
 HOG = """
 import os, sys, time

@@ -13,6 +13,7 @@ import pytest
 from services.supervisor import web
 from services.supervisor.commands import Command
 from services.supervisor.web import PageContext, build_app
+from tests.patience import PATIENCE_S
 from tests.review.class_of_pages import page, served, until
 
 #: More than the buffers of a socket hold after a few.
@@ -44,7 +45,7 @@ def address(context: PageContext) -> Iterator[httpx.URL]:
 
 
 def _call(address: httpx.URL, text: str) -> socket.socket:
-    made = socket.create_connection((address.host, address.port or 0), timeout=60.0)
+    made = socket.create_connection((address.host, address.port or 0), timeout=PATIENCE_S)
     made.sendall(text.encode("latin-1"))
     return made
 
@@ -62,7 +63,7 @@ def test_a_client_that_stops_reading_is_sent_no_more_and_the_others_go_on(
         until(lambda: counting.taken > 0, "it was sent something")
         until(lambda: _rests(counting), "nothing more is made for who does not read")
         assert counting.taken < 32  # of a megabyte each: what the buffers of a socket may hold
-        with httpx.stream("GET", address.join("/events"), timeout=60.0) as other:
+        with httpx.stream("GET", address.join("/events"), timeout=PATIENCE_S) as other:
             states = (line for line in other.iter_lines() if line.startswith("event: state"))
             for _ in range(5):
                 assert next(states) == "event: state"
@@ -97,7 +98,7 @@ def test_a_storm_of_reloads_leaves_nothing_behind(address: httpx.URL) -> None:
         with _watch(address) as viewer:
             if turn % 2:
                 viewer.recv(100)
-    assert httpx.get(address.join("/healthz"), timeout=60.0).status_code == 200
+    assert httpx.get(address.join("/healthz"), timeout=PATIENCE_S).status_code == 200
     until(lambda: _streams(address) == 0, "every stream has ended")
     assert {thread.ident for thread in threading.enumerate()} <= before
 
@@ -128,13 +129,13 @@ def test_nonsense_is_refused_and_who_comes_next_is_answered(address: httpx.URL, 
     except (ConnectionResetError, BrokenPipeError):
         answer = b""  # refused before all of it was read
     assert not answer.startswith(b"HTTP/1.1 2")
-    assert httpx.get(address.join("/healthz"), timeout=60.0).status_code == 200
+    assert httpx.get(address.join("/healthz"), timeout=PATIENCE_S).status_code == 200
 
 
 def test_every_wrong_token_is_refused(address: httpx.URL, context: PageContext) -> None:
     acted: list[Command] = []
     context.ask = acted.append
-    with httpx.Client(timeout=60.0) as client:
+    with httpx.Client(timeout=PATIENCE_S) as client:
         for turn in range(300):
             answer = client.post(address.join("/api/arm"), headers={"X-Trocar-Token": f"guess {turn}"})
             assert answer.status_code == 403

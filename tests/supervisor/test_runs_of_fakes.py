@@ -24,7 +24,8 @@ from services.supervisor import run_report
 from services.supervisor.supervisor import Supervisor
 from tests.by_day import by_day
 from tests.obeyed import until_obeyed
-from tests.supervisor.fakes import HERE, PATIENCE_S, Fakes, Scenario, gone, page_servers, until, until_running
+from tests.patience import PATIENCE_S
+from tests.supervisor.fakes import HERE, Fakes, Scenario, gone, page_servers, until, until_running
 from tests.with_us import with_us
 
 

@@ -25,12 +25,12 @@ from services.visualization.outputs import WebOutput
 from services.visualization.page_hands import PageHands
 from services.visualization.picture import Picture
 from services.visualization.server import may_look
+from tests.patience import PATIENCE_S
 from tests.visualization.test_view_codec import a_layout, a_picture
 
 TOKEN = "what trocar up printed"
 LOG = logging.getLogger("test")
 PERIOD_NS = 4_000_000
-PATIENCE_S = 60.0
 
 
 def nobodys_hands(published: list[bodies.Hands] | None = None, *followers: str) -> PageHands:

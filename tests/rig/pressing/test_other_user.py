@@ -11,6 +11,7 @@ import pytest
 
 from services.runtime.flight import flight_directory
 from tests.other_user import as_other_user, needs_other_user
+from tests.patience import PATIENCE_S
 from tests.rig.conftest import Rig
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(600), needs_other_user]
@@ -21,7 +22,7 @@ files, sockets, pids, page = json.loads(sys.argv[1])
 def connect(path):
     socket.socket(socket.AF_UNIX).connect(path)
 def command(name):
-    urllib.request.urlopen(urllib.request.Request(page + "api/" + name, data=b"", method="POST"), timeout=10)
+    urllib.request.urlopen(urllib.request.Request(page + "api/" + name, data=b"", method="POST"), timeout=300)
 attempts = [(f"open {path}", lambda path=path: open(path, "rb").read(1)) for path in files]
 attempts += [(f"connect {path}", lambda path=path: connect(path)) for path in sockets]
 for pid in pids:
@@ -59,7 +60,7 @@ def _children(pid: int) -> list[int]:
 
 def test_nothing_of_a_running_rig_is_to_be_had_by_another_user(rig: Rig) -> None:
     rig.observer.until(lambda: any((rig.directory / "recordings").glob("*.mcap")), 120.0, "a recording")
-    rig.observer.until(lambda: rig.observer.is_up, 60.0, "running")
+    rig.observer.until(lambda: rig.observer.is_up, PATIENCE_S, "running")
     files, sockets, pids = _attacked(rig)
     names = {Path(path).name for path in (*files, *sockets)}
     assert {"page.json", "gateway.state.ipc", "gateway.log", "physics.flight"} <= names
@@ -69,7 +70,7 @@ def test_nothing_of_a_running_rig_is_to_be_had_by_another_user(rig: Rig) -> None
     done = as_other_user(_ATTACK, json.dumps((files, sockets, pids, page)))
     assert done.stderr == ""
     assert done.stdout == f"{len(files) + len(sockets) + 3 * len(pids) + 2} attempts\n"
-    rig.observer.until(lambda: rig.observer.is_up, 60.0, "running")
+    rig.observer.until(lambda: rig.observer.is_up, PATIENCE_S, "running")
     assert rig.observer.pids() == before
     _assert_that_the_can_bus_is_nobody_elses(before["gateway"])
 

@@ -14,8 +14,9 @@ import pytest
 from services.cli.attempt import run_order
 from services.recordings.reader import read_frames
 from tests.obeyed import until_obeyed
+from tests.patience import PATIENCE_S
 from tests.rig.conftest import Rig
-from tests.rig.faults import FAULTS, MENDED_S, engage, force_n, force_rates_n_s, rate_limit_n_s, strike
+from tests.rig.faults import FAULTS, engage, force_n, force_rates_n_s, rate_limit_n_s, strike
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(600)]
 
@@ -37,19 +38,19 @@ def test_an_attempt_begins_again_stands_and_goes_on_with_limp_arms_and_without_a
     engage(rig)
     del observer.samples[:-50]
     ask("new")
-    observer.until(lambda: observer.samples[-1].begins == 1, MENDED_S, "the scene begins again")
+    observer.until(lambda: observer.samples[-1].begins == 1, PATIENCE_S, "the scene begins again")
     began = next(k for k, sample in enumerate(observer.samples) if sample.begins)
     assert force_n(observer.samples[began]) == 0.0, "hands are put back only without force"
     assert force_n(observer.samples[0]) > 0.0
-    observer.until(lambda: force_n(observer.samples[-1]) > 0.02, MENDED_S, "a force at the left hand")
+    observer.until(lambda: force_n(observer.samples[-1]) > 0.02, PATIENCE_S, "a force at the left hand")
     ask("pause")
-    observer.until(lambda: observer.samples[-1].tick == observer.samples[-30].tick, MENDED_S, "time stands")
+    observer.until(lambda: observer.samples[-1].tick == observer.samples[-30].tick, PATIENCE_S, "time stands")
     stands = observer.samples[-1].tick
     assert not any(force_n(sample) for sample in observer.samples if sample.tick == stands)
     ask("step", 7)
-    observer.until(lambda: observer.samples[-1].tick == stands + 7, MENDED_S, "seven ticks more")
+    observer.until(lambda: observer.samples[-1].tick == stands + 7, PATIENCE_S, "seven ticks more")
     ask("resume")
-    observer.until(lambda: force_n(observer.samples[-1]) > 0.02, MENDED_S, "a force at the left hand again")
+    observer.until(lambda: force_n(observer.samples[-1]) > 0.02, PATIENCE_S, "a force at the left hand again")
     rates_n_s = force_rates_n_s(observer.samples)
     assert len(rates_n_s) > 500
     assert max(rates_n_s) <= rate_limit_n_s()

@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from services.supervisor.processes import TABLE
+from tests.patience import PATIENCE_S
 from tests.rig.conftest import Rig
 from tests.rig.faults import engage, force_n, force_rates_n_s, rate_limit_n_s
 from tests.rig.pressing.conftest import TIMEOUT_S
@@ -32,13 +33,13 @@ def test_without_its_supervisor_the_rig_lets_go_and_waits_until_somebody_ends_it
     before = rig.observer.pids()
     assert len(before) == len(TABLE)
     _stop_for_a_while(rig)
-    rig.observer.until(lambda: rig.observer.states[-1][0] > time.monotonic_ns() - 10**9, 60.0, "a word from it")
+    rig.observer.until(lambda: rig.observer.states[-1][0] > time.monotonic_ns() - 10**9, PATIENCE_S, "a word from it")
     assert rig.observer.pids() == before, "its own stall counts against nobody"
 
     rig.observer.samples.clear()
     os.kill(rig.process.pid, signal.SIGKILL)
     killed_ns = time.monotonic_ns()
-    rig.process.wait(60)
+    rig.process.wait(PATIENCE_S)
     _assert_hands_are_let_go(rig, killed_ns)
     assert all(Path(f"/proc/{pid}").exists() for pid in before.values())
 
@@ -62,7 +63,9 @@ def _assert_force_goes_on(rig: Rig) -> None:
     samples = rig.observer.samples
     samples.clear()
     rig.observer.until(
-        lambda: bool(samples) and samples[-1].tick - samples[0].tick >= HELD_TICKS, 60.0, "a second of the gateway's"
+        lambda: bool(samples) and samples[-1].tick - samples[0].tick >= HELD_TICKS,
+        PATIENCE_S,
+        "a second of the gateway's",
     )
     assert len({sample.incarnation for sample in samples}) == 1
     ticks = [sample.tick for sample in samples]
