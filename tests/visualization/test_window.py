@@ -1,4 +1,4 @@
-"""The native window on a virtual display: nothing waits for it, its end is told. `test_window_picture`: what is seen."""
+"""The native window on a virtual display: nothing waits for it, and its end is told."""
 
 import logging
 import os
