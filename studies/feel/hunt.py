@@ -48,11 +48,13 @@ def arm_of(name: str, *, bounded: bool = True) -> ArmAtWall:
     return arm_at_wall(config.load(ArmFile, config.find("device", name))[0], MASSES_KG[name], bounded=bounded)
 
 
-def hunt(name: str, searches: int, *, bounded: bool = True, first_seed: int = 0) -> Hunted:
+def hunt(
+    name: str, searches: int, *, bounded: bool = True, first_seed: int = 0, generations: int = GENERATIONS
+) -> Hunted:
     """Search for hands that gain at one arm; not ``bounded`` a force may give what was not put in."""
     arm = arm_of(name, bounded=bounded)
     seeds = range(first_seed, first_seed + searches)
-    gained = _gained(lambda points: books_of(decode(points), arm), len(RANGES), seeds, GENERATIONS)
+    gained = _gained(lambda points: books_of(decode(points), arm), len(RANGES), seeds, generations)
     return Hunted(name, bounded, len(gained), int(np.sum(gained > 0.0)), float(gained.max()))
 
 

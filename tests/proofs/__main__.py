@@ -14,7 +14,7 @@ from pathlib import Path
 
 from benchmarks.report import describe_run, end_in_good_order
 from services.atomic_file import atomic_file
-from tests.proofs import faults, frames, recordings, soak, two_hosts
+from tests.proofs import faults, frames, hands, recordings, soak, two_hosts
 from tests.proofs.page import page
 from tests.proofs.trials import Ledger, counted, go_on, tried
 
@@ -23,8 +23,8 @@ LINES, PAGE = ROOT / "benchmarks" / "results" / "proofs", ROOT / "docs" / "resul
 PROOFS = {
     each.name: each
     for each in (
-        frames.PROOF, recordings.CUTS, recordings.FLIPS, two_hosts.PHYSICS, two_hosts.SUPERVISOR, faults.PROOF,
-        soak.PROOF,
+        frames.PROOF, hands.PROOF, recordings.CUTS, recordings.FLIPS, two_hosts.PHYSICS, two_hosts.SUPERVISOR,
+        faults.PROOF, soak.PROOF,
     )
 }  # fmt: skip
 

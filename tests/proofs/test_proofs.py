@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.proofs import frames, recordings
+from tests.proofs import frames, hands, recordings
 from tests.proofs.page import growth, page
 from tests.proofs.recordings import FRAMES, Original, judge_cut, judge_flip, original
 from tests.proofs.trials import Found, Ledger, Proof, Try, counted, go_on, tried
@@ -102,6 +102,19 @@ def test_frames_that_break_the_decoder_are_counted(monkeypatch: pytest.MonkeyPat
     found = frames.try_frames(np.random.default_rng(5), 200)
     assert 0 < found.failed < 200
     assert len(found.why) == 10
+
+
+def test_hands_that_gain_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A Premium whose force may give what nobody put in, and the same searches with the bound."""
+    monkeypatch.setattr(hands, "KINDS", ("phantom_premium_1_5",))
+    free, bounded = (
+        [hands.try_hands(np.random.default_rng(seed), bounded=each, generations=20) for seed in range(4)]
+        for each in (False, True)
+    )
+    gaining = [each for each in free if each.failed]
+    assert gaining
+    assert "phantom_premium_1_5 | no" in gaining[0].why[0]
+    assert all((each.tried, each.failed, each.why) == (240, 0, ()) for each in bounded)
 
 
 @pytest.fixture(scope="module")
