@@ -12,7 +12,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from tests.envs.walks import SMALL, walk
-from trocar.envs import Insertion, Navigation
+from trocar.envs import Expert, Insertion, Navigation
 
 STIFFNESS = {"catheter.youngs_modulus_pa": (18e6, 60e6)}
 KINDS = (
@@ -53,3 +53,19 @@ def test_two_processes_and_two_episodes_see_the_same_to_the_bit() -> None:
             np.testing.assert_array_equal(first, again)
         assert not np.array_equal(first, walk(here, seed=4))
         here.close()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_expert_goes_by_where_the_hands_are_and_never_rests(kind: Any) -> None:
+    """What is a function of time cannot be copied from what is seen, and a copy of a rest stays there."""
+    made = kind()
+    made.reset(seed=0)
+    expert, still = Expert(made), np.zeros(made.action_space.shape, np.float32)
+    for k in range(60):
+        if k % 20 == 10:
+            made.step(still)
+        action = expert.action()
+        assert np.linalg.norm(action) > 0.1
+        np.testing.assert_array_equal(action, Expert(made).action())
+        made.step(action)
+    made.close()

@@ -18,6 +18,7 @@ import pytest
 import trocar
 from review.attempts.recorded import assess_file
 from services.cli.rerun import compare
+from services.mechanics.scene.tools import ToolInputs
 from services.recordings.inputs import read_inputs
 from services.training.score import load_rules
 from tests.by_day import by_day
@@ -140,9 +141,11 @@ def test_jaws_that_open_and_close_on_a_catheter_that_moves_hold_it_where_haptics
     """Seed 1 closes on the tip: what is held there must be on the catheter, or physics refuses the tools."""
     made, random = Insertion(overrides=SMALL, record=tmp_path), np.random.default_rng(seed)
     made.reset(seed=0)
-    expert, length, held = Expert(made, pace=1.0), random.integers(6, 14), set()
+    script, asked, length, held = trocar.expert(made.simulation), ToolInputs(), random.integers(6, 14), set()
     for k in range(110):
-        action = expert.action() + random.normal(0.0, 0.1, (2, 5))
+        script.write_inputs(min(made.time_s + made.step_s, script.duration_s), asked)
+        way = made.hands.state_of(asked) - made.hands.state
+        action = way / (made.step_s * made.hands.limits.rates) + random.normal(0.0, 0.1, (2, 5))
         if k > 25:
             action[:, 4] = 1.0 if (k - 26) // length % 2 == 0 else -1.0
         made.step(np.clip(action, -1.0, 1.0))

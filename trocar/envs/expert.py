@@ -1,4 +1,4 @@
-"""Practised hands as a policy: what `trocar.expert` does in the scene, in the actions of the environment."""
+"""Practised hands as a policy: the way of `trocar.expert` in the scene, in the actions of the environment."""
 
 from __future__ import annotations
 
@@ -7,35 +7,52 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import trocar
-from services.mechanics.arrays import Float32Array
+from services.mechanics.arrays import Float32Array, FloatArray
 from services.mechanics.scene.tools import ToolInputs
+from services.tube_paths import TubePaths
 
 if TYPE_CHECKING:
     from trocar.envs.task import Task
 
+_SAMPLE_S = 10e-3
+_WAY = "hands"
+
 
 class Expert:
-    """Leads the hands to where the scripted ones are at the end of each step.
+    """Leads the hands along the way of the scripted ones, without their rests.
+
+    An action follows from where the hands are and how deep the catheter is, which an observation tells, and not from
+    the time: a policy that copies it finds no place where it would wait.
 
     Args:
         env: Task. ``env.unwrapped`` of a made environment, after its reset.
-        pace: float. Of the script.
+        effort: float. Length of an action along the way.
         beyond_m: float. How far beyond the goal's depth it pushes; then it holds still.
     """
 
-    def __init__(self, env: Task, pace: float = 0.5, beyond_m: float = 3e-3) -> None:
-        self._env, self._pace = env, pace
+    def __init__(self, env: Task, effort: float = 0.2, beyond_m: float = 3e-3) -> None:
+        self._env, self._effort = env, effort
         self._enough_m = env.scenario.goal.depth_m + beyond_m
-        self._motion = trocar.expert(env.simulation)
-        self._inputs = ToolInputs()
+        motion, inputs, places = trocar.expert(env.simulation), ToolInputs(), []
+        for time_s in np.arange(0.0, motion.duration_s + _SAMPLE_S, _SAMPLE_S):
+            motion.write_inputs(float(time_s), inputs)
+            places.append(self._place(env.hands.state_of(inputs)))
+        moves = np.any(np.diff(places, axis=0), axis=1)
+        self._way = TubePaths({_WAY: np.array(places)[np.concatenate([[True], moves])]})
 
     def action(self) -> Float32Array:
         """Return the action of now."""
         env = self._env
         if env.depth_m > self._enough_m:
             return np.zeros(env.action_space.shape or (), np.float32)
-        time_s = min(self._pace * (env.time_s + env.step_s), self._motion.duration_s)
-        self._motion.write_inputs(time_s, self._inputs)
-        way = env.hands.state_of(self._inputs) - env.hands.state
-        rates = way[: env.hands.n_tools] / (env.step_s * env.hands.limits.rates)
-        return np.clip(env.action_of(rates), -1.0, 1.0).astype(np.float32)
+        here = self._place(env.hands.state)
+        ahead = self._way.place(here)[1] + self._effort * env.step_s
+        path, arc = self._way.path_m[_WAY], self._way.arc_m[_WAY]
+        there = np.array([np.interp(ahead, arc, axis) for axis in path.T])
+        action = ((there - here) / env.step_s).reshape(env.action_space.shape or ())
+        return np.clip(action, -1.0, 1.0).astype(np.float32)
+
+    def _place(self, state: FloatArray) -> FloatArray:
+        """Return where hands (2, 5) are, in seconds of an action of 1."""
+        hands = self._env.hands
+        return self._env.action_of(state[: hands.n_tools] / hands.limits.rates).ravel()
