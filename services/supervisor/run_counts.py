@@ -7,7 +7,7 @@ Reports come a tenth of a second apart, so a change of rung is known as exactly.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import protocol.bodies as bodies
@@ -45,26 +45,29 @@ class Tally:
 
 @dataclass(slots=True)
 class _Interval:
-    """The time for which one rung was in force, and what every process counted in it."""
+    """The time for which one rung was in force, and what every loop counted in it, once it is over."""
 
     level: int
     name: str
     start_s: float
     end_s: float
-    tallies: dict[str, Tally]
+    loops: dict[str, dict[str, int]] = field(default_factory=dict)
+
+    def close(self, counts: dict[str, Figures]) -> None:
+        """Keep what is reported of it: histograms of every interval would be a megabyte each."""
+        self.loops = {
+            name: {"ticks": loop.ticks, "misses": loop.misses, "skipped": loop.skipped}
+            for name, each in counts.items()
+            if (loop := each.loop) is not None
+        }
 
     def body(self, origin_s: float) -> dict[str, Any]:
-        counts = {name: tally.counts().loop for name, tally in self.tallies.items()}
         return {
             "level": self.level,
             "name": self.name,
             "start_s": round(self.start_s - origin_s, 3),
             "seconds": round(self.end_s - self.start_s, 3),
-            "loops": {
-                name: {"ticks": loop.ticks, "misses": loop.misses, "skipped": loop.skipped}
-                for name, loop in counts.items()
-                if loop is not None
-            },
+            "loops": self.loops,
         }
 
 
@@ -73,6 +76,8 @@ class RunCounts:
 
     def __init__(self) -> None:
         self._intervals: list[_Interval] = []
+        self._tallies: dict[str, Tally] = {}  # of the newest interval
+        self._earlier: dict[str, Figures] = {}  # of all others
         self._newest: dict[str, bodies.Health] = {}
 
     @property
@@ -94,23 +99,29 @@ class RunCounts:
         if self._intervals:
             self._intervals[-1].end_s = now_s
         if not self._intervals or self._intervals[-1].level != level:
-            tallies = {process: Tally(health) for process, health in self._newest.items()}
-            self._intervals.append(_Interval(level, name, now_s, now_s, tallies))
+            self._earlier = self.totals()
+            self._close()
+            self._tallies = {process: Tally(health) for process, health in self._newest.items()}
+            self._intervals.append(_Interval(level, name, now_s, now_s))
+
+    def _close(self) -> None:
+        if self._intervals:
+            self._intervals[-1].close({name: tally.counts() for name, tally in self._tallies.items()})
 
     def add(self, health: bodies.Health) -> None:
         """Take a process' report."""
         self._newest[health.process] = health
         if self._intervals:
-            self._intervals[-1].tallies.setdefault(health.process, Tally(None)).add(health)
+            self._tallies.setdefault(health.process, Tally(None)).add(health)
 
     def totals(self) -> dict[str, Figures]:
         """Return what each process counted in the whole run."""
-        sums: dict[str, Figures] = {}
-        for interval in self._intervals:
-            for name, tally in interval.tallies.items():
-                sums[name] = sums.get(name, Figures(0.0)) + tally.counts()
+        sums = dict(self._earlier)
+        for name, tally in self._tallies.items():
+            sums[name] = sums.get(name, Figures(0.0)) + tally.counts()
         return sums
 
     def rungs(self) -> list[dict[str, Any]]:
         """Return the intervals as they are reported, from the start of the first one on."""
+        self._close()
         return [interval.body(self._intervals[0].start_s) for interval in self._intervals]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 from services.supervisor.run_counts import RunCounts
 from tests.supervisor.made_up import health, loop_report
 
@@ -43,3 +45,14 @@ def test_a_rung_taken_again_is_another_interval_and_a_process_born_anew_goes_on_
 
 def test_a_run_that_never_settled_has_no_intervals():
     assert RunCounts().rungs() == []
+
+
+def test_a_rung_that_is_over_keeps_no_histograms():
+    counts = RunCounts()
+    counts.begin([report("physics", 1.0, 1000, 500)])
+    sizes = []
+    for k in range(40):
+        counts.turn(float(k), k % 2, "coarse" if k % 2 else "full")
+        counts.add(report("physics", 2.0 + k, 2000 + 1000 * k, 500))
+        sizes.append(len(pickle.dumps(counts)))
+    assert (sizes[-1] - sizes[9]) / 30 < 200
