@@ -38,6 +38,8 @@ class Topic:
     command: bool = False
 
 
+TICK_S = 1e-3
+"""A tick: the period of the loops, and of the state topics."""
 _MOTION = 0.005  # seconds: five ticks; what moves the hand is stale after that
 
 
@@ -45,7 +47,7 @@ def _state(name: str, readers: str, observers: str, body: type[msgspec.Struct], 
     """Return a 1 kHz state topic: others compute with it, so that every number must be one."""
     return Topic(
         name, name.split(".")[0], tuple(readers.split()), tuple(observers.split()), body, version,
-        1000.0, "latest", _MOTION, command=True,
+        1.0 / TICK_S, "latest", _MOTION, command=True,
     )  # fmt: skip
 
 

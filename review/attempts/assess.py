@@ -10,6 +10,7 @@ import numpy as np
 
 from protocol.bodies import GatewayState, PhysicsState, SupervisorState
 from protocol.bodies.training import Attempt
+from protocol.topics import TICK_S
 from review.attempts.assessment import Assessment, RigQuality, series_of
 from review.attempts.experts import counts_of
 from review.attempts.metrics import TISSUE_LIMITS, metrics_of
@@ -19,7 +20,7 @@ from services.training.judge import Judge
 from services.training.scenario import Scenario
 from services.training.score import Band, ScoreRules, score_of
 from services.training.site import Site
-from services.training.situation import TICK_S, TISSUES
+from services.training.situation import TISSUES
 
 Message = tuple[str, int, msgspec.Struct]
 TOPICS = ("gateway.state", "haptics.contacts", "physics.state", "supervisor.state", "training.attempt")

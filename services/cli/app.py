@@ -54,7 +54,7 @@ class Viewer(StrEnum):
     NONE = "none"
 
 
-class Order(StrEnum):
+class AttemptVerb(StrEnum):
     """What may be asked of the attempt that is being made."""
 
     NEW = "new"
@@ -184,10 +184,12 @@ def replay(
     from services.supervisor.fork_link import ForkServer
 
     with closing(ForkServer()) as fork_server:
-        from services.cli.replay import Replay, run_replay
+        from services.cli.replay import ReplayRequest, run_replay
 
         shown = viewer and viewer.value
-        asked = Replay(file, rig, rate, from_s, until_s, loop, take_over, pictures, shown, tuple(overrides or ()))
+        asked = ReplayRequest(
+            file, rig, rate, from_s, until_s, loop, take_over, pictures, shown, tuple(overrides or ())
+        )
         return run_replay(asked, fork_server)
 
 
@@ -216,7 +218,7 @@ def scenarios(as_json: Json = False) -> None:
 @app.command()
 def attempt(
     what: Annotated[
-        Order, typer.Argument(help="The order: new, pause, resume, step, slow, bookmark; `status` only looks.")
+        AttemptVerb, typer.Argument(help="The order: new, pause, resume, step, slow, bookmark; `status` only looks.")
     ],
     value: Annotated[
         float | None, typer.Argument(min=0.0, callback=finite, help="Of `step` the ms, of `slow` the pace, 1/32 to 1.")
@@ -228,7 +230,7 @@ def attempt(
     """Begin the attempt that is being made again, pause it, step through it, slow it down, or see how it stands."""
     from services.cli.attempt import run_order, run_status
 
-    if what is Order.STATUS:
+    if what is AttemptVerb.STATUS:
         run_status(rig, tuple(overrides or ()), json)
     else:
         run_order(rig, tuple(overrides or ()), what.value, 1.0 if value is None else value)

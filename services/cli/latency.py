@@ -21,7 +21,7 @@ from services.runtime import config, endpoints
 from services.runtime.errors import UserError
 from services.runtime.flight import flight_directory
 from services.runtime.flights import FILE_SUFFIX, Flight, Flights, ThreadTime, read_file, read_rings
-from services.supervisor.observers.observer import Sight
+from services.supervisor.observers.observer import RigSight
 from services.supervisor.observers.thread_usage import ThreadUsage
 
 _LOOK_S = 1.0
@@ -78,9 +78,9 @@ def _now(rig: str, overrides: tuple[str, ...]) -> tuple[Flights, Path | None]:
         return read_file(kept[-1]), kept[-1]
     threads = ThreadUsage()
     for _ in range(2):
-        threads.sample(Sight(time.monotonic(), pids))
+        threads.sample(RigSight(time.monotonic(), pids))
         time.sleep(_LOOK_S)
-    threads.sample(Sight(time.monotonic(), pids))
+    threads.sample(RigSight(time.monotonic(), pids))
     now = datetime.now(UTC).isoformat(timespec="seconds")
     return Flights(read_rings(rings), time.monotonic_ns(), now, "looked at by hand", threads.busiest()), None
 

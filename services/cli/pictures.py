@@ -27,7 +27,7 @@ _BEFORE_S = 1.0
 _MOST_RATE = 100.0
 
 
-class Player:
+class PicturePlayer:
     """Publishes the newest recorded frames, again and again, as the picture asks for them.
 
     It stays at the recording's end, so that one can go back; `until_s` ends it.
@@ -136,12 +136,12 @@ def _number(words: str) -> float | None:
     return number if 0.0 <= number < float("inf") else None
 
 
-def shown_by(open_player: Callable[[], Player]) -> Callable[[Supervisor], bool]:
+def shown_by(open_player: Callable[[], PicturePlayer]) -> Callable[[Supervisor], bool]:
     """Return what lets the rig's every turn show the recording, and hears what is typed.
 
     The player is opened in the first turn: before, what it publishes would be another rig's.
     """
-    players: list[Player] = []
+    players: list[PicturePlayer] = []
 
     def turn(supervisor: Supervisor) -> bool:
         player = players[0] if players else open_player()

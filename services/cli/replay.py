@@ -48,7 +48,7 @@ def run_check(path: Path, as_json: bool) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Replay:
+class ReplayRequest:
     """What a person asked for: see `services.runtime.rig.ReplaySettings`."""
 
     file: Path
@@ -63,7 +63,7 @@ class Replay:
     overrides: tuple[str, ...]
 
 
-def run_replay(asked: Replay, fork_server: ForkServer) -> None:
+def run_replay(asked: ReplayRequest, fork_server: ForkServer) -> None:
     """Start a rig whose device frames are those of a recording, in the scene of the recording.
 
     Raises RecordingError if it cannot be run again, with the reason.
@@ -87,7 +87,7 @@ def run_replay(asked: Replay, fork_server: ForkServer) -> None:
         return run_up(request, fork_server)
 
 
-def _show(asked: Replay, fork_server: ForkServer) -> None:
+def _show(asked: ReplayRequest, fork_server: ForkServer) -> None:
     """Show what was recorded: only the picture runs."""
     metadata, attachments = read_extras(asked.file)
     if "scene.yaml" not in attachments:
@@ -97,9 +97,9 @@ def _show(asked: Replay, fork_server: ForkServer) -> None:
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         scene = _scene_file(Path(folder), metadata["trocar"], attachments)
 
-        def open_player() -> pictures.Player:
+        def open_player() -> pictures.PicturePlayer:
             bus = stack.enter_context(closing(ZmqBus(rig.transport, publishes=pictures.TOPICS)))
-            player = pictures.Player(asked.file, bus, asked.rate, asked.until_s, loop=asked.loop)
+            player = pictures.PicturePlayer(asked.file, bus, asked.rate, asked.until_s, loop=asked.loop)
             player.seek(asked.from_s)
             return player
 

@@ -18,7 +18,7 @@ from typing import Any
 import can
 
 from services.gateway import canbus, cansimple
-from services.gateway.host_check import HostCheck
+from services.gateway.host_check import HostCheck, text_of
 from services.runtime.errors import DeviceError
 
 #: A drive says ten times a second that it is there.
@@ -79,15 +79,15 @@ def _kernel_refuses() -> str:
 
 def _interface(name: str, channel: str, bitrate: float, root: Path) -> HostCheck:
     place = root / "sys/class/net" / channel
-    interfaces = sorted(each.name for each in place.parent.glob("*") if _text(each / "type") == _ARPHRD_CAN)
+    interfaces = sorted(each.name for each in place.parent.glob("*") if text_of(each / "type") == _ARPHRD_CAN)
     if channel not in interfaces:
         shown = f"no CAN interface {channel!r}; this host has {', '.join(interfaces) or 'none'}"
         advice = f"plug the adapter in; without wires: {_MAKE_VIRTUAL.replace('NAME', channel)}"
         return HostCheck(name, False, shown, advice, needed=True)
-    if not int(_text(place / "flags"), 16) & _UP:
+    if not int(text_of(place / "flags"), 16) & _UP:
         advice = f"{_set(channel, bitrate)}; sudo ip link set {channel} up (a bus without wires: the last of these)"
         return HostCheck(name, False, "down", advice, needed=True)
-    wrong = _wrongly_set(channel, bitrate, int(_text(place / "tx_queue_len") or 0))
+    wrong = _wrongly_set(channel, bitrate, int(text_of(place / "tx_queue_len") or 0))
     advice = f"sudo ip link set {channel} down; {_set(channel, bitrate)}; sudo ip link set {channel} up"
     return HostCheck(name, not wrong, wrong or "up", advice)
 
@@ -178,7 +178,3 @@ def _hear_drives(bus: can.BusABC) -> dict[int, str]:
                 heard[message.arbitration_id >> 5] = shown
         time.sleep(0.01)
     return heard
-
-
-def _text(file: Path) -> str:
-    return file.read_text(errors="replace").strip() if file.is_file() else ""

@@ -25,7 +25,7 @@ class BeginAgain(msgspec.Struct, tag=True):
     node: int
 
 
-class Pace(msgspec.Struct, tag=True):
+class SetPace(msgspec.Struct, tag=True):
     """Let the hand of a drive move at this pace from now on, 0 to 1."""
 
     node: int
@@ -38,7 +38,7 @@ class Ask(msgspec.Struct, tag=True):
     node: int
 
 
-Order = Add | GoOn | BeginAgain | Pace | Ask
+Order = Add | GoOn | BeginAgain | SetPace | Ask
 LONGEST = 256
 DESCRIPTORS = 2
 encode = msgspec.json.Encoder().encode

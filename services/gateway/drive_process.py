@@ -16,7 +16,7 @@ import sys
 import time
 
 from services.gateway import can_frame, drive_orders
-from services.gateway.drive_orders import Add, Ask, BeginAgain, GoOn, Order, Pace
+from services.gateway.drive_orders import Add, Ask, BeginAgain, GoOn, Order, SetPace
 from services.gateway.emulated_drive import ESTIMATE_S, CanFrame, EmulatedDrive, Handle
 from services.runtime import realtime
 
@@ -119,7 +119,7 @@ class Drives:
                 self._axes[order.node].goes_on = True
             case BeginAgain():
                 self._axes[order.node].begin_again()
-            case Pace():
+            case SetPace():
                 self._axes[order.node].pace = order.pace
             case Ask():
                 self._gateway.send(struct.pack("=d", self._axes[order.node].drive.applied_nm))

@@ -12,7 +12,7 @@ import sys
 import threading
 
 from services.gateway import drive_orders
-from services.gateway.drive_orders import Add, Ask, BeginAgain, GoOn, Order, Pace
+from services.gateway.drive_orders import Add, Ask, BeginAgain, GoOn, Order, SetPace
 from services.gateway.hand_motion import HandMotion
 from services.gateway.local_bus import LocalBus
 
@@ -83,7 +83,7 @@ class DriveProcess:
     def keep_pace(self, node: int, pace: float) -> None:
         """Let the hand of a drive move at this pace; as `go_on`."""
         with contextlib.suppress(OSError):
-            self._tell(Pace(node, pace))
+            self._tell(SetPace(node, pace))
 
     def applied_nm(self, node: int) -> float:
         """Return what a drive applies to its handle now: waits for the answer."""

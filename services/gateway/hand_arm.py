@@ -8,11 +8,12 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from protocol.topics import TICK_S
 from services.gateway import pose, premium_model, virtual_hand
 from services.gateway.driver import Arm, ArmLimits, Place
 from services.gateway.servo_arrays import MEMORY_FORCE, READ_ROLL
 from services.gateway.slew import slew
-from services.gateway.virtual_hand import POSITION, STATE_SIZE, TICK_S
+from services.gateway.virtual_hand import POSITION, STATE_SIZE
 from services.mechanics.arrays import FloatArray
 from services.runtime.errors import ConfigError
 from services.runtime.rig import Settings, Vector3

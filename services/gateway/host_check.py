@@ -7,6 +7,7 @@ and whether a rig is running: then no device may be opened.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,3 +24,8 @@ class HostCheck:
     found: str
     advice: str
     needed: bool = False
+
+
+def text_of(file: Path) -> str:
+    """Return what the kernel says in a file of ``/sys``, empty where there is none."""
+    return file.read_text(errors="replace").strip() if file.is_file() else ""

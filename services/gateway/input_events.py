@@ -26,7 +26,7 @@ _ONE_SIDED = {ecodes.ABS_Z, ecodes.ABS_RZ, ecodes.ABS_GAS, ecodes.ABS_BRAKE}
 _RUMBLE_MS = 200
 
 
-class Source(Protocol):
+class EventSource(Protocol):
     """What is used of `evdev.InputDevice`."""
 
     path: str
@@ -99,7 +99,7 @@ class Inputs:
         fault: Empty, or one sentence: it went away.
     """
 
-    source: Source
+    source: EventSource
     fault: str = ""
     _values: dict[tuple[int, int], float] = field(default_factory=dict)
     _ranges: dict[int, tuple[float, float]] = field(default_factory=dict)
@@ -251,10 +251,10 @@ def _is_one(kind: Kind, path: str) -> bool:
         source.close()
 
 
-def _open_device(path: str) -> Source:
-    return cast(Source, InputDevice(path))
+def _open_device(path: str) -> EventSource:
+    return cast(EventSource, InputDevice(path))
 
 
 #: How devices are listed and opened; a bench puts its stand-in here.
 list_paths: Callable[[], list[str]] = list_devices
-open_source: Callable[[str], Source] = _open_device
+open_source: Callable[[str], EventSource] = _open_device

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from protocol.topics import TICK_S
 from services.gateway.driver import Place
 from services.gateway.pose import pack_mount, to_arm
 from services.mechanics.arrays import FloatArray
 from services.runtime.errors import DeviceError
 
-_TICK_S = 1e-3
 _DTYPE = [(name, np.float64) for name in ("time_s", "x_m", "y_m", "z_m", "roll_rad", "handle_angle_rad")]
 
 
@@ -33,9 +33,9 @@ class Track:
         if self._end_s > 0.0:
             time_s = math.fmod(time_s, self._end_s)
         here, before = (
-            [float(np.interp(t, self._times_s, c)) for c in self._columns] for t in (time_s, time_s - _TICK_S)
+            [float(np.interp(t, self._times_s, c)) for c in self._columns] for t in (time_s, time_s - TICK_S)
         )
-        return here, [(now - then) / _TICK_S for now, then in zip(here, before, strict=True)]
+        return here, [(now - then) / TICK_S for now, then in zip(here, before, strict=True)]
 
 
 def read_hand(path: Path, columns: tuple[str, ...], place: Place) -> npt.NDArray[np.void]:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 
+from protocol.topics import TICK_S
 from services.recordings.inputs import Intake, read_inputs
-from services.recordings.schedule import ASK_AGAIN_NS, TICK_S, replayed
+from services.recordings.schedule import ASK_AGAIN_NS, replayed
 from services.runtime.loop import LoopMeter, sleep_until
 from services.runtime.process import Process
 from services.runtime.rig import ReplaySettings

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from protocol.topics import TICK_S
 from services.gateway import premium_model
 from services.gateway.premium_model import GEARS
 from services.gateway.servo_arrays import READ_POSITION, READ_TEMPERATURE, READ_VELOCITY
@@ -13,7 +14,6 @@ from services.gateway.velocity_filter import butterworth, low_pass
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 
-TICK_S = 1e-3
 SUBSTEPS = 8
 #: Maxon RE25 118743: torque at stall, torque constant, resistance, its rise with temperature.
 STALL_NM, TORQUE_NM_A, RESISTANCE_OHM, COPPER_1_K = 0.129, 0.0234, 2.18, 0.0039

@@ -10,12 +10,12 @@ import math
 
 import numpy as np
 
+from protocol.topics import TICK_S
 from services.gateway.pose import to_arm
 from services.gateway.servo_arrays import READ_POSITION, READ_VELOCITY
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 
-TICK_S = 1e-3
 #: Critically damped at 10 Hz: quick enough for a hand, slow enough to make a line of a mouse's steps.
 MASS_KG, STIFFNESS_N_M = 0.1, 400.0
 DAMPING_N_S_M = 2.0 * math.sqrt(MASS_KG * STIFFNESS_N_M)

@@ -21,7 +21,7 @@ from protocol.topics import observed_by, read_by
 from services.cache_directory import cache_directory
 from services.recorder import attachments
 from services.recorder.losses import Losses, counts
-from services.recorder.picture import Picture
+from services.recorder.picture import PictureRecorder
 from services.recorder.recording import RecordingWriter
 from services.recordings.provenance import machine, mechanics_digest
 from services.recordings.repair import repair_all
@@ -77,7 +77,7 @@ class Recording:
         self._has_lost = False
         self._due_ns = now_ns + _TELL_NS
         self._writer = RecordingWriter(_new_file(process), _metadata(process), shared=process.rig.recorder.shared)
-        self._picture = Picture(self._writer.to_wall_ns)
+        self._picture = PictureRecorder(self._writer.to_wall_ns)
         process.log.info("writing %s", self._writer.path)
 
     def explain(self) -> None:

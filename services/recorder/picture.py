@@ -13,7 +13,7 @@ _PERIOD_NS = 100_000_000
 Drawn = tuple[str, int, bytes]
 
 
-class Picture:
+class PictureRecorder:
     """Draws the newest frames when it is time; without a `drawing` only tools and log."""
 
     def __init__(self, to_wall_ns: int) -> None:

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from protocol.topics import TICK_S
 from services.recordings.inputs import Intake, RecordedInputs, read_inputs
 from services.runtime.rig import ReplaySettings
 
-TICK_S = 1e-3
 #: Who waits for an answer asks again after so long: a process that has just started has not heard the question.
 ASK_AGAIN_NS = 20_000_000
 

@@ -24,7 +24,7 @@ _HELLO_S = 1.0
 ANSWER_S = 2.5
 
 
-class RigTime(msgspec.Struct, frozen=True):
+class RunTime(msgspec.Struct, frozen=True):
     """What a caller is told first: which run of the rig this is, and its time."""
 
     incarnation: int
@@ -60,7 +60,7 @@ class Control:
         if len(self._callers) < _PEERS:
             with suppress(BlockingIOError):
                 caller = Link(self._line.accept()[0])
-                caller.send(RigTime(self._rig.incarnation, now_s - self._rig.started_s))
+                caller.send(RunTime(self._rig.incarnation, now_s - self._rig.started_s))
                 self._callers.append(caller)
         for caller in tuple(self._callers):
             try:
@@ -97,7 +97,7 @@ def _ask_supervisor(transport: Transport, command: Command, patience_s: float) -
         end.settimeout(_HELLO_S)
         end.connect(str(control_path(transport)))
         link = Link(end)
-        if (now := link.wait(RigTime, _HELLO_S)) is None:
+        if (now := link.wait(RunTime, _HELLO_S)) is None:
             return None
         before_s = min(command.before_s if command.incarnation else math.inf, now.t + patience_s)
         incarnation = command.incarnation or now.incarnation

@@ -18,7 +18,7 @@ from contextlib import suppress
 
 import msgspec
 
-from services.supervisor.fork_server import Order
+from services.supervisor.fork_server import ForkOrder
 from services.supervisor.processes import ENVIRONMENT
 
 #: How long its imports, and a fork, may take on a busy machine.
@@ -75,7 +75,7 @@ class ForkServer:
         """Return the process id of a child of ours that runs a module and writes into `sink`, 0 if there is none."""
         if self._server is None or self.imports():
             return 0
-        order = msgspec.json.encode(Order(module, tuple(arguments), dict(environment)))
+        order = msgspec.json.encode(ForkOrder(module, tuple(arguments), dict(environment)))
         with suppress(OSError):
             socket.send_fds(self._link, [order], [sink])
             if pid := int(self._receive() or 0):

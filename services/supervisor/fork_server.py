@@ -27,7 +27,7 @@ _ORDER_MAX = 1 << 16
 _LOOK_S = 0.5e-3
 
 
-class Order(msgspec.Struct, frozen=True):
+class ForkOrder(msgspec.Struct, frozen=True):
     """What a fork is to become: ``python -m MODULE ARGUMENTS``."""
 
     module: str
@@ -44,7 +44,7 @@ def main() -> None:
     gc.freeze()
     _tell(link, READY)
     while (received := socket.recv_fds(link, _ORDER_MAX, 1))[0]:
-        order, (sink,) = msgspec.json.decode(received[0], type=Order), received[1]
+        order, (sink,) = msgspec.json.decode(received[0], type=ForkOrder), received[1]
         if _fork():
             _tell(link, str(os.getpid()).encode())
             link.close()
@@ -81,7 +81,7 @@ def _stand_alone(sink: int) -> None:
     os.close(sink)
 
 
-def _become(order: Order) -> None:
+def _become(order: ForkOrder) -> None:
     command = [sys.executable, "-m", order.module, *order.arguments]
     _show(command)
     os.environ.update(order.environment)

@@ -18,7 +18,7 @@ class RigState(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Situation:
+class RigFacts:
     """What the supervisor sees.
 
     Args:
@@ -39,7 +39,7 @@ class Situation:
     stalling: bool = False
 
 
-def next_state(state: RigState, now: Situation) -> RigState:
+def next_state(state: RigState, now: RigFacts) -> RigState:
     """Return the state that follows `state`.
 
     A safe stop wins over everything. It is left only through STARTING, so a rig that is armed

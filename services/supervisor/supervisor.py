@@ -23,7 +23,7 @@ from services.supervisor.governor import Governor, Level
 from services.supervisor.member import build_members
 from services.supervisor.processes import ProcessSpec
 from services.supervisor.shown_recording import ShownRecording
-from services.supervisor.state_machine import RigState, Situation, next_state
+from services.supervisor.state_machine import RigFacts, RigState, next_state
 
 #: How long everything must be well before the rig counts as RUNNING (again).
 SETTLE_S = 1.0
@@ -257,7 +257,7 @@ class Supervisor:
             self._not_ready_s = now_s
         if troubles:
             self._trouble_s = now_s
-        situation = Situation(
+        situation = RigFacts(
             all_ready=self.crew.all_ready,
             trouble=bool(troubles),
             settled=now_s - self._not_ready_s >= SETTLE_S,

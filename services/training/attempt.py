@@ -10,9 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from protocol.topics import TICK_S
 from services.training.scenario import Goal
 
-TICK_S = 1e-3
 #: A hand has begun when a tool is so far from where it was: a tremor, or the sag of a held arm, is less.
 MOVED_M, OPENED_RAD = 4e-3, 0.15
 

@@ -10,7 +10,7 @@ from services.training.errors import ErrorEvent, ErrorLog
 from services.training.procedure import Procedure
 from services.training.scenario import Phase, Scenario
 from services.training.site import Site
-from services.training.situation import Observer, Situation
+from services.training.situation import Situation, SituationReader
 
 
 class Judge:
@@ -24,7 +24,7 @@ class Judge:
     def __init__(self, scenario: Scenario, site: Site | None = None) -> None:
         self.procedure = Procedure(scenario)
         self.log = ErrorLog(scenario)
-        self._observer = Observer(site)
+        self._observer = SituationReader(site)
         self._last: Situation | None = None
 
     @property

@@ -6,8 +6,9 @@ import math
 
 import msgspec
 
+from protocol.topics import TICK_S
 from services.training.scenario import Phase, Scenario
-from services.training.situation import TICK_S, Hand, Situation
+from services.training.situation import Hand, Situation
 
 PHASES: dict[Phase, str] = {
     "P0": "traction",

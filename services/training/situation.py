@@ -19,13 +19,13 @@ from protocol.bodies.physics import (
     REACTION_POSITION,
     REACTION_PROXY,
 )
+from protocol.topics import TICK_S
 from services.training.site import Site
 
 Vector = NDArray[np.float64]
 TISSUES = ("tool_duct", "tool_catheter", "catheter_wall")
 """By the number that a contact's kind has on the wire."""
 
-TICK_S = 1e-3
 EVERY_TICKS = 4
 """Of so many ticks one is judged: 250 a second, of which 10 Hz of motion are kept."""
 _DUCT, _CATHETER = 0, 1
@@ -107,7 +107,7 @@ class Situation:
         return [hand for hand in self.hands if hand.holds_catheter]
 
 
-class Observer:
+class SituationReader:
     """Puts the newest frames of the fast topics together."""
 
     def __init__(self, site: Site | None = None) -> None:

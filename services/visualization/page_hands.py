@@ -24,7 +24,7 @@ TOPIC = "visualization.hands"
 _DECODER = msgspec.json.Decoder(bodies.Hands)
 
 
-class Page(Protocol):
+class PageConnection(Protocol):
     """A connection to a page."""
 
     async def receive_text(self) -> str:
@@ -63,10 +63,10 @@ class PageHands:
         self._publish = publish
         self._devices = devices
         self._token_sha256 = token_sha256
-        self._holder: Page | None = None
+        self._holder: PageConnection | None = None
         self._closing: set[asyncio.Task[None]] = set()
 
-    async def serve(self, page: Page) -> None:
+    async def serve(self, page: PageConnection) -> None:
         """Talk with one page until it goes or another takes over."""
         reason = self._refusal(await page.receive_text())
         if reason:

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from protocol.bodies.haptics import MODEL_COLUMNS, MODEL_CONTACT, MODEL_F0, MODEL_K, MODEL_X0
+from protocol.topics import TICK_S
 from services.gateway.servo_arrays import MEMORY_FORCE, MEMORY_SIZE, NOW_AGE
 from services.gateway.servo_law import servo_force
-from services.gateway.simulated_arm import TICK_S
 from services.mechanics.arrays import FloatArray, LongArray
 from services.mechanics.scenarios import insertion
 from services.mechanics.scene.tools import ToolInputs

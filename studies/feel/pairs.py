@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from protocol.bodies.haptics import MODEL_B, MODEL_COLUMNS, MODEL_CONTACT, MODEL_F0, MODEL_K, MODEL_X0
+from protocol.topics import TICK_S
 from services.gateway import premium_model, simulated_arm
 from services.gateway.premium_model import GEARS
 from services.gateway.servo_arrays import (
@@ -33,7 +34,6 @@ from services.gateway.simulated_arm import (
     HAND_STIFFNESS,
     HAND_TARGET,
     STALL_NM,
-    TICK_S,
     filter_reading,
     measure,
     step_links,

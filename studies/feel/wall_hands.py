@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from protocol.bodies.haptics import MODEL_B, MODEL_COLUMNS, MODEL_CONTACT, MODEL_F0, MODEL_K, MODEL_X0
+from protocol.topics import TICK_S
 from services.gateway.device_files import ArmFile
 from services.gateway.servo_arrays import (
     LIMIT_COUNT,
@@ -26,7 +27,6 @@ from services.gateway.servo_arrays import (
     NOW_TTL,
 )
 from services.gateway.servo_law import damping_share, elastic_share, model_force, servo_force
-from services.gateway.simulated_arm import TICK_S
 from services.gateway.velocity_filter import butterworth, low_pass
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import building_kernel, kernel

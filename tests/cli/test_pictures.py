@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from services.cli import pictures
-from services.cli.pictures import Player
+from services.cli.pictures import PicturePlayer
 from services.recordings.reader import read_messages
 from tests.review.test_assess import recorded, word
 from tests.training.streams import GOOD, messages
@@ -36,7 +36,7 @@ def test_frames_come_in_their_time_and_as_a_person_asks(monkeypatch: pytest.Monk
         return max(tick for time_ns, tick in times if (time_ns - times[0][0]) * 1e-9 <= place_s)
 
     bus = _Bus()
-    player = Player(SAMPLE, bus, 2.0, 5.0, loop=False)  # type: ignore[arg-type]
+    player = PicturePlayer(SAMPLE, bus, 2.0, 5.0, loop=False)  # type: ignore[arg-type]
 
     def after(seconds: float) -> int:
         now_s[0] += seconds
@@ -77,7 +77,7 @@ def test_at_its_end_it_stays_or_begins_again(monkeypatch: pytest.MonkeyPatch) ->
     now_s = [100.0]
     monkeypatch.setattr(pictures, "time", SimpleNamespace(monotonic_ns=lambda: round(1e9 * now_s[0])))
     bus = _Bus()
-    player = Player(SAMPLE, bus, 1.0, None, loop=True)  # type: ignore[arg-type]
+    player = PicturePlayer(SAMPLE, bus, 1.0, None, loop=True)  # type: ignore[arg-type]
     length_s = player.status().length_s
     player.obey(f"@{length_s - 0.5}")
     now_s[0] += 1.0
@@ -98,7 +98,7 @@ def test_the_attempt_is_told_as_it_was_then(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setattr(pictures, "time", SimpleNamespace(monotonic_ns=lambda: round(1e9 * now_s[0])))
     stream = chain(word("running", 0), messages(GOOD, 2.0, 0), word("done", 1900, outcome="success", time_s=2.0))
     path = recorded(tmp_path / "a.mcap", stream)
-    player = Player(path, _Bus(), 1.0, None, loop=False)  # type: ignore[arg-type]
+    player = PicturePlayer(path, _Bus(), 1.0, None, loop=False)  # type: ignore[arg-type]
     told = []
     for place in ("@0.5", "@1.95", "@0.9"):
         player.obey(place)

@@ -13,7 +13,7 @@ from services.gateway import input_events
 
 
 class InputStandIn:
-    """An input device as `input_events.Source` wants it; `say` is a hand on it.
+    """An input device as `input_events.EventSource` wants it; `say` is a hand on it.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ def spacemouse(path: str = "/dev/input/event6", absolute: bool = False) -> Input
 
 
 @contextmanager
-def only(source: input_events.Source) -> Iterator[None]:
+def only(source: input_events.EventSource) -> Iterator[None]:
     """Let `source` be the only input device of this host."""
     before = input_events.list_paths, input_events.open_source
     input_events.list_paths, input_events.open_source = (lambda: [source.path]), (lambda _path: source)

@@ -18,7 +18,7 @@ from protocol.arrays import pack
 from protocol.bodies import Catheter, Duct, GatewayState, InstrumentState
 from services.cache_directory import cache_directory
 from services.recorder import attachments
-from services.recorder.picture import Picture
+from services.recorder.picture import PictureRecorder
 from services.recorder.recording import RecordingWriter
 from services.recordings.reader import read_extras
 from services.recordings.repair import repair
@@ -40,7 +40,7 @@ def drawing() -> SceneDrawing:
 def _recording(path: Path, drawing: SceneDrawing) -> Path:
     """Record half a second in which the duct swings, a tool comes down and the rig degrades."""
     writer, duct = RecordingWriter(path, {}), drawing._surface.duct
-    picture = Picture(writer.to_wall_ns)
+    picture = PictureRecorder(writer.to_wall_ns)
     picture.drawing = drawing
     line = pack(np.arange(63.0).reshape(21, 3) * 1e-3)
     for tick in range(500):

@@ -14,7 +14,7 @@ import pytest
 
 from services.supervisor.observers import lateness_floor
 from services.supervisor.observers.lateness_floor import LatenessFloor
-from services.supervisor.observers.observer import Sight
+from services.supervisor.observers.observer import RigSight
 from services.supervisor.supervisor import Supervisor
 from tests.by_day import by_day
 from tests.patience import PATIENCE_S
@@ -61,12 +61,12 @@ def test_a_watcher_of_the_floor_that_hangs_or_ends_is_started_again(
         end_s = time.monotonic() + PATIENCE_S
         while floor.said != done or not floor.report():
             assert time.monotonic() < end_s
-            floor.sample(Sight(time.monotonic()))
+            floor.sample(RigSight(time.monotonic()))
             time.sleep(0.05)
 
     monotonic = time.monotonic() + PATIENCE_S
     while not floor.report() and time.monotonic() < monotonic:
-        floor.sample(Sight(0.0))
+        floor.sample(RigSight(0.0))
         time.sleep(0.05)
     first: subprocess.Popen[bytes] = floor._process
     first.send_signal(number)

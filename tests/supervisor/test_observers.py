@@ -25,7 +25,7 @@ from services.supervisor.observers import incident_files
 from services.supervisor.observers.core_sleepers import PHASES, Phases
 from services.supervisor.observers.incident_files import IncidentFiles
 from services.supervisor.observers.lateness_floor import CoreLateness, has_deadline_loops
-from services.supervisor.observers.observer import Row, Sight
+from services.supervisor.observers.observer import RigSight, Row
 from services.supervisor.observers.registry import Report
 from services.supervisor.observers.thread_usage import Counts, ThreadUsage
 from services.supervisor.observers.wakeup_phase import idle_phase_ns
@@ -149,13 +149,13 @@ def test_threads_are_counted_as_the_kernel_does() -> None:
         watch = ThreadUsage()
         pids = {"sleeper": sleeper.pid, "spinner": spinner.pid, "gone": 2**22 - 1, "not started": 0}
         outer = _woken(sleeper.pid), _busy_ns(spinner.pid)
-        watch.sample(Sight(10.0, pids))
+        watch.sample(RigSight(10.0, pids))
         inner = _woken(sleeper.pid), _busy_ns(spinner.pid)
-        watch.sample(Sight(10.5, pids))  # too early: not looked at
+        watch.sample(RigSight(10.5, pids))  # too early: not looked at
         assert not any(row.lately for row in watch.report().values())
         eventually(lambda: _woken(sleeper.pid) > inner[0] + 100 and _busy_ns(spinner.pid) > inner[1] + 200 * MS)
         least = _woken(sleeper.pid) - inner[0], _busy_ns(spinner.pid) - inner[1]
-        watch.sample(Sight(11.5, pids))
+        watch.sample(RigSight(11.5, pids))
         most = _woken(sleeper.pid) - outer[0], _busy_ns(spinner.pid) - outer[1]
         usage = {name: row.lately for name, row in watch.report().items()}
         assert usage.keys() == {"sleeper", "spinner"}
@@ -193,8 +193,8 @@ def test_what_a_process_started_is_its_own_unless_it_has_a_name() -> None:
         eventually(lambda: _children(parent.pid) != [])
         (grandchild,) = _children(parent.pid)
         alone, named = ThreadUsage(), ThreadUsage()
-        alone.sample(Sight(0.0, {"parent": parent.pid}))
-        named.sample(Sight(0.0, {"child": grandchild, "parent": parent.pid}))
+        alone.sample(RigSight(0.0, {"parent": parent.pid}))
+        named.sample(RigSight(0.0, {"child": grandchild, "parent": parent.pid}))
         assert alone.report().keys() == {"parent"}
         assert named.report().keys() == {"parent", "child"}
         os.kill(grandchild, 9)

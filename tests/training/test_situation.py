@@ -18,7 +18,7 @@ from protocol.bodies.physics import REACTION_GRASP_TORQUE
 from review.attempts.trace import Trace
 from services.training.judge import Judge
 from services.training.procedure import PHASES, Procedure
-from services.training.situation import Loads, Observer, Situation, segments_apart_m
+from services.training.situation import Loads, Situation, SituationReader, segments_apart_m
 from tests.protocol import strategies
 from tests.training.streams import GOOD, SCENARIO, SITE, Channel, changed, messages
 from tests.training.test_errors import judged, pulse
@@ -45,7 +45,7 @@ def test_the_distance_of_segments_is_that_of_their_closest_points() -> None:
 
 def seen(changes: dict[str, Channel], seconds: float) -> Situation:
     """The last situation of an attempt."""
-    observer, last = Observer(SITE), None
+    observer, last = SituationReader(SITE), None
     for topic, _, body in messages(changed(changes), seconds):
         last = observer.take(topic, body) or last
     assert last is not None
@@ -58,7 +58,7 @@ def seen(changes: dict[str, Channel], seconds: float) -> Situation:
     ids=["squeezed", "touched", "pushed shut", "pressed elsewhere", "catheter at the wall"],
 )
 def test_jaws_grip_the_duct_where_it_keeps_them_open(torque_nm: float, away_m: float, kind: int, grips: bool) -> None:
-    observer, situation = Observer(None), None
+    observer, situation = SituationReader(None), None
     for topic, _, body in messages(changed({"grip": [(0.0, 1.0)], "hold": [(0.0, 0.0)]}), 0.02):
         if isinstance(body, PhysicsState):
             table = body.tools.view().copy()
@@ -127,7 +127,7 @@ def test_live_judge_tells_phase_and_counts() -> None:
 
 def test_time_is_that_of_ticks() -> None:
     procedure = Procedure(SCENARIO)
-    observer = Observer(SITE)
+    observer = SituationReader(SITE)
     for topic, _, body in messages(GOOD, 1.0, first_tick=123_456):
         situation = observer.take(topic, body)
         if situation is not None:

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from protocol import Frame
+from protocol.topics import TICK_S
 from services.mechanics.arrays import FloatArray
 from services.training.judge import Judge
 from services.training.scenario import Scenario
 from services.training.score import ScoreRules
-from services.training.situation import TICK_S
 from services.training.trainer import Trainer
 from trocar.envs.frames import TICK_NS, Framer
 from trocar.envs.hands import DeviceHands

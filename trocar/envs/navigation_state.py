@@ -8,10 +8,10 @@ import numpy as np
 
 from protocol.bodies import GatewayState, PhysicsState, ToolContacts
 from protocol.bodies.physics import REACTION_FORCE
+from protocol.topics import TICK_S
 from services.mechanics.arrays import Float32Array, FloatArray
 from services.training.scenario import Goal
 from services.training.site import Site
-from services.training.situation import TICK_S
 from services.tube_paths import TubePaths
 from trocar.envs.state import Field, joined, most_of, points_m
 

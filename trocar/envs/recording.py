@@ -12,7 +12,7 @@ import yaml
 
 from protocol import Frame
 from services.recorder.attachments import NPZ, YAML
-from services.recorder.picture import Picture
+from services.recorder.picture import PictureRecorder
 from services.recorder.recording import RecordingWriter
 from services.recordings.provenance import machine, mechanics_digest
 from services.recordings.scene_update import SceneDrawing
@@ -40,7 +40,7 @@ class EpisodeRecording:
         scene = yaml.safe_dump(config.read_scene(str(stage.name), stage.overrides), sort_keys=False, allow_unicode=True)
         self._writer.attach("scene.yaml", YAML, scene.encode())
         self._writer.attach("duct.npz", NPZ, stage.duct_file)
-        self._picture = Picture(self._writer.to_wall_ns)
+        self._picture = PictureRecorder(self._writer.to_wall_ns)
         self._picture.drawing = SceneDrawing(stage.scene, stage.duct)
         self._haptics, self._physics = (JournalWriter(f"{name}.journal", self) for name in ("haptics", "physics"))  # type: ignore[arg-type]
         self._tick = self._solved_tick = -1

@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike
 
 from protocol.bodies import GatewayState, PhysicsState, ToolContacts
 from protocol.bodies.physics import REACTION_COLUMNS, REACTION_FORCE, REACTION_PROXY_OPENING
+from protocol.topics import TICK_S
 from services.mechanics.arrays import Float32Array, FloatArray
 from services.mechanics.scene.tools import N_TOOLS
 from services.training.site import Site
-from services.training.situation import TICK_S
 
 N_POINTS = 6
 SPACING_M = 8e-3

@@ -13,12 +13,13 @@ import numpy as np
 from gymnasium import spaces
 
 import trocar
+from protocol.topics import TICK_S
 from services.mechanics.arrays import Float32Array, FloatArray
 from services.mechanics.scene.tools import ToolInputs
 from services.runtime.errors import ConfigError
 from services.training.scenario import Scenario, load_scenario
 from services.training.score import load_rules
-from services.training.situation import EVERY_TICKS, TICK_S
+from services.training.situation import EVERY_TICKS
 from trocar.envs.episode import FAST, Episode, Verdict
 from trocar.envs.hands import DeviceHands
 from trocar.envs.picture import Camera

@@ -6,7 +6,7 @@ import numpy as np
 
 from services.gateway import driver
 from services.gateway.driver import GraspHandle, Place
-from services.gateway.drivers.replay import ReplaySettings
+from services.gateway.drivers.replay import ArmReplaySettings
 from services.gateway.recording import Track, read_hand
 from services.gateway.servo_arrays import HANDLE_ANGLE, HANDLE_RATE
 from services.mechanics.arrays import FloatArray
@@ -20,7 +20,7 @@ class Driver(GraspHandle):
     max_torque_nm = 1.0
 
     def __init__(self, settings: DriverSettings, place: Place) -> None:
-        self._settings = driver.read_settings(ReplaySettings, settings, place)
+        self._settings = driver.read_settings(ArmReplaySettings, settings, place)
         self._place = place
         self._track = Track(np.zeros(1), np.zeros(1), loop=False)
 

@@ -7,6 +7,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from protocol.topics import TICK_S
 from services.gateway import driver, pose, premium_model, simulated_arm
 from services.gateway.arm_tick import ArmTick, tick_arm
 from services.gateway.device_files import ArmFile
@@ -130,7 +131,7 @@ class Driver(Arm):
         self._last_ns = time_ns
         for _ in range(min(ticks, _MAX_TICKS)):
             if self._running:
-                self._script_s += simulated_arm.TICK_S
+                self._script_s += TICK_S
             self._advance()
         reading[:] = self._reading
 

@@ -16,7 +16,7 @@ from services.runtime.rig import DriverSettings, Settings
 COLUMNS = ("time_s", "x_m", "y_m", "z_m")
 
 
-class ReplaySettings(Settings):
+class ArmReplaySettings(Settings):
     """Of the rig file: what is replayed."""
 
     file: Path
@@ -40,7 +40,7 @@ class Driver(Arm):
     )
 
     def __init__(self, settings: DriverSettings, place: Place) -> None:
-        self._settings = driver.read_settings(ReplaySettings, settings, place)
+        self._settings = driver.read_settings(ArmReplaySettings, settings, place)
         self._place = place
         self._track = Track(np.zeros(1), *np.zeros((4, 1)), loop=False)
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from services.gateway.hdapi.constants import Parameter
 from services.gateway.hdapi.library import Library
-from services.gateway.host_check import HostCheck
+from services.gateway.host_check import HostCheck, text_of
 from services.runtime.errors import DeviceError
 
 #: Vendor and product of USB arms; sources disagree on one that has them the other way round. None: any product.
@@ -82,11 +82,11 @@ def _answers(library: str, name: str | None) -> HostCheck:
 
 def _devices(root: Path) -> Iterator[Path]:
     for device in sorted((root / "sys/bus/usb/devices").glob("*")):
-        vendor, product = _text(device / "idVendor"), _text(device / "idProduct")
+        vendor, product = text_of(device / "idVendor"), text_of(device / "idProduct")
         if any(vendor == v and p in (None, product) for v, p in _USB):
             yield device
     for device in sorted((root / "sys/bus/firewire/devices").glob("fw*")):
-        if _text(device / "vendor") == _FIREWIRE_VENDOR:
+        if text_of(device / "vendor") == _FIREWIRE_VENDOR:
             yield device
 
 
@@ -100,13 +100,9 @@ def _nodes(device: Path) -> Iterator[Path]:
 
 
 def _describe(device: Path) -> str:
-    product = _text(device / "product") or "FireWire"
-    ids = f"{_text(device / 'idVendor')}:{_text(device / 'idProduct')}"
-    return f"{product} ({ids if ids != ':' else _text(device / 'vendor')})"
-
-
-def _text(file: Path) -> str:
-    return file.read_text(errors="replace").strip() if file.is_file() else ""
+    product = text_of(device / "product") or "FireWire"
+    ids = f"{text_of(device / 'idVendor')}:{text_of(device / 'idProduct')}"
+    return f"{product} ({ids if ids != ':' else text_of(device / 'vendor')})"
 
 
 def _run(*arguments: str) -> tuple[int, str]:

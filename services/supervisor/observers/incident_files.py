@@ -13,7 +13,7 @@ from pathlib import Path
 import protocol.bodies as bodies
 from services.runtime.flights import FAST_HZ, FILE_SUFFIX, Flights, ThreadTime, read_rings, to_bytes, worst_ns
 from services.runtime.private_directory import make_private, open_private
-from services.supervisor.observers.observer import Row, Sight
+from services.supervisor.observers.observer import RigSight, Row
 
 #: What follows a miss is waited for this long: rings hold two seconds.
 _AFTERMATH_S = 0.5
@@ -44,7 +44,7 @@ class IncidentFiles:
         self._wanted_s = 0.0
         self._written_s = float("-inf")
 
-    def sample(self, sight: Sight) -> None:
+    def sample(self, sight: RigSight) -> None:
         """Write a file if there is a reason to."""
         if self._writing is not None and self._writing.is_alive():
             return

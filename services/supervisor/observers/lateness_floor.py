@@ -18,7 +18,7 @@ from services.runtime.flights import read_ring, read_rings
 from services.runtime.histogram import LatencyHistogram
 from services.supervisor.figures import Latencies
 from services.supervisor.observers.core_sleepers import NAME, PHASES, Phases
-from services.supervisor.observers.observer import Row, Sight
+from services.supervisor.observers.observer import RigSight, Row
 from services.supervisor.observers.wakeup_phase import idle_phase_ns
 
 #: A wake-up so late would have cost a loop of 1 kHz its tick.
@@ -83,7 +83,7 @@ class LatenessFloor:
         command = [sys.executable, "-m", "services.supervisor.observers.core_sleepers", str(self._directory)]
         return subprocess.Popen(command, stdin=subprocess.DEVNULL)
 
-    def sample(self, sight: Sight) -> None:
+    def sample(self, sight: RigSight) -> None:
         """Count what has come; now and then find out when a wake-up costs the rig least."""
         if sight.now_s >= self._choose_s:
             self._choose_s = sight.now_s + _CHOOSE_EVERY_S

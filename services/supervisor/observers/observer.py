@@ -13,7 +13,7 @@ L = TypeVar("L")
 
 
 @dataclass(frozen=True, slots=True)
-class Sight:
+class RigSight:
     """What observers are shown of the rig: process ids and newest reports by process, and why a process is down."""
 
     now_s: float
@@ -33,7 +33,7 @@ class Row(Generic[T, L]):
 class Observer(Protocol):
     """Samples a few times a second and never waits."""
 
-    def sample(self, sight: Sight) -> None:
+    def sample(self, sight: RigSight) -> None:
         """Look, if it is time to."""
 
     def report(self) -> Mapping[Any, Row[Any, Any]]:

@@ -16,7 +16,7 @@ from services.runtime.rig import Rig
 from services.supervisor.figures import Latencies
 from services.supervisor.observers.incident_files import IncidentFiles
 from services.supervisor.observers.lateness_floor import LatenessFloor
-from services.supervisor.observers.observer import Observer, Row, Sight
+from services.supervisor.observers.observer import Observer, RigSight, Row
 from services.supervisor.observers.thread_usage import Counts, ThreadUsage, Usage
 from services.supervisor.page_link import RigStatus
 
@@ -55,7 +55,7 @@ class Observers:
         at_work = status.state.state in _AT_WORK
         pids = {process.name: process.pid for process in processes} | {"supervisor": os.getppid()}
         down = {p.name: p.reason or p.state for p in processes if at_work and p.state != "ready"}
-        sight = Sight(time.monotonic(), pids, heard, down)
+        sight = RigSight(time.monotonic(), pids, heard, down)
         for observer in self._table.values():
             observer.sample(sight)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from services.runtime.flights import ThreadTime
-from services.supervisor.observers.observer import Row, Sight
+from services.supervisor.observers.observer import RigSight, Row
 
 _PERIOD_S = 1.0
 _GONE = (FileNotFoundError, ProcessLookupError, PermissionError, ValueError, IndexError)
@@ -52,7 +52,7 @@ class ThreadUsage:
     def __init__(self) -> None:
         self._samples: deque[_Sample] = deque(maxlen=3)
 
-    def sample(self, sight: Sight) -> None:
+    def sample(self, sight: RigSight) -> None:
         """Look, if it is time to."""
         if self._samples and sight.now_s - self._samples[-1].at_s < _PERIOD_S:
             return
