@@ -14,7 +14,7 @@ from services.nearest_word import did_you_mean
 from services.runtime import config
 from services.runtime.errors import ConfigError
 
-_STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
 Phase = Literal["P0", "P1", "P2", "P3", "P4", "P5", "P6", "P7"]
 ErrorCode = Literal["E1", "E2", "E3", "E4", "E5", "E6", "E7", "E8", "E9", "E10", "E11", "E12", "E13", "E14"]
@@ -27,7 +27,7 @@ _STEPS = "reference procedure: technique texts of the catheterisation"
 class Limit:
     """A value in the unit that its name ends with, and where it is from: a source, or `ASSUMPTION`."""
 
-    __pydantic_config__ = _STRICT
+    __pydantic_config__ = STRICT
 
     value: float
     source: str = ASSUMPTION
@@ -83,7 +83,7 @@ class Goal:
     ``forbidden`` are the errors after which the attempt has failed.
     """
 
-    __pydantic_config__ = _STRICT
+    __pydantic_config__ = STRICT
 
     depth_m: float
     branch: str = ""
@@ -97,7 +97,7 @@ class Goal:
 class View:
     """How the scenario is seen and with which hands it is done."""
 
-    __pydantic_config__ = _STRICT
+    __pydantic_config__ = STRICT
 
     mirrored: bool = False
     one_handed: bool = False
@@ -111,7 +111,7 @@ class Scenario:
     hands reach; ``name`` is the file's.
     """
 
-    __pydantic_config__ = _STRICT
+    __pydantic_config__ = STRICT
 
     name: str
     title: str

@@ -7,21 +7,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import msgspec
-from pydantic import ConfigDict
 
 from services.runtime import config
 from services.runtime.errors import ConfigError
 from services.training.errors import ErrorEvent, Severity
-from services.training.scenario import ErrorCode, Scenario
-
-_STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+from services.training.scenario import STRICT, ErrorCode, Scenario
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CusumRates:
     """Of `review.attempts.curve.cusum`."""
 
-    __pydantic_config__ = _STRICT
+    __pydantic_config__ = STRICT
 
     acceptable: float = 0.1
     unacceptable: float = 0.3
@@ -33,7 +30,7 @@ class CusumRates:
 class ScoreRules:
     """A file of configs/scores, which says what each key means."""
 
-    __pydantic_config__ = _STRICT
+    __pydantic_config__ = STRICT
 
     penalty_s: Mapping[Severity, float]
     penalty_of_s: Mapping[ErrorCode, float] = field(default_factory=dict)
