@@ -47,17 +47,17 @@ class Monitor:
     """A Prometheus, and the rig that it looks at."""
 
     rig: Rig
-    address: str
+    client: httpx.Client
 
     def ask(self, query: str) -> list[dict[str, Any]]:
-        answer = httpx.get(f"{self.address}/api/v1/query", params={"query": query}, timeout=PATIENCE_S).json()
+        answer = self.client.get("/api/v1/query", params={"query": query}).json()
         assert answer["status"] == "success", f"{query}: {answer}"
         result: list[dict[str, Any]] = answer["data"]["result"]
         return result
 
     def firing(self) -> set[Alert]:
         """Return the alerts of the rig with the process, loop, device or path that each is about."""
-        told = httpx.get(f"{self.address}/api/v1/alerts", timeout=PATIENCE_S).json()["data"]["alerts"]
+        told = self.client.get("/api/v1/alerts").json()["data"]["alerts"]
         labels = [alert["labels"] for alert in told if alert["state"] == "firing" and alert["labels"]["rig"] == "test"]
         return {
             (each["alertname"], next((each[key] for key in ("service", "loop", "name", "path") if key in each), ""))
@@ -66,7 +66,7 @@ class Monitor:
 
     def has_looked(self, times: int) -> bool:
         try:
-            return bool(self.ask(f'count_over_time(up{{rig="test"}}[1m]) > {times}'))
+            return bool(self.ask(f'sum_over_time(up{{rig="test"}}[1m]) > {times}'))
         except (httpx.TransportError, ValueError):  # it does not serve yet
             return False
 
@@ -108,9 +108,11 @@ def monitor(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Monitor]:
     directory = tmp_path_factory.mktemp("monitored")
     with running_rig(directory, str(SCENE), OVERRIDES) as rig:
         page = json.loads(page_file(Transport(directory=directory / "bus")).read_text())["address"]
-        with _prometheus(directory, httpx.URL(page).netloc.decode()) as address:
-            made = Monitor(rig, address)
-
+        with (
+            _prometheus(directory, httpx.URL(page).netloc.decode()) as address,
+            httpx.Client(base_url=address, timeout=PATIENCE_S) as client,
+        ):
+            made = Monitor(rig, client)
             made.until(lambda: made.has_looked(3), "three scrapes")
             yield made
 

@@ -39,18 +39,18 @@ class Page:
 
     rig: Rig
     browser: Chromium
-    address: str
+    client: httpx.Client
 
     def metrics(self) -> dict[str, float]:
         """Return what Prometheus would get."""
-        text = httpx.get(f"{self.address}metrics?level=full", timeout=PATIENCE_S).text
+        text = self.client.get("metrics", params={"level": "full"}).text
         return {
             line.rpartition(" ")[0]: float(line.rpartition(" ")[2]) for line in text.splitlines() if line[:1] != "#"
         }
 
     def state(self) -> Any:
         """Return what the dashboard was last sent."""
-        return httpx.get(f"{self.address}api/state", timeout=PATIENCE_S).json()
+        return self.client.get("api/state").json()
 
     def picture_time_s(self) -> float:
         """Return the rig's time as the picture shows it."""
@@ -70,7 +70,8 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
         ready = "document.querySelector('#view.ready') !== null"
         browser.until(lambda: browser.evaluate(ready), PATIENCE_S, "the page loaded")
         browser.until(lambda: browser.text("#tick").endswith(" s"), PATIENCE_S, "a picture came")
-        yield Page(rig, browser, address)
+        with httpx.Client(base_url=address, timeout=PATIENCE_S) as client:
+            yield Page(rig, browser, client)
 
 
 def test_pictures_advance_with_the_rig(page: Page) -> None:
@@ -395,7 +396,7 @@ def _history(page: Page) -> list[str]:
 def test_the_page_answers_while_the_rig_works_and_the_browser_draws(page: Page) -> None:
     """How soon is `benchmarks/bench_page.py`'s to say."""
     for path in ("", "metrics", "api/state", "healthz") * 5:
-        assert httpx.get(f"{page.address}{path}", timeout=PATIENCE_S).status_code == 200, path
+        assert page.client.get(path).status_code == 200, path
 
 
 _TOO_WIDE = """

@@ -16,6 +16,9 @@ from services.supervisor.supervisor import Supervisor
 from tests.real_time import fifo_is_granted
 from tests.supervisor.fakes import Fakes, Scenario, until, until_running
 
+#: It takes every core from whatever runs beside it, and is judged by what a core had left.
+pytestmark = pytest.mark.rig
+
 LASTS_S = 14.0
 #: Takes its core for 50 ms of each second.
 HOG = """

@@ -23,6 +23,9 @@ CALLS = ("brk", "mmap", "munmap", "madvise", "mremap", "mprotect")
 EVENTS = ("page-faults", *(f"syscalls:sys_enter_{call}" for call in CALLS))
 #: To run in, to be counted, and for the counter to begin and end in.
 WARM_S, SECONDS, BESIDE_S = 2.0, 4.0, 1.0
+#: A loop that meets new pages does so all the time; where the kernel has moved one, locked or not (compaction), it
+#: faults once. System calls are a loop's own: of these there is none in any look.
+LOOKS = 3
 
 
 def test_no_loop_takes_or_returns_memory_while_it_runs(rig: Rig) -> None:
@@ -30,10 +33,15 @@ def test_no_loop_takes_or_returns_memory_while_it_runs(rig: Rig) -> None:
     _let_run(rig, WARM_S)
     pids = {name: rig.observer.pids()[name] for name in LOOPS}
     (pids["drives"],) = _children(pids["gateway"])
-    counters = {name: _start_counting(pid) for name, pid in pids.items()}
-    _let_run(rig, SECONDS + BESIDE_S)
-    counts = {name: _counts(counter) for name, counter in counters.items()}
-    assert counts == {name: dict.fromkeys(EVENTS, 0) for name in pids}
+    none = {name: dict.fromkeys(EVENTS, 0) for name in pids}
+    for _ in range(LOOKS):
+        counters = {name: _start_counting(pid) for name, pid in pids.items()}
+        _let_run(rig, SECONDS + BESIDE_S)
+        counts = {name: _counts(counter) for name, counter in counters.items()}
+        if counts == none:
+            break
+        assert {name: count | {"page-faults": 0} for name, count in counts.items()} == none
+    assert counts == none
 
 
 def test_what_a_process_takes_is_counted() -> None:
