@@ -16,7 +16,7 @@ from typing import Annotated
 
 from services.mechanics.arrays import FloatArray, IntArray, LongArray
 from services.mechanics.collision.candidate_list import CandidateList, is_within, list_at, note_distance
-from services.mechanics.collision.primitives import Places, closest_places, closest_segment_triangle
+from services.mechanics.collision.primitives import Places, closest_places, closest_segment_triangle, place_along
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import (
@@ -24,6 +24,7 @@ from services.mechanics.compiled.vectors import (
     along,
     combine,
     cross,
+    dot,
     put_row,
     row,
     row_of,
@@ -161,3 +162,13 @@ def offset(where: Where, corner: IntArray, place: tuple[int, int], s: float, w: 
     c0, c1, c2 = _corners(where, corner, t)
     a, b = row_of(where[0], p, 0), row_of(where[0], p, 1)
     return subtract(along(a, subtract(b, a), s), combine(w, c0, c1, c2))
+
+
+@kernel
+def nearest_to(where: Where, corner: IntArray, place: tuple[int, int], w: Vector) -> tuple[float, float, Vector]:
+    """Return distance, place along the piece and normal of a piece and a point of a triangle."""
+    a, b = row_of(where[0], place[0], 0), row_of(where[0], place[0], 1)
+    s = place_along(subtract(a, offset(where, corner, place, 0.0, w)), (a, b))
+    away = offset(where, corner, place, s, w)
+    distance = math.sqrt(dot(away, away))
+    return distance, s, scaled(away, 1.0 / max(distance, _TOUCHING_M))

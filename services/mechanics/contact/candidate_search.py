@@ -92,7 +92,7 @@ class CandidateSearch:
         """Whether anything is so near that it may touch within a step."""
         return bool(self._wall.list.n_nodes > 0 or self._capsules.active.any())
 
-    def begin(self, bodies: Moving) -> None:
+    def begin(self, bodies: Moving, geometry: Address[ContactGeometry]) -> None:
         """Place wall and pieces at the start of a step, and choose the candidates that get rows."""
         duct, catheter, tools = bodies
         listed, n = self._wall.list, duct.n_loads
@@ -114,7 +114,7 @@ class CandidateSearch:
             self._note_start()
         self._wall.place_start(self._start.wall, self._found)
         addresses = listed.address, self._found.address, self._working.address
-        choose(addresses, self._start.where, self._ahead_m, tools.waiting)
+        choose(addresses, self._start.where, self._ahead_m, geometry)
         self._start, self._before = self._before, self._start
         self._note_start()
 

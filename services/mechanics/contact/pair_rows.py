@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
-from services.mechanics.arrays import FloatArray
-from services.mechanics.bodies.forceps.kinematics import N_CELLS
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, NO_TOOL, SHAFT, ContactPairs
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, NO_TOOL, SHAFT, ContactPairs
 from services.mechanics.compiled import kernel
-from services.mechanics.compiled.vectors import Vector, dot, write_frame
+from services.mechanics.compiled.vectors import put_row, write_frame
 from services.mechanics.compiled.vectors import row as row_at
+from services.mechanics.contact.clearance import surface_of, touches
 from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, ToolGeometry, WallGeometry
 from services.mechanics.contact.identity import pair_identity
 from services.mechanics.contact.laws import number_of
@@ -59,66 +56,28 @@ def append_pairs(pairs: ContactPairs, geometry: ContactGeometry, rows: ContactRo
 
 
 @kernel
-def touches(tools: ToolGeometry, tool: int) -> bool:
-    """Whether a tool touches anything: it is there, and does not wait."""
-    return bool(tools.present[tool] and not tools.waiting[tool])
-
-
-@kernel
-def _squeeze(
-    tools: ToolGeometry, who: tuple[int, int], at: tuple[float, FloatArray], rows: ContactRows, row: int
-) -> None:
-    """Let a wall be as deep in a jaw as it is squeezed between them.
-
-    As it gets thicker in the step in which they open, its middle goes half as far as the jaw: that is the row's lever.
-    ``who`` are tool and jaw, ``at`` the place along it and the normal.
-    """
-    tool, jaw = who
-    thinned, slope = thinned_m(tools, tool, jaw, at[0], (at[1][0], at[1][1], at[1][2]))
-    if thinned > rows.pad_m[row]:
-        rows.pad_m[row] = thinned
-        for axis in range(3):
-            rows.lever[row, axis, 3] += slope * at[1][axis]
-
-
-@kernel
-def thinned_m(tools: ToolGeometry, tool: int, jaw: int, s: float, normal: Vector) -> tuple[float, float]:
-    """Return how much thinner the wall is at a place along a jaw, and by how much more per radian of opening.
-
-    Nothing where the normal does not lead out of the jaws. Jaws are round: along a normal at an angle a to the way in
-    which they open, the plane midway between them is (r + h / 2) / cos(a) - r away from a jaw of radius r, h being
-    their distance, and the middle of a layer half as far. For a = 0 half a layer is thinner by t / 2 - h / 4.
-    """
-    facing = (1.0 if jaw == JAW_A else -1.0) * dot(normal, row_at(tools.frame[tool], 0))
-    if facing <= 0.0:
-        return -math.inf, 0.0
-    cell = min(max(s * N_CELLS - 0.5, 0.0), N_CELLS - 1.0)
-    first = min(int(cell), N_CELLS - 2)
-    share = cell - first
-    thinned = (1.0 - share) * tools.thinned[tool, first] + share * tools.thinned[tool, first + 1]
-    slope = (1.0 - share) * tools.thinning[tool, first] + share * tools.thinning[tool, first + 1]
-    beside = 0.5 * (1.0 - facing) * (tools.layer + tools.radius[tool, jaw])
-    return (thinned - beside) / facing, slope / facing
-
-
-@kernel
 def _tool_side(pairs: ContactPairs, index: int, tools: ToolGeometry, rows: ContactRows, row: int) -> None:
+    """Lay the first body on a tool. Where a wall is squeezed its middle surface is what the force acts on."""
     tool, segment, s = pairs.tool[index], pairs.tool_segment[index], pairs.tool_parameter[index]
-    ends, normal, radius = tools.segments[tool, segment], pairs.normal[index], tools.radius[tool, segment]
+    ends, radial, radius = tools.segments[tool, segment], pairs.normal[index], tools.radius[tool, segment]
+    kind, reach, opens = pairs.target_kind[index], radius, 0.0
+    if kind == DUCT_TRIANGLE:
+        room, rows.pad_m[row], opens, normal = surface_of(tools, 3 * tool + segment, s, row_at(pairs.normal, index))
+        if rows.pad_m[row] != room:  # it is squeezed, or the piece's normal is the surface's
+            reach = radius + 0.5 * tools.layer - room
+            put_row(rows.frame[row], 0, normal)
+            write_frame(rows.frame[row, 0], rows.frame[row])
     for axis in range(3):
-        centre = (1.0 - s) * ends[0, axis] + s * ends[1, axis]
-        rows.gap_m[row] += normal[axis] * (centre - normal[axis] * radius)
+        centre, along = (1.0 - s) * ends[0, axis] + s * ends[1, axis], rows.frame[row, 0, axis]
+        rows.gap_m[row] += along * (centre - along * radius)
         # J is the start of both jaws.
-        rows.point_m[row, axis] = centre - normal[axis] * radius - tools.segments[tool, 1, 0, axis]
+        rows.point_m[row, axis] = centre - radial[axis] * reach - tools.segments[tool, 1, 0, axis]
     put_on_tool(rows, row, tools, tool, segment)
-    if segment != SHAFT:
-        kind = pairs.target_kind[index]
-        if tools.held[tool, kind]:
-            rows.pad_m[row] = tools.pad[tool, kind]
-            if kind == CATHETER_SEGMENT:  # its hold bears all that acts along the jaws
-                rows.force_limit_n[row] = 0.0
-        if kind == DUCT_TRIANGLE:
-            _squeeze(tools, (tool, segment), (s, normal), rows, row)
+    for axis in range(3):  # as a wall gets thicker in the step in which jaws open, its middle goes half as far as they
+        rows.lever[row, axis, 3] += opens * rows.frame[row, 0, axis]
+    if kind == CATHETER_SEGMENT and segment != SHAFT and tools.held[tool, kind]:
+        rows.pad_m[row] = tools.pad[tool, kind]
+        rows.force_limit_n[row] = 0.0  # its hold bears all that acts along the jaws
     add_tool_motion(rows, row, tools)
 
 
@@ -165,4 +124,4 @@ def _wall_target(pairs: ContactPairs, index: int, wall: WallGeometry, rows: Cont
     rows.gap_m[row] -= wall.half_thickness
     for corner in range(3):
         for axis in range(3):
-            rows.gap_m[row] -= pairs.normal[index, axis] * weights[corner] * wall.vertices[corners[corner], axis]
+            rows.gap_m[row] -= rows.frame[row, 0, axis] * weights[corner] * wall.vertices[corners[corner], axis]

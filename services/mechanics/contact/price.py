@@ -12,7 +12,15 @@ import math
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.candidate_list import CandidateList, list_at
-from services.mechanics.collision.candidates import Candidates, Where, candidates_at, closest_pair, offset, put
+from services.mechanics.collision.candidates import (
+    Candidates,
+    Where,
+    candidates_at,
+    closest_pair,
+    nearest_to,
+    offset,
+    put,
+)
 from services.mechanics.collision.capsules import CapsuleMemory, between_capsules, capsules_at, meet_again
 from services.mechanics.collision.pairs import (
     CATHETER_SEGMENT,
@@ -27,10 +35,10 @@ from services.mechanics.collision.pieces import N_TOOL_PIECES, write_piece_pair
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.compiled.vectors import Vector, dot, put_row, row, row_of, scaled, squared_distance, unit
+from services.mechanics.contact.clearance import is_touching, room_in_jaws, surface_of
 from services.mechanics.contact.geometry import ToolGeometry
 from services.mechanics.contact.identity import PARTICLE, target_kind_of, target_of, tool_segment_of
 from services.mechanics.contact.laws import HAS_GAP
-from services.mechanics.contact.pair_rows import thinned_m, touches
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.working_set import (
@@ -38,6 +46,7 @@ from services.mechanics.contact.working_set import (
     WorkingSet,
     age,
     has_chosen_near,
+    keep_place,
     place_at_rest,
     renew,
     set_at,
@@ -83,11 +92,11 @@ def write_violations(
         i = working.order[place]
         near = ONE_VIOLATION * listed.thickness[found.piece[i]]
         if working.n_chosen < most and not (
-            has_chosen_near(found, working, i, near) or _has_row(listed, found, working, state.rows, i)
+            has_chosen_near(found, working, i, near) or _has_row(listed, found, working, state, i)
         ):
             working.chosen[working.n_chosen] = i
             working.n_chosen += 1
-            _write_violation(listed, found, i, start, pairs)
+            _write_violation(listed, found, i, start, (state.geometry.tools, pairs))
     return int(working.n_chosen if most > 0 else n)
 
 
@@ -129,25 +138,10 @@ def _find_violations(
 
 
 @kernel
-def is_touching(tools: ToolGeometry, p: int) -> bool:
-    """Return whether a piece touches anything: pieces of tools that are gone, or wait, do not."""
-    return bool(p >= N_TOOL_PIECES or touches(tools, p // 3))
-
-
-@kernel
-def room_in_jaws(tools: ToolGeometry, p: int, s: float, normal: Vector) -> float:
-    """Return how deep the wall may be in a piece: what jaws squeezed away, or what lay in them when they took it."""
-    if p >= N_TOOL_PIECES or p % 3 == SHAFT:
-        return 0.0
-    tool, jaw = p // 3, p % 3
-    room: float = tools.pad[tool, DUCT_TRIANGLE] if tools.held[tool, DUCT_TRIANGLE] else 0.0
-    return max(room, thinned_m(tools, tool, jaw, s, normal)[0])
-
-
-@kernel
-def _has_row(listed: CandidateList, found: Candidates, working: WorkingSet, rows: ContactRows, i: int) -> bool:
+def _has_row(listed: CandidateList, found: Candidates, working: WorkingSet, state: ContactState, i: int) -> bool:
     """Return whether a row is this violation already, at the same points and along the same normal."""
-    p, t, normal, corner = found.piece[i], found.triangle[i], row(found.normal, i), listed.clusters.triangles
+    p, t, rows, corner = found.piece[i], found.triangle[i], state.rows, listed.clusters.triangles
+    normal = surface_of(state.geometry.tools, p, found.s[i], row(found.normal, i))[3]
     near, place = ONE_POINT * listed.thickness[p], row(working.at_rest, i)
     for at in range(rows.n_contacts):
         if is_of(rows, at, p, t) and dot(row(rows.frame[at], 0), normal) > _SAME_ROW:
@@ -186,7 +180,9 @@ def piece_of(rows: ContactRows, at: int) -> int:
 
 
 @kernel
-def _write_violation(listed: CandidateList, found: Candidates, i: int, start: Where, pairs: ContactPairs) -> None:
+def _write_violation(
+    listed: CandidateList, found: Candidates, i: int, start: Where, to: tuple[ToolGeometry, ContactPairs]
+) -> None:
     """Write a violation as a pair, its gap being that of the end.
 
     Round a corner a pair may seem to overlap at the start, along the end's normal, where it does not: then the normal
@@ -195,9 +191,11 @@ def _write_violation(listed: CandidateList, found: Candidates, i: int, start: Wh
     p, t, s, w, normal = found.piece[i], found.triangle[i], found.s[i], row(found.weight, i), row(found.normal, i)
     away = offset(start, listed.clusters.triangles, (p, t), s, w)
     distance = math.sqrt(dot(away, away))
-    if dot(away, normal) < listed.thickness[p] and distance > 0.0:
+    if room_in_jaws(to[0], p, s, normal) > 0.0:
+        _, s, normal = nearest_to(start, listed.clusters.triangles, (p, t), w)
+    elif dot(away, normal) < listed.thickness[p] and distance > 0.0:
         normal = scaled(away, 1.0 / distance)
-    write_piece_pair(pairs, (p, t), s, w, found.gap_m[i], normal)
+    write_piece_pair(to[1], (p, t), s, w, found.gap_m[i], normal)
 
 
 @kernel
@@ -274,6 +272,7 @@ def note_pressed(state_address: Address[ContactState], set_address: Address[Work
     """Let the working set be a step older, and what presses have its life before it."""
     rows, working = state_at(state_address).rows, set_at(set_address)
     age(working)
+    working.n_pressed = 0
     for at in range(rows.n_contacts):
         identity = rows.identity[at]
         is_wall = identity >= 0 and HAS_GAP[rows.law[at]]
@@ -281,3 +280,5 @@ def note_pressed(state_address: Address[ContactState], set_address: Address[Work
             p = piece_of(rows, at)
             if 0 <= p < working.life.shape[0]:
                 renew(working, p, target_of(identity))
+                if rows.pad_m[at] > 0.0:
+                    keep_place(working, p, target_of(identity), row(rows.duct_weight, at))

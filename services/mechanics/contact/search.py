@@ -30,7 +30,7 @@ class ContactSearch(Protocol):
     def expect(self, moved_m: float) -> None:
         """Look as far as something may move in the next step."""
 
-    def begin(self, bodies: Moving) -> None:
+    def begin(self, bodies: Moving, geometry: Address[ContactGeometry]) -> None:
         """Place wall and pieces at the start of a step, and choose the candidates that get rows."""
 
     def put_back_start(self) -> None:

@@ -1,25 +1,37 @@
 """The working set: which candidates become contact rows, by one rule.
 
 What touches gets a row, and what will if everything moves on as in the last step. Of these candidates come by
-increasing gap, members of the set first. One whose place at rest and normal are near those of a chosen one of the same
-body stands for nothing new and is left out, unless it nearly touches: a point that touches and has no row would sink
-in, and be pushed out once it is seen. What pressed stays a member for a while, under its feature (piece and triangle).
+increasing clearance (the gap, and what jaws have squeezed away), members of the set first. One whose place at rest and
+normal are near those of a chosen one of the same body stands for nothing new and is left out, unless it nearly touches:
+a point that touches and has no row would sink in, and be pushed out once it is seen. What pressed stays a member for a
+while, under its feature (piece and triangle). In jaws that squeeze the closest pair need not have the least clearance:
+there a place that pressed is a candidate in the next step too, or the price would have to find it anew in each.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 import numpy as np
 
-from services.mechanics.arrays import BoolArray, ByteArray, FloatArray, IntArray, LongArray
-from services.mechanics.bodies.forceps.kinematics import N_SEGMENTS
+from services.mechanics.arrays import ByteArray, FloatArray, IntArray, LongArray
 from services.mechanics.collision.candidate_list import CandidateList, list_at
-from services.mechanics.collision.candidates import Candidates, Where, candidates_at, offset
+from services.mechanics.collision.candidates import Candidates, Where, candidates_at, nearest_to, offset, put
 from services.mechanics.collision.pieces import N_TOOL_PIECES
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import Vector, combine, dot, put_row, row, squared_distance, subtract
+from services.mechanics.compiled.vectors import (
+    Vector,
+    combine,
+    dot,
+    put_row,
+    row,
+    squared_distance,
+    subtract,
+)
+from services.mechanics.contact.clearance import is_touching, room_in_jaws
+from services.mechanics.contact.geometry import ContactGeometry, ToolGeometry, geometry_at
 
 #: Two contacts of a body with normals further apart than 26 degrees hold different things.
 SAME_NORMAL = 0.9
@@ -45,11 +57,15 @@ class WorkingSet(Struct):
     life: Annotated[ByteArray, "p", "m"]  # steps left of each member
     member: Annotated[LongArray, "k", 2]  # the features that have any left
     apart_m: Annotated[FloatArray, "p"]  # within which two contacts of a piece are merged
+    clear_m: Annotated[FloatArray, "c"]  # gap and what of the wall is squeezed away
     key: Annotated[FloatArray, "c"]
     order: Annotated[LongArray, "c"]
     chosen: Annotated[LongArray, "c"]
     at_rest: Annotated[FloatArray, "c", 3]
     rest: Annotated[FloatArray, "n", 3]
+    pressed: Annotated[LongArray, "k", 2]  # features of squeezed wall that pressed in the last step, and their weights
+    weight: Annotated[FloatArray, "k", 3]
+    n_pressed: int = 0
     n_members: int = 0
     n_chosen: int = 0
     first_sphere: int = 0  # pieces from here on are spheres
@@ -83,16 +99,19 @@ def choose(
     addresses: tuple[Address[CandidateList], Address[Candidates], Address[WorkingSet]],
     before: Where,
     ahead: FloatArray,
-    waiting: BoolArray,
+    geometry_address: Address[ContactGeometry],
 ) -> None:
     """Choose candidates for rows; ``chosen`` names them, nearest first.
 
-    Those of a piece are chosen whose gap is at most ``ahead`` (p,), or will be if everything goes on as since
-    ``before``, when the last step began. Tools that are ``waiting`` (2,) touch nothing.
+    Those of a piece are chosen whose clearance is at most ``ahead`` (p,), or will be if everything goes on as since
+    ``before``, when the last step began. Tools that are gone, or wait, touch nothing.
     """
     listed, found, working = list_at(addresses[0]), candidates_at(addresses[1]), set_at(addresses[2])
+    tools = geometry_at(geometry_address).tools
     for i in range(found.count):
-        _note_candidate(found, working, listed, i)
+        _note_candidate(found, working, listed, tools, i)
+    for k in range(working.n_pressed):
+        _put_pressed(listed, found, working, tools, k)
     sort_by_key(working, found.count)
     working.n_chosen = 0
     for k in range(found.count):
@@ -100,30 +119,46 @@ def choose(
         if working.n_chosen >= MOST_CHOSEN and not _is_member(found, working, i):
             break
         p = found.piece[i]
-        if p < N_TOOL_PIECES and waiting[p // N_SEGMENTS]:
+        if not is_touching(tools, p):
             continue
-        ahead_m = ahead[p]
-        is_near = found.gap_m[i] <= ahead_m or _expected_m(listed, found, before, i) <= ahead_m
+        clear_m = working.clear_m[i]
+        is_near = clear_m <= ahead[p] or clear_m + _gained_m(listed, found, before, i) <= ahead[p]
         if is_near and not _is_known(found, working, i):
             working.chosen[working.n_chosen] = i
             working.n_chosen += 1
 
 
 @kernel
-def _expected_m(listed: CandidateList, found: Candidates, before: Where, i: int) -> float:
-    """Return the gap of a candidate at the end of a step in which its points move as since ``before``."""
-    place, corner = (found.piece[i], found.triangle[i]), listed.clusters.triangles
-    s, w = found.s[i], row(found.weight, i)
-    now = offset((listed.ends, listed.position), corner, place, s, w)
-    gap: float = found.gap_m[i] + dot(row(found.normal, i), subtract(now, offset(before, corner, place, s, w)))
-    return gap
+def _put_pressed(listed: CandidateList, found: Candidates, working: WorkingSet, tools: ToolGeometry, k: int) -> None:
+    """Let a place that pressed be a candidate if it has less clearance than the closest pair."""
+    p, t, w, nearest = working.pressed[k, 0], working.pressed[k, 1], row(working.weight, k), math.inf
+    for i in range(found.count):
+        if found.piece[i] == p and found.triangle[i] == t:
+            nearest = min(nearest, working.clear_m[i])
+    if nearest == math.inf or found.count == found.gap_m.shape[0]:
+        return
+    distance, s, normal = nearest_to((listed.ends, listed.position), listed.clusters.triangles, (p, t), w)
+    if distance > 0.0:
+        put(found, (p, t), (distance - listed.thickness[p], s, w, normal))
+        _note_candidate(found, working, listed, tools, found.count - 1)
+        found.count -= working.clear_m[found.count - 1] >= nearest
 
 
 @kernel
-def _note_candidate(found: Candidates, working: WorkingSet, listed: CandidateList, i: int) -> None:
+def _gained_m(listed: CandidateList, found: Candidates, before: Where, i: int) -> float:
+    """Return by how much a gap grows in a step in which its points move as since ``before``."""
+    place, corner = (found.piece[i], found.triangle[i]), listed.clusters.triangles
+    s, w = found.s[i], row(found.weight, i)
+    now = offset((listed.ends, listed.position), corner, place, s, w)
+    return dot(row(found.normal, i), subtract(now, offset(before, corner, place, s, w)))
+
+
+@kernel
+def _note_candidate(found: Candidates, working: WorkingSet, listed: CandidateList, tools: ToolGeometry, i: int) -> None:
     t, corner = found.triangle[i], listed.clusters.triangles
     put_row(working.at_rest, i, place_at_rest(working.rest, corner, t, row(found.weight, i)))
-    working.key[i] = found.gap_m[i] - (1.0 if _is_member(found, working, i) else 0.0)
+    working.clear_m[i] = found.gap_m[i] + room_in_jaws(tools, found.piece[i], found.s[i], row(found.normal, i))
+    working.key[i] = working.clear_m[i] - (1.0 if _is_member(found, working, i) else 0.0)
 
 
 @kernel
@@ -143,7 +178,7 @@ def _is_known(found: Candidates, working: WorkingSet, i: int) -> bool:
     near = working.apart_m[found.piece[i]]
     if _is_member(found, working, i):
         near = 2.0 * ONE_POINT * near
-    elif found.gap_m[i] <= TOUCHING_M:
+    elif working.clear_m[i] <= TOUCHING_M:
         near *= TOUCHING_SHARE
     return has_chosen_near(found, working, i, near)
 
@@ -211,7 +246,16 @@ def renew(working: WorkingSet, p: int, t: int) -> None:
     working.life[p, t] = LIFE_STEPS
 
 
+@kernel
+def keep_place(working: WorkingSet, p: int, t: int, w: Vector) -> None:
+    """Keep the place of a feature that pressed beside its closest pair, for the next step."""
+    if working.n_pressed < working.pressed.shape[0]:
+        working.pressed[working.n_pressed, 0], working.pressed[working.n_pressed, 1] = p, t
+        put_row(working.weight, working.n_pressed, w)
+        working.n_pressed += 1
+
+
 def forget(working: WorkingSet) -> None:
     """Forget all members."""
     working.life[:] = 0
-    working.n_members = 0
+    working.n_members = working.n_pressed = 0

@@ -82,8 +82,15 @@ class Pace:
         return parts, moved_m / parts
 
     def is_seen(self) -> bool:
-        """Return whether the catheter went no further in the solved step than contacts were seen ahead of it."""
-        return bool(furthest_point(*self._way) <= MOST_AHEAD_M)
+        """Return whether catheter and wall went no further in the solved step than contacts were seen ahead of them.
+
+        A wall that snaps goes 10 mm in a millisecond: past a jaw that was beyond all candidates, to its other side.
+        """
+        duct, way = self._world.duct, speed_and_way(self._moving.address)[1]
+        moved_m = self._longest * way  # no node has gone further
+        if moved_m > FASTEST_AHEAD_M:
+            moved_m = furthest(self._modes, duct.q_start, duct.state.q)
+        return bool(moved_m <= FASTEST_AHEAD_M and furthest_point(*self._way) <= MOST_AHEAD_M)
 
 
 def sampled_modes(Phi: FloatArray) -> tuple[FloatArray, float]:

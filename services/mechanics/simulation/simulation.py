@@ -299,7 +299,7 @@ class Simulation:
         found, catheter_pairs = self._tool_pairs, self.world.pairs
         found.clear()
         catheter_pairs.clear()
-        search.begin(self._moving)
+        search.begin(self._moving, system.geometry.address)
         search.tool_pairs(self.catheter, self.tools, found)
         search.catheter_pairs(catheter_pairs)
         if self.tools.have_come:

@@ -86,7 +86,9 @@ def test_only_its_sphere_touches(small_scene, small_duct):
     push(simulation, down(20e-3, 1e-3))
     pairs = simulation.world.pairs
     pairs.clear()
-    simulation.search.begin((simulation.duct, simulation.catheter, simulation.tools))
+    simulation.search.begin(
+        (simulation.duct, simulation.catheter, simulation.tools), simulation.system.geometry.address
+    )
     simulation.search.tool_pairs(simulation.catheter, simulation.tools, pairs)
     assert pairs.count > 0
     assert set(pairs.tool_segment[: pairs.count]) == {SHAFT}

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from services.mechanics.bodies.forceps.kinematics import N_CELLS
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, JAW_A, JAW_B, NO_TOOL, SHAFT, ContactPairs
-from services.mechanics.contact.price import room_in_jaws
+from services.mechanics.contact.clearance import room_in_jaws, surface_of
 from services.mechanics.contact.working_set import TOUCHING_M
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
@@ -64,7 +64,9 @@ def test_who_goes_through_the_middle_surface_in_a_step_is_held_on_the_side_of_it
     line = middle + (reach_m + 1e-6 * gap_um) * side + np.outer(np.arange(31) - 15.5, 0.3e-3 * along)
     simulation.search.forget()
     simulation.catheter.state.position_m[:] = simulation.catheter.start_m[:] = line
-    simulation.search.begin((simulation.duct, simulation.catheter, simulation.tools))
+    simulation.search.begin(
+        (simulation.duct, simulation.catheter, simulation.tools), simulation.system.geometry.address
+    )
     way_m = reach_m + 1e-6 * (gap_um + beyond_um)
     pairs = price(simulation, line - way_m * side)
     assert pairs.count > 0
@@ -93,7 +95,7 @@ def test_a_sphere_touches_what_is_nearest_of_all_triangles(small_scene, small_du
         angle, out_m = rng.uniform(0.0, 6.28), rng.uniform(0.0, 7e-3)
         spheres.start[0] = rng.uniform(2e-3, 42e-3), out_m * np.cos(angle), out_m * np.sin(angle)
         search.forget()
-        search.begin(bodies)
+        search.begin(bodies, simulation.system.geometry.address)
         pairs.clear()
         search.catheter_pairs(pairs)
         of_sphere = np.flatnonzero(pairs.particle[: pairs.count] == number)
@@ -146,14 +148,14 @@ def test_between_jaws_there_is_as_much_room_as_they_have_squeezed_away(simulatio
 
 def test_a_catheter_whose_axis_pierces_the_wall_is_not_sound(simulation):
     bodies = simulation.duct, simulation.catheter, simulation.tools
-    simulation.search.begin(bodies)
+    simulation.search.begin(bodies, simulation.system.geometry.address)
     assert simulation.search.is_sound()
     middle, normal = facet(simulation, 0.3)
     line = simulation.catheter.start_m
     for end_m, is_sound in ((0.3e-3, False), (-0.3e-3, True)):  # the tip beyond the middle surface, or short of it
         line[:] = middle + np.outer(np.linspace(-3e-3, end_m, len(line)), -normal)
         simulation.search.forget()
-        simulation.search.begin(bodies)
+        simulation.search.begin(bodies, simulation.system.geometry.address)
         assert simulation.search.is_sound() == is_sound
 
 
@@ -169,6 +171,34 @@ def test_rows_of_a_film_are_seen_whoever_is_prepared_first(small_scene, small_du
     for step in steps if film_first else reversed(steps):
         step()
     pairs = ContactPairs.allocate(256)
-    simulation.search.begin((simulation.duct, simulation.catheter, simulation.tools))
+    simulation.search.begin(
+        (simulation.duct, simulation.catheter, simulation.tools), simulation.system.geometry.address
+    )
     simulation.search.catheter_pairs(pairs)
     assert (pairs.particle[: pairs.count] < 10).any()
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3, -0.5])
+def test_the_normal_of_the_surface_of_jaws_is_the_gradient_of_the_clearance(simulation, small_scene, angle):
+    """By moving the wall's point a little: along the piece's own normal the clearance grows more slowly, or faster."""
+    tools = simulation.system.geometry.tools
+    tools.frame[0], tools.segments[0, JAW_A] = np.eye(3), [[0.0, 0.0, 0.0], [0.0, 0.0, 10e-3]]
+    tools.thinned[0] = 0.4e-3 * np.linspace(1.0, 0.9, N_CELLS)
+    reach_m = tools.radius[0, JAW_A] + 0.5 * small_scene.duct.thickness_m
+
+    def clearance_m(point_m):
+        away_m = np.array([0.0, 0.0, point_m[2]]) - point_m
+        distance_m = np.linalg.norm(away_m)
+        room = room_in_jaws(tools, JAW_A, float(point_m[2] / 10e-3), tuple(away_m / distance_m))
+        return distance_m - reach_m + room
+
+    radial = np.array([np.cos(angle), np.sin(angle), 0.0])
+    room = room_in_jaws(tools, JAW_A, 0.52, tuple(radial))
+    at_m = np.array([0.0, 0.0, 5.2e-3]) - (reach_m - room) * radial
+    assert room > 0.0
+    assert clearance_m(at_m) == pytest.approx(0.0, abs=1e-12)
+    gradient = [(clearance_m(at_m - way) - clearance_m(at_m + way)) / 2e-8 for way in 1e-8 * np.eye(3)]
+    size = np.linalg.norm(gradient)
+    _, pad_m, _, normal = surface_of(tools, JAW_A, 0.52, tuple(radial))
+    assert np.array(normal) == pytest.approx(gradient / size, abs=1e-5)
+    assert pad_m == pytest.approx(reach_m - (reach_m - room) / size, abs=1e-9)

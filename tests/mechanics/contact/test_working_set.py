@@ -8,6 +8,8 @@ from hypothesis import strategies as st
 from services.mechanics.collision.candidate_list import new_list
 from services.mechanics.collision.candidates import Candidates
 from services.mechanics.collision.clusters import cluster_triangles
+from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, ToolGeometry, WallGeometry
+from services.mechanics.contact.spheres import no_spheres
 from services.mechanics.contact.working_set import (
     LIFE_STEPS,
     MOST_CHOSEN,
@@ -30,6 +32,16 @@ N_PIECES, WALL_M = 10, 1e-3
 THICKNESS_M = np.linspace(1e-3, 3e-3, N_PIECES)
 
 
+def tools_alone():
+    """Return the geometry of two tools with jaws that open along z, and squeeze nothing."""
+    tools = ToolGeometry.zeros(layer=WALL_M)
+    tools.present[:], tools.radius[:], tools.segments[:, :, 1, 0] = True, 1e-3, 10e-3
+    tools.frame[:] = np.eye(3)[[2, 1, 0]]
+    rod = RodGeometry.zeros(n=2)
+    wall = WallGeometry(vertices=MESH.vertices_m, triangles=MESH.triangles, half_thickness=0.5 * WALL_M)
+    return ContactGeometry(tools=tools, rod=rod, wall=wall, spheres=no_spheres())
+
+
 class Chooser:
     """Candidates of pieces with the triangles of a small tube, and a working set for them."""
 
@@ -38,7 +50,7 @@ class Chooser:
         self.list = new_list(clusters, MESH.vertices_m.copy(), N_PIECES, 1e-3, TOUCHING_M)
         self.found = Candidates.zeros(c=512)
         self.before, self.ahead_m = (self.list.ends.copy(), MESH.vertices_m.copy()), np.full(N_PIECES, np.inf)
-        self.waiting = np.zeros(2, np.bool_)
+        self.geometry = tools_alone()
         self.set = new_working_set(MESH.vertices_m, N_PIECES, len(MESH.triangles), 512)
         self.set.apart_m[:] = merge_distance_m(THICKNESS_M, WALL_M)
 
@@ -50,7 +62,7 @@ class Chooser:
             found.piece[k], found.triangle[k], found.gap_m[k] = piece, triangle, gap_m
             found.weight[k], found.normal[k] = weight, normal
         addresses = self.list.address, found.address, self.set.address
-        choose(addresses, self.before, self.ahead_m, self.waiting)
+        choose(addresses, self.before, self.ahead_m, self.geometry.address)
         return self.set.chosen[: self.set.n_chosen].tolist()
 
 
@@ -190,5 +202,5 @@ def test_what_a_waiting_tool_is_in_takes_no_room_from_others():
     others = [(7, t, w, normal, gap_m) for _, t, w, normal, gap_m in random_candidates(rng, 8)]
     of_tool = [(1, t, w, normal, -1e-3) for _, t, w, normal, _ in random_candidates(rng, 30)]
     alone = Chooser().choose(others)
-    chooser.waiting[0] = True
+    chooser.geometry.tools.waiting[0] = True
     assert chooser.choose(others + of_tool) == alone

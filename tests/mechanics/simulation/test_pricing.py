@@ -129,8 +129,8 @@ class DepthJudge(PriceJudge):
         self._begin, self.deepening, self.kept = simulation.search.begin, 0.0, 0
         simulation.search.begin = self._note
 
-    def _note(self, bodies):
-        self._begin(bodies)
+    def _note(self, *step):
+        self._begin(*step)
         self._began = self._drawn()
 
     def _look(self, bodies, state, tolerance_m, pairs):
