@@ -118,7 +118,7 @@ class _MadeUpSearch:
     def expect(self, moved_m: float) -> None:
         """Nothing: pairs are made up."""
 
-    def begin(self, bodies: Moving) -> None:
+    def begin(self, bodies: Moving, geometry: Address[ContactGeometry]) -> None:
         """Nothing is anywhere, so no tool waits until it is clear."""
         bodies[2].waiting[:] = False
 
