@@ -13,7 +13,7 @@ from studies.stability.drive import reduced_duct
 from studies.stability.families.abuse import KINDS
 from studies.stability.finely import contact_forces_n
 
-LEAVES, RETURNS = 330, 360
+LEAVES, RETURNS = 300, 330
 ROUNDING = 1e-10
 """In m and N: lists that were renewed in a try sum up in another order."""
 
@@ -45,7 +45,7 @@ def run(play, prepare):
     return np.array(shown)
 
 
-# Once the tool is back, 1e-14 m stay so for 70 ticks; where the catheter slips later, they decide how a solve ends.
+# Not while the catheter slips, as at 338: there 1e-16 m decide how a solve ends, whatever is taken back.
 @pytest.mark.parametrize(("kind", "ticks"), [("jammed", 430), ("all contacts at once, wall gives way", 120)])
 def test_a_try_that_is_taken_back_leaves_nothing_behind(kind, ticks):
     """Tools grasp, press, leave and come back; before, jaws, sleep, friction and loads were those of the last try."""
