@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from services.visualization import cameras
-from services.visualization.picture import PictureLayout
+from services.visualization.picture import Picture, PictureLayout
 from services.visualization.window import WindowOutput
 from tests.visualization.test_window import JUNCTIONS, PORTS, Display, a_scene, open_window, pytestmark, until
 
@@ -80,19 +80,26 @@ def missing(layout: PictureLayout, seen: np.ndarray) -> str:
     return "" if red > 15 and red > 1.5 * green else f"the liver's bed: {red, green, blue}"
 
 
-def test_duct_catheter_and_both_tools_are_in_the_picture(seen: Seen) -> None:
+@contextmanager
+def without_lens(seen: Seen, layout: PictureLayout, picture: Picture) -> Iterator[None]:
+    """Take the lens away until everything is seen, as its edge is in the way of some; put it back at the end."""
     window, display = seen.window, seen.display
+    until(window, lambda: window.gauges()["window_pictures"] > 0, picture, layout)
+    display.press("l")
+    until(window, lambda: not missing(layout, display.window()), picture, layout)
+    yield
+    display.press("l")
+
+
+def test_duct_catheter_and_both_tools_are_in_the_picture(seen: Seen) -> None:
     layout, picture = a_scene()
     picture.force_n[:] = 0.0  # no arrows over what is looked for
-    until(window, lambda: window.gauges()["window_pictures"] > 0, picture, layout)
-    display.press("l")  # without the lens its edge is in nobody's way
-    until(window, lambda: not missing(layout, display.window()), picture, layout)
-    if os.environ.get("TROCAR_KEEP_PICTURES"):
-        from PIL import Image
+    with without_lens(seen, layout, picture):
+        if os.environ.get("TROCAR_KEEP_PICTURES"):
+            from PIL import Image
 
-        place = Path(os.environ["TROCAR_KEEP_PICTURES"]) / "window.png"
-        Image.fromarray(display.window().astype(np.uint8)).save(place)
-    display.press("l")
+            place = Path(os.environ["TROCAR_KEEP_PICTURES"]) / "window.png"
+            Image.fromarray(seen.display.window().astype(np.uint8)).save(place)
 
 
 def test_the_lens_darkens_what_is_beside_it_and_keys_move_the_camera(seen: Seen) -> None:
@@ -117,18 +124,15 @@ def test_the_lens_darkens_what_is_beside_it_and_keys_move_the_camera(seen: Seen)
 def test_the_mirrored_picture_is_as_bright_as_the_other(seen: Seen) -> None:
     window, display = seen.window, seen.display
     layout, picture = a_scene()
-    until(window, lambda: window.gauges()["window_pictures"] > 0, picture, layout)
-    display.press("l")
-    until(window, lambda: not missing(layout, display.window()), picture, layout)
-    display.press("m")
 
     def in_the_mirror() -> np.ndarray:
         return display.window()[:, ::-1]
 
-    until(window, lambda: not missing(layout, in_the_mirror()), picture, layout)
-    display.press("m")
-    until(window, lambda: not missing(layout, display.window()), picture, layout)
-    display.press("l")
+    with without_lens(seen, layout, picture):
+        display.press("m")
+        until(window, lambda: not missing(layout, in_the_mirror()), picture, layout)
+        display.press("m")
+        until(window, lambda: not missing(layout, display.window()), picture, layout)
 
 
 def test_the_scales_are_there_while_the_duct_is_coloured(seen: Seen) -> None:
