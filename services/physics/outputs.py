@@ -63,15 +63,15 @@ sent_at = reader(Sent)
 
 
 class Outputs:
-    """Publishes the state of one simulation."""
+    """Publishes the state of one simulation; ``felt`` (2, REACTION_COLUMNS) is where `feel` writes."""
 
-    def __init__(self, simulation: Simulation, basis_hash: str) -> None:
+    def __init__(self, simulation: Simulation, basis_hash: str, felt: FloatArray | None = None) -> None:
         self._simulation = simulation
         self._basis_hash = basis_hash
         self._inserted_m, self._n_contacts = 0.0, 0
         self._inserted_is_old, self._inserted_period = False, -1
         self._kinds = np.zeros(simulation.contacts.capacity, np.int8)
-        self._table = np.zeros((N_TOOLS, REACTION_COLUMNS))
+        self._table = np.zeros((N_TOOLS, REACTION_COLUMNS)) if felt is None else felt
         hands = np.zeros((N_TOOLS, TOOL_COLUMNS))
         self._hands = flat_view(hands).cast("B")
         results = simulation.tool_results
@@ -111,23 +111,23 @@ class Outputs:
 
     def state(self, tick: int, tools: Array) -> PhysicsState:
         """Return all that is known after a step, and what each of `tools`, which it was solved for, feels."""
-        reactions, contacts = self.reactions(tools), self._contacts()
+        n_tools, contacts = self.feel(tools), self._contacts()
         return PhysicsState(
             tick=tick,
-            tools=wired(reactions),
+            tools=wired(self._table[:n_tools]),
             duct=self._duct(),
             catheter=self._catheter(),
             contacts=contacts,
             ticks_per_step=self._simulation.rung.ticks_per_step,
         )
 
-    def reactions(self, tools: Array) -> FloatArray:
-        """Return the live rows (n, REACTION_COLUMNS) of what each of `tools` feels."""
+    def feel(self, tools: Array) -> int:
+        """Write what each of `tools` feels into the first rows of the table; return how many."""
         hands = tools.data[: len(self._hands)]
         self._hands[: len(hands)] = hands
         rows, holds = self._simulation.contacts, self._simulation.holds.rows
         self._n_contacts = tabulate(rows.address, self._sent.address, holds.start, holds.stop)
-        return self._table[: len(hands) // _TOOL_BYTES]
+        return len(hands) // _TOOL_BYTES
 
     def _duct(self) -> Duct:
         duct = self._simulation.duct

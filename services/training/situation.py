@@ -28,7 +28,7 @@ TISSUES = ("tool_duct", "tool_catheter", "catheter_wall")
 
 EVERY_TICKS = 4
 """Of so many ticks one is judged: 250 a second, of which 10 Hz of motion are kept."""
-_DUCT, _CATHETER = 0, 1
+_DUCT, _CATHETER, _WALL = 0, 1, 2
 _TIP_REACH_M = 3e-3
 _RIM_REACH_M = 3e-3
 _CLIP_REACH_M = 6e-3
@@ -197,12 +197,13 @@ class SituationReader:
         if not kind.size:
             return
         force, point = state.contacts.force_n.view(), state.contacts.point_m.view()
-        loads = Loads(force)
+        loads, found = Loads(force), set(kind.tolist())
         of = [kind == each for each in range(3)]
-        pairs = [loads.sides(each) for each in of]
+        pairs = [loads.sides(each) if k in found else (0.0, 0.0) for k, each in enumerate(of)]
         s.tissue_n = (pairs[0][0], pairs[1][0], pairs[2][0])
         s.squeeze_n = (pairs[0][1], pairs[1][1], pairs[2][1])
-        s.tip_n = loads.net(of[2] & (_distances(point, s.tip_m) < _TIP_REACH_M))
+        if _WALL in found:
+            s.tip_n = loads.net(of[_WALL] & (_distances(point, s.tip_m) < _TIP_REACH_M))
         mouth = entry if entry is not None else self._mouth_m
         if mouth is None:
             return

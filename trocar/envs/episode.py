@@ -99,7 +99,7 @@ class Episode:
         self._hands.inputs.holds = self._grips.look(self._hands.state, newest)
         self.simulation.step(self._hands.inputs, length * TICK_S)
         self.tick += length
-        self._grips.take(self._framer.reactions())
+        self._framer.feel()
 
     def verdict(self) -> Verdict:
         """Return how it stands."""

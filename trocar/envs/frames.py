@@ -36,7 +36,7 @@ class Framer:
 
     def __init__(self, simulation: Simulation, grips: Grips, hands: DeviceHands) -> None:
         self._simulation, self._grips, self._hands = simulation, grips, hands
-        self._outputs = Outputs(simulation, simulation.duct.reduced.basis.content_hash)
+        self._outputs = Outputs(simulation, simulation.duct.reduced.basis.content_hash, grips.reactions.rows)
         self._sequences: dict[str, int] = {}
         self._period = 0
 
@@ -74,9 +74,9 @@ class Framer:
         """Return all that is known after a step."""
         return self._outputs.state(tick, self._grips.hands)
 
-    def reactions(self) -> FloatArray:
-        """Return the live rows (n, REACTION_COLUMNS) of what the tools feel."""
-        return self._outputs.reactions(self._grips.hands)
+    def feel(self) -> None:
+        """Let the grips know what the tools feel after a step."""
+        self._outputs.feel(self._grips.hands)
 
     def settle(self, tick: int, last: int) -> None:
         """Measure the inserted length where physics does it after this tick: so frames are the same to the bit.

@@ -24,6 +24,7 @@ class Grips:
     Attributes:
         hands: Array. The tools of the last look, as physics is told of them.
         holds: list of GraspHold. Live.
+        reactions: Reactions. What tools feel, which a `Framer` writes after each step.
     """
 
     def __init__(self, scene: SceneModel, duct: ReducedDuct) -> None:
@@ -31,14 +32,14 @@ class Grips:
         self._instruments = np.zeros((N_TOOLS, INSTRUMENT_COLUMNS))
         for row, forceps in zip(self._instruments, scene.forceps, strict=False):
             row[PORT : PORT + 3] = forceps.port_position_m
-        self._reactions = Reactions()
-        self._grasping = Grasping(scene, duct, self._reactions.rows, self._instruments)
+        self.reactions = Reactions()
+        self._grasping = Grasping(scene, duct, self.reactions.rows, self._instruments)
         self.begin_again()
 
     def begin_again(self) -> None:
         """Hold nothing; nothing has been solved."""
         self._grasping.begin_again()
-        self._reactions.forget()
+        self.reactions.forget()
         self.hands, self.holds = tool_table(()), list[GraspHold]()
 
     def look(self, state: FloatArray, newest: Callable[[], PhysicsState] | None) -> list[GraspHold]:
@@ -52,10 +53,6 @@ class Grips:
             self._grasping.take_shapes(newest())
         self.holds = self._grasping.update()
         return self.holds
-
-    def take(self, reactions: FloatArray) -> None:
-        """Take over what tools feel (n, REACTION_COLUMNS) after a step."""
-        self._reactions.rows[: len(reactions)] = reactions
 
     @property
     def has_catheter(self) -> bool:

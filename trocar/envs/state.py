@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterable
+from functools import cache
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike
 from protocol.bodies import GatewayState, PhysicsState, ToolContacts
 from protocol.bodies.physics import REACTION_COLUMNS, REACTION_FORCE, REACTION_PROXY_OPENING
 from protocol.topics import TICK_S
-from services.mechanics.arrays import Float32Array, FloatArray
+from services.mechanics.arrays import Float32Array, FloatArray, IntArray
 from services.mechanics.scene.tools import N_TOOLS
 from services.training.site import Site
 
@@ -120,5 +121,11 @@ def points_m(solved: PhysicsState, count: int = N_POINTS, spacing_m: float = SPA
     particles = solved.catheter.position_m.view()[::-1]
     segment_m = float(np.linalg.norm(particles[0] - particles[1]))
     step = max(1, round(spacing_m / segment_m)) if segment_m > 0.0 else 1
-    points: FloatArray = particles[np.minimum(step * np.arange(count), len(particles) - 1)]
+    points: FloatArray = particles[_every(step, count, len(particles))]
     return points
+
+
+@cache
+def _every(step: int, count: int, n: int) -> IntArray:
+    """Return every so manieth of n places, ``count`` of them; the last again and again where there are no more."""
+    return np.minimum(step * np.arange(count, dtype=np.int32), n - 1)

@@ -181,7 +181,7 @@ class DuctBody:
     def point_at_start(self, triangle: int, weights: FloatArray) -> FloatArray:
         """Return where a point of a triangle was at the start of the step, (3,) in m; not for every tick."""
         nodes = self.reduced.mesh.triangles[triangle]
-        corners = self._motion.positions(nodes, self.q_start)
+        corners = self._motion.places_of(nodes)(self.q_start)
         n = self.n_loads
         self.reduced.residual.apply(self.load_nodes[:n], self.load_force_n[:n], nodes, corners)
         point: FloatArray = weights @ corners
@@ -191,7 +191,7 @@ class DuctBody:
         """Return where all nodes are at the end of the last step, (n, 3) in m; not for every tick."""
         self._motion.update(self.state.q)
         nodes = np.arange(self.reduced.mesh.n_vertices, dtype=np.int32)
-        positions = self._motion.positions(nodes, self.state.q)
+        positions = self._motion.places_of(nodes)(self.state.q)
         n = self.n_loads
         if n:
             self.reduced.residual.apply(self.load_nodes[:n], self.load_force_n[:n], nodes, positions)
@@ -233,7 +233,7 @@ class DuctBody:
     @property
     def n_loads(self) -> int:
         """Number of loaded nodes."""
-        return int(self._n_loads[0])
+        return int(self._n_loads.item(0))
 
     @property
     def n_contact_loads(self) -> int:

@@ -51,6 +51,7 @@ class Lumen:
         self._caps = np.ascontiguousarray(local.reshape(-1, 3), np.int32), ends, np.zeros(len(ends))
         self._closed, self._mesh = np.concatenate([mesh.triangles, triangles]), mesh
         self._motion = wall_motion(duct, 1)
+        self._places_of_corners = self._motion.places_of(self._nodes)
         self.inside = np.zeros(n_particles, np.int8)
         self._begins_inside = False
         self._base_m: FloatArray | None = None
@@ -62,7 +63,7 @@ class Lumen:
         `OUTSIDE` where the tip is not in the lumen; 0 where all of the catheter is.
         """
         self._motion.update(q)
-        corners_m = self._motion.positions(self._nodes, q)
+        corners_m = self._places_of_corners(q)
         self._follow_base(q, position_m[0], corners_m)
         place: float
         place, cap = cross_caps(position_m, corners_m, self._caps, self._begins_inside, self.inside)
@@ -81,7 +82,7 @@ class Lumen:
         """
         if self._base_m is None:
             every = np.arange(self._mesh.n_vertices, dtype=np.int32)
-            self._begins_inside = abs(turns_round(base_m, self._closed, self._motion.positions(every, q))) > 0.5
+            self._begins_inside = abs(turns_round(base_m, self._closed, self._motion.places_of(every)(q))) > 0.5
             self._base_m, self._corners_m = base_m, corners_m
         before = self._base_m, self._corners_m
         self._begins_inside ^= goes_through_caps(before, (base_m, corners_m), self._caps)

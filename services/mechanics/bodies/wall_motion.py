@@ -5,6 +5,7 @@ The duct's body holds one of two objects, chosen once, so that no step tests whe
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -92,10 +93,10 @@ class StraightMotion(PointCompliance):
         if not self._kept.gather(points, gain, out):
             self.compliance_anew(points, rows, gain, out)
 
-    def positions(self, nodes: IntArray, q: FloatArray) -> FloatArray:
-        """Return where ``nodes`` (k,) are without contact loads, (k, 3) in m."""
-        at: FloatArray = self.reduced.mesh.vertices_m[nodes] + self.reduced.basis.Phi[nodes] @ q
-        return at
+    def places_of(self, nodes: IntArray) -> Callable[[FloatArray], FloatArray]:
+        """Return what says where ``nodes`` (k,) are at q without contact loads, (k, 3) in m; it keeps their modes."""
+        rest_m, modes = self.reduced.mesh.vertices_m[nodes], self.reduced.basis.Phi[nodes]
+        return lambda q: rest_m + modes @ q
 
 
 class TurnedMotion(PointCompliance):
@@ -124,11 +125,15 @@ class TurnedMotion(PointCompliance):
         move_points((flat, weights), self.reduced.mesh.vertices_m, corners, motion[1], out)
         self.add_residual(points, loads, (out[1], out[2]))
 
-    def positions(self, nodes: IntArray, q: FloatArray) -> FloatArray:
-        """Return where ``nodes`` (k,) are without contact loads, (k, 3) in m; q is that of the last update."""
-        at = np.empty((len(nodes), 3))
-        self._frame.node_positions(nodes, np.zeros_like(at), at)
-        return at
+    def places_of(self, nodes: IntArray) -> Callable[[FloatArray], FloatArray]:
+        """Return what says where ``nodes`` (k,) are without contact loads, (k, 3) in m; q is of the last update."""
+        frame, none_m = self._frame, np.zeros((len(nodes), 3))
+
+        def places(_q: FloatArray) -> FloatArray:
+            frame.node_positions(nodes, none_m, at := np.empty_like(none_m))
+            return at
+
+        return places
 
 
 def wall_motion(reduced: ReducedDuct, n_points: int) -> StraightMotion | TurnedMotion:

@@ -49,14 +49,15 @@ class Pace:
         catheter, duct = world.catheter, world.duct
         velocity = catheter.state.velocity_m_s
         self._moving = Moving(velocity=velocity, before=duct.q_start, after=duct.state.q)
-        self._way = catheter.start_m, catheter.state.position_m, np.ones(len(velocity), np.bool_)
+        every = np.ones(len(velocity), np.bool_)
+        self._way = catheter.start_m, catheter.state.position_m, every, every
         self._modes, self._longest = sampled_modes(world.duct.reduced.basis.Phi)
 
     def compile_kernels(self) -> None:
         """Compile what only a wall that moves far asks for."""
         furthest(self._modes, self._world.duct.q_start, self._world.duct.state.q)
         tools = self._world.tools
-        furthest_point(tools.port_m, tools.hand, tools.present)
+        furthest_point(tools.port_m, tools.hand, tools.present, tools.present)
 
     def parts(self, tools: ToolInputs, dt_s: float) -> tuple[int, float]:
         """Return the number of parts of a step, and how far anything moves in one, in m.
@@ -74,7 +75,7 @@ class Pace:
             if self._longest * way * scale > seen_m:
                 moved_m = max(moved_m, furthest(self._modes, duct.q_start, duct.state.q) * scale)
         if dt_s * FASTEST_HAND_M_S > seen_m:
-            away_m = furthest_point(tools.position_m, body.hand, tools.present & body.present)
+            away_m = furthest_point(tools.position_m, body.hand, tools.present, body.present)
             moved_m = max(moved_m, min(away_m, dt_s * FASTEST_HAND_M_S))
         parts = 1
         while dt_s > parts * SHORTEST_STEP_S and (moved_m > parts * most_m or speed_m_s * dt_s > parts * seen_m):
@@ -143,11 +144,11 @@ def furthest(modes: FloatArray, before: FloatArray, after: FloatArray) -> float:
 
 
 @kernel
-def furthest_point(start: FloatArray, end: FloatArray, counts: BoolArray) -> float:
-    """Return how far in m those points (n, 3) go that count, from their places at the start to those at the end."""
+def furthest_point(start: FloatArray, end: FloatArray, are_there: BoolArray, were_there: BoolArray) -> float:
+    """Return how far in m those points (n, 3) go that are there twice, from the start to the end, or back."""
     largest_2 = 0.0
-    for i in range(counts.shape[0]):
-        if counts[i]:
+    for i in range(start.shape[0]):
+        if are_there[i] and were_there[i]:
             x, y, z = end[i, 0] - start[i, 0], end[i, 1] - start[i, 1], end[i, 2] - start[i, 2]
             largest_2 = max(largest_2, x * x + y * y + z * z)
     return math.sqrt(largest_2)
