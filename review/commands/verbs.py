@@ -60,7 +60,7 @@ def export(
     to: Annotated[Form, typer.Option("--to", help="Tables (csv, parquet), arrays (npz) or a film (mp4).")],
     out: Annotated[Path | None, typer.Option(help="File, or folder of tables; default: beside the recording.")] = None,
     topics: Annotated[list[str] | None, typer.Option("--topic", help="Only this topic; may be given again.")] = None,
-    view: Annotated[View, typer.Option(help="Of a film: the endoscope's, or as by X-rays.")] = View.SCOPE,
+    view: Annotated[View, typer.Option(help="View of a film: the endoscope's, or X-ray.")] = View.SCOPE,
 ) -> None:
     """Write what a recording holds as tables with a column for each number, as arrays, or as a film."""
     from review.commands.export import run_export
@@ -70,7 +70,7 @@ def export(
 
 def score(
     file: Annotated[Path, typer.Argument(help="A recording.")],
-    scenario: Annotated[str | None, typer.Option(help="Scenario to judge by; default: the one that it names.")] = None,
+    scenario: Annotated[str | None, typer.Option(help="Scenario to judge by; default: the recording's.")] = None,
     rules: Rules = "mistels",
     experts: Experts = None,
     trainee: Annotated[str | None, typer.Option(help="Keep the attempts as this trainee's, by pseudonym.")] = None,
@@ -86,8 +86,8 @@ def score(
 def report(
     what: Annotated[str, typer.Argument(metavar="FILE|NUMBER", help="A recording, or an attempt that was kept.")],
     out: Annotated[Path | None, typer.Option(help="The file to write.")] = None,
-    attempt: Annotated[int, typer.Option(help="Which of the recording, from 1; -1 is the last; 0 each of them.")] = 0,
-    scenario: Annotated[str | None, typer.Option(help="Scenario to judge by; default: the one that it names.")] = None,
+    attempt: Annotated[int, typer.Option(help="Number in the recording, from 1; -1: the last; 0: all.")] = 0,
+    scenario: Annotated[str | None, typer.Option(help="Scenario to judge by; default: the recording's.")] = None,
     rules: Rules = "mistels",
     experts: Experts = None,
     database: Database = None,
@@ -102,11 +102,11 @@ def report(
 @attempts_app.command("list")
 def attempts_list(
     trainee: Annotated[str | None, typer.Option(help="Only this trainee's.")] = None,
-    scenario: Annotated[str | None, typer.Option(help="Only at this scenario.")] = None,
+    scenario: Annotated[str | None, typer.Option(help="Only this scenario.")] = None,
     database: Database = None,
     json: Json = False,
 ) -> None:
-    """List what was kept."""
+    """List the stored attempts."""
     from review.commands.attempts import run_list
 
     run_list(database, trainee, scenario, json)
@@ -128,13 +128,13 @@ def attempts_curve(
 
 @attempts_app.command("export")
 def attempts_export(
-    trainee: Annotated[str | None, typer.Argument(help="Pseudonym; without, everybody.")] = None,
+    trainee: Annotated[str | None, typer.Argument(help="Pseudonym; default: all trainees.")] = None,
     out: Annotated[
         Path | None, typer.Option(help="The file to write, .csv for a table of metrics; default: standard output.")
     ] = None,
     database: Database = None,
 ) -> None:
-    """Write all that is known of a trainee as JSON; such a file can be the experts of `trocar score`."""
+    """Write all data of a trainee as JSON, which `trocar score --experts` reads."""
     from review.commands.attempts import run_export
 
     run_export(database, trainee, out)
@@ -143,11 +143,11 @@ def attempts_export(
 @attempts_app.command("erase")
 def attempts_erase(
     trainee: Annotated[str, typer.Argument(help="Pseudonym.")],
-    recordings: Annotated[bool, typer.Option("--recordings", help="Erase the recordings, too.")] = False,
+    recordings: Annotated[bool, typer.Option("--recordings", help="Delete the recordings, too.")] = False,
     database: Database = None,
     json: Json = False,
 ) -> None:
-    """Forget a trainee and all attempts."""
+    """Delete a trainee and all attempts."""
     from review.commands.attempts import run_erase
 
     run_erase(database, trainee, recordings, json)

@@ -74,7 +74,7 @@ def up(
         str | None, typer.Option(help="Scenario file, or the name of one in configs/scenarios: it names its scene.")
     ] = None,
     seconds: Annotated[
-        float | None, typer.Option(min=0.1, callback=finite, help="Run so long, measured from RUNNING, then end.")
+        float | None, typer.Option(min=0.1, callback=finite, help="End after this time, measured from RUNNING.")
     ] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write what the run did to this file.")] = None,
     viewer: Annotated[Viewer | None, typer.Option(help="Where the picture is shown; default: as the rig says.")] = None,
@@ -92,7 +92,7 @@ def up(
 
 @_verb("cli.down:run_down")
 def down(rig_name: Rig = "stub", overrides: Overrides = None, as_json: Json = False) -> None:
-    """End a rig that runs on this host, whatever is left of it."""
+    """End the rig that runs on this host, or what is left of it."""
 
 
 @_verb("cli.top:run_top")
@@ -109,7 +109,7 @@ def top(
 @_verb("cli.latency:run_latency")
 def latency(
     files: Annotated[
-        list[Path] | None, typer.Argument(help="Files that the rig kept after missed ticks; without, the rig itself.")
+        list[Path] | None, typer.Argument(help="Files that a rig wrote after missed ticks; default: the running rig.")
     ] = None,
     rig: Rig = "stub",
     worst: Annotated[int, typer.Option(min=1, help="How many ticks to show.")] = 12,
@@ -117,12 +117,12 @@ def latency(
     as_json: Json = False,
     overrides: Overrides = None,
 ) -> None:
-    """Show the worst ticks of the last seconds on one time line, and what had the core meanwhile."""
+    """Show the worst ticks of the last seconds on one time line, and what else ran on the core."""
 
 
 @_verb("cli.doctor:run_doctor")
 def doctor(rig_name: Rig = "stub", overrides: Overrides = None, as_json: Json = False) -> None:
-    """Check what this host can give the rig; exit code 1 where the rig cannot run."""
+    """Check what this host can give the rig; exit code 1 if the rig cannot run."""
 
 
 @_verb("cli.sniff:run_sniff")
@@ -143,14 +143,14 @@ def sniff(
 
 @_verb("cli.arm:run_command", what="arm")
 def arm(rig_name: Rig = "stub", address: Address = None, token: Token = None, overrides: Overrides = None) -> None:
-    """End a safe stop, and try again what is at fault: the arms may push again."""
+    """End a safe stop and try faulty devices again: the arms may push again."""
 
 
 @_verb("cli.arm:run_command", "safe-stop", what="safe_stop")
 def safe_stop(
     rig_name: Rig = "stub", address: Address = None, token: Token = None, overrides: Overrides = None
 ) -> None:
-    """Let the arms go limp until the rig is armed anew."""
+    """Let the arms go limp until the rig is armed again."""
 
 
 @_verb("cli.make_keys:run_keys")
@@ -158,18 +158,18 @@ def keys(
     directory: Annotated[Path, typer.Argument(help="Made if it is not there; name it as transport.keys.")],
     as_json: Json = False,
 ) -> None:
-    """Make the keys of a rig that spans hosts: copy the directory to each of them."""
+    """Make the keys of a rig that spans hosts; copy the directory to each host."""
 
 
 @app.command()
 def replay(
     file: Annotated[Path, typer.Argument(help="A recording.")],
-    check: Annotated[bool, typer.Option("--check", help="Without a rig: say whether it ends as recorded.")] = False,
-    rate: Annotated[float, typer.Option(min=0.0, help="Times real time; 0: as fast as it goes.")] = 1.0,
+    check: Annotated[bool, typer.Option("--check", help="Run without a rig and compare with the recording.")] = False,
+    rate: Annotated[float, typer.Option(min=0.0, help="Multiple of real time; 0: as fast as possible.")] = 1.0,
     from_s: Annotated[float, typer.Option("--from", min=0.0, help="Second to begin at.")] = 0.0,
     until_s: Annotated[float | None, typer.Option("--until", min=0.001, help="Second to end at.")] = None,
-    loop: Annotated[bool, typer.Option("--loop", help="Again and again.")] = False,
-    take_over: Annotated[bool, typer.Option("--take-over", help="The rig's own hands go on from the end.")] = False,
+    loop: Annotated[bool, typer.Option("--loop", help="Repeat without end.")] = False,
+    take_over: Annotated[bool, typer.Option("--take-over", help="The rig's own devices take over at the end.")] = False,
     pictures: Annotated[bool, typer.Option("--pictures", help="Show what was recorded; simulate nothing.")] = False,
     rig: Rig = "stub",
     viewer: Annotated[Viewer | None, typer.Option(help="Where the picture is shown; default: as the rig says.")] = None,
@@ -197,12 +197,12 @@ def replay(
 def repair(
     files: Annotated[list[Path], typer.Argument(help="Recordings, mended in place.")], as_json: Json = False
 ) -> None:
-    """Index recordings anew that a killed recorder left, or a full disk: the recorder does so itself at its start."""
+    """Restore the index of recordings that a kill or a full disk cut off; the recorder does so at its start."""
 
 
 @_verb("cli.scenes:run_scenes")
 def scenes(as_json: Json = False) -> None:
-    """List the scenes that can be named, each with one sentence."""
+    """List all scenes, each with one sentence."""
 
 
 @_verb("cli.tissues:run_tissues")
@@ -221,13 +221,13 @@ def attempt(
         AttemptVerb, typer.Argument(help="The order: new, pause, resume, step, slow, bookmark; `status` only looks.")
     ],
     value: Annotated[
-        float | None, typer.Argument(min=0.0, callback=finite, help="Of `step` the ms, of `slow` the pace, 1/32 to 1.")
+        float | None, typer.Argument(min=0.0, callback=finite, help="`step`: milliseconds; `slow`: pace, 1/32 to 1.")
     ] = None,
     rig: Rig = "stub",
     json: Json = False,
     overrides: Overrides = None,
 ) -> None:
-    """Begin the attempt that is being made again, pause it, step through it, slow it down, or see how it stands."""
+    """Restart the attempt, pause it, step through it, slow it down, or show its state."""
     from services.cli.attempt import run_order, run_status
 
     if what is AttemptVerb.STATUS:

@@ -56,7 +56,7 @@ class GraspFile(Settings):
     opens_with_positive_motor: bool = True
     shut_at_motor_turns: float = Field(0.0, description="position estimate of the drive with the handle shut")
     widest_rad: Annotated[float, Field(gt=0.0, le=6.3)] = Field(
-        2.1, description="largest angle of the handle (assumed); beyond it, or a quarter of it below shut, is refused"
+        2.1, description="largest angle of the handle (assumed); beyond it, or a quarter of it below shut, is a fault"
     )
     max_motor_turns_s: Positive
     max_motor_current_a: Annotated[Positive, _CURRENT]

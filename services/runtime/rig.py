@@ -85,7 +85,7 @@ class Transport(Settings):
     directory: Place | None = Field(None, description="of the ipc sockets; by default private to the user")
     base_port: Annotated[int, Field(ge=1024, le=57000)] = 21000
     host: Host = Field("127.0.0.1", description="tcp: where publishers are reached")
-    hosts: dict[ProcessName, Host] = Field({}, description="tcp: by publisher, where it is not `host`")
+    hosts: dict[ProcessName, Host] = Field({}, description="tcp: address of each publisher that is not at `host`")
     bind_host: Host = Field("127.0.0.1", description="tcp: address that publishers bind")
     keys: Place | None = Field(None, description="tcp: directory of the rig's keys, made by `trocar keys`")
     insecure: bool = Field(False, description="allow tcp beyond loopback without keys")
@@ -130,10 +130,10 @@ class ProcessSettings(Settings):
 
     enabled: bool = True
     core: Annotated[int, Field(ge=0), at_most(511, "", "no host of a rig has so many cores")] | None = None
-    priority: Annotated[int, Field(ge=1, le=89)] | None = Field(None, description="SCHED_FIFO; none: ordinary")
+    priority: Annotated[int, Field(ge=1, le=89)] | None = Field(None, description="of SCHED_FIFO; none: ordinary class")
     nice: Annotated[int, Field(ge=-20, le=19)] | None = None
     share: Annotated[float, Field(gt=0, le=0.95)] = Field(
-        0.3, description="of a core: SCHED_DEADLINE's at first, and what a container's real-time budget must hold"
+        0.3, description="of a core that SCHED_DEADLINE reserves first, and a container's real-time budget must cover"
     )
     restart: bool = Field(True, description="whether the supervisor restarts it when it dies or hangs")
     critical: bool = Field(True, description="whether the rig cannot run without it")
@@ -176,7 +176,7 @@ class GatewaySettings(Settings):
     grasp_torque_limit_nm: Annotated[float, Field(gt=0), MOST_TORQUE] = 0.3
     engage_ramp_s: Annotated[float, Field(ge=0), _WATCHED] = 0.5
     supervisor_timeout_s: Annotated[float, Field(ge=0.5), _WATCHED] | None = Field(
-        2.0, description="every hand is let go when the supervisor has been silent for so long; null: there is none"
+        2.0, description="every hand is released when the supervisor has been silent for so long; null: no limit"
     )
 
     @field_validator("instruments")
@@ -210,24 +210,24 @@ class WebSettings(Settings):
 
 
 class LoopContract(Settings):
-    """What a loop must keep: an error budget for each minute, and no breakdown."""
+    """Limits of a loop: an error budget for each minute, and no breakdown."""
 
     rate_hz: Annotated[float, Field(gt=0), _KILOHERTZ]
-    miss_ratio: Annotated[float, Field(ge=0, le=1)] = Field(0.01, description="of a minute's ticks that may be lost")
+    miss_ratio: Annotated[float, Field(ge=0, le=1)] = Field(0.01, description="of a minute's ticks that may be late")
     follows_readers: bool = Field(
-        False, description="whether fewer ticks are due while its readers want fewer: of a picture"
+        False, description="whether its rate may fall to what its readers ask for, as that of a picture"
     )
     stop_miss_ratio: Annotated[float, Field(ge=0, le=1)] = Field(
-        0.5, description="beyond it and on the lowest quality the loop is restarted, then the rig stopped; 1: never"
+        0.5, description="of ticks; a loop losing more at lowest quality is restarted, then the rig stopped; 1: never"
     )
 
 
 class PathContract(Settings):
-    """What a path must keep over a minute, and lately."""
+    """Limits of a latency, over a minute and lately."""
 
     p99_us: Annotated[float, Field(gt=0), _A_MINUTE]
     stop_p99_us: Annotated[float, Field(gt=0), _A_MINUTE] | None = Field(
-        None, description="beyond it and on the lowest quality its process is restarted, then the rig stopped"
+        None, description="latency beyond which, on the lowest quality, its process is restarted, then the rig stopped"
     )
 
 
@@ -237,15 +237,15 @@ class SupervisorSettings(Settings):
     mode: Literal["launch", "attach"] = "launch"
     heartbeat_timeout_s: Annotated[float, Field(gt=0.02), _WATCHED] = 0.5
     ready_timeout_s: Annotated[float, Field(gt=0), _A_DAY] = Field(
-        120.0, description="without progress of a starting process"
+        120.0, description="time without progress after which a starting process is ended"
     )
-    window_s: Annotated[float, Field(gt=0, le=60)] = Field(2.0, description="over which the dashboard shows figures")
+    window_s: Annotated[float, Field(gt=0, le=60)] = Field(2.0, description="time over which the dashboard averages")
     backoff_s: Annotated[tuple[Annotated[float, Field(ge=0), _WATCHED], ...], AfterValidator(_not_empty)] = (
         0.1, 0.5, 1.0, 2.0, 5.0,
     )  # fmt: skip
     max_restarts_per_minute: Annotated[int, Field(ge=0)] = 5
     web: WebSettings = WebSettings()
-    watch_floor: bool = Field(True, description="whether a thread a core measures how late the machine itself wakes")
+    watch_floor: bool = Field(True, description="whether a thread per core measures how late the machine wakes")
 
 
 class Contracts(Settings):
@@ -259,10 +259,10 @@ class RecorderSettings(Settings):
     """What is written to disk."""
 
     directory: Place = Path("out/recordings")
-    shared: bool = Field(False, description="whether other users may read recordings, as the umask says")
+    shared: bool = Field(False, description="whether other users may read recordings, subject to the umask")
     whole: tuple[str, ...] = Field(
         ("gateway.state", "supervisor.state"),
-        description="topics of which every frame is kept: what the devices did, as all else follows from it",
+        description="topics of which every frame is kept; all else can be recomputed from the device frames",
     )
     sample_rate_hz: Annotated[float, Field(ge=1, le=200)] = Field(50.0, description="of all other topics")
 
@@ -278,11 +278,11 @@ class RecorderSettings(Settings):
 
 
 class TrainingSettings(Settings):
-    """What attempts are made at."""
+    """The attempts of a trainee."""
 
     scenario: str | None = Field(None, description="a file of configs/scenarios; none: the one of the scene, if any")
     again_after_s: Annotated[float, Field(ge=1.0), _A_DAY] | None = Field(
-        None, description="so long after a success the next attempt begins by itself; none: never"
+        None, description="time after a success until the next attempt begins by itself; none: never"
     )
 
 
@@ -291,12 +291,12 @@ class ReplaySettings(Settings):
 
     file: Place
     rate: Annotated[float, Field(ge=0), at_most(1000.0, "", "0 is as fast as it goes")] = Field(
-        1.0, description="times real time; 0: as fast as it goes"
+        1.0, description="multiple of real time; 0: as fast as possible"
     )
-    from_s: Annotated[float, Field(ge=0)] = Field(0.0, description="what was before is run as fast as it goes")
+    from_s: Annotated[float, Field(ge=0)] = Field(0.0, description="what comes before is simulated as fast as possible")
     until_s: Annotated[float, Field(gt=0)] | None = None
     loop: bool = False
-    take_over: bool = Field(False, description="whether the rig's devices go on from the end")
+    take_over: bool = Field(False, description="whether the rig's own devices take over at the end")
 
 
 class Rig(Settings):
@@ -304,7 +304,7 @@ class Rig(Settings):
 
     name: Name
     base: str | None = Field(
-        None, description="rig, or file beside this one, that holds for whatever is not said here; lists are replaced"
+        None, description="rig whose values hold unless given here; instruments match by name, other lists are replaced"
     )
     scene: str = "default"
     transport: Transport = Transport()
@@ -312,7 +312,7 @@ class Rig(Settings):
     rungs: tuple[Literal["fifo", "deadline", "nice"], ...] = Field(
         ("fifo", "deadline", "nice"), description="scheduling classes that loops with a priority try, best first"
     )
-    spare_power: bool = Field(False, description="let the cores sleep between ticks: the loops then wake later")
+    spare_power: bool = Field(False, description="let the cores sleep between ticks, so that the loops wake later")
     gateway: GatewaySettings = GatewaySettings()
     visualization: ViewSettings = ViewSettings()
     recorder: RecorderSettings = RecorderSettings()

@@ -31,8 +31,8 @@ LINK = "device_link_up"
 _RECORDER = {
     "recorded_frames": ("trocar_recorder_frames", CounterMetricFamily, "Frames in the recording"),
     "lost_frames": ("trocar_recorder_lost_frames", CounterMetricFamily, "Frames that the recording lacks"),
-    "waiting_for_disk_bytes": ("trocar_recorder_waiting_bytes", GaugeMetricFamily, "Not yet written to the disk"),
-    "disk_free_bytes": ("trocar_recorder_disk_free_bytes", GaugeMetricFamily, "Room where recordings are kept"),
+    "waiting_for_disk_bytes": ("trocar_recorder_waiting_bytes", GaugeMetricFamily, "Bytes not yet written to the disk"),
+    "disk_free_bytes": ("trocar_recorder_disk_free_bytes", GaugeMetricFamily, "Free space where recordings are kept"),
 }
 #: Buckets of stages come two to a doubling, not four.
 _EVERY = 2
@@ -94,7 +94,7 @@ def _rig(rig: bodies.SupervisorState) -> Iterator[Metric]:
     version = {metadata.version("trocar"): 1.0}
     yield _by("version", GaugeMetricFamily, "trocar_build_info", "Version of the rig", version)
     yield _by("state", GaugeMetricFamily, "trocar_rig_state", "1 for the state that the rig is in", states)
-    yield GaugeMetricFamily("trocar_quality_level", "Quality level asked for, 0 is the best", value=rig.quality_level)
+    yield GaugeMetricFamily("trocar_quality_level", "Quality level set, 0 is the best", value=rig.quality_level)
     yield from _quality(rig.quality)
     yield GaugeMetricFamily("trocar_safe_stop", "1 while the arms are limp until armed", value=float(rig.safe_stop))
 
@@ -119,10 +119,10 @@ def _services(rig: RigSource) -> Iterator[Metric]:
     uptime = {name: health.uptime_s for name, health in rig.heard.items()}
     lost = {n: sum(t.dropped + sum(t.refused.values()) for t in health.topics) for n, health in rig.heard.items()}
     text = "From the start of a process to its newest report"
-    yield _by("service", GaugeMetricFamily, "trocar_service_up", "1 while a process is ready and heard", up)
+    yield _by("service", GaugeMetricFamily, "trocar_service_up", "1 while a process is ready and sends heartbeats", up)
     yield _by("service", CounterMetricFamily, "trocar_service_restarts", "Restarts by the supervisor", restarts)
     yield _by("service", GaugeMetricFamily, "trocar_service_uptime_seconds", text, uptime)
-    yield _by("service", CounterMetricFamily, "trocar_service_drops", "Frames that it lost or refused", lost)
+    yield _by("service", CounterMetricFamily, "trocar_service_drops", "Frames that the process lost or refused", lost)
 
 
 _LOOP_TIMES = {
@@ -159,11 +159,11 @@ def _limits(contracts: Contracts) -> Iterator[Metric]:
     lost = {name: loop.miss_ratio for name, loop in contracts.loops.items()}
     p99 = {name: path.p99_us / 1e6 for name, path in contracts.paths.items()}
     yield _by("loop", GaugeMetricFamily, "trocar_loop_miss_ratio_limit", "Share of ticks that may be lost", lost)
-    yield _by("path", GaugeMetricFamily, "trocar_path_limit_seconds", "What 99 % of a path must keep", p99)
+    yield _by("path", GaugeMetricFamily, "trocar_path_limit_seconds", "Limit of the 99th percentile of a latency", p99)
 
 
 def _paths(heard: Iterable[bodies.Health], full: bool) -> Metric:
-    family = _histogram("trocar_path_latency_seconds", "From the device sample to somewhere", "path")
+    family = _histogram("trocar_path_latency_seconds", "Latency from the device sample, by path", "path")
     for health in heard:
         for path in health.paths:
             _add(family, path.name, Latencies.of(path.latency), few=not full)
@@ -201,7 +201,7 @@ def _recorder(heard: Iterable[bodies.Health]) -> Iterator[Metric]:
 
 
 def _gauges(heard: Iterable[bodies.Health]) -> Metric:
-    other = GaugeMetricFamily("trocar_gauge", "Anything else that a process reports", labels=["service", "name"])
+    other = GaugeMetricFamily("trocar_gauge", "Any other figure that a process reports", labels=["service", "name"])
     for health in heard:
         for name, value in health.gauges.items():
             if not name.startswith(f"{LINK}.") and not (health.process == "recorder" and name in _RECORDER):
@@ -230,9 +230,9 @@ def _threads(threads: Mapping[str, Row[Counts, Usage | None]], full: bool) -> It
     ran = {name: each.ran_ns / 1e9 for name, each in counts.items()}
     waited = {name: each.waited_ns / 1e9 for name, each in counts.items()}
     yield _by("service", CounterMetricFamily, "trocar_processor_seconds", "Time on a processor", ran)
-    yield _by("service", CounterMetricFamily, "trocar_waited_seconds", "Time of waiting for a processor", waited)
+    yield _by("service", CounterMetricFamily, "trocar_waited_seconds", "Time spent waiting for a processor", waited)
     if full:
-        text = "Of threads that live now: a wake-up ends in one that was wanted"
+        text = "Context switches of the threads that live now; each wake-up ends in a voluntary one"
         switches = CounterMetricFamily("trocar_context_switches", text, labels=["service", "kind"])
         for name, each in counts.items():
             switches.add_metric([name, "wanted"], each.woken)
@@ -241,7 +241,7 @@ def _threads(threads: Mapping[str, Row[Counts, Usage | None]], full: bool) -> It
 
 
 def _floor(floor: Mapping[int, Row[Latencies, Latencies]], full: bool) -> Iterator[Metric]:
-    text = "Late wake-ups of a thread above all others"
+    text = "Late wake-ups of a thread with a higher priority than all loops"
     family = _histogram("trocar_machine_lateness_seconds", text, "core")
     longest = _longest("trocar_machine_lateness", "core")
     for core, row in floor.items():

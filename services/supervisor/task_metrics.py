@@ -26,7 +26,7 @@ _GAUGES: dict[str, tuple[str, Callable[[bodies.Attempt], float]]] = {
     "trocar_attempt_inserted_metres": ("Length of the catheter in the lumen", lambda now: now.depth_m),
     "trocar_attempt_goal_metres": ("Length to be inserted, 0 without a goal", lambda now: now.goal_depth_m),
     "trocar_attempt_seconds": ("Simulated time since the first motion", lambda now: now.time_s),
-    "trocar_attempt_force_limit_newtons": ("Of a tool on the duct, 0 for none", lambda now: now.force_limit_n),
+    "trocar_attempt_force_limit_newtons": ("Limit of force on the duct, 0 for none", lambda now: now.force_limit_n),
 }
 
 

@@ -42,34 +42,30 @@ def effects(
 
 def stability(
     long: Annotated[
-        bool, typer.Option("--long/--quick", help="All of every family, more than 2,000 runs; or a few of each.")
+        bool, typer.Option("--long/--quick", help="Run all cases, more than 2,000; default: a few of each family.")
     ] = False,
     families: Annotated[
         list[str] | None, typer.Option("--family", metavar="NAME", help="Only this family; may be given again.")
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Other seeds, other members of the families.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Seed by which the cases are drawn.")] = 1,
     most: Annotated[
         int | None, typer.Option(min=1, help="At most so many cases of each family, drawn by the seed.")
     ] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: one a core.")] = None,
     minutes: Annotated[
         float | None,
-        typer.Option(
-            min=0.0, callback=finite, help="After so long begin no more cases, and tell of those that have run."
-        ),
+        typer.Option(min=0.0, callback=finite, help="Start no case after so many minutes."),
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder that keeps results as they come; a run that was ended goes on there.")
-    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for results; an interrupted run continues there.")] = None,
     report: Annotated[
         Path | None, typer.Option(help="Write the table as a page, as docs/results/stability.md.")
     ] = None,
     others: Annotated[
         list[Path] | None,
-        typer.Option("--and", metavar="FOLDER", help="Also on the page: what another seed has left in --out."),
+        typer.Option("--and", metavar="FOLDER", help="Add the results of another seed in --out to the page."),
     ] = None,
     against: Annotated[
-        Path | None, typer.Option(help="What another revision wrote with --json: tell which cases differ.")
+        Path | None, typer.Option(help="Compare with a file that another revision wrote with --json.")
     ] = None,
     json: Json = False,
 ) -> None:
@@ -85,10 +81,10 @@ def study(
         list[str] | None, typer.Argument(metavar="NAME", help="Studies, or all; without one, they are listed.")
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Fewer settings and samples: all in five minutes.")] = False,
-    smallest: Annotated[bool, typer.Option("--smallest", help="As little as runs, to try it out.")] = False,
-    seed: Annotated[int, typer.Option(min=0, help="Draws what is drawn by chance.")] = 1,
+    smallest: Annotated[bool, typer.Option("--smallest", help="The smallest run, to try it out.")] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of all random choices.")] = 1,
     out: Annotated[
-        Path, typer.Option(help="Folder for results, figures and page; a run that was ended goes on there.")
+        Path, typer.Option(help="Folder for results, figures and page; an interrupted run continues there.")
     ] = Path("study"),
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes for errors; default: one a core.")] = None,
     scheduler: Annotated[
@@ -102,7 +98,7 @@ def study(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Show what accuracy costs in time: error against a converged reference beside the cost of a tick."""
+    """Measure what accuracy costs: error against a converged reference, and time of a tick."""
     from studies.accuracy.study import Size
     from studies.commands.study import Request, run_study
 
@@ -131,16 +127,16 @@ def tune(
 
 
 def haptics(
-    hands: Annotated[int, typer.Option(min=1, help="How many try to get energy out of each kind of servo.")] = 1000,
+    hands: Annotated[int, typer.Option(min=1, help="Hands that try to gain energy, for each servo law.")] = 1000,
     out: Annotated[Path, typer.Option(help="Page to write; its figures go into a folder beside it.")] = Path(
         "haptics.md"
     ),
     running: Annotated[
-        bool, typer.Option("--running", help="First run an insertion in a rig of its own; else keep what one did.")
+        bool, typer.Option("--running", help="First run an insertion in a rig; default: keep the last results.")
     ] = False,
     json: Json = False,
 ) -> None:
-    """Show what is felt: how stiff a wall may be, what a moving hand meets, whether any hand gets energy out."""
+    """Measure the haptics: how stiff a wall may be, what a moving hand feels, whether a hand can gain energy."""
     from studies.commands.haptics import Request, run_haptics
 
     run_haptics(Request(hands, out, json, running))
