@@ -16,7 +16,7 @@ from services.mechanics.world import World
 
 @dataclass(frozen=True, slots=True)
 class LargeRotationsSettings:
-    """Number of pieces that the duct's axis is strung together from."""
+    """Number of cross-sections into which the duct's axis is divided."""
 
     n_sections: int = 24
 

@@ -25,7 +25,7 @@ N_LOCAL_MODES = 16
 
 @dataclass(frozen=True, slots=True)
 class SofteningSettings:
-    """Number of pinches, pokes and pulls of the nonlinear shell from which it is learned how far the wall gives way."""
+    """Number of pinches, pokes and pulls of the nonlinear shell to which the softening law is fitted."""
 
     n_squeezes: int = 48
 

@@ -15,7 +15,7 @@ from services.mechanics.world import World
 
 @dataclass(frozen=True, slots=True)
 class ViscoelasticitySettings:
-    """Shares and times of the Prony terms: an assumption, no duct data is in print."""
+    """Shares and times of the Prony terms: an assumption, as no data of ducts are published."""
 
     g: tuple[float, ...] = (0.2, 0.15, 0.1)
     tau_s: tuple[float, ...] = (0.1, 1.0, 10.0)

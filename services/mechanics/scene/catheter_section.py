@@ -9,7 +9,7 @@ Vector3 = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CatheterSection:
-    """One piece; they are listed from the tip on, and what is behind the last of them is as the catheter says.
+    """One section of the catheter, listed from the tip on; the rest has the catheter's own properties.
 
     ``youngs_modulus_pa`` is the catheter's unless given. ``rest_curvature_1_m`` is how it is bent at rest, and
     ``steering_1_m_rad`` what each radian of a drive's handle adds: about m1, about m2 and twist, in the material frame.

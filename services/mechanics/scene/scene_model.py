@@ -116,7 +116,7 @@ class CatheterScene:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContactSettings:
-    """How contacts are answered.
+    """How contact forces are computed.
 
     "implicit" solves them in contact space; "penalty" is the paper's spring on the depth of penetration.
     Friction exists only when the effect ``friction`` is named in the scene.
