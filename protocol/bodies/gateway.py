@@ -43,5 +43,5 @@ class GatewayState(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     tick: Annotated[int, Meta(ge=0, description="the rig's time, in milliseconds of the gateway's clock")]
     instruments: Annotated[tuple[InstrumentState, ...], Meta(max_length=8)] = ()
     begins: Annotated[
-        int, Meta(ge=0, description="how often the scene was begun again; where it grows, all begin with this tick")
+        int, Meta(ge=0, description="how often the scene was restarted; if it grows, all restart with this tick")
     ] = 0

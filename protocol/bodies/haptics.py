@@ -93,7 +93,7 @@ class GraspHold(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
 
 
 class ToolContacts(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
-    """Tools, a row each, and what they hold: physics finds for itself what they touch."""
+    """One row per tool, and what the tools hold; physics itself finds what they touch."""
 
     tick: Annotated[int, Meta(ge=0, description="tick of the device frame answered: physics' clock")]
     tools: Annotated[

@@ -41,7 +41,7 @@ class LoopReport(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     work: Histogram
     period: Histogram
     stalls: Annotated[tuple[Stall, ...], Meta(max_length=8, description="the newest")] = ()
-    beyond_work: Annotated[int, Meta(ge=0, description="part of misses: less work would not have spared them")] = 0
+    beyond_work: Annotated[int, Meta(ge=0, description="part of misses: less work would not have prevented them")] = 0
 
 
 class TopicReport(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
@@ -57,7 +57,7 @@ class TopicReport(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
 
 
 class PathLatency(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
-    """A named path from the device sample to somewhere."""
+    """Latency from the device sample to a named point."""
 
     name: Annotated[str, Meta(max_length=64)]
     latency: Histogram
@@ -68,7 +68,7 @@ class PathLatency(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
 class StageCost(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     """What one stage of a tick cost: mean and maximum since the last report, counts since the start.
 
-    The buckets of `counts` are those of services.runtime.stage_times; of a process that does not count it is empty.
+    The buckets of `counts` are those of services.runtime.stage_times; it is empty if the process does not count.
     """
 
     name: Annotated[str, Meta(max_length=64)]
@@ -79,7 +79,7 @@ class StageCost(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
 
 
 class RealtimeFact(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
-    """One real-time property: asked for, and had."""
+    """One real-time property: requested and granted."""
 
     name: Annotated[str, Meta(max_length=64)]
     asked: Annotated[str, Meta(max_length=128)]

@@ -13,7 +13,7 @@ RUN_TICK, RUN_COUNT, RUN_STRIDE, RUN_FACTS, RUN_COLUMNS = 0, 1, 2, 3, 6
 
 
 class Journal(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
-    """Ticks that were worked on, in runs in which all was alike.
+    """Processed ticks, in runs with equal facts.
 
     Facts of haptics: by how many ticks the newest known state of physics was older than the device frame, -1 for none;
     1 if it was fresh; 0. Facts of physics: ticks that the simulation was to go on by; rung of the quality ladder; how

@@ -68,7 +68,7 @@ reaction_table = ToolReaction.table
 
 
 class ContactForces(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
-    """Contact points of one step, and what was solved there."""
+    """Contact points of one step, and the solved forces."""
 
     kind: Annotated[Array, spec("|i1", ("contacts",), "0 tool-duct, 1 tool-catheter, 2 catheter-duct, 3 other")]
     point_m: Annotated[Array, spec("<f8", ("contacts", 3), "m")]
@@ -77,7 +77,7 @@ class ContactForces(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
 
 
 class PhysicsState(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
-    """All that physics says of one step."""
+    """The result of one step of physics."""
 
     tick: Annotated[int, Meta(ge=0, description="tick of the device frame answered")]
     tools: Annotated[
@@ -98,7 +98,7 @@ class PhysicsState(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     catheter: Catheter
     contacts: ContactForces
     ticks_per_step: Annotated[
-        int, Meta(ge=1, le=16, description="so many ticks make up a step of physics: it asks for tools no more often")
+        int, Meta(ge=1, le=16, description="ticks per step of physics, which reads tools once a step")
     ] = 1
 
     def reactions(self, most: int | None = None) -> tuple[ToolReaction, ...]:

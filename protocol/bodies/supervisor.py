@@ -33,16 +33,16 @@ class QualityReport(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
 
 
 class Order(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
-    """What a person asked of the attempt; too old a one is not carried out."""
+    """A person's command to the attempt; one that is too old is ignored."""
 
-    id: Annotated[int, Meta(ge=0, lt=1 << 53, description="drawn by who asks: the answer has it")]
+    id: Annotated[int, Meta(ge=0, lt=1 << 53, description="random; the answer repeats it")]
     what: Annotated[str, Meta(max_length=16, description="new, pause, resume, step, slow or bookmark")]
     value: Annotated[float, Meta(description="ticks of a step, pace of slow motion")] = 0.0
     age_s: Annotated[float, Meta(ge=0.0, description="since it was asked, when this frame was sent")] = 0.0
 
 
 class SupervisorState(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
-    """State of the rig, and what its processes are to do."""
+    """State of the rig, and commands to its processes."""
 
     state: Annotated[str, Meta(max_length=16, description="off, starting, ready, running, degraded or safe_stop")]
     quality_level: Annotated[int, Meta(ge=0, lt=16, description="0 is the best")] = 0
@@ -58,6 +58,6 @@ class SupervisorState(msgspec.Struct, array_like=True, frozen=True, kw_only=True
     ] = ""
     quality: QualityReport = QualityReport()
     armed: Annotated[
-        int, Meta(ge=0, description="how often a person has armed the rig: what was at fault is tried again then")
+        int, Meta(ge=0, description="how often a person has armed the rig, after which faulty devices are tried again")
     ] = 0
     orders: Annotated[tuple[Order, ...], Meta(max_length=8, description="to the training process, of late")] = ()

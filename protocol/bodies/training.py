@@ -9,7 +9,7 @@ from msgspec import Meta
 
 
 class Answer(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
-    """What became of an order."""
+    """The result of an order."""
 
     order: Annotated[int, Meta(ge=0, description="its id")]
     ok: bool
@@ -20,7 +20,7 @@ class Attempt(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     """One attempt at a scenario. Times are simulated, from the first motion on."""
 
     begins: Annotated[
-        int, Meta(ge=0, description="how often the scene was begun again: the gateway begins again where it has grown")
+        int, Meta(ge=0, description="how often the scene was restarted; if it grows, the gateway restarts")
     ]
     pace: Annotated[float, Meta(ge=0.0, le=1.0, description="of the rig's time: 0 paused, 1 as the clock")] = 1.0
     steps: Annotated[int, Meta(ge=0, description="single ticks asked for while paused, since the start")] = 0

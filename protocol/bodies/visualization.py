@@ -11,7 +11,7 @@ from protocol.vectors import Vec3
 
 
 class HandTarget(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
-    """Where one hand on the page wants its instrument."""
+    """Where one hand on the page moves its instrument."""
 
     name: Annotated[str, Meta(max_length=64, description="of the instrument")]
     position_m: Annotated[Vec3, Meta(description="junction of shaft and jaws in the world")]
@@ -24,5 +24,5 @@ class Hands(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
 
     hands: Annotated[tuple[HandTarget, ...], Meta(max_length=8)] = ()
     begins: Annotated[
-        int, Meta(ge=0, description="gateway.state's, as the page knows it: hands of an earlier one are ignored")
+        int, Meta(ge=0, description="gateway.state's, as the page knows it; frames with an older one are ignored")
     ] = 0
