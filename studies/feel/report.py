@@ -93,8 +93,8 @@ def _borders(felt: Felt, figures: str) -> Iterator[str]:
     yield f"![Borders]({figures}/borders.svg)"
     yield ""
     yield from _words(
-        "They differ most at long delays, where K (T/2 + t)^2 is not small beside the mass. Nothing bounds the energy "
-        "here; where it is bounded, a wall that is too stiff gives back what was put in, and does not run away."
+        "They differ most at long delays, where K (T/2 + t)^2 is not small compared with the mass. Here nothing "
+        "bounds the energy; with the bound, a wall that is too stiff gives back at most what was put in."
     )
     yield ""
     yield "| a wall of 500 N/m, servo at 1 kHz, force | needs a friction of, N s/m | measured |"
@@ -119,12 +119,12 @@ def _borders(felt: Felt, figures: str) -> Iterator[str]:
 def _transparency(rendered: Sequence[Rendered], figures: str) -> Iterator[str]:
     hertz = [each for each in TABLE_HZ if any(row.frequency_hz == each for row in rendered)]
     yield ""
-    yield "## What a moving hand meets"
+    yield "## What a moving hand feels"
     yield ""
     yield from _words(
-        "A wall of 500 N/m, moved in sinusoids of 1 to 100 Hz: the table says by how many degrees the force lags "
-        "behind the position. A spring has 0. Between 0 and 180 the wall gives energy in every cycle; at 180 it "
-        "pulls in."
+        "A hand moves in a wall of 500 N/m sinusoidally at 1 to 100 Hz. The table gives the phase lag of the force "
+        "behind the position, in degrees. A spring has 0. Between 0 and 180 the wall gives energy in every cycle; at "
+        "180 it attracts the hand."
     )
     yield ""
     yield "| force | " + " | ".join(f"{each:g} Hz" for each in hertz) + " |"
@@ -147,19 +147,19 @@ def _running(running: Running | None, made_with: Sequence[str]) -> Iterator[str]
         return
     pinch = running.pinch
     yield from _words(
-        "In a rig with simulated arms, drives and encoders one hand pinches the duct's wall, the other slides "
-        "the catheter 20 mm in."
+        "In a rig with simulated arms, drives and encoders, one hand pinches the duct's wall and the other slides the "
+        "catheter 20 mm into it."
     )
     yield ""
     yield from (f"- {line}" for line in running.made_with if line not in made_with)
     yield f"- {running.ticks:,} ticks, {running.lost} of them lost by the rig or by its observer"
     yield ""
     yield from _words(
-        f"**The pinch**, at rest, before the catheter touches the duct: the force on the forceps is "
-        f"{1e3 * pinch.force_n:.1f} mN. Under the loads that physics reports, the unreduced finite elements yield "
-        f"**{100.0 * pinch.wall:+.1f} %** against the wall of the rig, by the work of the loads (limit: 2 %). The wall "
-        "is linear, so the force of an indentation is off by as much. The force that the arm applies differs by "
-        f"**{pinch.applied:.1%}** from the one that was solved."
+        "**The pinch**, at rest, before the catheter touches the duct: the force on the forceps is "
+        f"{1e3 * pinch.force_n:.1f} mN. Under the same loads the unreduced finite elements yield "
+        f"**{100.0 * pinch.wall:+.1f} %** more than the wall of the rig, measured by the work of the loads (limit: 2 "
+        "%). The wall is linear, so the force at a given indentation has the same error. The force that the arm "
+        f"applies differs by **{pinch.applied:.1%}** from the solved one."
     )
     yield ""
     yield from _insertion_beside(running)
@@ -167,9 +167,9 @@ def _running(running: Running | None, made_with: Sequence[str]) -> Iterator[str]
 
 def _insertion_beside(running: Running) -> Iterator[str]:
     yield from _words(
-        "**The insertion**, tick by tick, beside the mechanics alone stepped through the same poses. Errors are "
-        "in per cent of each tool's largest force. The force that the arm applies is compared two ticks later, "
-        "because it passes through haptics and physics and is applied in the next tick."
+        "**The insertion**, compared tick by tick with the mechanics alone at the same poses. Errors are in per cent "
+        "of each tool's largest force. The force that the arm applies is compared two ticks later, because it passes "
+        "through haptics and physics and is applied in the next tick."
     )
     yield ""
     yield f"| force on the hand | ticks within {TRACKED_WITHIN:.0%} | worst |"
@@ -178,28 +178,27 @@ def _insertion_beside(running: Running) -> Iterator[str]:
         yield f"| {row.tool}, {row.what} | {row.within:.1%} | {row.worst:.1%} |"
     yield ""
     yield from _words(
-        "How far the jaws slip on the duct depends on rounding, so two runs do not agree there. Along the wall, "
-        "where friction holds, each count of the arm's encoder is felt. After lost ticks the hand has moved on, "
-        "and meets the model's stiffness at once."
+        "Two runs do not agree where the jaws slip on the duct, because the slip depends on rounding. Along the wall, "
+        "where friction holds, each count of the arm's encoder is felt. After lost ticks the hand has moved on, and "
+        "meets the model's stiffness at once."
     )
 
 
 def _late(rows: Sequence[Late]) -> Iterator[str]:
     yield ""
-    yield "## An insertion whose answers come late"
+    yield "## An insertion with delayed force models"
     yield ""
     yield from _words(
-        "One hand slides the catheter 20 mm into the duct, the other pinches its wall. Each tick's model reaches "
-        "the servo in the next tick; the first column says how much later still, for all models or at random for "
-        f"each. The other columns say in how many ticks the force on the hand is within {WITHIN:.0%} of what the "
-        "mechanics solve for its pose in that tick, and the worst error; both relative to the largest force. A "
-        "model older than 5 ms fades and one of 20 ms is unused, so late models leave a limp hand on purpose (100"
-        " % off). A held force, as in the paper, stays. There is no encoder in this test."
+        "The same motions without encoders. Normally a tick's model reaches the servo in the next tick; the first "
+        "column is the additional delay, equal for all models or random for each. The other columns give the share of "
+        f"ticks in which the error of the force is below {WITHIN:.0%}, and the largest error; both relative to the "
+        "largest force. A model older than 5 ms fades and one of 20 ms is unused, so late models leave a limp hand on "
+        "purpose (an error of 100 %). *Force alone* holds the last force instead, as in the paper."
     )
     yield ""
     yield (
         "| added, ms | "
-        + " | ".join(f"{tool}, {way}" for tool in TOOLS for way in ("local model", "force alone"))
+        + " | ".join(f"{tool}, {way}: within, worst" for tool in TOOLS for way in ("local model", "force alone"))
         + " |"
     )
     yield "| --- |" + " --- |" * (2 * len(TOOLS))
@@ -213,25 +212,25 @@ def _late(rows: Sequence[Late]) -> Iterator[str]:
         yield f"| {f'0 to {jitter}' if jitter else added} | " + " | ".join(cells) + " |"
     yield ""
     yield from _words(
-        "When hands move as slowly as here, a held force is closer to the right one. But it feeds energy into "
-        "the arm (above and below), and never ends."
+        "With hands as slow as these, a held force has the smaller error. But it feeds energy into the arm (see the "
+        "sections above and below), and never ends."
     )
 
 
 def _energies(found: Sequence[Energies], figures: str) -> Iterator[str]:
     count = len(found[0].books)
     yield ""
-    yield "## Hands that try to get energy out"
+    yield "## Hands that try to gain energy"
     yield ""
     yield from _words(
-        f"{count} hands at one wall each, the same for every row. Stiffness 30 to 5,000 N/m; answers 1 to 19 ms "
-        "late, up to half of them lost; motion of 0.1 to 6 mm at 0.5 to 100 Hz. Half of the hands are stiff while"
-        " the wall pushes and soft while it is pushed. The simulated Premium with its encoders, friction and "
-        "motors is in between. A hand gains when, after it has left, the work of the "
-        "motors on the joints exceeds what the joints' friction took."
+        f"{count} hands at one wall each, the same for every row. Walls have 30 to 5,000 N/m; force models are 1 to 19 "
+        "ms late, and up to half of them are lost; hands move 0.1 to 6 mm at 0.5 to 100 Hz. Half of the hands are "
+        "stiff while the wall pushes and soft while it is pushed. Between hand and wall is the simulated Premium with "
+        "its encoders, friction and motors. A hand has gained energy if, after it has left the wall, the motors have "
+        "done more work on the joints than friction took."
     )
     yield ""
-    yield "| | hands that gained | most that one got | servo alone gave |"
+    yield "| | hands that gained | largest gain | servo alone gave energy |"
     yield "| --- | --- | --- | --- |"
     for each in found:
         worst = f"{1e3 * each.worst_j:.2f} mJ" if each.worst_j > 0.0 else "nothing"
@@ -239,7 +238,7 @@ def _energies(found: Sequence[Energies], figures: str) -> Iterator[str]:
     yield ""
     yield from _words(
         "The last column leaves out the arm's own friction. Encoders and the held force give a little energy, which "
-        "the friction takes: a bound that took it back would add more noise than it removes."
+        "this friction absorbs. A bound that removed it, too, would add more noise than it removes."
     )
     yield ""
     yield from _gaining(found[0])
@@ -249,8 +248,9 @@ def _energies(found: Sequence[Energies], figures: str) -> Iterator[str]:
 def _hunted(found: Sequence[Hunted]) -> Iterator[str]:
     yield ""
     yield from _words(
-        "Hands that a search (CMA-ES) moves towards those that gain, at arms of the device files as masses with count "
-        "and friction; walls to 2,500 N/m, answers 1 to 20 ms late; and pairs at one piece of tissue:"
+        "An optimiser (CMA-ES) searches for hands that gain energy. The arms of the device files are modelled as "
+        "masses with encoders and friction; walls have up to 2,500 N/m, and force models are 1 to 20 ms late. Two "
+        "linked Premiums touch one piece of tissue."
     )
     yield ""
     yield "| arm | bounded | hands | gained | most |"
@@ -260,15 +260,16 @@ def _hunted(found: Sequence[Hunted]) -> Iterator[str]:
 
 def _slow(found: Sequence[Slow]) -> Iterator[str]:
     yield ""
-    yield "## What the bound takes from slow hands"
+    yield "## What slow hands lose by the bound"
     yield ""
     yield from _words(
-        "Mean distance of the felt force from the wall's own, where the hand truly is, of hands that press with 0.1 to "
-        "2 N at 5 to 50 mm/s; answers 1 to 4 ms late. A hand tells forces apart that differ by 7 %."
+        "Mean error of the felt force, against the wall's force at the true position of the hand, and in brackets the "
+        "error without the bound. Hands press with 0.1 to 2 N at 5 to 50 mm/s; force models are 1 to 4 ms late. A "
+        "person can distinguish forces that differ by 7 %."
     )
     yield ""
     walls = list(dict.fromkeys(each.walls_n_m for each in found))
-    yield "| law (local model alone) | " + " | ".join(f"{low:,.0f} to {high:,.0f} N/m" for low, high in walls) + " |"
+    yield "| arm | " + " | ".join(f"{low:,.0f} to {high:,.0f} N/m" for low, high in walls) + " |"
     yield "| --- |" + " --- |" * len(walls)
     for arm in dict.fromkeys(each.arm for each in found):
         cells = [f"{each.law:.1%} ({each.model:.1%})" for each in found if each.arm == arm]
@@ -280,16 +281,17 @@ def _compared(found: Sequence[Compared]) -> Iterator[str]:
         return
     arms, laws = (list(dict.fromkeys(getattr(each, name) for each in found)) for name in ("arm", "law"))
     yield ""
-    yield "## Beside other laws"
+    yield "## Comparison with other laws"
     yield ""
     yield from _words(
-        "One wall computed in the servo, the same hands for each law (`studies/feel/laws`). By arm: the stiffest wall, "
-        f"of those tried up to {TRIED_N_M[-1]:,.0f} N/m, up to which no hand gains, and in brackets how stiff that one "
-        f"is felt. At {arms[0]} and 500 N/m: ms until the force is there, and gone; ticks in which a slow hand would "
-        f"tell the force from the wall's (by {NOTICED:.0%})."
+        "One wall is computed in the servo, with the same hands for each law (`studies/feel/laws`). For each arm the "
+        f"table gives the stiffest wall, of those tried up to {TRIED_N_M[-1]:,.0f} N/m, at which no hand gains energy, "
+        f"and in brackets the stiffness that is felt there, both in N/m. The last columns hold for {arms[0]} at 500 "
+        "N/m: the time until the force has risen, the time until it has fallen, and the share of ticks in which its "
+        f"error exceeds the {NOTICED:.0%} that a person notices."
     )
     yield ""
-    yield f"| law | {' | '.join(arms)} | met, ms | left, ms | told |"
+    yield f"| law | {' | '.join(arms)} | rise, ms | fall, ms | noticed |"
     yield "| --- |" + " --- |" * (len(arms) + 3)
     for law in laws:
         rows = [each for each in found if each.law == law]
