@@ -156,9 +156,9 @@ def _running(running: Running | None, made_with: Sequence[str]) -> Iterator[str]
     yield ""
     yield from _words(
         "**The pinch**, at rest, before the catheter touches the duct: the force on the forceps is "
-        f"{1e3 * pinch.force_n:.1f} mN. Under the same loads the unreduced finite elements yield "
-        f"**{100.0 * pinch.wall:+.1f} %** more than the wall of the rig, measured by the work of the loads (limit: 2 "
-        "%). The wall is linear, so the force at a given indentation has the same error. The force that the arm "
+        f"{1e3 * pinch.force_n:.1f} mN. Under the same loads the displacement of the unreduced finite elements differs "
+        f"by **{100.0 * pinch.wall:+.1f} %** from that of the rig's wall, measured by the work of the loads (limit: "
+        "2 %). The wall is linear, so the force at a given indentation has the same error. The force that the arm "
         f"applies differs by **{pinch.applied:.1%}** from the solved one."
     )
     yield ""
@@ -190,15 +190,15 @@ def _late(rows: Sequence[Late]) -> Iterator[str]:
     yield ""
     yield from _words(
         "The same motions without encoders. Normally a tick's model reaches the servo in the next tick; the first "
-        "column is the additional delay, equal for all models or random for each. The other columns give the share of "
-        f"ticks in which the error of the force is below {WITHIN:.0%}, and the largest error; both relative to the "
+        "column is the additional delay, equal for all models or random for each. Each other cell gives the share of "
+        f"ticks in which the error of the force is below {WITHIN:.0%}, and the largest error, both relative to the "
         "largest force. A model older than 5 ms fades and one of 20 ms is unused, so late models leave a limp hand on "
         "purpose (an error of 100 %). *Force alone* holds the last force instead, as in the paper."
     )
     yield ""
     yield (
         "| added, ms | "
-        + " | ".join(f"{tool}, {way}: within, worst" for tool in TOOLS for way in ("local model", "force alone"))
+        + " | ".join(f"{tool}, {way}" for tool in TOOLS for way in ("local model", "force alone"))
         + " |"
     )
     yield "| --- |" + " --- |" * (2 * len(TOOLS))

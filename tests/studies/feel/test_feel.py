@@ -117,7 +117,7 @@ def test_the_page_tells_what_was_found(tmp_path: Path) -> None:
     assert f"|local model, bounded|**{found.gaining}** of 2|" in page
     assert "|5|50.0%, 20.0%|50.0%, 50.0%|50.0%, 20.0%|50.0%, 50.0%|" in page
     assert "|wall, applied by the arm|95.1%|23.4%|" in page
-    assert "**-0.5 %** against the wall of the rig" in " ".join(page.split())
+    assert "by **-0.5 %** from that of the rig's wall" in " ".join(page.split())
     assert "- 3,500 ticks, 7 of them lost" in page
     assert "|touch|yes|960|0|nothing|" in page
     assert "|touch|1.9% (1.7%)|" in page
