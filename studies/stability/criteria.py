@@ -35,91 +35,90 @@ CRITERIA: dict[str, Criterion] = {
     "raised": Criterion("ticks that ended in an exception", "", 0),
     "not_finite": Criterion("ticks after which a state or a force is not finite", "", 0),
     "gain": Criterion(
-        "energy that came out without a hand: largest fall of (input - stored) from its highest value so far, over the "
-        "largest energy put in or stored",
+        "energy that came out without a hand: largest fall of (input - stored) below its highest value so far, "
+        "relative to the largest energy put in or stored",
         "",
         0.01,
     ),
     "imbalance": Criterion(
-        "input - stored - every dissipation, each from its own quantity, over the same energy", "", 0.01
+        "input - stored - all dissipation, each computed from its own quantity, relative to the same energy", "", 0.01
     ),
     "speed": Criterion(
-        "speed of a particle or of the wall over what can cause it: twice the hand's speed, a free fall over the "
-        "catheter's length, and the largest strain so far times the speed of sound",
+        "speed of a particle or of the wall, relative to what can cause it: twice the hand's speed, a free fall over "
+        "the catheter's length, and the largest strain so far times the speed of sound",
         "",
         1.0,
     ),
     "stretch": Criterion(
-        "stretch or compression of a segment beyond that of the largest force felt and of the hand's speed over the "
-        "speed of sound",
+        "strain of a segment beyond that of the largest force felt and of the hand's speed over the speed of sound",
         "",
         0.05,
     ),
     "penetration_hand": Criterion(
-        "overlap of catheter, wall and stones at the end of a tick by brute force over what is drawn, also of one that "
-        "is put back, hands at most at 0.5 m/s and never jumping",
+        "overlap of catheter, wall and stones at the end of a tick, by brute force on the drawn shapes, also in "
+        "states that are then replaced; hands at most at 0.5 m/s, without jumps",
         "m",
         0.1e-3,
     ),
     "penetration_any": Criterion(
-        "the same at any input, over the thickness of what something is in: the wall's, or the catheter's radius",
+        "the same for any input, relative to the thickness of the wall or the radius of the catheter",
         "",
         0.5,
     ),
     "tool_penetration_hand": Criterion(
-        "the same of a tool with wall or catheter, a wall between jaws being as thick as there is room, hands at most "
-        "at 0.5 m/s and never jumping",
+        "the same of a tool with wall or catheter, a wall between jaws counting as thick as there is room; hands at "
+        "most at 0.5 m/s, without jumps",
         "m",
         0.1e-3,
     ),
-    "tool_penetration_any": Criterion("the same at any input, over the same thickness", "", 0.5),
+    "tool_penetration_any": Criterion("the same for any input, relative to the same thickness", "", 0.5),
     "crossings": Criterion(
         "segments of the catheter's centreline that cross the wall's mid-surface, counted without collision detection",
         "",
         0,
     ),
     "force_step": Criterion(
-        "change of the contact force on a tool from tick to tick, per millisecond, before any limiter, but for a fall "
-        "towards zero: what pressed may spring away within a millisecond; where it is more, the distance from what the "
-        "same tick, begun with the same state and taken in sixteenths, leads the force through until a tick later",
+        "change of the contact force on a tool per millisecond, from tick to tick, before any limiter, except a fall "
+        "towards zero; beyond the limit the tick is repeated from the same state in sixteenths, and the figure is the "
+        "distance from the forces that these go through until a tick later",
         "N",
         0.3,
     ),
     "force_fall": Criterion("that fall: told, not judged", "N", math.inf),
     "snaps": Criterion("changes of a force that finer steps have been asked about: told, not judged", "", math.inf),
     "felt_step": Criterion(
-        "the same of the force that the simulation reports, which changes by 250 N/s at most", "N", 0.2501
+        "the same for the force that the simulation reports, which changes by at most 250 N/s", "N", 0.2501
     ),
     "felt_error": Criterion(
-        "distance of the reported force from that of the contacts, in which a fall, and what sixteenths of the tick do "
-        "as well, takes its time at 250 N/s, and what comes meanwhile waits for its turn",
+        "distance of the reported force from the contact force, in which falls and changes that sixteenths of the "
+        "tick confirm are slowed to 250 N/s, and later changes wait for them",
         "N",
         0.3,
     ),
     "felt_gain": Criterion(
-        "energy that a hand is given by the reported force beyond what that of the contacts gives it, over the largest "
+        "energy that the reported force gives a hand beyond what the contact force gives it, relative to the largest "
         "energy put in or stored",
         "",
         0.01,
     ),
-    "rest": Criterion("from the hands' leaving until nothing moves faster than 1 mm/s", "s", REST_S),
+    "rest": Criterion("time from the hands' leaving until nothing moves faster than 1 mm/s", "s", REST_S),
     "rest_damped": Criterion(
-        "the same over the time in which what is there falls to 1 mm/s by its own damping from the speed v that it has "
-        "within 0.1 s, 1 m/s at least, where that takes more than 2 s: ln(v / 1 mm/s) / (zeta omega) for the wall's "
-        "slowest mode, ln(v / 1 mm/s) 2 m / c for a catheter whose particles have mass m and drag c",
+        "the same, relative to the time in which its own damping slows the motion from v to 1 mm/s, if that exceeds 2 "
+        "s; v is the speed within the first 0.1 s, at least 1 m/s; the time is ln(v / 1 mm/s) / (zeta omega) for the "
+        "wall's slowest mode, ln(v / 1 mm/s) 2 m / c for a catheter of particles with mass m and drag c",
         "",
         1.0,
     ),
     "shape": Criterion("distance from the rest shape of an undisturbed run, without friction", "m", 0.05e-3),
-    "creep": Criterion("motion of what is stuck, scaled to a minute", "m", 1e-6),
-    "relaxation": Criterion("part of a held force that is lost, scaled to a minute", "", 0.01),
-    "law": Criterion("a force against the law that it follows, relative", "", 0.05),
-    "leaks": Criterion("runs that differ in a bit when another case has run before them", "", 0),
-    "healed": Criterion("states that were not sound and were put back to the last sound one", "", 0),
+    "creep": Criterion("motion of a stuck contact, scaled to a minute", "m", 1e-6),
+    "relaxation": Criterion("lost share of a held force, scaled to a minute", "", 0.01),
+    "law": Criterion("relative error of a force against its law", "", 0.05),
+    "leaks": Criterion("runs that change in a bit if another case has run before them", "", 0),
+    "healed": Criterion("states that were not sound and were replaced by the last sound one", "", 0),
     "healed_by_design": Criterion(
         "the same in families whose input no state can be expected to bear: told, not judged", "", math.inf
     ),
-    "dropped": Criterion("pairs, contacts and holds that found no room", "", 0),
+    "dropped": Criterion("pairs, contacts and holds without room", "", 0),
     "dropped_by_design": Criterion("the same where `healed_by_design` is", "", math.inf),
     "residual": Criterion("relative residual of a static solution", "", 1e-8),
     "reference": Criterion("relative error against a closed form or a converged solution", "", 0.05),

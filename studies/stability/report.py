@@ -94,7 +94,7 @@ def _head(order: Order, results: Sequence[Result], failed: int, of: tuple[str, t
     snapped = sum(result.figures.get("snaps", 0.0) > 0.0 for result in results)
     return [
         f"- **{count}, {failed} failed**: {rate(failed, len(results))} of such cases fail, with 95 % confidence",
-        f"- in {snapped} cases a force changed by more than its criterion in a tick, and finer steps were asked",
+        f"- in {snapped} cases a force changed by more than its criterion in a tick; finer steps were checked",
         f"- {steps:,} steps, {seconds / 60:.0f} minutes of processor time",
         f"- code {code}, {told}, {datetime.now(UTC):%Y-%m-%d}",
         f"- {machine}, Python {platform.python_version()}, {packages}",
