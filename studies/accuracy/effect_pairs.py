@@ -112,8 +112,8 @@ def told_pairs(matrix: Matrix, words: Sequence[str], number: Callable[[float], s
     apart = beyond[rows, columns]
     furthest = [k for k in np.argsort(-np.abs(apart), kind="stable")[:_SHOWN] if abs(apart[k]) > 0.0]
     alike = (
-        f"{matrix.title}: {np.count_nonzero(apart == 0.0)} of {len(apart)} pairs are what both effects alone "
-        "can give, to 1 % or the noise"
+        f"{matrix.title}: in {np.count_nonzero(apart == 0.0)} of {len(apart)} pairs the effects act independently, "
+        "within 1 % or the noise"
     )
     if not furthest:
         return alike
@@ -122,7 +122,7 @@ def told_pairs(matrix: Matrix, words: Sequence[str], number: Callable[[float], s
         f"({number(abs(apart[k]))} {'more' if apart[k] > 0.0 else 'less'})"
         for k in furthest
     )
-    return f"{alike}; furthest off is {', '.join(named)}"
+    return f"{alike}; the largest deviation is {', '.join(named)}"
 
 
 def draw_matrices(figure: SubFigure, every: Sequence[Matrix], words: Sequence[str]) -> None:

@@ -57,8 +57,8 @@ def test_costs_add_up_but_for_noise(found):
 
 def test_pairs_are_counted_and_the_furthest_named(found):
     told = told_pairs(found["force"], ["with a", "with b", "without c"], number)
-    assert told.startswith("force: 1 of 3 pairs are what both effects alone can give")
-    assert told.endswith("furthest off is with b and without c: 2 mm (1 less)")
+    assert told.startswith("force: in 1 of 3 pairs the effects act independently")
+    assert told.endswith("the largest deviation is with b and without c: 2 mm (1 less)")
 
 
 def test_pairs_that_were_not_tried_are_neither_counted_nor_coloured(found):
