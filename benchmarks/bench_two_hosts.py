@@ -136,22 +136,26 @@ def page(rows: list[Felt]) -> str:
     lines = [
         "# Two hosts", "",
         f"Written by `python -m benchmarks.bench_two_hosts`, {run['date']}, commit {run['commit']}; "
-        f"{run['cores']} cores of {run['cpu']}, load {run['load']}; network and time namespaces, TCP over packets that "
-        "come late or not.", "",
-        "Bench: what is there beside the gateway. Road: delay one way + jitter, packets lost. Error: against the "
-        f"undelayed press of 110 mN, median/largest. Limp: of the press. Step: limit {limit:.0f} N/s. Missed: ticks "
-        "whose model had not come by the next. Refused: models. Age: of physics at haptics, median/p99. Clock: "
-        "uncertainty.", "",
-        "|bench|road|error mN|limp|step N/s|missed|refused|age ms|clock ms|shown most|",
-        "|---|---|---|---|---|---|---|---|---|---|",
+        f"{run['cores']} cores of {run['cpu']}, load {run['load']}.", "",
+        "The table shows what a network between two hosts does to the force. Network and time namespaces stand in for "
+        "the hosts; packets of the TCP connections are delayed or lost on purpose. The first column names the processes on "
+        "the gateway's host; the others are on the other host. A simulated hand presses a duct; errors are against the "
+        "undelayed press of 110 mN. *Limp* is the share of the press without force, *step* the largest change of force "
+        f"(limit: {limit:.0f} N/s), *late* the share of ticks whose force model has not come by the next tick, "
+        "*refused* the share of models that are too old. *Age* is that of the state of physics when haptics reads it.",
+        "",
+        "|with the gateway|delay, one way|loss|median error, mN|largest error, mN|limp|step, N/s|late|refused|"
+        "median age, ms|99th percentile, ms|clock uncertainty, ms|most frequent message|",
+        "|" + "---|" * 13,
     ]  # fmt: skip
     for row in rows:
         delay, jitter, lost = row.road
-        road = f"{delay:g}{f'+{jitter:g}' if jitter else ''}ms{f',{lost:g}%' if lost else ''}"
+        beside = ", ".join(name for name, host in BENCH[row.bench].items() if host == 0 and name != "gateway")
         lines.append(
-            f"|{row.bench}|{road}|{row.error_mn[0]:.1f}/{row.error_mn[1]:.0f}|{row.limp_percent:.0f}%|"
-            f"{row.step_n_s:.0f}|{row.missed_percent:.0f}%|{row.refused_percent:.0f}%|"
-            f"{row.state_age_ms[0]:.1f}/{row.state_age_ms[1]:.1f}|{row.clock_ms:.1f}|{row.shown}|"
+            f"|{beside}|{delay:g}{f' to {delay + jitter:g}' if jitter else ''} ms|{lost:g} %|"
+            f"{row.error_mn[0]:.1f}|{row.error_mn[1]:.0f}|{row.limp_percent:.0f} %|"
+            f"{row.step_n_s:.0f}|{row.missed_percent:.0f} %|{row.refused_percent:.0f} %|"
+            f"{row.state_age_ms[0]:.1f}|{row.state_age_ms[1]:.1f}|{row.clock_ms:.1f}|{row.shown}|"
         )
     return "\n".join(lines) + "\n"
 
