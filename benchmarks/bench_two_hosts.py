@@ -137,12 +137,13 @@ def page(rows: list[Felt]) -> str:
         "# Two hosts", "",
         f"Written by `python -m benchmarks.bench_two_hosts`, {run['date']}, commit {run['commit']}; "
         f"{run['cores']} cores of {run['cpu']}, load {run['load']}.", "",
-        "The table shows what a network between two hosts does to the force. Network and time namespaces stand in for "
-        "the hosts; packets of the TCP connections are delayed or lost on purpose. The first column names the processes on "
-        "the gateway's host; the others are on the other host. A simulated hand presses a duct; errors are against the "
-        "undelayed press of 110 mN. *Limp* is the share of the press without force, *step* the largest change of force "
-        f"(limit: {limit:.0f} N/s), *late* the share of ticks whose force model has not come by the next tick, "
-        "*refused* the share of models that are too old. *Age* is that of the state of physics when haptics reads it.",
+        "The table shows what a network between two hosts does to the force. Network and time namespaces stand in "
+        "for the hosts; packets of the TCP connections are delayed or lost on purpose. The first column names the "
+        "processes on the gateway's host; the others are on the other host. A simulated hand presses a duct; errors "
+        "are against the undelayed press of 110 mN. *Limp* is the share of the press without force, *step* the "
+        f"largest change of force (limit: {limit:.0f} N/s), *late* the share of ticks whose force model has not come "
+        "by the next tick, *refused* the share of models that are too old. *Age* is that of the state of physics "
+        "when haptics reads it.",
         "",
         "|with the gateway|delay, one way|loss|median error, mN|largest error, mN|limp|step, N/s|late|refused|"
         "median age, ms|99th percentile, ms|clock uncertainty, ms|most frequent message|",

@@ -38,5 +38,5 @@ def _begin() -> Iterator[Try]:
 
 PROOF = Proof(
     "faults", "kills and freezes", 1_000,
-    "mended, no force step", _begin,
+    "recovered, no force step", _begin,
 )  # fmt: skip

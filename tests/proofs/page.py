@@ -20,9 +20,9 @@ def page(lines: Mapping[Proof, Sequence[Line]], machine: str) -> str:
     """Return the page in Markdown."""
     rows = [
         "# Proofs at scale", "",
-        f"Written by `python -m tests.proofs` on {machine}; do not edit by hand. It goes on where it stopped. Cases "
-        "are drawn by chance; rates of failure have 95 % confidence (Clopper and Pearson).", "",
-        "|cases|tried|failed|rate|what holds|code|", "|---|---|---|---|---|---|",
+        f"Written by `python -m tests.proofs` on {machine}; do not edit by hand. A run continues the last "
+        "one. Cases are random; a rate of failure is its 95 % confidence interval (Clopper and Pearson).", "",
+        "|cases|tried|failed|rate of failure|what must hold|code|", "|---|---|---|---|---|---|",
         *(_row(proof, some) for proof, some in lines.items()), "",
     ]  # fmt: skip
     for proof, some in lines.items():
@@ -47,13 +47,13 @@ def _row(proof: Proof, lines: Sequence[Line]) -> str:
 
 
 def _by_kind(proof: Proof, lines: Sequence[Line]) -> list[str]:
-    rows = [f"## {proof.cases.capitalize()}", "", "|kind|tried|failed|rate|s, median/longest|",
-            "|---|---|---|---|---|"]  # fmt: skip
+    rows = [f"## {proof.cases.capitalize()}", "", "|kind|tried|failed|rate|median, s|longest, s|",
+            "|---|---|---|---|---|---|"]  # fmt: skip
     for kind in sorted({each.found.kind for each in lines}):
         some = [each.found for each in lines if each.found.kind == kind]
         failed, tried = sum(each.failed for each in some), sum(each.tried for each in some)
         seconds = [each.figures["s"] for each in some if "s" in each.figures]
-        took = f"{statistics.median(seconds):.1f}/{max(seconds):.1f}" if seconds else ""
+        took = f"{statistics.median(seconds):.1f}|{max(seconds):.1f}" if seconds else "|"
         rows.append(f"|{kind}|{tried}|{failed}|{rate(failed, tried)}|{took}|")
     return [*rows, ""]
 
@@ -64,18 +64,19 @@ def _soaked(proof: Proof, lines: Sequence[Line]) -> list[str]:
     if len(figures) < 4:
         return []
     rows = [f"## {proof.cases.capitalize()}", "",
-            "|process|MB, first/last|MB an hour, 95 %|descriptors|", "|---|---|---|---|"]  # fmt: skip
+            "|process|first, MB|last, MB|growth, MB per hour (95 %)|first descriptors|last descriptors|",
+            "|---|---|---|---|---|---|"]  # fmt: skip
     for name in [each.removesuffix(" MB") for each in figures[0] if each.endswith(" MB")]:
         held = [each[f"{name} MB"] for each in figures]
         low, high = growth(held)
         counts = [each[f"{name} descriptors"] for each in figures]
-        grows, of = f"{low:.1f} to {high:.1f}", f"{counts[0]:g}/{counts[-1]:g}"
-        rows.append(f"|{name}|{held[0]:.1f}/{held[-1]:.1f}|{grows}|{of}|")
-    rows += ["", "|loop|misses of 1,000 ticks, halves|", "|---|---|"]
+        grows, of = f"{low:.1f} to {high:.1f}", f"{counts[0]:g}|{counts[-1]:g}"
+        rows.append(f"|{name}|{held[0]:.1f}|{held[-1]:.1f}|{grows}|{of}|")
+    rows += ["", "|loop|misses of 1,000 ticks in the first half|in the second|", "|---|---|---|"]
     half = len(figures) // 2
     for name in [each for each in figures[0] if each.endswith(" misses")]:
         first, second = (statistics.mean(each[name] for each in some) for some in (figures[:half], figures[half:]))
-        rows.append(f"|{name.removesuffix(' misses')}|{first:.2f}/{second:.2f}|")
+        rows.append(f"|{name.removesuffix(' misses')}|{first:.2f}|{second:.2f}|")
     return [*rows, ""]
 
 

@@ -115,5 +115,5 @@ def _proof(name: str, cases: str, asked: int, holds: str, places: int, judge: Ca
 
 CUTS = _proof("cuts", "recordings cut", 100, "whole chunks are read", 1,
               judge_cut)  # fmt: skip
-FLIPS = _proof("flips", "recordings, a bit flipped", 300, "read as written, or told",
+FLIPS = _proof("flips", "recordings, a bit flipped", 300, "read as written, or reported",
                8, judge_flip)  # fmt: skip

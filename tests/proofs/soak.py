@@ -80,6 +80,6 @@ def _look_for(rig: Rig, seconds: float) -> dict[str, float]:
 
 
 PROOF = Proof(
-    "soak", "minutes of one rig", 60, "no descriptor more",
+    "soak", "minutes of one rig", 60, "no more descriptors",
     _begin, at_once=True,
 )  # fmt: skip

@@ -62,8 +62,8 @@ def _until_felt(rig: FarRig) -> None:
     rig.observer.until(lambda: bool(samples) and force_n(samples[-1]) > FELT_N, PATIENCE_S, "a force")
 
 
-_HOLDS = "no force step, felt again"
-PHYSICS = Proof("far-physics", "presses, 20 % lost, physics far", 100, _HOLDS,
+_HOLDS = "no force step, force returns"
+PHYSICS = Proof("far-physics", "presses, 20 % of packets lost, physics far", 100, _HOLDS,
                 partial(_begin, FAR_PHYSICS), hindered=may_be_had)  # fmt: skip
-SUPERVISOR = Proof("far-supervisor", "presses, 20 % lost, supervisor far", 100, _HOLDS,
+SUPERVISOR = Proof("far-supervisor", "presses, 20 % of packets lost, supervisor far", 100, _HOLDS,
                    partial(_begin, FAR_SUPERVISOR), hindered=may_be_had)  # fmt: skip
