@@ -133,7 +133,7 @@ class ProcessSettings(Settings):
     priority: Annotated[int, Field(ge=1, le=89)] | None = Field(None, description="of SCHED_FIFO; none: ordinary class")
     nice: Annotated[int, Field(ge=-20, le=19)] | None = None
     share: Annotated[float, Field(gt=0, le=0.95)] = Field(
-        0.3, description="of a core that SCHED_DEADLINE reserves first, and a container's real-time budget must cover"
+        0.3, description="of a core; SCHED_DEADLINE reserves it first, a real-time budget must cover it"
     )
     restart: bool = Field(True, description="whether the supervisor restarts it when it dies or hangs")
     critical: bool = Field(True, description="whether the rig cannot run without it")
