@@ -1,11 +1,11 @@
-"""The candidate list: for each piece of a body the triangles of the wall that it may touch before the list is renewed.
+"""The candidate list: for each piece of a body the triangles of the wall that it may touch before the next rebuild.
 
-A Verlet list (L. Verlet, "Computer experiments on classical fluids", 1967): a piece lists what is within its reach plus
-a skin, and the list is complete until piece and wall together have moved by the skin. A piece that has moved renews its
-own list; only a wall that has moved renews them all.
+A Verlet list (L. Verlet, "Computer experiments on classical fluids", 1967): a piece lists the triangles within its
+reach plus a skin, and the list is complete until piece and wall together have moved by the skin. A piece that has moved
+rebuilds its own list; only motion of the wall rebuilds them all.
 
-Each entry also keeps a lower bound of its distance: the distance measured last, less what piece and wall can have moved
-since. Only entries whose bound is within reach are measured again, and only their nodes are placed.
+Each entry also has a lower bound of its distance: the last measured distance less the greatest possible motion of piece
+and wall since. Only entries whose bound is within reach are measured again, and only their nodes are placed.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class CandidateList(Struct):
     """Lists of p pieces, each a capsule, against the m triangles of a wall of n nodes."""
 
     clusters: Clusters
-    position: Annotated[FloatArray, "n", 3]  # of the nodes, where they were placed last
+    position: Annotated[FloatArray, "n", 3]  # of the nodes, as last placed
     ends: Annotated[FloatArray, "p", 2, 3]  # of the pieces now
     thickness: Annotated[FloatArray, "p"]  # distance of axis and mid-surface at which a piece touches the wall
     active: Annotated[BoolArray, "p"]
@@ -39,14 +39,14 @@ class CandidateList(Struct):
     is_listed: Annotated[BoolArray, "p"]
     listed_ends: Annotated[FloatArray, "p", 2, 3]
     last_ends: Annotated[FloatArray, "p", 2, 3]
-    piece_travel: Annotated[FloatArray, "p"]  # sum of the longest ways of either end
+    piece_travel: Annotated[FloatArray, "p"]  # sum of the longer motions of both ends
     node: Annotated[IntArray, "n"]  # those of listed triangles, each once
     mark: Annotated[LongArray, "n"]
     listed_position: Annotated[FloatArray, "n", 3]  # of all nodes when the wall's lists were renewed
     wanted: Annotated[FloatArray, "p"]  # gap up to which candidates are measured
-    reach: Annotated[FloatArray, "p"]  # the largest that may be wanted before the lists are renewed
+    reach: Annotated[FloatArray, "p"]  # largest value of `wanted` before the lists are rebuilt
     skin_m: float
-    along_m: float  # other places are candidates up to so much farther than the closest pair; below 0 none is
+    along_m: float  # further minima are candidates up to this much farther than the closest pair; none if below 0
     wall_travel: float = 0.0
     n_nodes: int = 0
     stamp: int = 0
@@ -58,7 +58,7 @@ list_at = reader(CandidateList)
 
 @kernel
 def note_motion(address: Address[CandidateList], wall_moved_m: float) -> None:
-    """Count how far pieces have come since the last call, and nodes at most."""
+    """Add the motion of pieces since the last call, and a bound of the wall's, to their travel."""
     found = list_at(address)
     found.wall_travel += wall_moved_m
     for p in range(found.count.shape[0]):
@@ -70,7 +70,7 @@ def note_motion(address: Address[CandidateList], wall_moved_m: float) -> None:
 
 @kernel
 def note_ends(address: Address[CandidateList], ends: FloatArray) -> None:
-    """Write where pieces are into ``ends`` (p, 2, 3)."""
+    """Copy the ends of all pieces into ``ends`` (p, 2, 3)."""
     found = list_at(address)
     for p in range(found.count.shape[0]):
         for end in range(2):
@@ -80,9 +80,9 @@ def note_ends(address: Address[CandidateList], ends: FloatArray) -> None:
 
 @kernel
 def want_ahead(address: Address[CandidateList], start: FloatArray, ahead: FloatArray, most: FloatArray) -> None:
-    """Want candidates of pieces (p,) up to ``ahead`` (p,) and as much further as they have come since ``start``.
+    """Want candidates up to a gap of ``ahead`` (p,) plus each piece's motion since ``start`` (p, 2, 3).
 
-    ``most`` (p,) is what that may be at most.
+    ``most`` (p,) limits that motion.
     """
     found = list_at(address)
     for p in range(found.count.shape[0]):
@@ -92,7 +92,7 @@ def want_ahead(address: Address[CandidateList], start: FloatArray, ahead: FloatA
 
 @kernel
 def _furthest(ends: FloatArray, others: FloatArray, p: int) -> float:
-    """Return the longer of the ways between both ends of a piece."""
+    """Return the larger displacement of both ends of a piece between two sets of ends."""
     longest_2 = 0.0
     for end in range(2):
         way_2 = 0.0
@@ -103,8 +103,8 @@ def _furthest(ends: FloatArray, others: FloatArray, p: int) -> float:
 
 
 @kernel
-def are_where_they_were(address: Address[CandidateList]) -> bool:
-    """Return whether all pieces are where they were in the last `note_motion`."""
+def are_unmoved(address: Address[CandidateList]) -> bool:
+    """Return whether no piece has moved since the last `note_motion`."""
     found = list_at(address)
     for p in range(found.count.shape[0]):
         for end in range(2):
@@ -116,7 +116,7 @@ def are_where_they_were(address: Address[CandidateList]) -> bool:
 
 @kernel
 def _listed_wall_moved_m(found: CandidateList) -> float:
-    """Return how far a listed node is from where it was when the wall's lists were renewed."""
+    """Return the largest displacement of a listed node since the wall's lists were rebuilt."""
     most_2 = 0.0
     for k in range(found.n_nodes):
         node, way_2 = found.node[k], 0.0
@@ -126,16 +126,16 @@ def _listed_wall_moved_m(found: CandidateList) -> float:
     return math.sqrt(most_2)
 
 
-#: What `renew_lists` has done: nothing, pieces were listed anew, nothing and the wall has moved too far.
+#: Outcomes of `renew_lists`: nothing to do, lists of pieces rebuilt, nothing done because the wall has moved too far.
 SAME, RENEWED, WALL_IS_DUE = 0, 1, 2
 
 
 @kernel
 def renew_lists(address: Address[CandidateList], modes_moved_m: float, most_m: float) -> int:
-    """List anew the pieces that have moved too far, unless the wall has moved by more than ``most_m``.
+    """Rebuild the lists of pieces that have moved too far, unless the wall has moved by more than ``most_m``.
 
-    ``modes_moved_m`` bounds how far the modes have moved any node. Spheres round triangles are those of when the wall's
-    lists were renewed.
+    ``modes_moved_m`` bounds how far the modes have moved any node. Spheres round triangles are from the last rebuild of
+    all lists.
     """
     found, any_new = list_at(address), False
     wall_moved_m = max(modes_moved_m, _listed_wall_moved_m(found))
@@ -156,7 +156,7 @@ def renew_lists(address: Address[CandidateList], modes_moved_m: float, most_m: f
 
 @kernel
 def _list_piece(found: CandidateList, p: int, wall_moved_m: float) -> None:
-    """List what is within reach of a piece; the wall has moved by so much since spheres were put round triangles."""
+    """List the triangles within reach of a piece; ``wall_moved_m`` is the motion since spheres were computed."""
     a, b, clusters = row_of(found.ends, p, 0), row_of(found.ends, p, 1), found.clusters
     reach, n = found.thickness[p] + found.reach[p] + found.skin_m, 0
     travel = found.wall_travel + found.piece_travel[p]
@@ -197,14 +197,14 @@ def _list_nodes(found: CandidateList) -> None:
 
 @kernel
 def may_be_within(found: CandidateList, p: int, k: int) -> bool:
-    """Return whether an entry may be as near as is wanted, by its bound."""
+    """Return whether the gap of an entry may be at most the wanted one, by its bound."""
     reach = found.thickness[p] + found.wanted[p]
     return bool(found.bound[p, k] - found.wall_travel - found.piece_travel[p] <= reach)
 
 
 @kernel
 def is_within(found: CandidateList, p: int, k: int) -> bool:
-    """Return whether an entry whose nodes are placed may be as near, by its bound and a sphere round the triangle."""
+    """Return the same of an entry whose nodes are placed, by its bound and a sphere round the triangle."""
     if not may_be_within(found, p, k):
         return False
     corner, t, position = found.clusters.triangles, found.entry[p, k], found.position
@@ -219,12 +219,12 @@ def is_within(found: CandidateList, p: int, k: int) -> bool:
 
 @kernel
 def note_distance(found: CandidateList, p: int, k: int, distance_m: float) -> None:
-    """Note a distance that was measured, or one that it is not below."""
+    """Store the measured distance of an entry, or a lower bound of it."""
     found.bound[p, k] = distance_m + found.wall_travel + found.piece_travel[p]
 
 
 def new_list(clusters: Clusters, position_m: FloatArray, n_pieces: int, skin_m: float, along_m: float) -> CandidateList:
-    """Return an empty list for so many pieces, none of which is active yet, nor reaches beyond its surface."""
+    """Return an empty list for ``n_pieces``, all inactive and without reach beyond their surface."""
     n = len(position_m)
     return CandidateList.zeros(
         clusters=clusters,

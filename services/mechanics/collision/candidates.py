@@ -1,12 +1,12 @@
 """Candidates: the closest pair of every piece and triangle that are within reach, and the unsigned normal between them.
 
-A piece is a capsule (a segment of a tool, of the catheter; a sphere where its ends are one point). Edges, vertices and
-rims come with the triangles. A piece that lies along a triangle comes near it in more than one place: at its ends and
-at edges. Those as near as the closest pair are candidates of their own. With one place a triangle, a jaw across two
-edges had a contact now at the one, now at the other, and a catheter's tip never came to rest beside an edge.
+A piece is a capsule (a segment of a tool or of the catheter; a sphere where its ends are one point). Edges, vertices
+and rims come with the triangles. A piece that lies along a triangle is near it in several places: at its ends and at
+edges. Places as near as the closest pair are candidates of their own. With one candidate a triangle, the contact of a
+jaw across two edges jumped from one to the other, and a catheter's tip never came to rest beside an edge.
 
-The normal points from the wall's middle surface to the piece's axis, whichever side it is on: what is guaranteed is
-that axes never cross the middle surface, so that the side never changes.
+The normal points from the wall's middle surface to the piece's axis, whichever side that is on. The side never changes,
+because axes are guaranteed never to cross the middle surface.
 """
 
 from __future__ import annotations
@@ -35,16 +35,16 @@ from services.mechanics.compiled.vectors import (
 )
 
 Where = tuple[FloatArray, FloatArray]
-"""Ends of the pieces (p, 2, 3) and nodes of the wall (n, 3), both at one moment."""
+"""Ends of the pieces (p, 2, 3) and positions of the wall's nodes (n, 3), both at the same time."""
 
 #: Below this distance of an axis from the middle surface a normal is noise.
 _TOUCHING_M = 1e-12
-#: Places are different if they are so far from each other along the piece, as a part of its distance at a touch.
-_ELSEWHERE = 0.02
+#: Two places are distinct if so far apart along the piece, as a fraction of its distance from the wall at a touch.
+_MIN_SEPARATION = 0.02
 
 
 class Candidates(Struct):
-    """Closest pairs; the first ``count`` mean anything.
+    """Closest pairs; only the first ``count`` entries are valid.
 
     Attributes:
         piece, triangle: (c,) int64
@@ -69,7 +69,7 @@ candidates_at = reader(Candidates)
 
 @kernel
 def measure(address: Address[CandidateList], out_address: Address[Candidates], span: tuple[int, int]) -> None:
-    """Write the closest pairs of listed entries that are as near as is wanted, of pieces in a span."""
+    """Write the closest pairs of listed entries whose gap is at most the wanted one, for the pieces in a span."""
     found, out = list_at(address), candidates_at(out_address)
     out.count = 0
     for p in range(span[0], span[1]):
@@ -88,17 +88,17 @@ def _measure_entry(found: CandidateList, p: int, k: int, out: Candidates) -> Non
     if distance <= reach:
         put(out, (p, t), (distance - found.thickness[p], s, w, normal))
         if found.along_m >= 0.0:
-            _put_others(found, (p, t), places, (min(distance + found.along_m, reach), s), out)
+            _put_further_minima(found, (p, t), places, (min(distance + found.along_m, reach), s), out)
 
 
 @kernel
-def _put_others(
+def _put_further_minima(
     found: CandidateList, place: tuple[int, int], places: Places, closest: tuple[float, float], out: Candidates
 ) -> None:
-    """Write the other places of a piece at a triangle up to a distance, each elsewhere along it than what is nearer."""
+    """Write further local minima between a piece and a triangle up to a distance, each apart from all nearer ones."""
     p, (most, s_closest), corner = place[0], closest, found.clusters.triangles
     a, b = row_of(found.ends, p, 0), row_of(found.ends, p, 1)
-    apart = _ELSEWHERE * found.thickness[p] / max(math.sqrt(squared_distance(a, b)), _TOUCHING_M)
+    apart = _MIN_SEPARATION * found.thickness[p] / max(math.sqrt(squared_distance(a, b)), _TOUCHING_M)
     for k in range(5):
         d2, s, w = places[k]
         is_other = _TOUCHING_M**2 < d2 <= most * most and abs(s - s_closest) > apart
@@ -113,7 +113,7 @@ def _put_others(
 
 @kernel
 def put(out: Candidates, place: tuple[int, int], pair: tuple[float, float, Vector, Vector]) -> None:
-    """Write a candidate: piece and triangle; gap, place along the piece, weights and normal."""
+    """Write a candidate: (piece, triangle) and (gap, place along the piece, weights, normal)."""
     if out.count == out.gap_m.shape[0]:
         out.dropped += 1
         return
@@ -157,7 +157,7 @@ def _closest(
 
 @kernel
 def offset(where: Where, corner: IntArray, place: tuple[int, int], s: float, w: Vector) -> Vector:
-    """Return the vector from a point of a triangle to a point of a piece's axis; ``place`` are piece and triangle."""
+    """Return the vector from a point of a triangle to a point of a piece's axis; ``place`` is (piece, triangle)."""
     p, t = place
     c0, c1, c2 = _corners(where, corner, t)
     a, b = row_of(where[0], p, 0), row_of(where[0], p, 1)

@@ -1,9 +1,9 @@
 """Capsule against capsule: segments of tools against segments of the catheter, and the catheter against itself.
 
-Each pair of segments within reach remembers its normal. When the axes have passed through each other the new
-normal points against the old one: the old one stands and the distance counts negative, so that nothing slips
-through. Around a free end the normal may turn all the way. Every
-segment of the catheter within reach gives a pair: what lies along each other turns about none of its contacts.
+Each pair of segments within reach remembers its normal. When the axes have passed through each other, the new normal
+points against the old one: the old one is kept and the distance counts negative, so that nothing slips through. Around
+a free end the normal may turn all the way. Every catheter segment within reach gives a pair of its own: two bodies that
+lie along each other then cannot rotate about a single contact.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ _TOUCHING_M = 1e-9
 
 
 class CapsuleMemory(Struct):
-    """What pairs of m first segments and n second ones remember."""
+    """The state of pairs of m first segments and n second ones from the last tick."""
 
     active: Annotated[ByteArray, "m", "n"]  # one where the pair was within reach at the last tick
     normal: Annotated[FloatArray, "m", "n", 3]  # towards the first body, of active pairs
     found: Annotated[FloatArray, "n", 3]  # scratch: (s, t, distance) of one first segment with all second ones
 
     def reset(self) -> None:
-        """Drop the past of every pair."""
+        """Clear the state of every pair."""
         self.active[:] = 0
 
 
@@ -66,7 +66,7 @@ def segment_ends(tools: Tools, tool: int, segment: int) -> tuple[Vector, Vector]
 def meet(
     memory: CapsuleMemory, i: int, j: int, first: tuple[Vector, Vector], second: tuple[Vector, Vector], reach: float
 ) -> tuple[float, float, float, Vector]:
-    """Return (s, t, signed distance of the axes, normal towards the first) and remember the normal.
+    """Return (s, t, signed distance of the axes, normal towards the first) and store the normal.
 
     The distance is infinite out of reach.
     """
@@ -91,7 +91,7 @@ def meet(
 
 @kernel
 def meet_again(ends: FloatArray, who: tuple[int, int], side: Vector) -> tuple[float, float, float, Vector]:
-    """Return what `meet` does, of two pieces with ends (p, 2, 3) whose normal was ``side``; nothing is remembered."""
+    """Return the tuple of `meet` for two pieces with ends (p, 2, 3) whose normal was ``side``, without storing it."""
     i, j = who
     s, t, d2 = closest_of_segments(row_of(ends, i, 0), row_of(ends, i, 1), row_of(ends, j, 0), row_of(ends, j, 1))
     distance = math.sqrt(d2)
@@ -135,9 +135,9 @@ def detect_capsules(
 def _write_nearest(
     memory: CapsuleMemory, i: int, who: tuple[int, int], radii: tuple[float, FloatArray], pairs: ContactPairs
 ) -> None:
-    """Write where each second segment within reach is nearest to first segment i; ``radii`` are of both.
+    """Write the closest pair of first segment i with each second segment within reach; ``radii`` are those of both.
 
-    At a particle two segments meet the other: the later one stands for both, unless it is on the other side.
+    A particle shared by two segments gives the same pair twice: only the later writes it, unless on the other side.
     """
     found, last = memory.found, memory.active.shape[1] - 1
     for j in range(last + 1):
@@ -167,7 +167,7 @@ class SelfContactDetector:
         self._memory = CapsuleMemory.zeros(m=max(n_particles - 1, 0), n=max(n_particles - 1, 0))
 
     def reset(self) -> None:
-        """Forget the past."""
+        """Clear the state of every pair."""
         self._memory.reset()
 
     def detect(self, particle_positions_m: FloatArray, pairs_out: ContactPairs) -> None:
@@ -199,7 +199,7 @@ def _detect_self(
                 memory.active[i, j] = 0
                 continue
             s, t, distance, normal = meet(memory, i, j, (a, b), (c, d), thickness + margin)
-            # At a particle two segments meet the other: the later one of them stands for both.
+            # A particle shared by two segments would give the same pair twice: only the later segment writes it.
             if distance - thickness < margin and (s < 1.0 or i == n - 1) and (t < 1.0 or j == n - 1):
                 pair = (NO_TOOL, 0, i, CATHETER_SEGMENT, j, s, (1.0 - t, t, 0.0))
                 write_pair(pairs, pair, distance - thickness, normal)

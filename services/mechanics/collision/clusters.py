@@ -1,4 +1,4 @@
-"""Triangles in clusters of neighbours, each with a bounding sphere: what a rebuild of the candidate list walks through.
+"""Triangles in clusters of neighbours, each with a bounding sphere, for rebuilding the candidate list.
 
 Two levels are enough: a thousand triangles make forty clusters, and a capsule is near two or three of them.
 """

@@ -21,11 +21,11 @@ DUCT_TRIANGLE, CATHETER_SEGMENT = 0, 1
 
 
 class ContactPairs(Struct):
-    """Room for pairs; only the first ``count`` of each array mean anything.
+    """Arrays for contact pairs; only the first ``count`` entries of each array are valid.
 
     Attributes:
         count: int. Number of pairs in use.
-        dropped: int. Pairs that found no room this tick; the deepest are kept by the writer.
+        dropped: int. Pairs lost this tick because the arrays were full; the writer keeps the deepest.
         tool: (N,) int8. 0 or 1, or `NO_TOOL` where the first body is the catheter.
         tool_segment: (N,) int8. `SHAFT`, `JAW_A` or `JAW_B`.
         particle: (N,) int32. Catheter particle when the catheter is the first body (-1 otherwise). With
@@ -63,7 +63,7 @@ class ContactPairs(Struct):
         return int(self.gap_m.shape[0])
 
     def clear(self) -> None:
-        """Forget every pair."""
+        """Remove every pair."""
         self.put_zero("count", "dropped")
 
 
@@ -77,7 +77,7 @@ Pair = tuple[int, int, int, int, int, float, Vector]
 
 @kernel
 def write_pair(pairs: ContactPairs, pair: Pair, gap_m: float, normal: Vector) -> int:
-    """Write one pair and return its place; where there is no room it replaces the shallowest, if that is shallower."""
+    """Write one pair and return its index; in full arrays it replaces the shallowest pair, if that is shallower."""
     place = _free_place(pairs, gap_m)
     if place == FULL:
         return FULL

@@ -19,7 +19,7 @@ N_TOOL_PIECES = 3 * N_TOOLS
 def take_pieces(
     address: Address[CandidateList], particles: FloatArray, tools: Tools, sizes: tuple[FloatArray, float]
 ) -> None:
-    """Write where the pieces are, and which are there; ``sizes`` are radii of catheter segments, half the wall.
+    """Write the ends of all pieces and which are active; ``sizes`` are (radii of catheter segments, half the wall).
 
     With no particles (0, 3) there is no catheter.
     """

@@ -1,9 +1,9 @@
-"""Where nodes of the wall are: placed by all modes and all loads, at the start or at the end of a step.
+"""Positions of the wall's nodes from all modes and all loads, at the start or at the end of a step.
 
-Detection, contact rows, price and picture see the same wall, because all of them place it from the same coordinates and
-loads. A node costs as many products as there are modes and loads: 150 nodes, 80 modes and 30 loads are 50,000. So the
-wall *stands* at coordinates and loads first, which bounds how far any node has come, and those nodes are placed that
-somebody asks for.
+Detection, contact rows, price and picture see the same wall, because all of them compute it from the same coordinates
+and loads. A node costs as many products as there are modes and loads: 150 nodes, 80 modes and 30 loads are 50,000. So a
+*configuration* (coordinates and loads) is set first, which bounds the motion of every node, and only requested nodes
+are then computed.
 
 The bound: loads f move node i beyond the modes by sum_l R_il f_l, and |R_il| is at most sqrt(|R_ii| |R_ll|), as R is
 symmetric and positive (Cauchy-Schwarz). For the modes see `wall_bounds`.
@@ -32,30 +32,30 @@ NO_LOADS: Loads = (np.zeros(0, np.int32), np.zeros((0, 3)))
 
 
 class PlacedWall(Struct):
-    """A wall of n nodes and r modes, what it stands at, and where those nodes are that were placed last."""
+    """A wall of n nodes and r modes, its configuration, and the positions of the nodes that were placed."""
 
     rest: Annotated[FloatArray, "n", 3]
     Phi: Annotated[FloatArray, "n", 3, "r"]
     blocks: Annotated[Float32Array, "b", 3, 3]  # residual of all nodes, or of rows that are kept
     known: Annotated[ByteArray, "b"]  # one where a block of a row that is kept has been read
     row_of: Annotated[IntArray, "n"]  # which row of those that are kept is a node's, -1 where none is
-    kept: Annotated[IntArray, "k"]  # the node of each row that is kept, -1 where it is free
-    used: Annotated[LongArray, "k"]  # in which stand it was used last
+    kept: Annotated[IntArray, "k"]  # the node of each cached row, -1 where the row is free
+    used: Annotated[LongArray, "k"]  # number of the configuration that used it last
     softness: Annotated[FloatArray, "n"]  # square root of |R_ii|
     change: Annotated[FloatArray, "n", 3]  # of the loads, zero between uses
     changed: Annotated[IntArray, "c"]  # nodes whose loads change
-    asked: Annotated[IntArray, "n"]  # nodes that were asked for in this stand
+    requested: Annotated[IntArray, "n"]  # nodes requested in this configuration
     extra: Annotated[FloatArray, "n", 3]  # their displacement beyond the modes
     position: Annotated[FloatArray, "n", 3]
-    placed: Annotated[LongArray, "n"]  # in which stand each node was placed last
+    placed: Annotated[LongArray, "n"]  # number of the configuration in which each node was placed last
     q: Annotated[FloatArray, "r"]
     load_node: Annotated[IntArray, "l"]
     load_force: Annotated[FloatArray, "l", 3]
     n_loads: int = 0
     n_changed: int = 0
-    n_asked: int = 0
-    n_placed: int = 0  # of those that were asked for
-    stands: int = 1
+    n_requested: int = 0
+    n_placed: int = 0  # of the requested ones
+    configuration: int = 1  # number of the present one, counted up with every change
     softest: float = 0.0  # node, as its square root
 
 
@@ -70,8 +70,8 @@ class WallPlacement:
         like: WallPlacement or None. Of the same wall, to share its residual and bounds. This one only ever follows it.
 
     Attributes:
-        bounds: WallBounds. Of the modes, from where the wall stands.
-        position_m: (n, 3) float64. Where the nodes are that were placed last; others are where they were.
+        bounds: WallBounds. Of the modes' motion from the present configuration.
+        position_m: (n, 3) float64. Positions of the nodes; those not placed since are of an earlier configuration.
     """
 
     def __init__(self, duct: ReducedDuct, like: WallPlacement | None = None) -> None:
@@ -86,24 +86,24 @@ class WallPlacement:
         self.position_m = self.wall.position
         self.every = np.arange(n, dtype=np.int32)
 
-    def stand(self, q: FloatArray, loads: Loads, lasting: Loads = NO_LOADS) -> float:
-        """Let the wall stand at coordinates q (r,) and loads; return in m how far a node can be from where it was.
+    def set_configuration(self, q: FloatArray, loads: Loads, lasting: Loads = NO_LOADS) -> float:
+        """Set the wall's coordinates q (r,) and loads; return a bound, in m, of how far any node has moved.
 
-        ``lasting`` are loads beside those of contacts. Where nothing moves, nodes that are placed stay so.
+        ``lasting`` are loads beside those of contacts. If nothing moves, nodes that are placed remain valid.
         """
-        return self._stand(q, self.bounds.moved_m(q), loads, lasting)
+        return self._set_configuration(q, self.bounds.moved_m(q), loads, lasting)
 
-    def _stand(self, q: FloatArray, moved_m: float, loads: Loads, lasting: Loads) -> float:
-        self.bounds.take(q)
-        return float(stand_at(self.wall.address, q, moved_m, loads, lasting))
+    def _set_configuration(self, q: FloatArray, moved_m: float, loads: Loads, lasting: Loads) -> float:
+        self.bounds.set_reference(q)
+        return float(configure_wall(self.wall.address, q, moved_m, loads, lasting))
 
     def place(self, nodes: IntArray) -> None:
-        """Place ``nodes`` (k,) where the wall stands, those that are not there yet."""
-        ask(self.wall.address, nodes)
-        self.place_asked()
+        """Compute the positions of ``nodes`` (k,) in this configuration, where that has not been done."""
+        request_nodes(self.wall.address, nodes)
+        self.place_requested()
 
-    def place_asked(self) -> None:
-        """Place the nodes that were asked for."""
+    def place_requested(self) -> None:
+        """Compute the positions of the requested nodes."""
         if displace(self.wall.address, self._store):
             self._put()
 
@@ -111,12 +111,12 @@ class WallPlacement:
         place_displaced(self.wall.address)
 
     def follow(self, other: WallPlacement) -> None:
-        """Stand where another placement of this wall does; what it has placed is placed."""
-        copy_stand(self.wall.address, other.wall.address)
+        """Copy the configuration of another placement of this wall, with the nodes that it has placed."""
+        copy_configuration(self.wall.address, other.wall.address)
 
 
 class TurnedPlacement(WallPlacement):
-    """Places nodes of a wall whose sections turn: loads are turned back, where the residual is known."""
+    """Places nodes of a wall whose sections turn: loads are rotated back to the rest frame of the residual."""
 
     def __init__(self, duct: ReducedDuct, like: WallPlacement | None = None) -> None:
         super().__init__(duct, like)
@@ -126,23 +126,23 @@ class TurnedPlacement(WallPlacement):
         n = duct.mesh.n_vertices
         self._force_n, self._at_m, self._extra_m = np.zeros((2 * n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
 
-    def stand(self, q: FloatArray, loads: Loads, lasting: Loads = NO_LOADS) -> float:
-        """Let the wall stand at coordinates and loads, see `WallPlacement.stand`."""
+    def set_configuration(self, q: FloatArray, loads: Loads, lasting: Loads = NO_LOADS) -> float:
+        """Set the wall's coordinates and loads, see `WallPlacement.set_configuration`."""
         moved_m = self.bounds.moved_m(q, float(reach_of_loads(self.wall.address)))
         self._frame.update(q)
         turned = self._turned_back(loads, 0), self._turned_back(lasting, len(loads[0]))
-        return self._stand(q, moved_m, *turned)
+        return self._set_configuration(q, moved_m, *turned)
 
     def _put(self) -> None:
         wall = self.wall
-        nodes = wall.asked[wall.n_placed : wall.n_asked]
-        count, wall.n_placed = len(nodes), wall.n_asked
+        nodes = wall.requested[wall.n_placed : wall.n_requested]
+        count, wall.n_placed = len(nodes), wall.n_requested
         np.take(wall.extra, nodes, axis=0, out=self._extra_m[:count])
         self._frame.node_positions(nodes, self._extra_m[:count], self._at_m[:count])
         self.position_m[nodes] = self._at_m[:count]
 
     def follow(self, other: WallPlacement) -> None:
-        """Stand where another placement of this wall does, see `WallPlacement.follow`."""
+        """Copy the configuration of another placement, see `WallPlacement.follow`."""
         super().follow(other)
         self._frame.update(self.wall.q)
 
@@ -153,12 +153,12 @@ class TurnedPlacement(WallPlacement):
 
 
 def place_walls(duct: ReducedDuct, like: WallPlacement | None = None) -> WallPlacement:
-    """Return what places the nodes of this duct, see `WallPlacement`."""
+    """Return the placement that fits this duct, see `WallPlacement`."""
     return (WallPlacement if duct.warp is None else TurnedPlacement)(duct, like)
 
 
 def _residual(duct: ReducedDuct) -> dict[str, AnyArray]:
-    """Blocks of the residual as loads read them: all of it where it is stored so, or room for rows of loaded nodes."""
+    """Return the residual's blocks as loads read them: all, where it is stored whole; else a cache of loaded rows."""
     residual, n = duct.residual, duct.mesh.n_vertices
     is_whole = len(residual.blocks) == n * n and residual.blocks.dtype == np.float32
     k = 0 if is_whole else max(min(MOST_ROWS, MOST_BLOCKS // n), 1)
@@ -169,18 +169,18 @@ def _residual(duct: ReducedDuct) -> dict[str, AnyArray]:
 
 
 @kernel
-def stand_at(address: Address[PlacedWall], q: FloatArray, moved_m: float, loads: Loads, lasting: Loads) -> float:
-    """Stand at coordinates q (r,) and loads; return how far in m a node can have moved, with modes by ``moved_m``."""
+def configure_wall(address: Address[PlacedWall], q: FloatArray, moved_m: float, loads: Loads, lasting: Loads) -> float:
+    """Set coordinates q (r,) and loads; return a bound of every node's motion in m, of which modes give ``moved_m``."""
     wall = wall_at(address)
-    _leave(wall, q)
+    _remove_loads(wall, q)
     _add_loads(wall, loads)
     _add_loads(wall, lasting)
-    return float(_arrive(wall, moved_m))
+    return float(_bound_motion(wall, moved_m))
 
 
 @kernel
-def _leave(wall: PlacedWall, q: FloatArray) -> None:
-    """Stand at coordinates q (r,) without any loads."""
+def _remove_loads(wall: PlacedWall, q: FloatArray) -> None:
+    """Set the coordinates q (r,) and remove all loads."""
     wall.n_changed = 0
     for mode in range(q.shape[0]):
         wall.q[mode] = q[mode]
@@ -191,7 +191,7 @@ def _leave(wall: PlacedWall, q: FloatArray) -> None:
 
 @kernel
 def _add_loads(wall: PlacedWall, loads: Loads) -> None:
-    """Add loads to those that the wall stands at."""
+    """Add loads to those of the configuration."""
     for load in range(loads[0].shape[0]):
         at = wall.n_loads
         wall.load_node[at] = loads[0][load]
@@ -211,8 +211,8 @@ def _note_change(wall: PlacedWall, load: int, sign: float) -> None:
 
 
 @kernel
-def _arrive(wall: PlacedWall, moved_m: float) -> float:
-    """Return how far in m a node can have moved, with modes by ``moved_m``; unless by nothing, none is placed yet."""
+def _bound_motion(wall: PlacedWall, moved_m: float) -> float:
+    """Return a bound of every node's motion in m, of which modes give ``moved_m``; any motion makes all nodes stale."""
     total = 0.0
     for k in range(wall.n_changed):
         node, square = wall.changed[k], 0.0
@@ -222,14 +222,14 @@ def _arrive(wall: PlacedWall, moved_m: float) -> float:
         total += wall.softness[node] * math.sqrt(square)
     moved_m += wall.softest * total
     if moved_m != 0.0:
-        wall.stands += 1
-        wall.n_asked = wall.n_placed = 0
+        wall.configuration += 1
+        wall.n_requested = wall.n_placed = 0
     return float(moved_m)
 
 
 @kernel
 def reach_of_loads(address: Address[PlacedWall]) -> float:
-    """Return in m how far the loads can move a node beyond the modes."""
+    """Return a bound, in m, of the displacement of any node by the loads beyond the modes."""
     wall, total = wall_at(address), 0.0
     for load in range(wall.n_loads):
         x, y, z = wall.load_force[load, 0], wall.load_force[load, 1], wall.load_force[load, 2]
@@ -238,26 +238,26 @@ def reach_of_loads(address: Address[PlacedWall]) -> float:
 
 
 @kernel
-def ask(address: Address[PlacedWall], nodes: IntArray) -> None:
-    """Ask for ``nodes`` (k,)."""
+def request_nodes(address: Address[PlacedWall], nodes: IntArray) -> None:
+    """Request ``nodes`` (k,)."""
     wall = wall_at(address)
     for k in range(nodes.shape[0]):
-        ask_for(wall, nodes[k])
+        request_node(wall, nodes[k])
 
 
 @kernel
-def ask_for(wall: PlacedWall, node: int) -> None:
-    """Ask for a node, unless it has been asked for where the wall stands."""
-    if wall.placed[node] != wall.stands:
-        wall.placed[node], wall.asked[wall.n_asked] = wall.stands, node
-        wall.n_asked += 1
+def request_node(wall: PlacedWall, node: int) -> None:
+    """Request a node, unless it has been requested in this configuration."""
+    if wall.placed[node] != wall.configuration:
+        wall.placed[node], wall.requested[wall.n_requested] = wall.configuration, node
+        wall.n_requested += 1
 
 
 @kernel
-def copy_stand(address: Address[PlacedWall], other_address: Address[PlacedWall]) -> None:
-    """Let a wall stand where another does, with the nodes that are placed there."""
+def copy_configuration(address: Address[PlacedWall], other_address: Address[PlacedWall]) -> None:
+    """Copy the configuration of another wall, with the nodes that are placed in it."""
     wall, other = wall_at(address), wall_at(other_address)
-    wall.stands, wall.n_loads, wall.n_asked, wall.n_placed = other.stands, other.n_loads, 0, 0
+    wall.configuration, wall.n_loads, wall.n_requested, wall.n_placed = other.configuration, other.n_loads, 0, 0
     for mode in range(wall.q.shape[0]):
         wall.q[mode] = other.q[mode]
     for load in range(other.n_loads):
@@ -265,8 +265,8 @@ def copy_stand(address: Address[PlacedWall], other_address: Address[PlacedWall])
         for axis in range(3):
             wall.load_force[load, axis] = other.load_force[load, axis]
     for k in range(other.n_placed):
-        node = other.asked[k]
-        wall.placed[node] = wall.stands
+        node = other.requested[k]
+        wall.placed[node] = wall.configuration
         for axis in range(3):
             wall.position[node, axis] = other.position[node, axis]
 
@@ -275,13 +275,13 @@ def copy_stand(address: Address[PlacedWall], other_address: Address[PlacedWall])
 def displace(address: Address[PlacedWall], store: BlockStore) -> bool:
     """Write the displacement beyond the modes of the nodes to be placed; return whether there are any.
 
-    Where the residual is stored otherwise than whole, blocks are read once, and kept.
+    Where the residual is not stored whole, blocks are read once and cached.
     """
     wall = wall_at(address)
-    n, first, end = wall.rest.shape[0], wall.n_placed, wall.n_asked
+    n, first, end = wall.rest.shape[0], wall.n_placed, wall.n_requested
     for k in range(first, end):
         for axis in range(3):
-            wall.extra[wall.asked[k], axis] = 0.0
+            wall.extra[wall.requested[k], axis] = 0.0
     for load in range(wall.n_loads if end > first else 0):
         source = wall.load_node[load]
         row = source
@@ -294,14 +294,14 @@ def displace(address: Address[PlacedWall], store: BlockStore) -> bool:
 
 @kernel
 def _displace(wall: PlacedWall, first: int, load: int) -> None:
-    """Add what a load does to the nodes to be placed; ``first`` is where the row of its node begins."""
-    force, blocks, extra, asked = wall.load_force, wall.blocks, wall.extra, wall.asked
+    """Add a load's displacement of the nodes to be placed; ``first`` is where the row of its node begins."""
+    force, blocks, extra, requested = wall.load_force, wall.blocks, wall.extra, wall.requested
     x, y, z = force[load, 0], force[load, 1], force[load, 2]
     if x == 0.0 and y == 0.0 and z == 0.0:
         return
-    for k in range(wall.n_placed, wall.n_asked):
+    for k in range(wall.n_placed, wall.n_requested):
         # R is symmetric: the row of the load holds the transposed block.
-        node, b = asked[k], first + asked[k]
+        node, b = requested[k], first + requested[k]
         extra[node, 0] += blocks[b, 0, 0] * x + blocks[b, 1, 0] * y + blocks[b, 2, 0] * z
         extra[node, 1] += blocks[b, 0, 1] * x + blocks[b, 1, 1] * y + blocks[b, 2, 1] * z
         extra[node, 2] += blocks[b, 0, 2] * x + blocks[b, 1, 2] * y + blocks[b, 2, 2] * z
@@ -309,7 +309,7 @@ def _displace(wall: PlacedWall, first: int, load: int) -> None:
 
 @kernel
 def _row_of(wall: PlacedWall, node: int) -> int:
-    """Return the row that is kept of a node, in the place of the one used longest ago if there was none."""
+    """Return the cached row of a node; if there is none, replace the least recently used one."""
     row = wall.row_of[node]
     if row < 0:
         row = 0
@@ -322,7 +322,7 @@ def _row_of(wall: PlacedWall, node: int) -> int:
         for b in range(row * n, row * n + n):
             wall.known[b] = 0
         wall.kept[row], wall.row_of[node] = node, row
-    wall.used[row] = wall.stands
+    wall.used[row] = wall.configuration
     return int(row)
 
 
@@ -330,8 +330,8 @@ def _row_of(wall: PlacedWall, node: int) -> int:
 def _read_blocks(wall: PlacedWall, store: BlockStore, source: int, row: int) -> None:
     """Read the blocks of a node, which has this row, with the nodes to be placed that have not been read yet."""
     first = row * wall.rest.shape[0]
-    for k in range(wall.n_placed, wall.n_asked):
-        node = wall.asked[k]
+    for k in range(wall.n_placed, wall.n_requested):
+        node = wall.requested[k]
         b = first + node
         if wall.known[b] == 0:
             wall.known[b] = 1
@@ -343,11 +343,11 @@ def _read_blocks(wall: PlacedWall, store: BlockStore, source: int, row: int) -> 
 
 @summing_kernel
 def place_displaced(address: Address[PlacedWall]) -> None:
-    """Place the nodes that were asked for at rest + Phi q + what loads do beyond it."""
+    """Place the requested nodes at rest + Phi q + the displacement by loads beyond the modes."""
     wall = wall_at(address)
     rest, Phi, extra, position, q = wall.rest, wall.Phi, wall.extra, wall.position, wall.q
-    for k in range(wall.n_placed, wall.n_asked):
-        node = wall.asked[k]
+    for k in range(wall.n_placed, wall.n_requested):
+        node = wall.requested[k]
         x, y, z = 0.0, 0.0, 0.0
         for mode in range(q.shape[0]):
             x += Phi[node, 0, mode] * q[mode]
@@ -356,4 +356,4 @@ def place_displaced(address: Address[PlacedWall]) -> None:
         position[node, 0] = rest[node, 0] + extra[node, 0] + x
         position[node, 1] = rest[node, 1] + extra[node, 1] + y
         position[node, 2] = rest[node, 2] + extra[node, 2] + z
-    wall.n_placed = wall.n_asked
+    wall.n_placed = wall.n_requested

@@ -11,7 +11,7 @@ from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import Vector, along, combine, cross, dot, squared_distance, subtract
 
 Place = tuple[float, float, Vector]
-"""Squared distance of a point of a segment from one of a triangle, where it is on the segment, and its weights."""
+"""Squared distance of a point of a segment from one of a triangle, its parameter s, and the barycentric weights."""
 Places = tuple[Place, Place, Place, Place, Place]
 
 
@@ -80,7 +80,7 @@ def closest_of_segments(p1: Vector, q1: Vector, p2: Vector, q2: Vector) -> tuple
 
 @kernel
 def segment_pierces(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> tuple[bool, float, Vector]:
-    """Return whether segment pq meets triangle abc, at which s, and the barycentric weights there."""
+    """Return whether segment pq intersects triangle abc, the parameter s there, and the barycentric weights there."""
     ab, ac, pq = subtract(b, a), subtract(c, a), subtract(q, p)
     n = cross(ab, ac)
     descent = -dot(pq, n)
@@ -99,27 +99,27 @@ def segment_pierces(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> tu
 
 @kernel
 def closest_places(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> Places:
-    """Return where segment pq may be closest to triangle abc unless they meet: its ends, then where each edge is."""
+    """Return closest pairs of both ends of pq with triangle abc, then of pq with each edge; one is the closest."""
     u, v = closest_on_triangle(p, a, b, c), closest_on_triangle(q, a, b, c)
     return (
         (squared_distance(p, combine(u, a, b, c)), 0.0, u),
         (squared_distance(q, combine(v, a, b, c)), 1.0, v),
-        _of_edge(p, q, 0, (a, b)),
-        _of_edge(p, q, 1, (b, c)),
-        _of_edge(p, q, 2, (c, a)),
+        _closest_to_edge(p, q, 0, (a, b)),
+        _closest_to_edge(p, q, 1, (b, c)),
+        _closest_to_edge(p, q, 2, (c, a)),
     )
 
 
 @kernel
-def _of_edge(p: Vector, q: Vector, k: int, ends: tuple[Vector, Vector]) -> Place:
-    """Return where a segment is closest to edge ab, bc or ca of a triangle abc."""
+def _closest_to_edge(p: Vector, q: Vector, k: int, ends: tuple[Vector, Vector]) -> Place:
+    """Return the closest pair of a segment and edge k of triangle abc: ab, bc or ca."""
     s, t, d2 = closest_of_segments(p, q, ends[0], ends[1])
     return d2, s, ((1.0 - t, t, 0.0) if k == 0 else (0.0, 1.0 - t, t) if k == 1 else (t, 0.0, 1.0 - t))
 
 
 @kernel
 def closest_segment_triangle(p: Vector, q: Vector, corners: tuple[Vector, Vector, Vector], places: Places) -> Place:
-    """Return where segment pq is closest to a triangle, at distance 0 where they meet; see `closest_places`."""
+    """Return the closest pair of segment pq and a triangle, at distance 0 if they intersect; see `closest_places`."""
     meets, s, w = segment_pierces(p, q, corners[0], corners[1], corners[2])
     if meets:
         return 0.0, s, w
@@ -132,7 +132,7 @@ def closest_segment_triangle(p: Vector, q: Vector, corners: tuple[Vector, Vector
 
 @kernel
 def place_along(point: Vector, ends: tuple[Vector, Vector]) -> float:
-    """Return where on the axis between ``ends`` is closest to a point, 0 to 1."""
+    """Return the parameter, 0 to 1, of the point on the segment between ``ends`` that is closest to a point."""
     axis = subtract(ends[1], ends[0])
     length_2 = dot(axis, axis)
     return clamp01(dot(subtract(point, ends[0]), axis) / length_2) if length_2 > 0.0 else 0.0

@@ -1,8 +1,8 @@
-"""How far any node of the wall can have moved with the modes since its triangles were listed.
+"""Bounds of how far any node of the wall has moved with the modes since its triangles were listed.
 
-Of a straight wall by blocks of modes: with omega the frequencies, |Phi_i dq| is at most the largest singular value of
-Phi_i / omega times |omega dq| (Cauchy-Schwarz), block by block. Of a wall whose sections turn, what the sections have
-done carries the nodes on their arms, and the rest is bounded alike.
+A straight wall is bounded by blocks of modes: with omega the frequencies, |Phi_i dq| is at most the largest singular
+value of Phi_i / omega times |omega dq| (Cauchy-Schwarz), block by block. In a wall whose sections turn, the sections'
+motion carries the nodes on their arms, and the rest is bounded in the same way.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from services.mechanics.reduction.large_rotations.warping import SectionFrame
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 
 _BLOCKS = 8
-"""Blocks of modes, small ones where modes are soft: what moves far."""
+"""Number of blocks of modes; blocks of soft modes, which move far, are smaller."""
 
 
 class BlocksOfModes(Struct):
-    """The frequencies of r modes, where b blocks of them begin and the last ends, what each moves, and from where."""
+    """Frequencies of r modes, edges of b blocks of them, each block's gain, and the reference coordinates."""
 
     omega: Annotated[FloatArray, "r"]
     edges: Annotated[LongArray, "e"]
@@ -37,7 +37,7 @@ blocks_at = reader(BlocksOfModes)
 
 
 class WallBounds:
-    """Bounds the motion of a straight wall's nodes from a state that was taken."""
+    """Bounds the motion of a straight wall's nodes from a reference state."""
 
     def __init__(self, Phi: FloatArray, omega_rad_s: FloatArray) -> None:
         r = len(omega_rad_s)
@@ -47,19 +47,19 @@ class WallBounds:
         self._modes = BlocksOfModes.zeros(omega=np.ascontiguousarray(omega_rad_s), edges=edges, gain=gain, r=r)
 
     def twin(self) -> Self:
-        """Return bounds of the same wall that count from elsewhere."""
+        """Return bounds of the same wall with a reference of their own."""
         twin, modes = copy(self), self._modes
         twin._modes = BlocksOfModes(  # noqa: SLF001
             omega=modes.omega, edges=modes.edges, gain=modes.gain, anchor=modes.anchor.copy()
         )
         return twin
 
-    def take(self, q: FloatArray) -> None:
+    def set_reference(self, q: FloatArray) -> None:
         """Count from these coordinates (r,)."""
         self._modes.anchor[:] = q
 
     def moved_m(self, q: FloatArray, beyond_m: float = 0.0) -> float:
-        """Return how far a node can be from where it was, in m, being ``beyond_m`` at most from where modes put it."""
+        """Return a bound, in m, of any node's motion since the reference; loads move it by at most ``beyond_m``."""
         if not len(q):
             return 0.0
         return float(moved_by_blocks(self._modes.address, q))
@@ -77,14 +77,14 @@ class TurnedBounds(WallBounds):
         self._arm_m = float(np.linalg.norm(duct.warp.arm_m, axis=1).max())
         self._turns, self._centres_m = self._frame.turns.copy(), self._frame.centres_m.copy()
 
-    def take(self, q: FloatArray) -> None:
+    def set_reference(self, q: FloatArray) -> None:
         """Count from these coordinates (r,)."""
-        super().take(q)
+        super().set_reference(q)
         self._frame.update(q)
         self._turns, self._centres_m = self._frame.turns.copy(), self._frame.centres_m.copy()
 
     def moved_m(self, q: FloatArray, beyond_m: float = 0.0) -> float:
-        """Return how far a node can be from where it was, in m; turns move nodes on their arms, and what is left."""
+        """Return a bound, in m, of any node's motion; turning sections carry nodes on their arms."""
         self._frame.update(q)
         turned = np.linalg.norm(self._frame.turns - self._turns, axis=1).max()
         carried = np.linalg.norm(self._frame.centres_m - self._centres_m, axis=1).max()

@@ -1,6 +1,6 @@
-"""Candidates between pieces of bodies and a wall, kept from tick to tick; one for physics and for haptics.
+"""Candidates between pieces of bodies and a wall, kept from tick to tick, for physics and haptics alike.
 
-A tick calls `follow` once pieces are where they are, then `measure` as often as it wants.
+A tick calls `follow` once the pieces' positions are written, then `measure` as often as needed.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from services.mechanics.collision.candidate_list import (
     SAME,
     WALL_IS_DUE,
     CandidateList,
-    are_where_they_were,
+    are_unmoved,
     list_at,
     may_be_within,
     new_list,
@@ -25,8 +25,8 @@ from services.mechanics.collision.placed_wall import (
     Loads,
     PlacedWall,
     WallPlacement,
-    ask_for,
     place_walls,
+    request_node,
     wall_at,
 )
 from services.mechanics.compiled import kernel
@@ -43,10 +43,10 @@ class WallCandidates:
     """Lists of so many pieces against the wall of a duct; ``along_m`` as `CandidateList` has it.
 
     Attributes:
-        list: CandidateList. Whose ``ends``, ``thickness``, ``active``, ``wanted`` and ``reach`` the caller writes
-            before `follow`.
+        list: CandidateList. The caller writes its ``ends``, ``thickness``, ``active``, ``wanted`` and ``reach`` before
+            `follow`.
         is_new: bool. Whether all lists are made anew in the next `follow`.
-        renewals, wall_renewals: int. How often pieces, and all of them because of the wall, were listed anew.
+        renewals, wall_renewals: int. How often lists of single pieces, and all lists because of the wall, were rebuilt.
     """
 
     def __init__(self, duct: ReducedDuct, n_pieces: int, along_m: float) -> None:
@@ -59,17 +59,17 @@ class WallCandidates:
         self.renewals = self.wall_renewals = 0
 
     def new_start(self) -> WallPlacement:
-        """Return a placement for where the wall was, see `note_start`."""
+        """Return a placement for the wall at the start of a step, see `note_start`."""
         return place_walls(self._duct, self._placement)
 
     def note_start(self, start: WallPlacement) -> None:
-        """Let ``start`` stand where the wall stands."""
+        """Copy the wall's present configuration into ``start``."""
         start.follow(self._placement)
 
     def place_start(self, start: WallPlacement, of: Candidates) -> None:
-        """Place the nodes of some candidates where ``start`` stands."""
-        ask_of_candidates(of.address, self.list.address, start.wall.address)
-        start.place_asked()
+        """Place the nodes of some candidates in the configuration of ``start``."""
+        request_nodes_of_candidates(of.address, self.list.address, start.wall.address)
+        start.place_requested()
 
     def make_room(self, n_pieces: int) -> None:
         """Make room for so many pieces; all lists are made anew."""
@@ -81,16 +81,16 @@ class WallCandidates:
         self.is_new = True
 
     def follow(self, q: FloatArray, loads: Loads) -> bool:
-        """Place the wall by coordinates q (r,) and loads, and renew the lists of what has moved too far.
+        """Set the wall's coordinates q (r,) and loads, and rebuild the lists of pieces that have moved too far.
 
-        Return whether anything is other than at the last `move`: what was measured there still holds if not.
+        Return whether anything has changed since the last `move`; if not, candidates measured there are still valid.
         """
         listed, modes_moved_m = self.list, self._bounds.moved_m(q)
         if self.is_new or modes_moved_m > WALL_SHARE * SKIN_M:
             self._renew_wall(q, loads)
             return True
-        moved_m = self._placement.stand(q, loads)
-        is_elsewhere = moved_m != 0.0 or not are_where_they_were(listed.address)
+        moved_m = self._placement.set_configuration(q, loads)
+        is_elsewhere = moved_m != 0.0 or not are_unmoved(listed.address)
         if is_elsewhere:
             note_motion(listed.address, moved_m)
             self._place()
@@ -102,27 +102,27 @@ class WallCandidates:
         return is_elsewhere or outcome != SAME
 
     def move(self, q: FloatArray, loads: Loads, lasting: Loads = NO_LOADS) -> None:
-        """Let the wall stand elsewhere, and count how far it and the pieces have come: the lists stay."""
-        note_motion(self.list.address, self._placement.stand(q, loads, lasting))
+        """Set another configuration of the wall and add its motion and the pieces' to the travel; lists are kept."""
+        note_motion(self.list.address, self._placement.set_configuration(q, loads, lasting))
 
     def measure(self, out: Candidates, first: int = 0, end: int | None = None) -> None:
-        """Write the closest pairs of pieces from ``first`` to before ``end`` that are as near as is wanted of each."""
+        """Write the closest pairs of pieces ``first`` to before ``end`` with a gap up to ``wanted``."""
         self._place()
         measure(self.list.address, out.address, (first, len(self.list.count) if end is None else end))
 
     def _place(self) -> None:
-        """Place the nodes of entries that may be as near as is wanted."""
+        """Place the nodes of entries whose gap may be at most the wanted one."""
         placement = self._placement
-        ask_of_entries(self.list.address, placement.wall.address)
-        placement.place_asked()
+        request_nodes_of_entries(self.list.address, placement.wall.address)
+        placement.place_requested()
 
     def _renew_wall(self, q: FloatArray, loads: Loads) -> None:
-        """List everything anew, from where all nodes are now."""
+        """Rebuild all lists from the present positions of all nodes."""
         listed = self.list
-        self._placement.stand(q, loads)
+        self._placement.set_configuration(q, loads)
         self._placement.place(self._placement.every)
         listed.listed_position[:] = listed.position
-        self._bounds.take(q)
+        self._bounds.set_reference(q)
         enclose_at(listed.address)
         listed.is_listed[:], listed.wall_travel, listed.piece_travel[:] = False, 0.0, 0.0
         listed.last_ends[:] = listed.ends
@@ -133,32 +133,32 @@ class WallCandidates:
 
 @kernel
 def enclose_at(address: Address[CandidateList]) -> None:
-    """Put spheres round the triangles of a list where the nodes are."""
+    """Put spheres round a list's triangles at the present positions of the nodes."""
     listed = list_at(address)
     enclose(listed.clusters, listed.position)
 
 
 @kernel
-def ask_of_entries(list_address: Address[CandidateList], wall_address: Address[PlacedWall]) -> None:
-    """Ask for the nodes of entries that may be as near as is wanted."""
+def request_nodes_of_entries(list_address: Address[CandidateList], wall_address: Address[PlacedWall]) -> None:
+    """Request the nodes of entries whose gap may be at most the wanted one."""
     listed, wall = list_at(list_address), wall_at(wall_address)
     for p in range(listed.count.shape[0]):
         for k in range(listed.count[p]):
             if may_be_within(listed, p, k):
-                _ask_of_triangle(wall, listed.clusters, listed.entry[p, k])
+                _request_nodes_of_triangle(wall, listed.clusters, listed.entry[p, k])
 
 
 @kernel
-def ask_of_candidates(
+def request_nodes_of_candidates(
     found_address: Address[Candidates], list_address: Address[CandidateList], wall_address: Address[PlacedWall]
 ) -> None:
-    """Ask for the nodes of candidates."""
+    """Request the nodes of candidates."""
     found, clusters, wall = candidates_at(found_address), list_at(list_address).clusters, wall_at(wall_address)
     for i in range(found.count):
-        _ask_of_triangle(wall, clusters, found.triangle[i])
+        _request_nodes_of_triangle(wall, clusters, found.triangle[i])
 
 
 @kernel
-def _ask_of_triangle(wall: PlacedWall, clusters: Clusters, t: int) -> None:
+def _request_nodes_of_triangle(wall: PlacedWall, clusters: Clusters, t: int) -> None:
     for c in range(3):
-        ask_for(wall, clusters.triangles[t, c])
+        request_node(wall, clusters.triangles[t, c])

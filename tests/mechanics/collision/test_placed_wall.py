@@ -33,7 +33,7 @@ def test_nodes_are_where_all_modes_and_all_loads_put_them(kind, seed):
     """A few nodes at a time, lasting loads beside those of contacts; the others stay where they were placed before."""
     duct, rng = wall(kind), np.random.default_rng(seed)
     placement, before = placement_of(kind), duct.mesh.vertices_m.copy()
-    placement.stand(np.zeros(N_MODES), NO_LOADS)
+    placement.set_configuration(np.zeros(N_MODES), NO_LOADS)
     placement.place(placement.every)
     for _ in range(4):
         nodes = np.sort(rng.choice(duct.mesh.n_vertices, int(rng.integers(1, 60)), replace=False)).astype(np.int32)
@@ -42,7 +42,7 @@ def test_nodes_are_where_all_modes_and_all_loads_put_them(kind, seed):
         both = np.concatenate([loads[0], lasting[0]]), np.concatenate([loads[1], lasting[1]])
         expected = before.copy()
         expected[nodes] = placed(duct, q, both)[nodes]
-        placement.stand(q, loads, lasting)
+        placement.set_configuration(q, loads, lasting)
         placement.place(nodes)
         np.testing.assert_allclose(placement.position_m, expected, atol=CLOSE_M)
         before = placement.position_m.copy()
@@ -55,12 +55,12 @@ def test_no_node_is_farther_from_where_the_wall_stood_than_it_says(kind, seed, s
     duct, rng = wall(kind), np.random.default_rng(seed)
     placement, n = placement_of(kind), duct.mesh.n_vertices
     q, loads = coordinates(duct, rng, 3e-3), random_loads(rng, n)
-    placement.stand(q, loads)
+    placement.set_configuration(q, loads)
     for _ in range(4):
         before = placed(duct, q, loads)
         q = q + step_m * coordinates(duct, rng, 1.0)
         loads = (loads[0], loads[1] * rng.uniform(0.5, 1.5)) if rng.integers(2) else random_loads(rng, n)
-        most_m = placement.stand(q, loads)
+        most_m = placement.set_configuration(q, loads)
         moved_m = np.linalg.norm(placed(duct, q, loads) - before, axis=1).max()
         assert moved_m <= most_m + CLOSE_M
         assert most_m == 0.0 or moved_m > 0.01 * most_m, "a bound that says nothing"
@@ -72,13 +72,13 @@ def test_a_start_knows_what_was_placed_and_places_the_rest(kind):
     now, n = place_walls(duct), duct.mesh.n_vertices
     start = place_walls(duct, now)
     q, loads = coordinates(duct, rng, 3e-3), random_loads(rng, n)
-    now.stand(q, loads)
+    now.set_configuration(q, loads)
     now.place(np.arange(0, n, 2, dtype=np.int32))
     start.follow(now)
-    now.stand(coordinates(duct, rng, 3e-3), random_loads(rng, n))
+    now.set_configuration(coordinates(duct, rng, 3e-3), random_loads(rng, n))
     now.place(now.every)
     start.place(start.every)
-    assert start.wall.n_asked == n - (n + 1) // 2
+    assert start.wall.n_requested == n - (n + 1) // 2
     np.testing.assert_allclose(start.position_m, placed(duct, q, loads), atol=CLOSE_M)
 
 
@@ -90,11 +90,11 @@ def test_detection_and_picture_see_the_same_wall(kind):
     nodes, forces = rng.choice(duct.mesh.n_vertices, 8, replace=False), rng.normal(size=(8, 3)) * 0.05
     body.load_nodes[:8], body.load_force_n[:8] = nodes, forces
     body.replace_loads(8)
-    placement.stand(body.state.q, (body.load_nodes[:8], body.load_force_n[:8]))
+    placement.set_configuration(body.state.q, (body.load_nodes[:8], body.load_force_n[:8]))
     placement.place(placement.every)
     assert np.abs(placement.position_m - body.surface_m()).max() < CLOSE_M
     alone = placement.position_m.copy()
-    placement.stand(body.state.q, NO_LOADS)
+    placement.set_configuration(body.state.q, NO_LOADS)
     placement.place(placement.every)
     assert np.abs(placement.position_m - alone).max() > 0.1e-3, "loads that do nothing show nothing"
 
@@ -107,7 +107,7 @@ def test_with_room_for_a_few_rows_of_the_residual_loads_take_turns(monkeypatch):
     for _ in range(12):
         nodes = np.sort(rng.choice(n, 40, replace=False)).astype(np.int32)
         loads, q = random_loads(rng, n), coordinates(duct, rng, 1e-3)
-        placement.stand(q, loads)
+        placement.set_configuration(q, loads)
         placement.place(nodes)
         np.testing.assert_allclose(placement.position_m[nodes], placed(duct, q, loads)[nodes], atol=CLOSE_M)
 

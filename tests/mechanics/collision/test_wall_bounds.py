@@ -21,7 +21,7 @@ def test_no_node_moves_further_than_the_bound(kind, seed, way_mm, from_mm):
     if seed % 2:
         step *= np.arange(len(step)) == seed % len(step)
     bounds = wall_bounds(duct)
-    bounds.take(start)
+    bounds.set_reference(start)
     moved = placed(duct, start + step, NO_LOADS) - placed(duct, start, NO_LOADS)
     moved_m = np.linalg.norm(moved, axis=1).max()
     assert moved_m <= bounds.moved_m(start + step) * (1.0 + 1e-9)

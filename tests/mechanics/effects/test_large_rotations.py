@@ -54,7 +54,7 @@ def wall_of(simulation):
 
 def placed(duct, q, nodes, force_n):
     wall = place_walls(duct)
-    wall.stand(q, (nodes, force_n))
+    wall.set_configuration(q, (nodes, force_n))
     wall.place(wall.every)
     return wall.position_m.copy()
 
