@@ -1,8 +1,8 @@
-"""What a caller hands to a step is looked at before anything moves: kernels trust what they are given.
+"""Checks of a step's arguments before anything moves, because kernels do not check theirs.
 
-Arrays of tools are looked at when they are new, as they are changed in place from tick to tick; holds in every
-call. Numbers of a tool that no hand can have are no mistake of the caller's but a device's, and are answered by
-`bodies.forceps.ToolBody`: the tool stays where it was.
+Arrays of tools are checked when they are new, as callers change them in place; holds are checked in every call.
+Impossible numbers of a tool are a device's fault, not the caller's: `bodies.forceps.ToolBody` then keeps the tool where
+it was.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ _PLAIN = (int,) * len(_WHOLE) + (float,) * len(_REAL)
 
 
 class CallCheck:
-    """Refuses calls of `Simulation.step` whose arguments are not what they are said to be."""
+    """Rejects calls of `Simulation.step` with arguments of the wrong type, shape or dtype."""
 
     def __init__(self) -> None:
         self._seen: tuple[AnyArray | None, ...] = (None,) * len(SHAPES)
 
     def check(self, tools: ToolInputs) -> None:
-        """Raise the error that says what is wrong with them.
+        """Check the tools and their holds.
 
         Raises TypeError: something is of another type. Raises ValueError: an array is of another shape or dtype.
         """
@@ -62,7 +62,7 @@ class CallCheck:
 
 
 def check_holds(holds: list[GraspHold]) -> None:
-    """Raise TypeError or ValueError where something in a list of holds is not of the type that it is said to be."""
+    """Raise TypeError or ValueError where something in a list of holds has the wrong type, shape or dtype."""
     if not isinstance(holds, list | tuple):
         raise TypeError(f"tools.holds must be a list of GraspHold or None, is {_kind(holds)}")
     for index, hold in enumerate(holds):

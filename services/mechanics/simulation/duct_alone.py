@@ -1,6 +1,6 @@
-"""A scene that names but a duct, one tick at a time: neither catheter, tools nor contacts are built.
+"""A scene of only a duct, one tick at a time: neither catheter, tools nor contacts are built.
 
-What acts are the effects of the wall (`Effect.of_wall`), which look at nothing else of a world.
+Only the effects of the wall (`Effect.of_wall`) act, which use nothing else of a world.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from services.mechanics.simulation.scene_world import build_duct_body
 from services.mechanics.world import World
 
 STAGE_NAMES = ("loads", "predict", "correct")
-#: J, of all modes together: below, a duct is at rest. A piconewton moves it by a picometre.
+#: Energy of all modes, in J, below which a duct is at rest: a piconewton over a picometre.
 REST_J = 1e-24
-_CAPACITY = 1  # of contacts, of which there are none
+_CAPACITY = 1  # contacts; there are none
 
 
 class Stiffness(Struct):
@@ -39,7 +39,7 @@ stiffness_at = reader(Stiffness)
 
 @dataclass(frozen=True, slots=True)
 class DuctWorld:
-    """What effects of the wall see: the part of `World` that there is."""
+    """The part of `World` that a scene of only a duct has, for effects of the wall."""
 
     scene: SceneModel
     duct: DuctBody
@@ -47,14 +47,14 @@ class DuctWorld:
 
 
 class DuctAlone:
-    """A duct that nothing can touch. At rest, and with no effect that acts in steps, it sleeps: a step is a look at it.
+    """A duct that nothing can touch. It sleeps at rest if no effect acts in steps: a step then only checks that.
 
     Args:
         scene: SceneModel. With ``duct_alone``.
         duct: ReducedDuct. From `build_scene_duct`.
 
     Attributes:
-        cost_ns: list of int. What each of `STAGE_NAMES` took in the last tick.
+        cost_ns: list of int. Time that each of `STAGE_NAMES` took in the last tick.
     """
 
     def __init__(self, scene: SceneModel, duct: ReducedDuct) -> None:
@@ -64,7 +64,7 @@ class DuctAlone:
         effects = tuple(build_effects(scene).values())
         self._stages = by_stage(effects)
         self.duct = build_duct_body(scene, duct, self._stages["constant_load_n"], _CAPACITY)
-        # Effects are written for a world that has everything; those of the wall look at this part.
+        # Effects are typed for a complete world; those of the wall use only this part.
         self._world = cast(World, DuctWorld(scene, self.duct, effects))
         self._stiffness = Stiffness(omega_2=duct.basis.omega_rad_s**2)
         self._rest = (self.duct.motion_address, self._stiffness.address)
@@ -95,7 +95,7 @@ class DuctAlone:
 
     def _step(self, dt_s: float) -> None:
         marks = [perf_counter_ns()]
-        self.duct.change_step(dt_s)  # before the effects, which ask what a force moves in a step
+        self.duct.change_step(dt_s)  # before the effects, which use the displacement per force in a step
         begin_duct_loads(self.duct.motion_address)
         for effect in self._stages["add_loads"]:
             effect.add_loads(self._world, dt_s)
@@ -113,9 +113,9 @@ class DuctAlone:
 
 @kernel
 def is_at_rest(motion_address: Address[DuctMotion], stiffness_address: Address[Stiffness]) -> bool:
-    """Return whether kinetic energy and that stored beyond the equilibrium with the constant load are below `REST_J`.
+    """Return whether kinetic energy plus elastic energy relative to equilibrium is at most `REST_J`.
 
-    Written so that what is no number is not at rest.
+    Written so that a NaN is not at rest.
     """
     duct, omega_2 = motion_at(motion_address), stiffness_at(stiffness_address).omega_2
     energy = 0.0

@@ -1,12 +1,12 @@
-"""States that no hand can have brought about are found at the end of a step, and what it began with is taken up again.
+"""Detection of unsound states at the end of a step, and recovery from them.
 
-What is sound is judged by what bodies can do at all, not by what is likely: numbers that are finite, a catheter that is
-neither torn nor shot, and whose axis goes through the wall nowhere. The start of the step is taken up at rest, and
-couplings restart unstretched: it stores no more than was there, so nothing that was spent comes back.
+A state is sound if it is physically possible, likely or not: all numbers are finite, the catheter is neither torn nor
+too fast, and its axis pierces the wall nowhere. Recovery restores the start of the step, at rest and with couplings
+unstretched; otherwise the restored state would hand back energy already spent.
 
-What made a state unsound may do so again at once. So where that was not sound either, or another heal was `AGAIN` steps
-ago or less, a copy of some steps before is taken up, and then the first state of all; from the second heal on tools
-touch nothing until they have been withdrawn.
+The cause may act again at once. If the start of the step is not sound either, or the last recovery was at most `AGAIN`
+steps ago, an older copy is restored, and after that the first state of all. From the second recovery in a row on, tools
+have no contact until they have been withdrawn.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from services.mechanics.simulation.pace import LONGEST_STEP_S, SHORTEST_STEP_S
 from services.mechanics.simulation.step_start import StepStart
 from services.mechanics.world import World
 
-# A polymer yields at a few per cent; the strongest pull of both grips stretches a catheter by two. What stores that
-# strain, let go, moves by it times the speed of sound.
+# A polymer yields at a few per cent; the strongest pull of both grips stretches a catheter by two. A rod released from
+# a strain moves at that strain times the speed of sound.
 MOST_STRETCH = 0.25
-# A heal has helped once so many steps were sound: more than the parts of a tick.
+# A recovery has succeeded after this many sound steps: the greatest number of substeps in a tick.
 AGAIN = round(LONGEST_STEP_S / SHORTEST_STEP_S)
 _LATE, _FIRST = 0, 1
 
 
 class LiveState(Struct):
-    """The arrays of a world that say whether its state is sound, and what they must not pass."""
+    """The arrays of a world that decide whether its state is sound, and their limits."""
 
     position: Annotated[FloatArray, "n", 3]
     velocity: Annotated[FloatArray, "n", 3]
@@ -45,7 +45,7 @@ class LiveState(Struct):
 
     @classmethod
     def of(cls, world: World) -> LiveState:
-        """View the arrays of a world, which are only changed in place."""
+        """Return views of a world's arrays, which are only changed in place."""
         rod, duct, tools = world.catheter.state, world.duct.state, world.tools
         return cls(
             position=rod.position_m,
@@ -63,13 +63,13 @@ live_at = reader(LiveState)
 
 
 class Healer:
-    """Watches a world, and heals it.
+    """Checks the state of a world after each step and restores an earlier one where it is unsound.
 
     Args:
-        start: StepStart. What the last part of a step began with.
+        start: StepStart. The saved start of the last substep.
 
     Attributes:
-        healed: int. How often, since the start.
+        healed: int. Number of recoveries since the start.
     """
 
     def __init__(self, world: World, start: StepStart) -> None:
@@ -83,9 +83,9 @@ class Healer:
         self._has_first, self._sound_steps, self._in_a_row, self.healed = False, 0, 0, 0
 
     def begin(self) -> None:
-        """Refuse to begin with what is no state.
+        """Refuse an invalid initial state.
 
-        Raises ValueError: a caller has put a NaN or an infinity into it before the first step.
+        Raises ValueError: it holds a NaN or an infinity before the first step.
         """
         if not self._has_first and not numbers_are_finite(self._live.address):
             raise ValueError("the state of catheter, duct or tools holds a NaN or an infinity before the first step")
@@ -93,7 +93,7 @@ class Healer:
     def watch(self) -> bool:
         """Return whether the state at the end of a step is sound.
 
-        A scene that a caller has begun in a state that is not sound is left to come out of it, while its numbers are.
+        A scene whose caller set an unsound but finite state is left to recover by itself.
         """
         is_sound = state_is_sound(self._live.address) and self._world.search.is_sound()
         if is_sound and self._sound_steps % AGAIN == 0:
@@ -105,14 +105,14 @@ class Healer:
         return is_sound or not self._has_first
 
     def heal(self) -> None:
-        """Go back to the start of the step, or further, at rest; whoever holds something lets go."""
+        """Restore the start of the step, or an older state, at rest and with all holds released."""
         world = self._world
         self._in_a_row = 1 if self._sound_steps > AGAIN else self._in_a_row + 1
         self._start.put_back()
         if self._in_a_row > 1 or not state_is_sound(self._live.address):
             copy_arrays(self._take[_LATE if self._in_a_row <= 2 else _FIRST])
         if self._in_a_row > 1:
-            world.tools.present[:] = False  # whoever comes back inside something touches nothing, see `engagement`
+            world.tools.present[:] = False  # a tool that reappears inside a body has no contact, see `engagement`
         self.healed, self._sound_steps = self.healed + 1, 1
         for body in (world.duct, world.catheter, world.tools):
             body.halt()
@@ -123,13 +123,13 @@ class Healer:
 
 @kernel
 def state_is_sound(live_address: Address[LiveState]) -> bool:
-    """Return whether the numbers are finite, and the catheter neither torn nor shot."""
+    """Return whether the numbers are finite, and the catheter neither torn nor too fast."""
     return bool(_are_sound(live_at(live_address)))
 
 
 @kernel
 def _are_sound(live: LiveState) -> bool:
-    """Return whether all numbers are finite and the catheter is neither longer nor faster than it may be."""
+    """Return whether all numbers are finite, and segment lengths and speeds of the catheter within their limits."""
     position, velocity = live.position, live.velocity
     for i in range(position.shape[0]):
         length_2, speed_2 = 0.0, 0.0
@@ -137,7 +137,7 @@ def _are_sound(live: LiveState) -> bool:
             speed_2 += velocity[i, axis] ** 2
             if i > 0:
                 length_2 += (position[i, axis] - position[i - 1, axis]) ** 2
-        # Written so that what is no number is not sound either.
+        # Written so that a NaN is unsound.
         if not (length_2 <= live.longest_m**2 and speed_2 <= live.fastest_m_s**2):
             return False
     return bool(_are_finite(live))
@@ -159,5 +159,5 @@ def _are_finite(live: LiveState) -> bool:
 
 @kernel
 def numbers_are_finite(live_address: Address[LiveState]) -> bool:
-    """Return whether a state consists of numbers at all."""
+    """Return whether all numbers of a state are finite."""
     return bool(_are_finite(live_at(live_address)))

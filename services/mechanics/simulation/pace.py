@@ -1,4 +1,4 @@
-"""How far anything moves in a step, and in how many parts it is taken for nothing to move past what it has not met."""
+"""Splits steps into substeps, so that no body moves further in one than contact detection looks ahead."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from services.mechanics.contact.working_set import FASTEST_AHEAD_M, MOST_AHEAD_M
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.world import World
 
-# Nodes of the wall that say how fast it moves: modes that are fast are long.
+# Number of wall nodes whose speed is sampled; they suffice because fast modes have long wavelengths.
 N_NODES = 32
-# No longer step is taken, unless a rung of the quality ladder says so: contacts act by impulses at its start, which
-# swing the wall by half of what they hold.
+# Longest step, unless the quality level allows more: contacts act by impulses at its start, which swing the wall by
+# half of what they hold.
 LONGEST_STEP_S = 1e-3
-# No shorter one is taken than this either, whether it was split before or is taken again in halves: what goes 16 m/s,
-# faster than any catheter snaps, goes as far in it as is seen ahead.
+# Shortest substep, whether split in advance or halved on repetition: at 16 m/s, faster than any catheter snaps, a body
+# moves in it as far as detection looks ahead.
 SHORTEST_STEP_S = LONGEST_STEP_S / 32
 
 
 class Moving(Struct):
-    """What says how fast a world moves: velocities of n particles; r coordinates before and after the last step."""
+    """Arrays that tell how fast a world moves: velocities of n particles; r coordinates before and after a step."""
 
     velocity: Annotated[FloatArray, "n", 3]
     before: Annotated[FloatArray, "r"]
@@ -37,11 +37,10 @@ moving_at = reader(Moving)
 
 
 class Pace:
-    """Splits ticks that are long, and steps in which something moves further than contacts are seen ahead.
+    """Splits long ticks, and steps in which something would move further than contact detection looks ahead.
 
-    At a step of 1 ms that begins at two metres a second of the wall, and at half a metre a second of the catheter: what
-    it meets beside the wall, tools and itself, no price sees. Longer steps are split by as much sooner: within them
-    things reach other speeds than they had when they were looked at.
+    At a step of 1 ms that begins at 2 m/s of the wall, and at 0.5 m/s of the catheter, whose contacts with tools and
+    itself no pricing checks. For longer steps these limits fall in proportion, because speeds change within them.
     """
 
     def __init__(self, world: World) -> None:
@@ -54,15 +53,15 @@ class Pace:
         self._modes, self._longest = sampled_modes(world.duct.reduced.basis.Phi)
 
     def compile_kernels(self) -> None:
-        """Compile what only a wall that moves far asks for."""
+        """Compile the kernels that only a fast wall needs."""
         furthest(self._modes, self._world.duct.q_start, self._world.duct.state.q)
         tools = self._world.tools
         furthest_point(tools.port_m, tools.hand, tools.present, tools.present)
 
     def parts(self, tools: ToolInputs, dt_s: float) -> tuple[int, float]:
-        """Return the number of parts of a step, and how far anything moves in one, in m.
+        """Return the number of substeps of a step, and how far anything moves in one, in m.
 
-        It is a power of two, so that few lengths of a step have to be prepared.
+        The number is a power of two, so that matrices are prepared for few lengths.
         """
         world = self._world
         duct, body = world.duct, world.tools
@@ -83,21 +82,21 @@ class Pace:
         return parts, moved_m / parts
 
     def is_seen(self) -> bool:
-        """Return whether catheter and wall went no further in the solved step than contacts were seen ahead of them.
+        """Return whether catheter and wall moved no further in the solved step than contact detection looked ahead.
 
-        A wall that snaps goes 10 mm in a millisecond: past a jaw that was beyond all candidates, to its other side.
+        A wall that snaps moves 10 mm in a millisecond: it could pass a jaw that was not among the candidates.
         """
         duct, way = self._world.duct, speed_and_way(self._moving.address)[1]
-        moved_m = self._longest * way  # no node has gone further
+        moved_m = self._longest * way  # an upper bound
         if moved_m > FASTEST_AHEAD_M:
             moved_m = furthest(self._modes, duct.q_start, duct.state.q)
         return bool(moved_m <= FASTEST_AHEAD_M and furthest_point(*self._way) <= MOST_AHEAD_M)
 
 
 def sampled_modes(Phi: FloatArray) -> tuple[FloatArray, float]:
-    """Return the rows (3 k, r) of a few nodes' modes, of Phi (n, 3, r), and how far they go per way of the coordinates.
+    """Return rows (3 k, r) of Phi (n, 3, r) at a few nodes, and the largest displacement there per norm of q.
 
-    No node of them moves further than that times the way: mostly that is all there is to know.
+    That factor bounds their motion cheaply; mostly the bound decides.
     """
     nodes = np.unique(np.linspace(0, len(Phi) - 1, N_NODES).astype(int))
     modes = np.ascontiguousarray(Phi[nodes].reshape(3 * len(nodes), -1))
@@ -105,7 +104,7 @@ def sampled_modes(Phi: FloatArray) -> tuple[FloatArray, float]:
 
 
 def steps_of(tick_s: float, longest_s: float = LONGEST_STEP_S) -> int:
-    """Return in how many steps a tick is taken, a power of two: one up to ``longest_s``."""
+    """Return the number of steps of a tick, a power of two, each at most ``longest_s`` long."""
     steps = 1
     while tick_s > steps * longest_s * (1.0 + 1e-9):
         steps *= 2
@@ -114,7 +113,7 @@ def steps_of(tick_s: float, longest_s: float = LONGEST_STEP_S) -> int:
 
 @kernel
 def speed_and_way(address: Address[Moving]) -> tuple[float, float]:
-    """Return the largest speed of the particles, and the Euclidean distance of the coordinates."""
+    """Return the largest speed of the particles, and the Euclidean norm of the change of the coordinates."""
     moving = moving_at(address)
     velocity, before, after = moving.velocity, moving.before, moving.after
     largest_2, total = 0.0, 0.0
@@ -127,9 +126,9 @@ def speed_and_way(address: Address[Moving]) -> tuple[float, float]:
 
 @kernel
 def furthest(modes: FloatArray, before: FloatArray, after: FloatArray) -> float:
-    """Return the longest way in m of nodes whose rows ``modes`` (3 n, r) has, between coordinates (r,).
+    """Return the largest displacement in m of the nodes of ``modes`` (3 n, r) between two coordinates (r,).
 
-    Rates would not do: those of a wall that is pressed on swing within each step.
+    Rates would mislead: those of a wall under contact oscillate within each step.
     """
     largest_2 = 0.0
     for node in range(modes.shape[0] // 3):
@@ -145,7 +144,7 @@ def furthest(modes: FloatArray, before: FloatArray, after: FloatArray) -> float:
 
 @kernel
 def furthest_point(start: FloatArray, end: FloatArray, are_there: BoolArray, were_there: BoolArray) -> float:
-    """Return how far in m those points (n, 3) go that are there twice, from the start to the end, or back."""
+    """Return the largest displacement in m of the points (n, 3) that are present both at the start and at the end."""
     largest_2 = 0.0
     for i in range(start.shape[0]):
         if are_there[i] and were_there[i]:

@@ -1,4 +1,4 @@
-"""Kernels that a loop may ask for late, and that no step of a warm-up reaches."""
+"""Kernels that a loop may need late, and that no step of a warm-up reaches."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from services.mechanics.simulation.simulation import Simulation
 
 
 def compile_rare_kernels(simulation: Simulation) -> None:
-    """Call what assembles many contacts, judges a wall that moves far, lets the catheter sleep, and books energies.
+    """Call the kernels for many contacts, a fast wall, a catheter that falls asleep, and energies.
 
-    Physics needs them, and haptics compiles them for it: the order is the same in both.
+    Physics needs them, and haptics compiles them for physics, in the same order.
     """
     simulation.system.strategy.compile_kernels()
     simulation.pace.compile_kernels()

@@ -1,4 +1,4 @@
-"""From a scene to its catheter: what it is made of, effects included, and what holds it."""
+"""Builds a scene's catheter: material with effects, supports and placement."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from services.mechanics.surface.mesh import TriangleMesh
 from services.mechanics.surface.opening import mouth_opening
 
 _OF_ONE_TUBE = "gravity", "mucus_drag", "self_contact"
-"""Effects that take every segment for one of the catheter's."""
+"""Effects that assume that every segment is one of the catheter's."""
 
 
 def scene_rod(scene: SceneModel, effects: Iterable[Effect]) -> RodProperties:
     """Return stiffness, mass and damping of a scene's catheter; ``effects`` are those that modify it, in order.
 
-    Raises ValueError: what the scene says makes no rod.
+    Raises ValueError: the scene's values make no valid rod.
     """
     try:
         rod = rod_properties(scene.catheter)
@@ -39,7 +39,7 @@ def scene_rod(scene: SceneModel, effects: Iterable[Effect]) -> RodProperties:
 
 
 def _check_wire(scene: SceneModel, rod: RodProperties) -> None:
-    """Raises ValueError: the scene does not bear its guide wire out."""
+    """Raises ValueError: other settings of the scene do not fit its guide wire."""
     catheter = scene.catheter
     if catheter.guide_wire is None:
         return
@@ -63,9 +63,9 @@ def _turns_with_material(scene: SceneModel) -> str:
 
 
 def place_catheter(scene: SceneModel, mesh: TriangleMesh) -> SceneModel:
-    """Return the scene with its catheter where it starts: before an opening of this duct, if it wants that.
+    """Return the scene with its catheter in the start position: before an opening of this duct, if so specified.
 
-    A drive goes behind the catheter's proximal end, on its axis.
+    A drive is placed behind the catheter's proximal end, on its axis.
     """
     before_m = scene.catheter.before_mouth_m
     if before_m is None:
@@ -88,9 +88,9 @@ def _with_drive(scene: SceneModel) -> SceneModel:
 
 
 def check_catheter(scene: SceneModel) -> None:
-    """Refuse a catheter that could not be built, long before it is.
+    """Check early that the catheter can be built.
 
-    Raises ValueError: it is no rod, or does not start in its introducer.
+    Raises ValueError: its values make no valid rod, or it does not start in its introducer.
     """
     scene_rod(scene, by_stage(build_effects(scene).values())["modify_rod"])
     rod_supports(scene.catheter)

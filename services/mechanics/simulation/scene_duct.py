@@ -1,4 +1,4 @@
-"""From a scene to its reduced duct: mesh, section, modes and the rest shape under the effects' constant loads."""
+"""Builds a scene's reduced duct: mesh, section, modes and the rest shape under the effects' constant loads."""
 
 from __future__ import annotations
 
@@ -62,9 +62,9 @@ def build_scene_duct(
 
 
 def check_scene_duct(scene: SceneModel, mesh: TriangleMesh | None = None) -> None:
-    """Refuse a duct that could not be reduced, in a fraction of the time.
+    """Check that the duct can be reduced, in a fraction of the time of reducing it.
 
-    Raises ValueError as `build_scene_duct`, for all that is known before the eigenvalues are.
+    Raises ValueError as `build_scene_duct` does, as far as can be known before the eigenvalues.
     """
     effects = build_effects(scene).values()
     recipe = _recipe(scene, scene_mesh(scene.duct) if mesh is None else mesh, effects)
@@ -77,7 +77,7 @@ def check_scene_duct(scene: SceneModel, mesh: TriangleMesh | None = None) -> Non
 
 
 def check_duct_numbers(duct: DuctScene) -> None:
-    """Refuse numbers of a duct that do not go together; no mesh is made.
+    """Check that a duct's numbers fit together, without meshing it.
 
     Raises ValueError that names the scene's part and key.
     """
@@ -96,7 +96,7 @@ def check_duct_numbers(duct: DuctScene) -> None:
 
 @contextmanager
 def _about_the_duct() -> Iterator[None]:
-    """Say which part of the scene a shell model's sentence is about."""
+    """Prefix a shell model's error message with the part of the scene it is about."""
     try:
         yield
     except ValueError as error:
@@ -104,7 +104,7 @@ def _about_the_duct() -> Iterator[None]:
 
 
 def _recipe(scene: SceneModel, mesh: TriangleMesh, effects: Collection[Effect]) -> DuctRecipe:
-    """Return the recipe of the duct: ``effects``, in order, modify the wall's section and may want further modes."""
+    """Return the recipe of the duct: ``effects``, in order, modify the wall's section and may request further modes."""
     section = wall_section(scene.duct)
     for effect in by_stage(effects)["modify_section"]:
         section = effect.modify_section(section)

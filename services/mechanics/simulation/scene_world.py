@@ -1,4 +1,4 @@
-"""From a scene and its duct to the world that a simulation steps: bodies, contacts and collision detection."""
+"""Builds the world of a simulation from a scene and its duct: bodies, contacts and collision detection."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def build_world(
 
 
 def build_duct_body(scene: SceneModel, duct: ReducedDuct, effects: Iterable[Effect], capacity: int) -> DuctBody:
-    """Return the duct in equilibrium with the constant loads of ``effects``, for so many contacts."""
+    """Return the duct in equilibrium with the constant loads of ``effects``, for up to ``capacity`` contacts."""
     body = DuctBody(duct, _integrator(scene, duct), capacity)
     load_n = constant_load_n(effects, duct.mesh)
     if load_n is not None:
@@ -68,11 +68,11 @@ def build_duct_body(scene: SceneModel, duct: ReducedDuct, effects: Iterable[Effe
 
 
 def check_integrator(scene: SceneModel) -> None:
-    r"""Refuse the exact oscillator where something touches the duct.
+    r"""Reject the exact oscillator for a duct with contacts.
 
-    Contacts act as impulses at the start of a step. A mode that turns by :math:`\theta` in it and gets the same impulse
-    in each rests, by its exact solution, at :math:`(\theta/2) \cot(\theta/2)` of where the force would hold it: nowhere
-    from half a period on, and beyond on the wrong side. By Newmark it rests where it should at any step.
+    Contacts act as impulses at the start of a step. A mode whose phase advances by :math:`\theta` in a step, with the
+    same impulse in each, rests by its exact solution at :math:`(\theta/2) \cot(\theta/2)` times its static deflection:
+    at zero from half a period on, and beyond on the wrong side. By Newmark it rests at the static deflection.
     Raises ValueError that names the key.
     """
     if scene.duct.integrator == "exact" and not scene.duct_alone:

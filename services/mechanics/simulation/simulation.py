@@ -41,27 +41,26 @@ STAGE_NAMES = ("loads", "predict", "detect", "assemble", "solve", "correct", "re
 
 
 class Watcher(Protocol):
-    """Sees a simulation before and after each of the parts that its steps are taken in."""
+    """Observes a simulation before and after each substep."""
 
     def begin(self) -> None:
-        """Look at what a part begins with."""
+        """Observe the state at the start of a substep."""
 
     def end(self, dt_s: float) -> None:
-        """Look at what a part of this length has made of it."""
+        """Observe the state after a substep of this length."""
 
 
 class Simulation:
     """A scene that moves in steps of one tick.
 
-    Every array that it shows is written in place by `step`; nothing is allocated there in proportion to mesh,
-    catheter or contacts.
+    `step` writes every public array in place, and allocates nothing whose size depends on mesh, catheter or contacts.
 
     Args:
         duct: ReducedDuct. From `build_scene_duct`, which lays the effects' constant loads into its rest shape.
         search: ContactSearch, optional. Collision detection; by default that of `services.mechanics.collision`.
 
     Attributes:
-        is_felt: bool. Whether what tools meet is written as a stiffness as well, for hands that go on with it.
+        is_felt: bool. Whether the report includes the stiffness that each tool meets, for the local models of haptics.
     """
 
     def __init__(self, scene: SceneModel, duct: ReducedDuct, search: ContactSearch | None = None) -> None:
@@ -105,13 +104,13 @@ class Simulation:
     def step(self, tools: ToolInputs, dt_s: float = 1e-3) -> None:
         """Advance everything by one tick.
 
-        Raises TypeError or ValueError: ``dt_s`` is not positive and finite, or too long; an array of another shape or
-        dtype (`CallCheck`). Nothing has moved.
+        Raises TypeError or ValueError: ``dt_s`` is not positive and finite, or too long; an array has the wrong shape
+        or dtype (`CallCheck`). The state is then unchanged.
 
         Args:
             tools: ToolInputs. The hands at the end of the tick.
-            dt_s: float. Length of the tick, at most `LONGEST_TICK_S`. Longer than a millisecond, or than the rung in
-                force lets a step be, it is taken in parts.
+            dt_s: float. Length of the tick, at most `LONGEST_TICK_S`. It is split into steps where it is longer than a
+                millisecond, or than the step that the quality level allows.
         """
         if not 0.0 < dt_s < math.inf:
             raise ValueError(f"dt_s must be positive and finite, is {dt_s}")
@@ -132,13 +131,13 @@ class Simulation:
             self._use_rung(self.quality_level)
 
     def _step_in_parts(self, tools: ToolInputs, dt_s: float) -> bool:
-        """Advance by a step, or up to the first part of it that ends in a state that is not sound: then False."""
+        """Advance by a step in substeps; return False as soon as one of them ends in an unsound state."""
         parts, moved_m = self.pace.parts(tools, dt_s)
         self.search.expect(moved_m)
         return all(self._take_part(tools, dt_s / parts) for _ in range(parts))
 
     def _take_part(self, tools: ToolInputs, dt_s: float) -> bool:
-        """Advance by a part of a step, or by its halves where it does not come to an end without overlap."""
+        """Advance by a substep, or by its halves if it would end in overlap; return whether the state is sound."""
         self.duct.change_step(dt_s)
         if self.watcher is not None:
             self.watcher.begin()
@@ -152,7 +151,7 @@ class Simulation:
         return self._healer.watch()
 
     def _move(self, tools: ToolInputs, dt_s: float) -> bool:
-        """Move everything by a step that nothing crosses unseen; return whether nothing ends too deep."""
+        """Move everything by a substep; return whether it ends without overlap and nothing outran contact detection."""
         marks = self._marks_ns
         marks[0] = perf_counter_ns()
         self._add_loads(dt_s)
@@ -176,7 +175,7 @@ class Simulation:
         return is_settled and self.pace.is_seen()
 
     def _heal(self) -> None:
-        """Go back to the last sound state; in this tick nothing acts on a tool."""
+        """Restore the last sound state; no force acts on a tool in this tick."""
         self._healer.heal()
         for grasp in self.grasps:
             grasp.let_go()
@@ -192,7 +191,7 @@ class Simulation:
 
     @property
     def load_nodes(self) -> IntArray:
-        """(L,) nodes of the duct that contacts load; the first `n_loads` mean something."""
+        """(L,) nodes of the duct that contacts load; the first `n_loads` are valid."""
         return self.duct.load_nodes
 
     @property
@@ -217,19 +216,19 @@ class Simulation:
 
     @property
     def dropped_contacts(self) -> DroppedContacts:
-        """What found no room since the start; a scene that drops contacts needs a larger ``contact.capacity``."""
+        """Contacts lost for lack of capacity since the start; such a scene needs a larger ``contact.capacity``."""
         system = self.system
         pairs = system.dropped_pairs + self.search.dropped
         return DroppedContacts(pairs, system.rows.dropped, self.holds.dropped)
 
     @property
     def refused_inputs(self) -> int:
-        """Tools and holds since the start whose numbers mean nothing, counted in every step; they were not followed."""
+        """Number of tool inputs and holds ignored since the start for invalid numbers, counted in each step."""
         return self.tools.refused + self.holds.refused
 
     @property
     def healed_states(self) -> int:
-        """How often since the start a state was not sound, and the last sound one was taken up again."""
+        """How often since the start an unsound state was replaced by the last sound one."""
         return self._healer.healed
 
     @property
@@ -239,19 +238,19 @@ class Simulation:
 
     @property
     def stage_cost_ns(self) -> dict[str, int]:
-        """What each stage of the last step took."""
+        """Time that each stage of the last step took."""
         return dict(zip(STAGE_NAMES, self.cost_ns, strict=True))
 
     @property
     def inserted_length_m(self) -> float:
-        """Length of catheter in the lumen, from the opening that it came by to its tip; 0 while that is outside."""
+        """Length of catheter in the lumen, from the opening it entered by to its tip; 0 while the tip is outside."""
         catheter = self.catheter
         segment_m = catheter.properties.segment_length_m
         return self._lumen.inserted_length_m(self.duct.state.q, catheter.state.position_m, segment_m)
 
     @property
     def entered_by(self) -> str:
-        """Name of the opening by which the catheter came into the lumen; empty while its tip is outside."""
+        """Name of the opening by which the catheter entered the lumen; empty while its tip is outside."""
         self._lumen.follow(self.duct.state.q, self.catheter.state.position_m)
         return self._lumen.entered_by
 
@@ -262,7 +261,7 @@ class Simulation:
         return self._lumen.inside
 
     def set_quality(self, level: int) -> None:
-        """Switch to a rung of the scene's quality ladder; states stay as they are, so nothing jumps."""
+        """Switch to a level of the scene's quality ladder; states are kept, so nothing jumps."""
         if not 0 <= level < len(self.scene.quality):
             raise ValueError(f"quality level {level} is not within 0 and {len(self.scene.quality) - 1}")
         before, then = set(self.rung.without), set(self.scene.quality[level].without)
@@ -273,7 +272,7 @@ class Simulation:
         self._use_rung(level)
 
     def _use_rung(self, level: int) -> None:
-        """Let a rung's effects act, and those that are still fading to rest."""
+        """Activate the effects of a quality level, and keep active those that are still fading out."""
         self.quality_level, self.rung = level, self.scene.quality[level]
         self._fading = [self.effects[name] for name in self.rung.without if not self.effects[name].rests]
         acting = [e for name, e in self.effects.items() if e in self._fading or name not in self.rung.without]
@@ -290,7 +289,7 @@ class Simulation:
         self.tools.predict(tools, dt_s)
 
     def _collect(self, tools: ToolInputs, dt_s: float) -> None:
-        """Turn chosen candidates, and the holds, into contact rows."""
+        """Make contact rows of the selected candidates and of the holds."""
         system, search = self.system, self.search
         system.let_go_of_tools()
         system.clear()
@@ -317,7 +316,7 @@ class Simulation:
         self.holds.append_rows()
 
     def _grasp(self, tools: ToolInputs, pairs: ContactPairs) -> list[GraspHold]:
-        """Run the grasps of the tools with jaws; one that is absent, or waits, holds nothing."""
+        """Update the grasps of the tools with jaws; an absent or waiting tool holds nothing."""
         held: list[GraspHold] = []
         for grasp in self.grasps:
             tool = grasp.tool
@@ -329,7 +328,7 @@ class Simulation:
         return held
 
     def _correct(self, dt_s: float) -> None:
-        """Let what has moved act on the end of a step."""
+        """Update everything that follows from the solved motion: slide of seal and holds, squeeze, effects."""
         start_ns = perf_counter_ns()
         if self.wire_drive is not None:
             self.wire_drive.settle()
@@ -346,7 +345,7 @@ class Simulation:
         self.cost_ns[-2] += perf_counter_ns() - start_ns
 
     def write_report(self, dt_s: float) -> None:
-        """Write what the tools feel at the end of a tick, however many parts it was taken in."""
+        """Write the forces on the tools over a tick, in however many substeps it was taken."""
         addresses = (self.system.address, self.tools.address, self._report_arrays.address)
         self.max_penetration_m = report(*addresses, dt_s)
         if self.system.strategy.knows_stiffness and self.is_felt:

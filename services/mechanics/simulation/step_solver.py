@@ -1,4 +1,4 @@
-"""The forces of contact in a step: solved for, once more where they bend the rod, and where the step ends too deep."""
+"""Solves a step's contact forces, again if they bend the rod off its linearisation or if the step ends in overlap."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from services.mechanics.effects import Effect
 from services.mechanics.simulation.pace import LONGEST_STEP_S
 from services.mechanics.world import World
 
-# So often the catheter's step is planned again, at most, with contact forces that another plan has led to.
+# The catheter's step is linearised again at most this often, with the contact forces of the last linearisation.
 MOST_PLANS = 4
-#: So often candidates are priced in a step, at most: what is left then is a row of the next step.
+#: Candidates are priced at most this often in a step; remaining violations become rows of the next step.
 MOST_PRICES = 8
-#: A candidate without a row may end as deep as what touches, in a longer step by as much more as it is longer, and in a
-#: thin wall by this part of it.
+#: A candidate without a row may end as deep as a touching pair (scaled with steps above 1 ms), but at most this
+#: fraction of the wall's thickness.
 TOLERANCE_OF_WALL = 0.125
 
 
 class Pricing:
-    """Prices the steps of a world whose contacts act within the step.
+    """Finds candidates without a row that overlap at the end of a step (pricing, as in column generation).
 
     Attributes:
-        violations: int. Prices since the start that found any.
-        new_rows: int. Rows that came of them.
+        violations: int. Number of pricings since the start that found any.
+        new_rows: int. Number of rows added for them.
     """
 
     def __init__(self, world: World) -> None:
@@ -45,13 +45,13 @@ class Pricing:
         self._kept = kept, kept_pose
 
     def note(self) -> None:
-        """Note the bodies before forces are given to them, if anything is near."""
+        """Save the bodies' state before forces are applied, if there are candidates."""
         if not self._is_off and self._search.has_candidates:
             copy_arrays(self._note)
             self._touched = self._world.catheter.touched
 
     def finds_violations(self) -> bool:
-        """Return whether something ends too deep that no row holds."""
+        """Return whether a candidate without a row ends too deep."""
         return not self._is_off and self._search.has_candidates and self._price()
 
     def _price(self) -> bool:
@@ -67,19 +67,19 @@ class Pricing:
         return found > 0
 
     def take_back(self) -> None:
-        """Take the forces back from the bodies."""
+        """Restore the bodies' state from before forces were applied."""
         copy_arrays(self._take_back)
         self._world.catheter.touched = self._touched
 
     def append_rows(self) -> None:
-        """Append rows of what ended too deep."""
+        """Append rows for the candidates that ended too deep."""
         rows = self._world.system.rows
         before = rows.n_contacts
         self._world.system.append_new(self._pairs)
         self.new_rows += rows.n_contacts - before
 
     def compile_kernels(self) -> None:
-        """Compile what a price asks for: the first violation may come late, as what is near may, while a loop runs."""
+        """Compile the kernels of a pricing now: the first candidate may appear only after the loop has started."""
         if not self._is_off:
             copy_arrays(self._note)
             self._price()
@@ -88,14 +88,14 @@ class Pricing:
 
 
 class StepSolver:
-    """Finds the forces of a step's rows and gives them to the bodies.
+    """Solves for the forces of a step's rows and applies them to the bodies.
 
     Args:
-        tool_force: (n_tools, n_coordinates). What acts on each tool is written here.
+        tool_force: (n_tools, n_coordinates). Receives the generalised force on each tool.
 
     Attributes:
-        pricing: Pricing. Of candidates at the end of the step.
-        tool_force: (n_tools, n_coordinates). What acts on each tool, as solved last.
+        pricing: Pricing. It checks the candidates at the end of the step.
+        tool_force: (n_tools, n_coordinates). Generalised force on each tool from the last solve.
     """
 
     def __init__(self, world: World, tool_force: FloatArray) -> None:
@@ -105,47 +105,47 @@ class StepSolver:
         self._iterations = 0
 
     def use(self, stages: Mapping[str, tuple[Effect, ...]], iterations: int) -> None:
-        """Solve with these effects, by stage, and so many sweeps at most."""
+        """Solve with these effects, by stage, in at most ``iterations`` sweeps."""
         self._stages, self._iterations = stages, iterations
 
     def prepare(self, dt_s: float) -> None:
-        """Complete the rows that were collected, and assemble what they do to each other."""
+        """Complete the collected rows and assemble the compliance between them."""
         self._system.complete_rows()
         self._add_motion(dt_s)
         self._set_friction(dt_s)
         self._system.assemble()
 
     def compile_kernels(self) -> None:
-        """Compile what a step rarely asks for: plans made again, and rows of what ends too deep.
+        """Compile the kernels that steps rarely use: relinearisation, and rows of candidates that end too deep.
 
-        The first of them may come late, while a loop runs. In a world that has taken steps with contacts.
+        A loop may need them only after it has started. The world must have taken steps with contacts.
         """
         catheter = self._world.catheter
         if catheter.plain_integrator is not None:
             catheter.keep_plan()
-            self._try_plan(0.0, self._world.duct.dt_s)
+            self._try_linearisation(0.0, self._world.duct.dt_s)
         self.pricing.compile_kernels()
 
     def solve(self, dt_s: float) -> bool:
-        """Find the forces and give them to the bodies; return whether nothing is left that ends too deep."""
+        """Solve for the forces and apply them; return whether no candidate ends too deep."""
         system, pricing = self._system, self.pricing
         if system.rows.n_contacts > 0:
             system.solve(self._iterations, dt_s)
         else:
             system.rest()
-        self._plan_again(dt_s)
+        self._relinearise(dt_s)
         pricing.note()
-        self._give()
+        self._apply_forces()
         for _ in range(MOST_PRICES):
             if not pricing.finds_violations():
                 return True
-            if not system.rows.has_room:  # who finds none is solved for in shorter steps
+            if not system.rows.has_room:  # the step is then repeated in halves
                 return False
             pricing.take_back()
             pricing.append_rows()
             self._solve_with_new_rows(dt_s)
-            pricing.note()  # the catheter may have been planned again, and ends elsewhere without forces
-            self._give()
+            pricing.note()  # a relinearised catheter ends elsewhere without forces
+            self._apply_forces()
         return not pricing.finds_violations()
 
     def _add_motion(self, dt_s: float) -> None:
@@ -156,11 +156,11 @@ class StepSolver:
         for effect in self._stages["set_friction"]:
             effect.set_friction(self._world, dt_s)
 
-    def _plan_again(self, dt_s: float) -> None:
-        """Plan the catheter's step again, and solve again, while the forces found bend it far from its plan.
+    def _relinearise(self, dt_s: float) -> None:
+        """Linearise the catheter's step again and solve again, while the forces bend it far from its linearisation.
 
-        A plan with the forces that the last one led to need not be better: in a catheter that buckles they alternate.
-        So it is kept only if it is, and else one half as far from the last is tried.
+        A linearisation with the last solution's forces need not be better: in a buckling catheter they alternate. So it
+        is kept only if it is better; otherwise one half as far from the last is tried (a line search).
         """
         least_j = self._system.strays()
         if least_j == 0.0:
@@ -169,7 +169,7 @@ class StepSolver:
         catheter.keep_plan()
         share = 1.0
         for _ in range(MOST_PLANS):
-            stray_j = self._try_plan(share, dt_s)
+            stray_j = self._try_linearisation(share, dt_s)
             if stray_j == 0.0:
                 return
             if stray_j < least_j:
@@ -178,16 +178,16 @@ class StepSolver:
             else:
                 share *= 0.5
         if share < 1.0:
-            self._try_plan(0.0, dt_s)
+            self._try_linearisation(0.0, dt_s)
 
-    def _try_plan(self, share: float, dt_s: float) -> float:
+    def _try_linearisation(self, share: float, dt_s: float) -> float:
         self._system.plan_again(share)
         if self._system.rows.n_contacts:
             self._system.assemble()
             self._system.solve(self._iterations, dt_s)
         return self._system.strays()
 
-    def _give(self) -> None:
+    def _apply_forces(self) -> None:
         self._world.squeeze.react()
         self._system.apply(self.tool_force)
 
@@ -197,4 +197,4 @@ class StepSolver:
             self._set_friction(dt_s)
         self._system.assemble()
         self._system.solve(self._iterations, dt_s)
-        self._plan_again(dt_s)
+        self._relinearise(dt_s)

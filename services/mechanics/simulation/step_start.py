@@ -1,4 +1,4 @@
-"""What a step begins with: noted, and put back where the step is to be taken again."""
+"""Saves the state at the start of a step, and restores it where the step is to be repeated."""
 
 from __future__ import annotations
 
@@ -9,40 +9,39 @@ from services.mechanics.compiled.memory import copy_arrays, copy_table
 from services.mechanics.world import World
 
 
-class NotesItsStart(Protocol):
-    """Keeps more of a step's start than arrays."""
+class RestartablePart(Protocol):
+    """A part of a world whose state at the start of a step is more than arrays."""
 
     def note_start(self) -> None:
-        """Note what a step begins with."""
+        """Save the state at the start of a step."""
 
     def put_back_start(self) -> None:
-        """Begin with that again."""
+        """Restore it."""
 
 
 class StepStart:
-    """All that a step goes on from, until it has ended: a try that is taken back leaves nothing.
+    """The complete state at the start of a step, so that a rejected step leaves no trace.
 
-    What a step only writes at its end, when nothing takes it back any more, needs no note. Nor does what each try
-    writes anew before it reads it.
+    Arrays that are written only at the end of an accepted step, or overwritten before they are read, are not saved.
     """
 
-    def __init__(self, world: World, tools: Sequence[NotesItsStart]) -> None:
+    def __init__(self, world: World, tools: Sequence[RestartablePart]) -> None:
         live = [*world.seal.step_arrays(), *(array for effect in world.effects for array in effect.state_arrays())]
         for part in (world.duct, world.catheter, world.tools, world.system, world.holds):
             live += part.step_arrays()
         self._kept = [array.copy() for array in live]
         self._note, self._put_back = copy_table(self._kept, live), copy_table(live, self._kept)
-        self._noting: list[NotesItsStart] = [world.catheter, world.system, world.holds, *tools]
+        self._noting: list[RestartablePart] = [world.catheter, world.system, world.holds, *tools]
         self._search = world.search
 
     def note(self) -> None:
-        """Note what the next step begins with."""
+        """Save the state at the start of the next step."""
         copy_arrays(self._note)
         for part in self._noting:
             part.note_start()
 
     def put_back(self) -> None:
-        """Begin with it again."""
+        """Restore the saved state."""
         copy_arrays(self._put_back)
         for part in self._noting:
             part.put_back_start()
