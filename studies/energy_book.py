@@ -188,7 +188,7 @@ class EnergyBook:
     def _enter_duct(self, before: _Snapshot, dt_s: float) -> None:
         duct = self.simulation.duct
         basis, kick = duct.reduced.basis, dt_s * (duct.contact_impulse + duct.modal_kick)
-        jumped, rate = before.modal.qdot + duct.given_back + kick, duct.rate()
+        jumped, rate = before.modal.qdot + duct.removed_half_impulse + kick, duct.rate()
         end, end_rate = duct.state.qdot - duct.taken, rate - duct.taken
         mean_rate = 0.5 * (jumped + end)
         damping = 2.0 * basis.omega_rad_s * duct.reduced.damping_ratio

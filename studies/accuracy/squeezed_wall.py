@@ -58,7 +58,7 @@ class SqueezedWall:
             along = np.einsum("ka,kalb,lb->kl", self.lines, W.reshape(k, 3, k, 3), self.lines)
             without_m = (body.displacement_m + body.motion_m)[:k]
             if len(self._loads.lasting[0]):
-                body.add_lasting_motion(self._corners, self._weights, self._loads.lasting, without_m)
+                body.add_load_displacement(self._corners, self._weights, self._loads.lasting, without_m)
             moved = np.sum(self.lines * without_m, axis=1)
             force_n = np.linalg.solve(along, wanted_m - moved)
         body.correct(self._corners, self._weights, -force_n[:, None] * self.lines)

@@ -87,7 +87,7 @@ def test_jaws_open_by_the_ratio_between_their_stops(tracker: Tracked, handle_rad
     told = tracker.take_hands(hands(HIP, OTHER, handle_rad=handle_rad))
     assert opening_rad(tracker, 0) == pytest.approx(opening, abs=1e-7)
     assert told[0].jaw_angle_rad == opening
-    assert (tracker.jaws(0).proxy_angle_rad, tracker.jaws(0).asked_angle_rad) == (opening, opening)
+    assert (tracker.jaws(0).proxy_angle_rad, tracker.jaws(0).commanded_angle_rad) == (opening, opening)
 
 
 def test_roll_turns_the_jaws_about_the_shaft(tracker: Tracked) -> None:
@@ -115,7 +115,7 @@ def test_what_is_between_the_jaws_keeps_them_open(tracker: Tracked) -> None:
     told = tracker.take_hands(hands(HIP, OTHER))
     assert opening_rad(tracker, 0) == pytest.approx(0.7)
     assert opening_rad(tracker, 1) == pytest.approx(0.4)
-    assert (tracker.jaws(0).proxy_angle_rad, tracker.jaws(0).asked_angle_rad) == (0.7, 0.4)
+    assert (tracker.jaws(0).proxy_angle_rad, tracker.jaws(0).commanded_angle_rad) == (0.7, 0.4)
     assert told[0].jaw_angle_rad == 0.4, "physics is told what the handle asks for"
 
 

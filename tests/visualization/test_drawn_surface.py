@@ -37,6 +37,6 @@ def test_turned_sections_are_drawn_turned(turning: ReducedDuct) -> None:
     assert surface.update(body)
     motion, every = wall_motion(turning, basis.n_nodes), np.arange(basis.n_nodes, dtype=np.int32)
     motion.update(q)
-    np.testing.assert_allclose(surface.points_m, motion.places_of(every)(q), atol=1e-8)
+    np.testing.assert_allclose(surface.points_m, motion.position_function(every)(q), atol=1e-8)
     straight = turning.mesh.vertices_m + basis.displacements(q)
     assert np.abs(surface.points_m - straight).max() > 1e-3

@@ -27,11 +27,11 @@ from services.mechanics.rod.implicit import ImplicitIntegrator
 from services.mechanics.scene import CatheterScene
 
 BEARING_DIAMETERS = 5.0
-"""Over so many of the catheter's outer diameters its introducer's wall bears, for friction."""
+"""Length over which the introducer's wall bears on the catheter, in outer diameters, for friction."""
 
 
 class CatheterTouch(Struct):
-    """Compliance between the particles of n that contacts touch, and scratch."""
+    """Compliance between the touched ones of n particles, and scratch."""
 
     slot: Annotated[IntArray, "n"]
     particles: Annotated[IntArray, "n"]
@@ -46,18 +46,17 @@ class CatheterBody:
     """Particles of the catheter, from the proximal end (0) to the tip.
 
     Attributes:
-        wire: GuideWire, or None. What lies in it and beyond its tip.
+        wire: GuideWire, or None. The guide wire in it and beyond its tip.
         start_m, motion_m: (n, 3) float64. Positions at the start of the step, and the motion over it without contact
             forces.
-        constant_force_n: (n, 3) float64. Loads that effects put on the particles once and for all.
-        external_force_n: (n, 3) float64. Loads that effects put on the particles in this step, the constant ones
-            included.
+        constant_force_n: (n, 3) float64. Constant loads of effects on the particles.
+        external_force_n: (n, 3) float64. Loads of effects on the particles in this step, the constant ones included.
         contact_force_n: (n, 3) float64. Contact forces of the last step.
-        step_address: Address[FreeStep], touch_address: Address[CatheterTouch]. Where kernels find its loads, and room
-            for the compliance of what is touched.
-        slept: bool. Whether this step left it where it was.
-        n_own_rows: int. Contact rows of this step that touch no other body: the introducer's friction. They do not wake
-            it.
+        step_address: Address[FreeStep], touch_address: Address[CatheterTouch]. Its loads, and scratch for the
+            compliance of touched particles, for kernels.
+        slept: bool. Whether this step was skipped because it is at rest.
+        n_own_rows: int. Contact rows of this step with no other body, those of the introducer's friction. They do not
+            wake it.
     """
 
     def __init__(
@@ -99,8 +98,8 @@ class CatheterBody:
     def predict(self, dt_s: float) -> None:
         """Step the particles without contact forces.
 
-        The implicit integrator linearises where it expects the step to end. That is with last tick's contact forces,
-        not without: a catheter pressed against a wall would spring off it first. They are taken out again afterwards.
+        The implicit integrator linearises at the expected end of the step, which includes last tick's contact forces:
+        without them a catheter pressed against a wall would first spring off it. They are subtracted afterwards.
         """
         state, step, integrator = self.state, self._step, self.integrator
         as_last = dt_s == self._last_dt_s  # the matrix is that of the last step
@@ -110,7 +109,7 @@ class CatheterBody:
             and self._may_sleep_now
             and sleep_on(step.address, state.position_m, state.velocity_m_s)
         ):
-            return  # a third of what the way through the integrator takes to find that out
+            return  # this test costs a third of the integrator's own
         may_sleep, self._last_dt_s = as_last and self._may_sleep_now, dt_s
         is_touched = self._was_touched and self._linearises
         plain = self.plain_integrator
@@ -128,10 +127,10 @@ class CatheterBody:
         np.subtract(state.position_m, self.start_m, out=self.motion_m)
 
     def strays(self, nodes: IntArray, weights: FloatArray, forces: FloatArray) -> float:
-        """Energy [J] by which contact forces (k, 3) exceed what the linear plan of the step covers, 0.0 if they do not.
+        """Return the energy [J] by which contact forces (k, 3) leave the validity of the step's linearisation, or 0.0.
 
-        They are added linearly to a plan that was made with those of the last step. Where a force is let go that had
-        bent it, or a jaw catches it in full swing, that throws it along straight lines and stretches it.
+        Forces are added linearly to a step that was linearised with those of the last one. When a bending force is
+        released suddenly, or a jaw catches a swinging catheter, that stretches the catheter.
         """
         rod = self.plain_integrator
         if rod is None or self.slept or not (self._was_touched or len(forces)):
@@ -140,12 +139,12 @@ class CatheterBody:
         return rod.strays(self.step_address, is_touched=self._was_touched)
 
     def keep_plan(self) -> None:
-        """Take the plan that `strays` judged last as the base of further plans."""
+        """Make the linearisation that `strays` judged last the base of further ones."""
         self._step.base[:] = self._step.contact if self._was_touched else 0.0
         self._step.led_to[:] = self._step.solved
 
     def plan_again(self, share: float) -> None:
-        """Plan it again: with contact forces of the plan that was kept (0), those that it led to (1), or between."""
+        """Linearise again with the contact forces of the base (0), those solved from it (1), or a blend."""
         rod = self.plain_integrator
         assert rod is not None
         rod.plan_again(self.state, self.step_address, share)
@@ -153,16 +152,16 @@ class CatheterBody:
 
     @property
     def plain_integrator(self) -> ImplicitIntegrator | None:
-        """Its integrator, where kernels may do what it does: the implicit one, which feels contacts at once."""
+        """The implicit integrator, if it is used with contacts that act in the same step; else None."""
         integrator = self.integrator
         if type(integrator) is not ImplicitIntegrator or self._acts_in_next_step:
             return None
         return integrator
 
     def is_asleep(self) -> bool:
-        """Whether the step can be left out: nothing touches the catheter, its loads are the same, and it hangs still.
+        """Whether the step can be skipped: nothing touches the catheter, its loads are unchanged, and it is at rest.
 
-        Its state stays as it is, and so does the factorised matrix: a contact in this step finds it ready.
+        State and factorised matrix are kept, ready for a contact in this step.
         """
         return self._may_sleep_now and bool(hangs_still(self._step.address, self.state.velocity_m_s))
 
@@ -188,7 +187,7 @@ class CatheterBody:
 
     @property
     def touched(self) -> tuple[bool, bool, float]:
-        """Whether the last step had contacts, and any that woke it, and what is owed, in J: giving changes them."""
+        """(Had contacts, had contacts that wake it, energy debt in J) of the last step; `correct` changes them."""
         return self._was_touched, self._was_woken, self._step.owed_j
 
     @touched.setter
@@ -196,14 +195,14 @@ class CatheterBody:
         self._was_touched, self._was_woken, self._step.owed_j = state
 
     def note_start(self) -> None:
-        """Note what a step begins with beside `step_arrays`."""
+        """Save the state at the start of a step beside `step_arrays`."""
         state = self.state
         path_m = None if state.frame is None else state.frame.last_path_m
         self._noted_flags = self._was_touched, self._was_woken, self.slept
         self._noted = [None if array is None else array.copy() for array in (state.slow_velocity_m_s, path_m)]
 
     def put_back_start(self) -> None:
-        """Begin with that again."""
+        """Restore it."""
         self._was_touched, self._was_woken, self.slept = self._noted_flags
         self.state.slow_velocity_m_s, path_m = self._noted
         if self.state.frame is not None:
@@ -219,7 +218,7 @@ class CatheterBody:
             self.wire.lay(self.wire.place)
 
     def compliance(self, nodes: IntArray, weights: FloatArray) -> FloatArray:
-        """Return (3 p, 3 p) between the touched particles in m/N, a view; `slot` says where each of them is.
+        """Return a view (3 p, 3 p) of the compliance between touched particles in m/N; `slot` has their indices.
 
         ``nodes`` and ``weights`` (k, 4) are the particles that each contact acts on; those without weight are not
         touched.
@@ -234,9 +233,9 @@ class CatheterBody:
     def correct(self, nodes: IntArray, weights: FloatArray, forces: FloatArray) -> None:
         """Apply the contact forces (k, 3) on the first bodies to the particles that they act on, see `compliance`.
 
-        With ``acts_in_next_step`` they are held over all of the next step, as in the paper's architecture (section VI):
-        penalty forces are explicit anyway, and as an impulse they would shake the stretch of the segments. While it
-        sleeps untouched, what its introducer held when it fell asleep stays: it wakes to the same force.
+        With ``acts_in_next_step`` they act over all of the next step, as in the paper's architecture (section VI):
+        penalty forces are explicit anyway, and as an impulse they would excite the segments' stretch. While it sleeps
+        untouched, the introducer's force at falling asleep is kept, and acts again when it wakes.
         """
         if self.slept and len(forces) == 0:
             return
@@ -246,7 +245,7 @@ class CatheterBody:
             self.integrator.correct(self.state, self.contact_force_n)
 
     def note_contacts(self, k: int) -> None:
-        """Remember that this step had k contact rows."""
+        """Store that this step had k contact rows."""
         self._was_touched, self._was_woken = k > 0, k > self.n_own_rows
 
 
@@ -278,14 +277,14 @@ def rod_properties(scene: CatheterScene) -> RodProperties:
 
 
 def initial_state(scene: CatheterScene, properties: RodProperties) -> RodState:
-    """Straight, at rest, its tip where the scene says."""
+    """Return the state at rest: straight, with the tip at the scene's position."""
     direction = np.asarray(scene.direction) / np.linalg.norm(scene.direction)
     start = np.asarray(scene.tip_position_m) - scene.length_m * direction
     return straight_rod(properties, start, direction)
 
 
 def rod_supports(scene: CatheterScene) -> Supports:
-    """What holds the proximal end."""
+    """Return the supports of the proximal end."""
     if scene.anchor == "clamped":
         return Supports(held=(0,), start_direction=scene.direction)
     if scene.anchor == "introducer":
@@ -294,7 +293,7 @@ def rod_supports(scene: CatheterScene) -> Supports:
 
 
 def build_introducer(scene: CatheterScene) -> Introducer:
-    """The introducer that the catheter starts in. Raises ValueError where the catheter would start outside."""
+    """Return the introducer that the catheter starts in. Raises ValueError if the catheter starts outside it."""
     direction = np.asarray(scene.direction) / np.linalg.norm(scene.direction)
     exit_m = np.asarray(scene.tip_position_m) - scene.introducer_to_tip_m * direction
     entry_m = exit_m - scene.introducer_length_m * direction
@@ -317,7 +316,7 @@ def build_introducer(scene: CatheterScene) -> Introducer:
 
 @kernel
 def list_particles(nodes: IntArray, weights: FloatArray, slot: IntArray, particles: IntArray) -> int:
-    """Fill ``particles`` with those that contacts touch, ascending, and ``slot`` (n,) with their place or -1."""
+    """Fill ``particles`` with the touched ones, ascending, and ``slot`` (n,) with their index in it, or -1."""
     slot[:] = -1
     for row in range(nodes.shape[0]):
         for point in range(nodes.shape[1]):
@@ -328,7 +327,7 @@ def list_particles(nodes: IntArray, weights: FloatArray, slot: IntArray, particl
 
 @kernel
 def number_marked(slot: IntArray, particles: IntArray) -> int:
-    """List the particles whose ``slot`` (n,) is 0, ascending, write their places there, and return how many."""
+    """List the particles whose ``slot`` (n,) is 0, ascending, replace it by their index, and return their number."""
     count = 0
     for particle in range(slot.shape[0]):
         if slot[particle] == 0:

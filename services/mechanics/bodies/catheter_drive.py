@@ -18,11 +18,11 @@ from services.mechanics.rod.twist import TwistModel, energy_at
 from services.mechanics.scene import CatheterScene, SceneModel
 from services.mechanics.scene.tools import GraspHold
 
-# Nothing that it holds moves jaws.
+# Below any opening: the held catheter never opens the jaws.
 _NO_JAWS_RAD = -1e9
-# From here on its holds are numbered: beyond those of any grasp.
+# Number of its first hold, beyond those of any grasp.
 _FIRST_HOLD = 1 << 32
-# Of a handle or a wrist: less is neither felt nor seen.
+# Smaller changes of handle or roll are ignored.
 _UNTURNED_RAD = 1e-9
 
 
@@ -30,12 +30,11 @@ class CatheterDrive:
     """The tool of a scene that drives its catheter.
 
     Args:
-        lost: set of int. Holds that slipped out; of who takes part in contacts, and only read here.
+        lost: set of int. Holds that slipped out, kept by the hold registry and only read here.
 
     Attributes:
-        work_j: float. What twisting and steering have put into the catheter: a change of the material's state at a
-            given shape.
-        apart_j: float. And into what it and a wire in it hold against each other.
+        work_j: float. Energy put into the catheter by twisting and steering, which change its rest state.
+        apart_j: float. Energy put by them into the bending of catheter and wire against each other.
     """
 
     def __init__(
@@ -60,18 +59,18 @@ class CatheterDrive:
                 self._steering[at : at + len(curvature)] = catheter.properties.segment_length_m * curvature
 
     def note_start(self) -> None:
-        """Note what a step begins with."""
+        """Save the state at the start of a step."""
         rest = None if self._twist is None else self._own_rest.copy()
         self._noted = self._hold_id, self._is_held, self._offset_rad, self._steered_rad, self.work_j, self.apart_j, rest
 
     def put_back_start(self) -> None:
-        """Begin with that again."""
+        """Restore it."""
         self._hold_id, self._is_held, self._offset_rad, self._steered_rad, self.work_j, self.apart_j, rest = self._noted
         if self._twist is not None and rest is not None:
             self._own_rest[:] = rest
 
     def turn(self) -> None:
-        """Turn the catheter's first director as the tool is rolled, and bend its sections as the handle says."""
+        """Turn the catheter's first director with the tool's roll, and steer its sections by the handle's angle."""
         if self._twist is None or not self._is_held:
             return
         turned_rad, handle_rad = self._turned_rad() - self._offset_rad, float(self._tools.proxy[self._tool, 3])
@@ -91,7 +90,7 @@ class CatheterDrive:
         self.apart_j += now_apart_j - apart_j
 
     def holds(self) -> list[GraspHold]:
-        """Return its hold of the first particle: while it is there, and anew where one was lost."""
+        """Return the drive's hold of the first particle while the tool is present; a lost hold is replaced."""
         tool, was_held = self._tool, self._is_held
         self._is_held = bool(self._tools.present[tool] and not self._tools.waiting[tool])
         if not self._is_held:
@@ -103,14 +102,14 @@ class CatheterDrive:
         return [GraspHold(self._hold_id, tool, CATHETER_SEGMENT, 0, weights, math.inf, _NO_JAWS_RAD)]
 
     def _turned_rad(self) -> float:
-        """Return the angle of the first director from the tool's b, about the tool's axis."""
+        """Return the angle from the tool's axis b to the first director, about the tool's shaft."""
         assert self._state.frame is not None
         frame, first = self._tools.frame[self._tool], row(self._state.frame.m1, 0)
         b, along = row(frame, 0), row(frame, 2)
         return math.atan2(dot(cross(b, first), along), dot(b, first))
 
     def _stored_j(self, twist: TwistModel) -> tuple[float, float]:
-        """Return what the rod's material stores, and what the catheter and a wire in it hold against each other."""
+        """Return the elastic energy of the rod, and that of catheter and wire bent against each other."""
         frame, wire = self._state.frame, self._wire
         assert frame is not None
         own_j = float(energy_at((twist.address, frame_of(self._state), frame.end_is_held), self._state.position_m))
@@ -120,6 +119,6 @@ class CatheterDrive:
 def build_drive(
     scene: SceneModel, bodies: tuple[CatheterBody, ToolBody], lost: Collection[int]
 ) -> CatheterDrive | None:
-    """Return the drive of a scene, None where no tool is one."""
+    """Return the drive of a scene, None if no tool is one."""
     driving = [tool for tool, each in enumerate(scene.forceps) if each.drives_catheter]
     return CatheterDrive(scene.catheter, bodies, driving[0], lost) if driving else None

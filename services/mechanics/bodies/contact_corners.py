@@ -13,15 +13,15 @@ from services.mechanics.reduction.residual.node_numbering import forget_numbers,
 
 
 class ContactCorners(Struct):
-    """Corners of the triangles touched, each once: neighbouring contacts share them, and each costs a row of R."""
+    """Corners of the touched triangles, each once, as neighbouring contacts share them and each costs a row of R."""
 
     node: Annotated[IntArray, "3 c"]
     displacement_m: Annotated[FloatArray, "3 c", 3]
-    place: Annotated[IntArray, "c", 3]  # of each contact's corners among them
+    place: Annotated[IntArray, "c", 3]  # index of each contact's corners in `node`
 
     @classmethod
     def allocate(cls, capacity: int) -> Self:
-        """Return room for the corners of ``capacity`` contacts."""
+        """Return arrays for the corners of ``capacity`` contacts."""
         node = np.zeros(3 * capacity, np.int32)
         return cls.zeros(node=node, displacement_m=np.zeros((len(node), 3)), c=capacity)
 
@@ -31,7 +31,7 @@ corners_at = reader(ContactCorners)
 
 @kernel
 def list_corners(nodes: IntArray, weights: FloatArray, slot: IntArray, address: Address[ContactCorners]) -> int:
-    """List the corners (k, 3) that have a weight, each once, and return how many; ``slot`` (n,) is scratch, all -1."""
+    """List the corners (k, 3) with nonzero weight, each once, and return their number; ``slot`` (n,) is all -1."""
     out, count = corners_at(address), 0
     for point in range(nodes.shape[0]):
         for corner in range(3):
@@ -45,12 +45,12 @@ def list_corners(nodes: IntArray, weights: FloatArray, slot: IntArray, address: 
 
 
 @kernel
-def take_corners(
+def apply_corner_displacements(
     weights: FloatArray, address: Address[ContactCorners], count: int, out: tuple[FloatArray, FloatArray]
 ) -> None:
-    """Add the displacements of the ``count`` corners to those of points, and take them from their motions.
+    """Add the displacements of the ``count`` corners to those of points, and subtract them from their motions.
 
-    Both of ``out`` are (k, 3), as ``weights``; zero is left at the corners.
+    Both of ``out`` are (k, 3), as ``weights``; the corners' displacements are reset to zero.
     """
     corners = corners_at(address)
     moved = corners.displacement_m
@@ -65,8 +65,10 @@ def take_corners(
 
 
 @kernel
-def weigh_corners(weights: FloatArray, address: Address[ContactCorners], rows: FloatArray, out: FloatArray) -> None:
-    """Weigh the corners' rows of the modes (u, 3, r) into those of points, ``out`` (3 k, r); ``weights`` is (k, 3)."""
+def interpolate_corners(
+    weights: FloatArray, address: Address[ContactCorners], rows: FloatArray, out: FloatArray
+) -> None:
+    """Interpolate rows of the modes (u, 3, r) at corners to points, ``out`` (3 k, r), by ``weights`` (k, 3)."""
     place = corners_at(address).place
     for point in range(weights.shape[0]):
         for i in range(3):

@@ -22,8 +22,8 @@ _NO_LOADS: Loads = (np.zeros(0, np.int32), np.zeros((0, 3)))
 class DuctBody:
     r"""Modal state of the duct and its contact loads.
 
-    A contact force f is applied as the impulse :math:`f \Delta t` at the *start* of the step, and contacts ask for
-    the position at its end. Applied over the step instead, any integrator with
+    A contact force f is applied as the impulse :math:`f \Delta t` at the *start* of the step, and contact conditions
+    hold for the position at its end. Applied over the step instead, any integrator with
     :math:`x^+ - x = (v + v^+) \Delta t / 2` turns the velocity of a touching point round in every tick
     (contact chatter). As an impulse the static response is the same, an impact is inelastic, and a
     lasting contact does no work on the duct in equilibrium.
@@ -35,14 +35,13 @@ class DuctBody:
             motion over it without contact forces.
         load_nodes: (L,) int32, load_force_n: (L, 3) float64, n_loads: int. Contact forces on nodes, each node once;
             they act through the residual compliance.
-        motion_address: Address[DuctMotion], loads_address: Address[DuctLoads]. Where kernels find what drives the
-            modes, and what contacts do.
-        kept_address: Address[NodeArrays] or None. Where they find the compliance cached between nodes, if there is a
-            cache.
-        modal_force: (r,) float64. Loads that effects put on the modes in this step, the constant ones included.
+        motion_address: Address[DuctMotion], loads_address: Address[DuctLoads]. The modes and their loads, and the
+            contact loads, for kernels.
+        kept_address: Address[NodeArrays] or None. The compliance cached between nodes, if there is a cache.
+        modal_force: (r,) float64. Loads of effects on the modes in this step, the constant ones included.
         constant_modal_force: (r,) float64
-        modal_kick: (r,) float64. Force that effects applied as an impulse at the start of this step, as contacts do.
-        given_back: (r,) float64. Rates that `end_load` took back at the start of this step.
+        modal_kick: (r,) float64. Force that effects apply as an impulse at the start of this step, as contacts do.
+        removed_half_impulse: (r,) float64. Rates that `remove_half_impulse` has subtracted at the start of this step.
         taken: (r,) float64. Change of the rates at the end of the last step, see `pay_for_impulses`.
     """
 
@@ -55,7 +54,7 @@ class DuctBody:
         free = DuctMotion.zeros(r=n_modes, q=self.state.q, qdot=self.state.qdot, qddot=self.state.qddot)
         self.q_start, self.dq_free = free.start, free.change
         self.modal_force, self.constant_modal_force, self.modal_kick = free.force, free.constant, free.kick
-        self.given_back, self.taken = free.given_back, free.taken
+        self.removed_half_impulse, self.taken = free.removed_half_impulse, free.taken
         self._free, self.motion_address = free, free.address
         loads = DuctLoads.zeros(
             r=n_modes,
@@ -70,13 +69,13 @@ class DuctBody:
         self.load_nodes, self.load_force_n, self._n_loads = loads.node, loads.force, loads.count
         self.contact_impulse, self._debt, self._gains = loads.impulse, loads.debt, loads.gains
         self._gains_dt_s = 0.0
-        self._let_go = np.zeros((capacity, 3))
+        self._ignored_motion = np.zeros((capacity, 3))
         self.lasting_loads = _NO_LOADS
         self._loads, self.loads_address = loads, loads.address
         self.kept_address = self._motion.kept_address
 
     def set_constant_load(self, nodal_n: FloatArray) -> None:
-        """Take a constant load (n, 3) on and start in equilibrium with it."""
+        """Set a constant load (n, 3) and start in equilibrium with it."""
         basis = self.reduced.basis
         self.constant_modal_force[:] = np.einsum("nar,na->r", basis.Phi, nodal_n)
         self.state.q[:] = self.constant_modal_force / basis.omega_rad_s**2
@@ -93,7 +92,7 @@ class DuctBody:
             predict_by_newmark(self._free.address, integrator.constants(dt_s), dt_s)
             return
         self.q_start[:] = self.state.q
-        self.given_back[:] = self.taken[:] = 0.0
+        self.removed_half_impulse[:] = self.taken[:] = 0.0
         self._free.before[:] = self.state.qdot
         integrator.predict(self.state, self.modal_force, dt_s)
         np.subtract(self.state.q, self.q_start, out=self.dq_free)
@@ -102,7 +101,7 @@ class DuctBody:
         """Collect the modes at the contact points, their displacement and their free motion over the step.
 
         ``nodes`` and ``weights`` (k, 3) are the barycentric points; all weights are zero where a contact is elsewhere.
-        Contacts ask where the wall is without them, so the residual displacement under last tick's loads lets go.
+        The free motion releases the residual displacement under last tick's loads, which contacts replace.
         """
         n, count = len(nodes), self.n_loads
         loads = self.load_nodes[:count], self.load_force_n[:count]
@@ -115,15 +114,15 @@ class DuctBody:
         loads = self.load_nodes[:count], self.load_force_n[:count]
         self._motion.displace((nodes, weights), loads, (self.displacement_m[:n], self.motion_m[:n]))
 
-    def add_lasting_motion(
+    def add_load_displacement(
         self, nodes: IntArray, weights: FloatArray, loads: tuple[IntArray, FloatArray], out: FloatArray
     ) -> None:
-        """Add to ``out`` (k, 3) what ``loads``, nodes (l,) and forces (l, 3) in N, move points by beyond the modes.
+        """Add to ``out`` (k, 3) the displacements beyond the modes by ``loads``: nodes (l,) and forces (l, 3) in N.
 
-        Points are those of the last `gather`, which let go of all loads: these go on acting through the step.
+        Points are those of the last `gather`, which released all loads; these loads keep acting through the step.
         """
         self.lasting_loads = loads
-        self._motion.add_residual((nodes, weights), loads, (out, self._let_go[: len(nodes)]))
+        self._motion.add_residual((nodes, weights), loads, (out, self._ignored_motion[: len(nodes)]))
 
     def replace_loads(self, count: int) -> None:
         """Set the number of loads after a caller has rewritten ``load_nodes`` and ``load_force_n``."""
@@ -145,21 +144,21 @@ class DuctBody:
         correct(self._loads.address, nodes, weights, forces, self.dt_s)
 
     def modal_load(self, forces: FloatArray) -> FloatArray:
-        """Return what contact forces (k, 3), in the order of the last rows, load the modes with (r,)."""
+        """Return the modal load (r,) of contact forces (k, 3), in the order of the last rows."""
         load: FloatArray = -self.modes[: forces.size].T @ forces.ravel()
         return load
 
-    def end_load(self, load: FloatArray) -> None:
-        """Take back the half impulse with which contacts that loaded the modes so (r,) have left the rates.
+    def remove_half_impulse(self, load: FloatArray) -> None:
+        """Subtract from the rates the half impulse left by contacts with the modal load ``load`` (r,).
 
-        The impulse of the next step would have balanced it. Where a contact ends at once it would remain as motion
-        without a cause. Call this between `predict` and `gather`.
+        The impulse of the next step would have balanced it. Where a contact vanishes (a tool is withdrawn), it would
+        remain as motion without a cause. Call this between `predict` and `gather`.
         """
         ended = 0.5 * load
         for end, gain in zip((self.state.q, self.state.qdot, self.state.qddot), self._gains, strict=True):
             end += gain * ended
         self.dq_free += self._gains[0] * ended
-        self.given_back += self.dt_s * ended
+        self.removed_half_impulse += self.dt_s * ended
 
     def change_kick(self, change: FloatArray) -> None:
         """Change the end of the step as if its kick had been larger by ``change`` (r,), contact forces unchanged."""
@@ -167,8 +166,8 @@ class DuctBody:
             end += gain * change
         self.modal_kick += change
 
-    def take_out(self, energy_j: float) -> float:
-        """Take ``energy_j`` out of the rates at the end of the step and return how much of it they held, in J."""
+    def remove_energy(self, energy_j: float) -> float:
+        """Remove up to ``energy_j`` of kinetic energy from the rates of the step's end; return the amount, in J."""
         rate = self.rate()
         kinetic_j = 0.5 * float(rate @ rate)
         paid = min(energy_j / kinetic_j, 1.0) if kinetic_j > 0.0 else 0.0
@@ -179,19 +178,19 @@ class DuctBody:
         return paid * kinetic_j
 
     def point_at_start(self, triangle: int, weights: FloatArray) -> FloatArray:
-        """Return where a point of a triangle was at the start of the step, (3,) in m; not for every tick."""
+        """Return the position (3,) in m of a point of a triangle at the start of the step; too slow for every tick."""
         nodes = self.reduced.mesh.triangles[triangle]
-        corners = self._motion.places_of(nodes)(self.q_start)
+        corners = self._motion.position_function(nodes)(self.q_start)
         n = self.n_loads
         self.reduced.residual.apply(self.load_nodes[:n], self.load_force_n[:n], nodes, corners)
         point: FloatArray = weights @ corners
         return point
 
     def surface_m(self) -> FloatArray:
-        """Return where all nodes are at the end of the last step, (n, 3) in m; not for every tick."""
+        """Return the positions (n, 3) in m of all nodes at the end of the last step; too slow for every tick."""
         self._motion.update(self.state.q)
         nodes = np.arange(self.reduced.mesh.n_vertices, dtype=np.int32)
-        positions = self._motion.places_of(nodes)(self.state.q)
+        positions = self._motion.position_function(nodes)(self.state.q)
         n = self.n_loads
         if n:
             self.reduced.residual.apply(self.load_nodes[:n], self.load_force_n[:n], nodes, positions)
@@ -227,7 +226,7 @@ class DuctBody:
 
     @property
     def owed_j(self) -> float:
-        """Energy that contacts have added beyond their work and that the rates did not hold; see `pay_for_impulses`."""
+        """Energy that contacts added beyond their work and that could not be removed yet; see `pay_for_impulses`."""
         return float(self._debt[0])
 
     @property
@@ -237,7 +236,7 @@ class DuctBody:
 
     @property
     def n_contact_loads(self) -> int:
-        """How many of the loads, the first ones, are contact forces of this step; an effect may have left others."""
+        """Number of loads, the first ones, that are contact forces of this step; effects may have added others."""
         return int(self._n_loads[1])
 
     def rate(self) -> FloatArray:
@@ -304,7 +303,7 @@ def predict_by_newmark(address: Address[DuctMotion], constants: FloatArray, dt_s
     """Note the start, step the modes with the ``constants`` of `Newmark`, and note the change."""
     modes = motion_at(address)
     for mode in range(modes.q.shape[0]):
-        modes.start[mode], modes.before[mode], modes.given_back[mode] = modes.q[mode], modes.qdot[mode], 0.0
+        modes.start[mode], modes.before[mode], modes.removed_half_impulse[mode] = modes.q[mode], modes.qdot[mode], 0.0
         modes.taken[mode] = 0.0
     newmark_step(modes.q, modes.qdot, modes.qddot, modes.force, constants, dt_s)
     for mode in range(modes.q.shape[0]):

@@ -1,4 +1,4 @@
-"""Contact loads of the duct in kernels: contact points are gathered, forces applied to its modes and nodes."""
+"""Kernels of the duct's contact loads: gather contact points, apply forces to modes and nodes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from services.mechanics.rod.free_step import FreeStep, step_at
 
 
 class DuctMotion(Struct):
-    """The modes from the start of a step to its end without contact forces, and what drives them."""
+    """The modes from the start of a step to its end without contact forces, and their loads."""
 
     q: Annotated[FloatArray, "r"]
     qdot: Annotated[FloatArray, "r"]
@@ -24,8 +24,8 @@ class DuctMotion(Struct):
     constant: Annotated[FloatArray, "r"]  # loads in every step
     force: Annotated[FloatArray, "r"]
     kick: Annotated[FloatArray, "r"]
-    given_back: Annotated[FloatArray, "r"]
-    before: Annotated[FloatArray, "r"]  # rates that the step began with
+    removed_half_impulse: Annotated[FloatArray, "r"]
+    before: Annotated[FloatArray, "r"]  # rates at the start of the step
     taken: Annotated[FloatArray, "r"]  # change of those at its end, see `pay_for_impulses`
 
 
@@ -33,10 +33,10 @@ motion_at = reader(DuctMotion)
 
 
 class DuctLoads(Struct):
-    """Where contact forces come from and go: points of contact, nodes, and the modes at the end of the step."""
+    """Contact points, loaded nodes, and the modal contact force of a step."""
 
     free: DuctMotion
-    gains: Annotated[FloatArray, 3, "r"]  # change of these three per modal contact force
+    gains: Annotated[FloatArray, 3, "r"]  # change of q, qdot and qddot per modal contact force
     impulse: Annotated[FloatArray, "r"]  # the modal contact force
     last: Annotated[FloatArray, "r"]  # that of the last step
     damping: Annotated[FloatArray, "r"]  # 2 zeta omega
@@ -55,7 +55,7 @@ loads_at = reader(DuctLoads)
 
 @kernel
 def begin_duct_loads(address: Address[DuctMotion]) -> None:
-    """Write the constant load over that of the last step, and no kick."""
+    """Reset the modal loads to the constant ones, and the kick to zero."""
     duct = motion_at(address)
     for mode in range(duct.force.shape[0]):
         duct.force[mode], duct.kick[mode] = duct.constant[mode], 0.0
@@ -63,7 +63,7 @@ def begin_duct_loads(address: Address[DuctMotion]) -> None:
 
 @kernel
 def begin_loads(duct_address: Address[DuctMotion], catheter_address: Address[FreeStep]) -> None:
-    """Write the constant loads over those of the last step, and no kick."""
+    """Reset the loads of duct and catheter to the constant ones, and the kick to zero."""
     begin_duct_loads(duct_address)
     catheter = step_at(catheter_address)
     for i in range(catheter.external.shape[0]):
@@ -73,7 +73,7 @@ def begin_loads(duct_address: Address[DuctMotion], catheter_address: Address[Fre
 
 @inlined_kernel
 def gather_kept(duct: DuctLoads, kept: Address[NodeArrays], nodes: IntArray, weights: FloatArray) -> bool:
-    """Do as `DuctBody.gather` for points (k, 3); False, with residuals left out, where a node has no place."""
+    """Do as `DuctBody.gather` for points (k, 3); if a node is not cached, leave residuals out and return False."""
     n, count, free = nodes.shape[0], duct.count[0], duct.free
     loads, out = (duct.node[:count], duct.force[:count]), (duct.modes[: 3 * n], duct.displacement[:n], duct.motion[:n])
     return bool(gather_and_displace(kept, (nodes, weights), (free.start, free.change), loads, out))
@@ -91,7 +91,7 @@ def correct(address: Address[DuctLoads], nodes: IntArray, weights: FloatArray, f
 
 @kernel
 def _spread_loads(nodes: IntArray, weights: FloatArray, forces: FloatArray, out: DuctLoads) -> int:
-    """Write the reactions on the duct's nodes, each node once, and return how many."""
+    """Write the reactions on the duct's nodes, each node once, and return their number."""
     load_nodes, loads, slot = out.node, out.force, out.slot
     count = 0
     for row in range(forces.shape[0]):
@@ -127,7 +127,7 @@ def _write_modal_force(out: DuctLoads, forces: FloatArray) -> None:
 
 @kernel
 def _add_impulse(out: DuctLoads) -> None:
-    """Add to the end state, in place, what the modal contact force changes."""
+    """Add the effect of the modal contact force to the state at the end of the step."""
     gains, force, state = out.gains, out.impulse, out.free
     for mode in range(force.shape[0]):
         state.q[mode] += gains[0, mode] * force[mode]
@@ -137,21 +137,21 @@ def _add_impulse(out: DuctLoads) -> None:
 
 @kernel
 def pay_for_impulses(out: DuctLoads, dt_s: float) -> None:
-    r"""Take out of the rates what the contacts' impulses have put in beyond their work, and beyond what is damped.
+    r"""Remove from the rates the energy that contact impulses added beyond their work and beyond damping.
 
-    A force f that acts as an impulse at the start of a step does the work :math:`f \Delta x` on whoever presses, but
-    moves the energy of a mode, taken at its `DuctBody.rate`, by
+    A force f that acts as an impulse at the start of a step takes the work :math:`f \Delta x` from the pressing body,
+    but changes the energy of a mode, taken at its `DuctBody.rate`, by
 
     .. math:: f \Delta x + \Delta f \, (v + (f + f_0) \Delta t / 4) \, \Delta t / 2
 
-    with :math:`f_0` the last step's force and v the rate that the step began with. Where the force is steady, that is
-    nothing. Where it alternates, as it may on modes that a step does not resolve, it would swing the wall without end.
-    The rates are scaled down for it; what they do not hold is owed.
+    with :math:`f_0` the last step's force and v the rate at the start of the step. A steady force adds no excess. An
+    alternating one, as occurs on modes that a step does not resolve, would keep the wall oscillating. The rates are
+    scaled down by the excess; what they cannot cover becomes a debt to later steps.
     """
     state, force, gained_j, kinetic_j = out.free, out.impulse, out.debt[0], 0.0
     for mode in range(force.shape[0]):
         f, rate = dt_s * force[mode], state.qdot[mode]
-        start, jumped = state.before[mode], state.before[mode] + state.given_back[mode] + f
+        start, jumped = state.before[mode], state.before[mode] + state.removed_half_impulse[mode] + f
         held, mean = start + 0.5 * dt_s * out.last[mode], 0.5 * (jumped + rate)
         kinetic_j += 0.5 * (rate + 0.5 * f) ** 2
         gained_j += 0.5 * (jumped * jumped - held * held + f * (rate + 0.25 * f))

@@ -1,4 +1,4 @@
-"""The guide wire of a scene's catheter: where it is, and what that makes of the rod."""
+"""The guide wire of a scene's catheter: its place, and the rod's properties that follow from it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from services.mechanics.rod.material_frame import Frame
 
 _FAR_M = 100.0  # longer than any wire
-# Of the steps to rest: so long that inertia holds nothing back, and at rest where one moves nothing by more than that.
+# Steps to rest: so long that inertia is negligible; at rest when no particle moves further than `_RESTING_M` in one.
 _SLOW_S, _RESTING_M, _MOST_STEPS = 1.0, 1e-12, 1000
 
 
@@ -28,7 +28,7 @@ def wire_tube(wire: GuideWireScene) -> RoundTube:
 
 
 def with_wire(rod: RodProperties, wire: GuideWireScene, n_beyond: int) -> RodProperties:
-    """Return a catheter's properties with the wire's mass in it, and so many segments of wire beyond its tip.
+    """Return a catheter's properties with the wire's mass in it, and ``n_beyond`` segments of wire beyond its tip.
 
     Their stiffness is that of the wire's body; `GuideWire` writes what follows from its place.
     """
@@ -52,12 +52,11 @@ def with_wire(rod: RodProperties, wire: GuideWireScene, n_beyond: int) -> RodPro
 
 
 class GuideWire:
-    """Where the wire is, and the arrays of the rod that follow from it; a straight rod is laid out as long as it is.
+    """Place of the wire, and the rod's arrays that depend on it.
 
     Attributes:
-        place_array: (2,) float64. How far it is out of the catheter's tip, in m, and its roll against the catheter, in
-            rad; changed in place.
-        catheter_rest: (n - 2, 3) float64. Rest rotation of the catheter's own joints, in rad: what steering changes.
+        place_array: (2,) float64. Length of wire beyond the tip, in m, and its roll relative to the catheter, in rad.
+        catheter_rest: (n - 2, 3) float64. Rest rotation of the catheter's own joints, in rad, which steering changes.
     """
 
     def __init__(
@@ -97,28 +96,28 @@ class GuideWire:
         state.frame = initial_frame(state.position_m)
 
     def lay(self, place: Place) -> None:
-        """Let the rod be as with the wire there."""
+        """Recompute the rod's arrays with the wire at ``place``."""
         self.place_array[:] = place
         lay(self.model.address, place)
 
     @property
     def place(self) -> Place:
-        """Where it is laid."""
+        """Present place of the wire."""
         return float(self.place_array[0]), float(self.place_array[1])
 
     def grow(self, speed_m_s: float) -> None:
-        """Let what is out become longer at this speed in the step, which is no strain."""
+        """Set the speed in m/s at which the protruding part lengthens in this step, which causes no strain."""
         tip = self._rod.tip
         self._rod.growth[tip:] = speed_m_s / (len(self._rod.rest_length) - tip)
 
     def stored_j(self, state: RodState, place: Place) -> tuple[float, float]:
-        """Return what `rod.guide_wire.stored` does."""
+        """Return the energies of `rod.guide_wire.stored`."""
         out: tuple[float, float] = stored(self.model.address, state.position_m, frame_of(state), place)
         return out
 
 
 def lay_at_rest(scene: CatheterScene, properties: RodProperties, supports: Supports, state: RodState) -> None:
-    """Lay a catheter where it rests with its wire in it: in its introducer, its proximal end held, nothing touched."""
+    """Move a catheter to its rest shape with the wire in it: in its introducer, proximal end held, without contacts."""
     integrator = ImplicitIntegrator(properties, replace(supports, held=(0,)))
     GuideWire(scene, properties, integrator, state)
     nothing = np.zeros_like(state.position_m)
@@ -138,7 +137,7 @@ def frame_of(state: RodState) -> Frame:
 
 
 def _sections(wire: GuideWireScene, tube: RoundTube) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the rows of `GuideWireModel`: where sections end, from the tip on, and what the wire is up to there."""
+    """Return rows of `GuideWireModel`: ends of the sections, from the tip on, and integrals of stiffness up to them."""
     flexibility, rows = 1.0 / (wire.youngs_modulus_pa * tube.second_moment_m4()), [np.zeros(5)]
     for section in wire.sections:
         softness = wire.youngs_modulus_pa / (section.youngs_modulus_pa or wire.youngs_modulus_pa)

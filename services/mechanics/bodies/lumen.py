@@ -1,7 +1,7 @@
-"""Which particles of the catheter are in the lumen, and how much of it is beyond the opening it came by.
+"""Finds the particles of the catheter in the lumen, and its length beyond the opening by which it entered.
 
-The lumen is what wall and caps over its openings enclose. An axis never crosses the wall, so along the catheter the
-side changes at the caps and nowhere else: it is known at the first particle, and every crossing of a cap turns it.
+The lumen is the volume enclosed by the wall and caps over its openings. The axis never crosses the wall, so along the
+catheter the side changes only at caps: it is known at the first particle, and every crossing of a cap reverses it.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from services.mechanics.surface.rim_caps import fill_rim
 
 OUTSIDE = -1.0
 Caps = tuple[IntArray, IntArray, FloatArray]
-"""Triangles (m, 3) of all caps, where each of them ends, and room for a radius of each."""
+"""Triangles (m, 3) of all caps, the end index of each cap, and scratch for a radius of each."""
 Placed = tuple[FloatArray, FloatArray]
 
 
 class Lumen:
-    """What a duct's wall and the caps over its openings enclose, moving with the modes, and a catheter in it.
+    """The volume enclosed by a duct's wall and the caps over its openings, moving with the modes, and a catheter in it.
 
     Args:
         n_particles: int
@@ -35,14 +35,13 @@ class Lumen:
         inside: (n_particles,) int8. One where a particle is in the lumen, as of the last `follow`.
         openings: tuple of str. Names of the openings, each a set of vertices of the mesh; empty where an opening has
             none.
-        entered_by: str. Name of the opening by which the part with the tip came in, as of the last `follow`; empty if
-            none.
+        entered_by: str. Name of the opening by which the tip entered, as of the last `follow`; empty if none.
     """
 
     def __init__(self, duct: ReducedDuct, n_particles: int) -> None:
         mesh = duct.mesh
         rims = boundary_loops(mesh)
-        self.openings, self.entered_by = tuple(name_of(mesh, rim) for rim in rims), ""
+        self.openings, self.entered_by = tuple(opening_name(mesh, rim) for rim in rims), ""
         caps = [fill_rim(mesh.vertices_m, rim) for rim in rims]
         triangles = np.concatenate([np.zeros((0, 3), np.int32), *caps])
         self._nodes, local = np.unique(triangles, return_inverse=True)
@@ -51,19 +50,19 @@ class Lumen:
         self._caps = np.ascontiguousarray(local.reshape(-1, 3), np.int32), ends, np.zeros(len(ends))
         self._closed, self._mesh = np.concatenate([mesh.triangles, triangles]), mesh
         self._motion = wall_motion(duct, 1)
-        self._places_of_corners = self._motion.places_of(self._nodes)
+        self._corner_positions = self._motion.position_function(self._nodes)
         self.inside = np.zeros(n_particles, np.int8)
         self._begins_inside = False
         self._base_m: FloatArray | None = None
         self._corners_m = mesh.vertices_m[self._nodes]
 
     def follow(self, q: FloatArray, position_m: FloatArray) -> float:
-        """Find who is inside, of particles (n, 3); return where the axis last crossed a cap, in segments.
+        """Find which particles (n, 3) are inside; return where the axis last crosses a cap, in segments from its start.
 
-        `OUTSIDE` where the tip is not in the lumen; 0 where all of the catheter is.
+        It is `OUTSIDE` if the tip is not in the lumen, and 0 if the whole catheter is.
         """
         self._motion.update(q)
-        corners_m = self._places_of_corners(q)
+        corners_m = self._corner_positions(q)
         self._follow_base(q, position_m[0], corners_m)
         place: float
         place, cap = cross_caps(position_m, corners_m, self._caps, self._begins_inside, self.inside)
@@ -71,35 +70,37 @@ class Lumen:
         return place
 
     def inserted_length_m(self, q: FloatArray, position_m: FloatArray, segment_m: float) -> float:
-        """Return the rest length from where the catheter last crossed a cap to its tip, 0 if that is outside."""
+        """Return the rest length from the catheter's last crossing of a cap to its tip, 0 if the tip is outside."""
         place = self.follow(q, position_m)
         return 0.0 if place == OUTSIDE else (len(position_m) - 1 - place) * segment_m
 
     def _follow_base(self, q: FloatArray, base_m: FloatArray, corners_m: FloatArray) -> None:
-        """Find on which side the first particle is: once by the whole wall, then by the caps that it goes through.
+        """Update the side of the first particle: at first by the winding number of the wall, then by crossings of caps.
 
-        It goes from where it was, carried along with the caps, to where it is: nowhere, the first time.
+        The path tested goes from its last position, carried along with the caps, to the present one.
         """
         if self._base_m is None:
             every = np.arange(self._mesh.n_vertices, dtype=np.int32)
-            self._begins_inside = abs(turns_round(base_m, self._closed, self._motion.places_of(every)(q))) > 0.5
+            self._begins_inside = (
+                abs(winding_number(base_m, self._closed, self._motion.position_function(every)(q))) > 0.5
+            )
             self._base_m, self._corners_m = base_m, corners_m
         before = self._base_m, self._corners_m
-        self._begins_inside ^= goes_through_caps(before, (base_m, corners_m), self._caps)
+        self._begins_inside ^= crosses_caps(before, (base_m, corners_m), self._caps)
         self._base_m, self._corners_m = base_m.copy(), corners_m
 
 
-def name_of(mesh: TriangleMesh, rim: IntArray) -> str:
-    """Return the name of the smallest set of vertices that has all of a rim; empty for none."""
+def opening_name(mesh: TriangleMesh, rim: IntArray) -> str:
+    """Return the name of the smallest set of vertices that contains a whole rim; empty for none."""
     named = [(len(own), name == "clamped", name) for name, own in mesh.vertex_sets.items() if np.isin(rim, own).all()]
     return min(named, default=(0, False, ""))[2]
 
 
 @kernel
-def goes_through_caps(before: Placed, now: Placed, caps: Caps) -> bool:
-    """Return whether a point that each cap carries along changes sides on its way to where it is now.
+def crosses_caps(before: Placed, now: Placed, caps: Caps) -> bool:
+    """Return whether a point, carried along by each cap, changes sides on its way to its present position.
 
-    ``before`` and ``now`` are the point (3,), and corners of caps.
+    ``before`` and ``now`` are each (the point (3,), the corners of the caps).
     """
     (triangles, ends, _), first, changes = caps, 0, False
     was, here = (before[0][0], before[0][1], before[0][2]), (now[0][0], now[0][1], now[0][2])
@@ -119,12 +120,12 @@ def goes_through_caps(before: Placed, now: Placed, caps: Caps) -> bool:
 def cross_caps(
     position: FloatArray, corners: FloatArray, caps: Caps, begins_inside: bool, inside: ByteArray
 ) -> tuple[float, int]:
-    """Write who of the particles is inside, and return where the axis last crossed a cap, in segments, and which.
+    """Write which particles are inside; return where the axis last crosses a cap, in segments, and the cap's index.
 
-    ``corners`` (k, 3) are where those of the caps are.
+    ``corners`` (k, 3) are the positions of the caps' corners.
     """
     triangles, ends, radii = caps
-    _measure(corners, caps)
+    _measure_caps(corners, caps)
     inside[0] = 1 if begins_inside else 0
     last, by = 0.0, -1
     for i in range(position.shape[0] - 1):
@@ -142,8 +143,8 @@ def cross_caps(
 
 
 @kernel
-def _measure(corners: FloatArray, caps: Caps) -> None:
-    """Write the radius of a sphere about the first corner of each cap which holds it."""
+def _measure_caps(corners: FloatArray, caps: Caps) -> None:
+    """Write the radius of a bounding sphere about the first corner of each cap."""
     (triangles, ends, radii), first = caps, 0
     for cap in range(ends.shape[0]):
         middle, radius_2 = row(corners, triangles[first, 0]), 0.0
@@ -155,7 +156,7 @@ def _measure(corners: FloatArray, caps: Caps) -> None:
 
 @kernel
 def _crossing(p: Vector, q: Vector, corners: FloatArray, triangles: IntArray, span: tuple[int, int]) -> float:
-    """Return where a segment crosses a cap, 0 to before 1, or -1: once, though it be by an edge of two triangles."""
+    """Return where a segment crosses a cap, from 0 to below 1, or -1; an edge of two triangles counts once."""
     for t in range(span[0], span[1]):
         a, b, c = row(corners, triangles[t, 0]), row(corners, triangles[t, 1]), row(corners, triangles[t, 2])
         meets, s, _ = segment_pierces(p, q, a, b, c)
@@ -164,14 +165,14 @@ def _crossing(p: Vector, q: Vector, corners: FloatArray, triangles: IntArray, sp
     return -1.0
 
 
-def turns_round(point_m: FloatArray, triangles: IntArray, vertices_m: FloatArray) -> float:
-    """Return how often a closed surface goes round a point: 1 inside, 0 outside, with the sign of its winding."""
+def winding_number(point_m: FloatArray, triangles: IntArray, vertices_m: FloatArray) -> float:
+    """Return the winding number of a closed surface about a point: 1 or -1 inside, by its orientation, 0 outside."""
     return float(_solid_angle((point_m[0], point_m[1], point_m[2]), triangles, vertices_m) / (4.0 * math.pi))
 
 
 @kernel
 def _solid_angle(p: Vector, triangles: IntArray, vertices: FloatArray) -> float:
-    """Van Oosterom and Strackee, "The solid angle of a plane triangle" (1983)."""
+    """Return the solid angle of triangles (m, 3) seen from p (van Oosterom and Strackee 1983)."""
     total = 0.0
     for t in range(triangles.shape[0]):
         a = subtract(row(vertices, triangles[t, 0]), p)

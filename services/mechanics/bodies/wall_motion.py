@@ -11,7 +11,12 @@ from dataclasses import replace
 import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.bodies.contact_corners import ContactCorners, list_corners, take_corners, weigh_corners
+from services.mechanics.bodies.contact_corners import (
+    ContactCorners,
+    apply_corner_displacements,
+    interpolate_corners,
+    list_corners,
+)
 from services.mechanics.compiled import summing_kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.reduction.coincident_points import copy_coincident, find_sources
@@ -41,22 +46,22 @@ class PointCompliance:
         self._source = np.zeros(n_points, np.int32)
 
     def displace(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> None:
-        """Do as `add_residual`."""
+        """Call `add_residual`; see there."""
         self.add_residual(points, loads, out)
 
     def add_residual(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> None:
-        """Add what ``loads`` do beyond the modes to displacements of points, and take it from their motions (k, 3)."""
+        """Add displacements by ``loads`` beyond the modes to those of points (k, 3); subtract them from the motions."""
         (nodes, weights), corners = points, self._corners
         u = list_corners(nodes, weights, self._slot, corners.address)
         self.reduced.residual.apply(loads[0], loads[1], corners.node[:u], corners.displacement_m[:u])
-        take_corners(weights, corners.address, u, out)
+        apply_corner_displacements(weights, corners.address, u, out)
 
     def compliance(self, points: Points, rows: FloatArray, gain: FloatArray, out: FloatArray) -> None:
         """Write the compliance between points, with their ``rows`` of the modes, into the lower blocks of ``out``."""
         self.compliance_anew(points, rows, gain, out)
 
     def compliance_anew(self, points: Points, rows: FloatArray, gain: FloatArray, out: FloatArray) -> None:
-        """Do as `compliance`, without the cache."""
+        """Write the same as `compliance`, without the cache."""
         source = self._source[: len(points[0])]
         find_sources(points, source)
         self.reduced.residual.gather_points(points[0], points[1], out, source)
@@ -65,7 +70,7 @@ class PointCompliance:
 
 
 class StraightMotion(PointCompliance):
-    """x = X + Phi q: between nodes the compliance is always the same, so that of touched nodes is cached."""
+    """x = X + Phi q: the compliance between nodes is constant, so that of touched nodes is cached."""
 
     def __init__(self, reduced: ReducedDuct, n_points: int) -> None:
         super().__init__(reduced, n_points)
@@ -73,18 +78,18 @@ class StraightMotion(PointCompliance):
         self.kept_address = self._kept.address
 
     def update(self, q: FloatArray) -> None:
-        """Take over the state; there is nothing to prepare."""
+        """Do nothing: straight motion depends on no prepared state."""
 
     def gather(self, points: Points, motion: tuple[FloatArray, FloatArray], loads: Loads, out: PointRows) -> None:
         """Write d x / d q at points, and their displacements and motions; ``motion`` is q and its change.
 
-        What ``loads`` do beyond the modes is added to the displacements, and taken from the motions.
+        Displacements by ``loads`` beyond the modes are added to the former and subtracted from the latter.
         """
         if not self._kept.gather_points(points, motion, loads, out):
             self.add_residual(points, loads, (out[1], out[2]))
 
     def displace(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> None:
-        """Add what ``loads`` do beyond the modes to displacements, and take it from motions, some nodes being new."""
+        """Do as `add_residual` for points of which some nodes are not cached yet."""
         if not self._kept.displace(points, loads, out):
             self.add_residual(points, loads, out)
 
@@ -93,8 +98,8 @@ class StraightMotion(PointCompliance):
         if not self._kept.gather(points, gain, out):
             self.compliance_anew(points, rows, gain, out)
 
-    def places_of(self, nodes: IntArray) -> Callable[[FloatArray], FloatArray]:
-        """Return what says where ``nodes`` (k,) are at q without contact loads, (k, 3) in m; it keeps their modes."""
+    def position_function(self, nodes: IntArray) -> Callable[[FloatArray], FloatArray]:
+        """Return a function of q that gives the positions (k, 3) in m of ``nodes`` (k,) without contact loads."""
         rest_m, modes = self.reduced.mesh.vertices_m[nodes], self.reduced.basis.Phi[nodes]
         return lambda q: rest_m + modes @ q
 
@@ -111,22 +116,22 @@ class TurnedMotion(PointCompliance):
         self._corner_rows = np.zeros((3 * n_points, 3, reduced.basis.n_modes))
 
     def update(self, q: FloatArray) -> None:
-        """String the sections together at q."""
+        """Compute the sections' positions and rotations at q."""
         self._frame.update(q)
 
     def gather(self, points: Points, motion: tuple[FloatArray, FloatArray], loads: Loads, out: PointRows) -> None:
-        """Write what `StraightMotion.gather` does; ``motion`` is q of `update` and its change."""
+        """Write the same as `StraightMotion.gather`; ``motion`` is q of `update` and its change."""
         (nodes, weights), touched = points, self._corners
         u = list_corners(nodes, weights, self._slot, touched.address)
         self._frame.node_rows(touched.node[:u], self._corner_rows[:u])
-        weigh_corners(weights, touched.address, self._corner_rows, out[0])
+        interpolate_corners(weights, touched.address, self._corner_rows, out[0])
         corners, flat = self._corners_m[: nodes.size], nodes.reshape(-1)
         self._frame.node_positions(flat, self._no_residual_m[: nodes.size], corners)
         move_points((flat, weights), self.reduced.mesh.vertices_m, corners, motion[1], out)
         self.add_residual(points, loads, (out[1], out[2]))
 
-    def places_of(self, nodes: IntArray) -> Callable[[FloatArray], FloatArray]:
-        """Return what says where ``nodes`` (k,) are without contact loads, (k, 3) in m; q is of the last update."""
+    def position_function(self, nodes: IntArray) -> Callable[[FloatArray], FloatArray]:
+        """Return a function for the positions (k, 3) in m of ``nodes`` (k,) without contact loads, as last updated."""
         frame, none_m = self._frame, np.zeros((len(nodes), 3))
 
         def places(_q: FloatArray) -> FloatArray:
@@ -137,7 +142,7 @@ class TurnedMotion(PointCompliance):
 
 
 def wall_motion(reduced: ReducedDuct, n_points: int) -> StraightMotion | TurnedMotion:
-    """Return how this duct moves, for up to ``n_points`` contact points."""
+    """Return the motion model of a duct for up to ``n_points`` contact points."""
     return StraightMotion(reduced, n_points) if reduced.warp is None else TurnedMotion(reduced, reduced.warp, n_points)
 
 

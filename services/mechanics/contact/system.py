@@ -105,7 +105,7 @@ class ContactSystem:
                 by = self.rows.tool[:k]
                 is_gone = (by != NO_TOOL) & ~tools.present[by]
                 self._gone = duct.modal_load(np.where(is_gone[:, None], self.force_n[:k], 0.0))
-            duct.end_load(self._gone)
+            duct.remove_half_impulse(self._gone)
         self._gone_is_known = False
 
     def append(self, pairs: ContactPairs) -> None:

@@ -15,7 +15,7 @@ from services.mechanics.world import World
 
 @dataclass(frozen=True, slots=True)
 class ViscoelasticitySettings:
-    """Shares and times of the Prony terms: an assumption, as no data of ducts are published."""
+    """Shares and times of the Prony terms; an assumption, as no data of ducts is published."""
 
     g: tuple[float, ...] = (0.2, 0.15, 0.1)
     tau_s: tuple[float, ...] = (0.1, 1.0, 10.0)
@@ -29,37 +29,37 @@ class ViscoelasticitySettings:
 
 
 class Viscoelasticity(Effect):
-    """The duct's modulus is the instantaneous one and relaxes by sum(g), in the modes and in what they leave out.
+    """The duct's modulus is the instantaneous one and relaxes by sum(g), in the modes and in the residual beyond them.
 
-    Dissipative at any step. The lagging coordinates and loads are the effect's own state. Loads that lag keep their
-    direction where large rotations turn the wall under them.
+    It is dissipative at any step. The lagging coordinates and loads are the effect's own state. Lagging loads keep
+    their direction where large rotations turn the wall.
     """
 
     Settings = ViscoelasticitySettings
     of_wall = True
 
     def prepare(self, world: World) -> None:
-        """Start relaxed."""
+        """Start in the relaxed state."""
         duct, series = world.duct, self.settings.series()
         self._modes = ViscousModes(duct.reduced.basis.omega_rad_s, series)
         self._loads = ViscousLoads(series, duct.reduced.mesh.n_vertices, len(duct.load_nodes))
         self._motion_m = np.zeros_like(duct.motion_m)
 
     def add_loads(self, world: World, dt_s: float) -> None:
-        """Drive the modes with what the wall has relaxed."""
+        """Load the modes with the relaxed part of the wall's stress."""
         self._modes.add_force(world.duct.modal_force)
 
     def add_motion(self, world: World, dt_s: float) -> None:
-        """Keep the dents that lag: contacts ask where the wall is without their forces."""
+        """Add the displacement by lagging loads to the free motion, which is without contact forces."""
         nodes, weights = world.system.rows.on_duct
         lasting, motion_m = self._loads.lasting, self._motion_m[: len(nodes)]
         if len(nodes) and len(lasting[0]):
             motion_m[:] = 0.0
-            world.duct.add_lasting_motion(nodes, weights, lasting, motion_m)
+            world.duct.add_load_displacement(nodes, weights, lasting, motion_m)
             world.system.add_duct_motion(motion_m)
 
     def after_solve(self, world: World, dt_s: float) -> None:
-        """Let the wall relax towards where it is."""
+        """Relax the lagging state towards the wall's present state."""
         duct = world.duct
         self._modes.relax(duct.state.q, dt_s)
         loads = duct.load_nodes, duct.load_force_n, duct.n_contact_loads
@@ -67,11 +67,11 @@ class Viscoelasticity(Effect):
         self.dissipated_j = self._modes.dissipated_j + self._loads.dissipated_j
 
     def state_arrays(self) -> tuple[AnyArray, ...]:
-        """The lagging coordinates and loads."""
+        """Return the lagging coordinates and loads."""
         return self._modes.d, *self._loads.state_arrays()
 
     def potential_energy_j(self, world: World) -> float:
-        """Energy in the springs of the Prony terms less that of the instantaneous modulus, which the duct reports."""
+        """Return the energy in the Prony springs less that of the instantaneous modulus, which the duct reports."""
         duct = world.duct
         unrelaxed_j = duct.state.strain_energy_j(duct.reduced.basis.omega_rad_s)
         lagging_j = self._loads.extra_energy_j(duct.reduced.residual.store)

@@ -83,7 +83,7 @@ def test_rows_at_points_weigh_those_of_their_corners(reduced):
             there = q.copy()
             there[mode] += sign * step
             motion.update(there)
-            corners = [motion.places_of(triangle)(there) for triangle in nodes]
+            corners = [motion.position_function(triangle)(there) for triangle in nodes]
             moved[side] = [weight @ corner for weight, corner in zip(weights, corners, strict=True)]
         expected = (moved[1] - moved[0]).ravel() / (2.0 * step)
         assert rows[0][:, mode] == pytest.approx(expected, rel=1e-5, abs=1e-5 * np.abs(expected).max())

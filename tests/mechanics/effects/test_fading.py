@@ -142,7 +142,7 @@ def test_what_comes_back_is_not_taken_for_a_gain_of_the_step(press, monkeypatch)
     simulation.set_quality(1)
     go_on(simulation, tools, 600)
     taken = []
-    monkeypatch.setattr(simulation.duct, "take_out", lambda energy_j: taken.append(energy_j) or energy_j)
+    monkeypatch.setattr(simulation.duct, "remove_energy", lambda energy_j: taken.append(energy_j) or energy_j)
     simulation.set_quality(0)
     go_on(simulation, tools, 400)
     assert sum(taken) <= 1e-7

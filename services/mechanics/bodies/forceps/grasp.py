@@ -20,22 +20,22 @@ GRASP_GAP_M = 0.1e-3
 
 
 class JawState(NamedTuple):
-    """What a grasp depends on besides contacts: where the jaws are, and where the handle wants them."""
+    """Opening of the jaws, and the opening commanded by the handle."""
 
     proxy_angle_rad: float
-    asked_angle_rad: float
+    commanded_angle_rad: float
 
 
 @dataclass(slots=True)
 class Grasp:
-    """Grasp of one forceps: open, or holding two points of one thing.
+    """Grasp of one forceps: open, or holding two points of one body.
 
-    It closes when both jaws touch the same thing from opposite sides and the handle squeezes it with at least
-    ``grasp_torque_nm``; two points are held, so that the thing does not spin about one. It opens when the handle
+    It closes when both jaws touch the same body from opposite sides and the handle squeezes it with at least
+    ``grasp_torque_nm``; two points are held, so that the body cannot spin about one. It opens when the handle
     opens by ``release_angle_rad`` beyond where it closed.
 
-    The largest force of a grasp is 2 mu N with N = torque / lever, both jaws pressing with N: the handle decides
-    how much it holds, from one tick to the next.
+    The largest force of a grasp is 2 mu N with N = torque / lever, as both jaws press with N: the handle's squeeze
+    limits it in every tick.
     """
 
     tool: int
@@ -48,33 +48,33 @@ class Grasp:
     _noted: tuple[list[GraspHold], float, int] = field(default_factory=lambda: ([], 0.0, 0))
 
     def update(self, pairs: ContactPairs, jaws: JawState) -> list[GraspHold]:
-        """Take the contacts and jaw angles of this tick and return what is held, live until the next call."""
+        """Update by the contacts and jaw angles of this tick and return the holds, a live list until the next call."""
         if self.holds:
             stop = self.holds[0].jaw_angle_rad
-            if jaws.asked_angle_rad > stop + self.forceps.release_angle_rad:
+            if jaws.commanded_angle_rad > stop + self.forceps.release_angle_rad:
                 self.holds.clear()
             else:
-                is_wall = self.holds[0].target_kind == DUCT_TRIANGLE  # which goes on giving way
-                self._set_limit((jaws.proxy_angle_rad if is_wall else stop) - jaws.asked_angle_rad)
+                is_wall = self.holds[0].target_kind == DUCT_TRIANGLE  # a wall keeps yielding
+                self._set_limit((jaws.proxy_angle_rad if is_wall else stop) - jaws.commanded_angle_rad)
         elif self.may_close(jaws):
             self._try_to_close(pairs, jaws)
         return self.holds
 
     def may_close(self, jaws: JawState) -> bool:
-        """Return whether nothing is held and the handle squeezes: only then do the contacts of a tick matter."""
-        squeeze_rad = jaws.proxy_angle_rad - jaws.asked_angle_rad
+        """Return whether nothing is held and the handle squeezes; only then are the contacts of a tick needed."""
+        squeeze_rad = jaws.proxy_angle_rad - jaws.commanded_angle_rad
         return not self.holds and self._torque_nm(squeeze_rad) >= self.forceps.grasp_torque_nm
 
     def let_go(self) -> None:
-        """Hold nothing any more."""
+        """Release all holds."""
         self.holds.clear()
 
     def note_start(self) -> None:
-        """Note what a step begins with."""
+        """Save the state at the start of a step."""
         self._noted = list(self.holds), self._lever_m, self._next_id
 
     def put_back_start(self) -> None:
-        """Begin with that again; the limits of what is held follow the handle anyhow."""
+        """Restore it, except for the limits of holds, which follow the handle."""
         self.holds, self._lever_m, self._next_id = self._noted
 
     def _torque_nm(self, squeeze_rad: float) -> float:
@@ -101,15 +101,15 @@ class Grasp:
     def _close(self, kind: int, points: list[tuple[int, FloatArray]], jaws: JawState) -> None:
         for target, weights in points:
             self.holds.append(GraspHold(self._new_id(), self.tool, kind, target, weights, 0.0, jaws.proxy_angle_rad))
-        self._set_limit(jaws.proxy_angle_rad - jaws.asked_angle_rad)
+        self._set_limit(jaws.proxy_angle_rad - jaws.commanded_angle_rad)
 
     def _new_id(self) -> int:
-        """Numbers of different tools never meet: each tool counts in its own residue class."""
+        """Return a new hold id; each tool counts in a residue class of its own, so ids of tools never collide."""
         self._next_id += 1
         return N_TOOLS * self._next_id + self.tool
 
     def _catheter_points(self, pairs: ContactPairs, a: int, b: int) -> list[tuple[int, FloatArray]]:
-        """Two points of the catheter a jaw's width apart, round the middle of what both jaws touch."""
+        """Return two points of the catheter a jaw's width apart, about the middle of both jaws' contacts."""
         at_a = float(pairs.target[a] + pairs.target_weights[a, 1])
         at_b = float(pairs.target[b] + pairs.target_weights[b, 1])
         width = self.forceps.jaw_radius_m / (self.catheter.length_m / self.catheter.n_segments)
@@ -119,36 +119,36 @@ class Grasp:
         return [self._catheter_point(middle - 0.5 * width), self._catheter_point(middle + 0.5 * width)]
 
     def _catheter_point(self, at: float) -> tuple[int, FloatArray]:
-        """Return segment and weights of a place counted in segments, at an end where it lies beyond that."""
+        """Return segment and weights of a place along the catheter, counted in segments and clamped to its ends."""
         n_segments = self.catheter.n_rod_segments
         at = min(max(at, 0.0), float(n_segments))
         segment = min(int(at), n_segments - 1)
         return segment, np.array([1.0 - (at - segment), at - segment, 0.0])
 
     def _wall_points(self, pairs: ContactPairs, a: int, b: int) -> list[tuple[int, FloatArray]]:
-        """The touched points on both faces, if they are one fold of wall and not two sides of the tube."""
-        if touched_apart_m(pairs, self.mesh, a, b) > 4.0 * self.forceps.jaw_radius_m:
+        """Return the touched points on both faces, if they are of one fold of wall and not of two sides of the tube."""
+        if rest_distance_m(pairs, self.mesh, a, b) > 4.0 * self.forceps.jaw_radius_m:
             return []
         return [(int(pairs.target[i]), pairs.target_weights[i].copy()) for i in (a, b)]
 
 
 def deepest_touch(pairs: ContactPairs, tool: int, segment: int, target_kind: int) -> int:
-    """Return the pair of a jaw that touches this kind of target closest, -1 where none touches."""
+    """Return the index of a jaw's deepest pair with this kind of target, -1 if none touches."""
     found: int = find_deepest_touch(pairs.address, tool, segment, target_kind)
     return found
 
 
-def touched_apart_m(pairs: ContactPairs, mesh: TriangleMesh, a: int, b: int) -> float:
-    """Return how far apart the touched points of two pairs lie on the wall at rest."""
-    apart_m: float = find_touched_apart(pairs.address, mesh.vertices_m, mesh.triangles, a, b)
+def rest_distance_m(pairs: ContactPairs, mesh: TriangleMesh, a: int, b: int) -> float:
+    """Return the distance in m between the touched points of two pairs on the wall at rest."""
+    apart_m: float = find_rest_distance(pairs.address, mesh.vertices_m, mesh.triangles, a, b)
     return apart_m
 
 
 @kernel
-def find_touched_apart(
+def find_rest_distance(
     pairs_address: Address[ContactPairs], vertices: FloatArray, triangles: IntArray, a: int, b: int
 ) -> float:
-    """Return what `touched_apart_m` does, in a kernel that takes a tenth of the time."""
+    """Kernel of `rest_distance_m`, which takes a tenth of the time."""
     pairs, square = pairs_at(pairs_address), 0.0
     for axis in range(3):
         way = 0.0
@@ -161,7 +161,7 @@ def find_touched_apart(
 
 @kernel
 def find_deepest_touch(pairs_address: Address[ContactPairs], tool: int, segment: int, target_kind: int) -> int:
-    """Return what `deepest_touch` does."""
+    """Kernel of `deepest_touch`."""
     pairs, best = pairs_at(pairs_address), -1
     for i in range(pairs.count):
         is_it = pairs.tool[i] == tool and pairs.tool_segment[i] == segment and pairs.target_kind[i] == target_kind

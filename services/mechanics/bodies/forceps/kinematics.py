@@ -15,7 +15,7 @@ from services.mechanics.compiled import kernel
 
 N_SEGMENTS = 3
 N_COORDINATES = 4  # J and the opening angle
-N_CELLS = 20  # along the jaws, in each of which there is something between them, or nothing
+N_CELLS = 20  # cells along the jaws, each with something between them or nothing
 
 
 @kernel
@@ -90,5 +90,5 @@ def contact_lever(frame: FloatArray, length: float, segment: int, arm: FloatArra
 
 
 def jaw_angle_from_handle(handle_angle_rad: float, ratio: float, max_angle_rad: float) -> float:
-    """Return the opening that a handle angle asks for, between shut and ``max_angle_rad``."""
+    """Return the opening commanded by a handle angle, between shut and ``max_angle_rad``."""
     return min(max(ratio * handle_angle_rad, 0.0), max_angle_rad)

@@ -1,8 +1,7 @@
 """Path of a tool towards the commanded pose of its hand, at a bounded speed.
 
-A hand cannot jump, but ticks get lost and callers hand in anything. An instrument turns about its port and slides
-through it, so that is the path: the shaft swings in the plane of both directions while its length, roll and opening
-change.
+A hand cannot jump, but ticks get lost and callers may pass any pose. The path is that of an instrument in its
+port: the shaft swings in the plane of both directions while its length, roll and opening change.
 """
 
 from __future__ import annotations
@@ -15,8 +14,8 @@ from services.mechanics.compiled.vectors import cross, unit
 
 # Instruments of bariatric surgery, the longest there are, have 0.45 m of shaft; J is no further from the port.
 LONGEST_SHAFT_M = 0.5
-# In training tasks instruments move at 0.05 to 0.3 m/s, and at a tick of 1 ms half a metre a second is how far ahead
-# contacts are seen. Faster hands, up to the 1.2 m/s at which an arm trips, are followed with a delay.
+# In training tasks instruments move at 0.05 to 0.3 m/s; at a tick of 1 ms, contact detection looks ahead for 0.5 m/s.
+# Faster hands, up to the 1.2 m/s at which an arm trips, are followed with a delay.
 FASTEST_HAND_M_S = 0.5
 _STRAIGHT = 1e-12
 
@@ -29,10 +28,10 @@ def sweep(
     sizes: tuple[float, float],
     out: FloatArray,
 ) -> float:
-    """Write J and opening at the end of the step into ``out`` (4,), and return the roll then.
+    """Write J and opening at the end of the step into ``out`` (4,), and return the roll there.
 
-    ``pose`` holds J with opening (4,) and roll at its start, ``target`` the commanded J, opening and roll;
-    ``sizes`` the length of the jaws and how far J may go, in m. A target within reach is reached exactly.
+    ``pose`` is (J with opening (4,), roll) at its start, ``target`` the commanded (J, opening, roll), and ``sizes``
+    (length of the jaws, largest motion of J) in m. A target within reach is reached exactly.
     """
     (start, roll), (junction, opening, asked_roll) = pose, target
     share = _share(port, pose, target, sizes)
@@ -53,7 +52,7 @@ def _share(
     target: tuple[FloatArray, float, float],
     sizes: tuple[float, float],
 ) -> float:
-    """Return the part of the way that J, and the tips of the jaws about it, may go; more than 1 if they arrive."""
+    """Return the fraction of the path that J and the jaws' tips may move in a step; above 1 if they arrive."""
     (start, roll), (junction, opening, asked_roll), (jaw_length, reach) = pose, target, sizes
     before, after, angle = _polar(port, start, junction)
     way = math.hypot(after - before, angle * max(before, after))

@@ -15,14 +15,13 @@ from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.scene import ForcepsScene, ToolScene
 from services.mechanics.scene.tools import N_TOOLS, ToolInputs
 
-# For so long a tool stays where it was when its numbers mean nothing: as long as a model of the force at a hand lives.
+# How long a tool with invalid input stays where it was: the lifetime of a local force model at the hand.
 LONGEST_UNSOUND_S = 20e-3
-# Openings and rolls beyond this are numbers, but no hand's.
+# Openings and rolls beyond this are impossible for a hand.
 MOST_TURNED_RAD = 1e3
-# Of the opening of a tool without jaws, which nothing loads: any number but zero.
+# Stiffness of the opening of a tool without jaws, which nothing loads: any number but zero.
 NO_JAWS_NM_RAD = 1.0
-# What may be true of a tool in a step: it is not where its hand is; it was there in the step before; it is there, and
-# waits.
+# Flags of a tool in a step: it lags behind its hand; it has vanished since the last step; it has appeared and waits.
 BEHIND, LEFT, CAME = 1, 2, 4
 
 
@@ -31,13 +30,13 @@ class ToolArrays(Struct):
 
     port: Annotated[FloatArray, N_TOOLS, 3]
     jaw_length: Annotated[FloatArray, N_TOOLS]
-    is_sphere: Annotated[BoolArray, N_TOOLS]  # whether the shaft's segment is but a point, J
+    is_sphere: Annotated[BoolArray, N_TOOLS]  # whether the shaft's segment is only the point J
     jaw_radius: Annotated[FloatArray, N_TOOLS]
     stiffness: Annotated[FloatArray, N_TOOLS, N_COORDINATES]  # of the couplings
     damping: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
     present: Annotated[BoolArray, N_TOOLS]
     waiting: Annotated[BoolArray, N_TOOLS]
-    unsound_s: Annotated[FloatArray, N_TOOLS]  # for how long the numbers of each tool have meant nothing
+    unsound_s: Annotated[FloatArray, N_TOOLS]  # how long the input of each tool has been invalid
     roll: Annotated[FloatArray, N_TOOLS]  # at the end of the step
     rolled: Annotated[FloatArray, N_TOOLS]  # over the step
     start: Annotated[FloatArray, N_TOOLS, N_COORDINATES]  # the hand at the start of the step
@@ -61,7 +60,7 @@ tools_at = reader(ToolArrays)
 class ToolBody:
     r"""Proxies x = (J, opening) of the tools, and the compliance with which a contact force moves them.
 
-    The proxy has no mass: what the contacts push, the coupling gives to the hand,
+    The proxy has no mass, so the coupling transmits the contact force to the hand,
     :math:`F = K d + B \dot d` with d = proxy - hand. Backward Euler over the tick gives
     :math:`d^+ = (F + (B / \Delta t)\, d) / (K + B / \Delta t)`: stable for every tick, and passive seen from
     the world, because the rate of d is taken at the end of the step.
@@ -70,25 +69,22 @@ class ToolBody:
         proxy: (2, 4) float64. J in m and the opening in rad, at the end of the last step.
         free: (2, 4) float64. Where the proxies would be at the end of this step without contact forces.
         motion: (2, 4) float64. From the start of the step to ``free``.
-        rolled_rad: (2,) float64. Roll over the step: a hand's, which nothing resists.
+        rolled_rad: (2,) float64. Roll over the step; it follows the hand, as nothing resists it.
         held: (2, 2) bool. Whether the jaws of each tool hold wall (`DUCT_TRIANGLE`) or catheter (`CATHETER_SEGMENT`).
-        pad_m: (2, 2) float64. How deep what they hold, wall or catheter, may be in them before they push it, see
+        pad_m: (2, 2) float64. Depth of the held wall or catheter in the jaws below which they do not push it, see
             `contact.engagement`.
-        thinned_m: (2, N_CELLS) float64. How much nearer the middle of a wall is to jaws that squeeze it, cell by cell
-            along them.
-        thinning_m_rad: (2, N_CELLS) float64. By how much more than that for each radian by which they open in this
-            step: less than zero.
-        jaw_stop_rad: (2,) float64. Opening below which a catheter that they hold resists the jaws; -inf where they hold
-            none.
-        stop_arm_m: (2,) float64. How far from the hinge it is, along the shaft.
+        thinned_m: (2, N_CELLS) float64. Thinning of a squeezed wall, from its middle to a jaw, by cells along the jaws.
+        thinning_m_rad: (2, N_CELLS) float64. Change of that per radian of opening in this step, negative.
+        jaw_stop_rad: (2,) float64. Opening below which a held catheter resists the jaws; -inf without one.
+        stop_arm_m: (2,) float64. Distance of that catheter from the hinge, along the shaft.
         frame: (2, 3, 3) float64. Rows b, h, d of each tool.
         segments: (2, 3, 2, 3) float64. Start and end of shaft, jaw A and jaw B. Of a tool that touches with a sphere,
             the shaft's is J twice.
         radius_m: (2, 3) float64. 0 where a tool has no such segment.
         compliance: (2, 4) float64. Motion of the proxy at the end of the step per force (m/N) and per torque (rad/(N
             m)).
-        present: (2,) bool. Tools that are there; the others touch nothing.
-        waiting: (2,) bool. Tools that have come, and touch nothing until nothing is where they are; see
+        present: (2,) bool. Tools that are present; the others have no contact.
+        waiting: (2,) bool. Tools that have appeared and have no contact until they overlap nothing; see
             `contact.engagement`.
     """
 
@@ -96,7 +92,7 @@ class ToolBody:
         if len(forceps) > N_TOOLS:
             raise ValueError(f"a scene has at most {N_TOOLS} tools, not {len(forceps)}")
         self._missing = N_TOOLS - len(forceps)
-        self._is_named = np.arange(N_TOOLS) < len(forceps)  # others are not there, whatever an input says
+        self._is_named = np.arange(N_TOOLS) < len(forceps)  # others are absent, whatever an input says
         self.forceps = forceps = (*forceps, *(ForcepsScene(),) * self._missing)
         jaws = [f.jaws for f in forceps]
         self.radius_m = np.array([[f.body_radius_m] + [f.jaws.jaw_radius_m if f.jaws else 0.0] * 2 for f in forceps])
@@ -123,30 +119,30 @@ class ToolBody:
 
     @property
     def refused(self) -> int:
-        """Inputs since the start that no instrument can have: a NaN, J in the port itself or half a metre from it."""
+        """Number of impossible inputs since the start: a NaN, J in the port itself or half a metre from it."""
         return self._arrays.refused
 
     @property
     def is_behind(self) -> bool:
-        """Whether a tool has not reached the commanded pose because that is too far for a step."""
+        """Whether a tool has not reached the commanded pose because that is too far for one step."""
         return bool(self._flags & BEHIND)
 
     @property
     def have_left(self) -> bool:
-        """Whether a tool was there in the step before and is no more."""
+        """Whether a tool that was present in the last step is absent now."""
         return bool(self._flags & LEFT)
 
     @property
     def have_come(self) -> bool:
-        """Whether a tool is there that waits."""
+        """Whether a tool is present and waits."""
         return bool(self._flags & CAME)
 
     def predict(self, inputs: ToolInputs, dt_s: float) -> None:
-        """Move the hands and find where the proxies go without contact; poses stay those of the start.
+        """Move the hands and compute the proxies' motion without contact; poses remain those of the start.
 
-        A hand that is further away than a hand can come in a step is followed at `FASTEST_HAND_M_S`. A tool that
-        appears starts with its proxy at the hand. A tool whose input is refused stays where it was, and is absent when
-        that has gone on for `LONGEST_UNSOUND_S`.
+        A hand further away than one step allows is followed at `FASTEST_HAND_M_S`. A tool that appears starts with its
+        proxy at the hand. A tool with invalid input stays where it was, and is absent once that has lasted for
+        `LONGEST_UNSOUND_S`.
         """
         position, opening, roll = inputs.position_m, inputs.jaw_angle_rad, inputs.roll_rad
         present = inputs.present & self._is_named if self._missing else inputs.present
@@ -169,7 +165,7 @@ class ToolBody:
         return self.proxy, self.stretch, self.frame, self.length_m, self.segments
 
     def halt(self) -> None:
-        """Restart the virtual couplings unstretched and at rest where the proxies are."""
+        """Restart the virtual couplings unstretched and at rest at the proxies' positions."""
         self.hand[:] = self.proxy
         self.stretch[:] = 0.0
         self.update_pose()
@@ -188,9 +184,9 @@ def predict_proxies(
     roll: FloatArray,
     dt_s: float,
 ) -> int:
-    """Take positions (2, 3), openings (2,) and rolls (2,) of the hands; see `ToolBody.predict`.
+    """Follow the hands' positions (2, 3), openings (2,) and rolls (2,); see `ToolBody.predict`.
 
-    Return which of `BEHIND`, `LEFT` and `CAME` is true of some tool.
+    Return the union of the flags `BEHIND`, `LEFT` and `CAME` of both tools.
     """
     tools = tools_at(address)
     flags = 0
@@ -230,9 +226,9 @@ def predict_proxies(
 def _move_hand(
     tools: ToolArrays, tool: int, target: tuple[FloatArray, float, float], is_there: bool, dt_s: float
 ) -> bool:
-    """Move the hand to the commanded pose, or as far towards it as a tool in contact may go in a step.
+    """Move the hand to the commanded pose, or as far towards it as a tool in contact may move in a step.
 
-    Return whether the hand of a tool that is there lags behind.
+    Return whether the hand of a present tool lags behind.
     """
     hand, reach = tools.hand[tool], math.inf
     if is_there and tools.present[tool]:
@@ -249,7 +245,7 @@ def _move_hand(
 
 @kernel
 def _is_sound(junction: FloatArray, port: FloatArray, opening: float, roll: float) -> bool:
-    """Whether there is a pose for these numbers: all finite, and some shaft inside the port but not too much."""
+    """Return whether these numbers are a possible pose: finite, with some shaft inside the port but not too much."""
     length_2 = 0.0
     for axis in range(3):
         length_2 += (junction[axis] - port[axis]) ** 2
@@ -259,7 +255,7 @@ def _is_sound(junction: FloatArray, port: FloatArray, opening: float, roll: floa
 
 @kernel
 def correct_proxies(address: Address[ToolArrays], force: FloatArray) -> None:
-    """Add to the free end positions what the contact forces (2, 4) move."""
+    """Add the motion by the contact forces (2, 4) to the free end positions."""
     tools = tools_at(address)
     for tool in range(force.shape[0]):
         for axis in range(force.shape[1]):

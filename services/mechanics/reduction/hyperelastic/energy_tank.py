@@ -44,7 +44,7 @@ class KickedModes(Protocol):
     def change_kick(self, change: FloatArray) -> None:
         """Let the step end as if the kick had been another."""
 
-    def take_out(self, energy_j: float) -> float:
+    def remove_energy(self, energy_j: float) -> float:
         """Take energy out of the rates, and return how much they held."""
 
 
@@ -62,7 +62,7 @@ def settle_step(wall: HyperelasticWall, force: FloatArray, modes: KickedModes) -
                 break
             energy_j, lost_j = energy_and_loss(wall.address, force, modes.q_start, modes.state.q)
         if tank_j + lost_j < -CREDIT_J:
-            lost_j += modes.take_out(-tank_j - lost_j)
+            lost_j += modes.remove_energy(-tank_j - lost_j)
     wall.books[ENERGY] = energy_j
     wall.books[TANK] = min(tank_j + lost_j, TANK_SHARE * energy_j)
 

@@ -108,7 +108,7 @@ class Stepped:
         for end, gain in zip((self.state.q, self.state.qdot, self.state.qddot), self.gains, strict=True):
             end += gain * change
 
-    def take_out(self, energy_j):
+    def remove_energy(self, energy_j):
         swing = 0.5 * self.dt_s * self.force
         rate = self.state.qdot + swing
         kinetic_j = 0.5 * rate @ rate
