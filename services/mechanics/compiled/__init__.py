@@ -1,6 +1,6 @@
-"""The decorators that compile the functions of a tick: numba's `njit`, kept on disk, without the interpreter's lock.
+"""Decorators that compile the functions of a tick: numba's `njit`, cached on disk, without the interpreter's lock.
 
-What kernels take as arguments: `docs/reference/kernels.md`.
+Argument types of kernels are described in `docs/reference/kernels.md`.
 """
 
 from __future__ import annotations
@@ -12,27 +12,27 @@ from numba import cfunc, njit
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-#: Every kernel whose module this process has imported, for what counts or checks them all.
+#: All kernels of the modules imported so far, for code that counts or checks them.
 KERNELS: list[Any] = []
 
 _OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy"}
 
 
 def kernel(function: F) -> F:
-    """Compile a function that runs in a tick; decorator. It must not allocate: a test looks for that."""
+    """Compile a function that runs in a tick; decorator. It must not allocate, which a test checks."""
     return _compiled(function, **_OPTIONS)
 
 
 def inlined_kernel(function: F) -> F:
-    """Compile a long part of one kernel with that kernel only, not a second time by itself; decorator.
+    """Compile a part of one long kernel only as part of it, not by itself; decorator.
 
-    It must have a single caller: each would have a copy of it.
+    It must have a single caller, because each gets its own copy.
     """
     return _compiled(function, **_OPTIONS, inline="always")
 
 
 def summing_kernel(function: F) -> F:
-    """Compile a long sum in vectorised parts: only the order of its terms is left to the compiler; decorator."""
+    """Compile a long sum with vectorisation: only the order of terms is left to the compiler; decorator."""
     return _compiled(function, **_OPTIONS, fastmath={"reassoc"})
 
 

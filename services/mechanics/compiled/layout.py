@@ -1,4 +1,4 @@
-"""Where the fields of a struct lie: words of eight bytes, read off the annotations of its class.
+"""Memory layout of a struct: words of eight bytes, derived from the annotations of its class.
 
 Word 0 is a tag that names the layout, each field has one word, each named extent of its arrays another.
 """
@@ -20,8 +20,8 @@ class ArrayField:
     """An array; its word holds the address of the first item.
 
     Attributes:
-        dtype: str. As numpy names it.
-        extents: tuple of int or str. Numbers are fixed, names stand for extents that fields of one struct share.
+        dtype: str. numpy's name of it.
+        extents: tuple of int or str. A number is a fixed extent, a name one that fields of a struct share.
     """
 
     word: int
@@ -34,7 +34,7 @@ class ArrayField:
 
 @dataclass(frozen=True)
 class ScalarField:
-    """A float, an int or a bool; its word holds it."""
+    """A float, an int or a bool, stored in its word."""
 
     word: int
     kind: str
@@ -66,12 +66,12 @@ class Layout:
 
     @functools.cached_property
     def digest(self) -> str:
-        """What tells this layout from every other, one of the same name included."""
+        """Hash that identifies this layout among all others, even of the same name."""
         return hashlib.sha256(repr(self).encode()).hexdigest()[:12]
 
     @property
     def tag(self) -> int:
-        """The word with which every struct of this layout begins."""
+        """First word of every struct of this layout."""
         return int(self.digest, 16)
 
 
@@ -118,10 +118,10 @@ def _named_extents(fields: Iterator[Field]) -> Iterator[str]:
 
 
 def check_array(label: str, field: ArrayField, value: object) -> npt.NDArray[Any]:
-    """Return ``value`` if it is an array that kernels may take for one of ``field``.
+    """Return ``value`` if it is an array that is valid for ``field``.
 
-    Raises TypeError: no array, or one of another dtype. Raises ValueError: another number of dimensions or another
-    fixed extent, gaps between items, items out of line.
+    Raises TypeError: not an array, or another dtype. Raises ValueError: another number of dimensions or fixed extent,
+    not contiguous, or not aligned.
     """
     if not isinstance(value, np.ndarray):
         raise TypeError(f"{label}: expected a {field}, got {type(value).__name__}")

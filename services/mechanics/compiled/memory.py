@@ -1,4 +1,4 @@
-"""Copies of many arrays in one kernel call: from Python each would cost as much as ten kilobytes of it."""
+"""Copies many arrays in one kernel call; a single copy from Python costs as much as copying ten kilobytes."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from services.mechanics.compiled import kernel
 
 
 def copy_table(targets: Sequence[AnyArray], sources: Sequence[AnyArray]) -> LongArray:
-    """Return (k, 3) of `copy_arrays`: where the bytes of each pair of arrays lie, and how many there are.
+    """Return the table (k, 3) for `copy_arrays`: target address, source address and number of bytes of each pair.
 
-    Nothing keeps the arrays alive, nor where they are: whoever keeps the table keeps them, and never replaces one.
-    Raises ValueError if two arrays are of different kinds or shapes, or one is not contiguous.
+    The table does not keep the arrays alive: its owner must keep them, and never replace one.
+    Raises ValueError if two arrays differ in dtype or shape, or one is not contiguous.
     """
     table = np.zeros((len(targets), 3), np.int64)
     for row, (target, source) in enumerate(zip(targets, sources, strict=True)):
@@ -32,7 +32,7 @@ def copy_table(targets: Sequence[AnyArray], sources: Sequence[AnyArray]) -> Long
 
 @kernel
 def copy_arrays(table: LongArray) -> None:
-    """Copy the bytes that a `copy_table` (k, 3) names."""
+    """Copy the bytes listed in a `copy_table` (k, 3)."""
     for row in range(table.shape[0]):
         _copy_bytes(table[row, 0], table[row, 1], table[row, 2])
 

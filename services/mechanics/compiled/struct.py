@@ -1,7 +1,7 @@
-"""Structs that Python fills and kernels read and write in place; docs/reference/kernels.md has the whole of it.
+"""Structs that Python fills and kernels read and write in place; docs/reference/kernels.md describes them.
 
-A struct is a class with annotated fields. An object of it owns a few words of memory that hold its numbers and the
-addresses and extents of its arrays, and it keeps those arrays alive. Kernels are handed its address.
+A struct is a class with annotated fields. An object owns a few words of memory with its numbers and the addresses and
+extents of its arrays, and keeps those arrays alive. Kernels receive its address.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ S_co = TypeVar("S_co", bound="Struct", covariant=True)
 
 
 class Address(int, Generic[S_co]):
-    """For type checkers: an int, the place of a struct of type ``S_co``."""
+    """Address of a struct of type ``S_co``: an int, typed for type checkers."""
 
 
 @dataclass_transform(kw_only_default=True)
@@ -41,13 +41,13 @@ class Struct:
     ``Annotated[FloatArray, "n", 3]``: a number is fixed, a name stands for the same extent in all fields of a struct.
     Numbers may have a default, everything else must be given.
 
-    A number that Python reads is what a kernel has written last. An array may be replaced by one of the same extents.
-    Neither copied nor pickled, as it holds addresses; not for two threads at once.
-    Raises TypeError or ValueError: a field that is missing, unknown, or of another type, dtype, number of dimensions or
-    extent, or not contiguous. The message begins with its name.
+    Python reads a number as a kernel last wrote it. An array may be replaced by one of the same extents. A struct
+    cannot be copied or pickled, as it contains addresses, and is not thread-safe.
+    Raises TypeError or ValueError: a field is missing, unknown, of another type, dtype, number of dimensions or extent,
+    or not contiguous. The message begins with its name.
 
     Attributes:
-        address: Address[Self]. What a kernel is handed; good as long as the object lives.
+        address: Address[Self]. Argument for kernels; valid as long as the object lives.
     """
 
     layout: ClassVar[Layout]
@@ -80,7 +80,7 @@ class Struct:
 
     @classmethod
     def zeros(cls, **given: Any) -> Self:
-        """Return a struct of zeros; ``given`` are extents by name, and fields that are not to be zero."""
+        """Return a struct of zeros; ``given`` are extents by name, and the fields with other values."""
         extents = {name: given.pop(name) for name, _ in cls.layout.extents if name in given}
         values = dict(given)
         for name, field in cls._fields.items():
@@ -120,9 +120,9 @@ class Struct:
             words[fields[name].word] = 0
 
     def own_memory(self) -> tuple[np.ndarray[Any, Any], ...]:
-        """Return its numbers and its arrays, not those of nested structs: to copy, and to write back.
+        """Return its words and its arrays, without those of nested structs, for copying and restoring.
 
-        No array may be replaced from then on.
+        No array may be replaced afterwards.
         """
         arrays = (getattr(self, name) for name, field in self.layout.fields if isinstance(field, ArrayField))
         return np.frombuffer(vars(self)["_words"], np.int64), *arrays
@@ -160,7 +160,7 @@ def _number(label: str, field: ScalarField) -> property:
         return bool(struct.__dict__[store][word])
 
     def put(struct: Any, value: float) -> None:
-        # Asking an abstract class takes longer than a small kernel.
+        # An isinstance check against an abstract class takes longer than a small kernel.
         number = value if type(value) is plain else _checked_number(label, field, value)
         struct.__dict__[store][word] = number
 
@@ -178,9 +178,9 @@ def _checked_number(label: str, field: ScalarField, value: object) -> float:
 
 
 def reader(kind: type[S_co]) -> Callable[[Address[S_co]], S_co]:
-    """Make the function with which a kernel turns the address of a struct into the struct.
+    """Return a function that turns an address into the struct, inside kernels.
 
-    In the kernel it raises TypeError where no struct of this kind lies.
+    It raises TypeError if there is no struct of this kind at the address.
     """
     struct, tag = kind._type, kind.layout.tag  # noqa: SLF001 - one subject
     message = f"the address of a {kind.__name__} is wanted"
@@ -207,7 +207,7 @@ def _typeof(struct: Struct, _context: Any) -> StructType:
 
 @unbox(StructType)
 def _unbox(kind: StructType, struct: Any, c: Any) -> NativeValue:
-    """Let Python call a kernel with the struct itself: 2 us, so not in every tick."""
+    """Convert a struct that Python passes to a kernel directly; 2 us, so not for every tick."""
     address = c.pyapi.object_getattr_string(struct, "address")
     value = c.builder.inttoptr(c.pyapi.long_as_longlong(address), c.context.get_value_type(kind))
     c.pyapi.decref(address)

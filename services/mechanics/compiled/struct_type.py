@@ -1,11 +1,11 @@
-"""Structs as numba's compiler sees them: a pointer whose attributes are typed by the layout.
+"""numba's type of a struct: a pointer whose attributes are typed by the layout.
 
-Only what numba documents is used: a type with a data model, the types of attributes by `structref.define_attributes`,
-their code by `lower_getattr_generic` and `lower_setattr_generic`. An array that is made of its address and its extents
-owns nothing.
+Only documented interfaces of numba are used: a type with a data model, the types of attributes by
+`structref.define_attributes`, their code by `lower_getattr_generic` and `lower_setattr_generic`. An array built from
+address and extents does not own its memory.
 
-Addresses and extents do not change while a kernel runs, and the compiler is told so (``invariant.load``): otherwise it
-would load them again after every store to an array.
+Addresses and extents do not change while a kernel runs. The loads are marked ``invariant.load``; otherwise the compiler
+would repeat them after every store to an array.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _SCALARS = {"float": types.float64, "int": types.int64, "bool": types.boolean}
 
 
 class _HasFields(types.Type):  # type: ignore[misc]  # numba has no types
-    """What numba takes the types of attributes from: ``field_dict``."""
+    """Base with ``field_dict``, from which numba takes the types of attributes."""
 
 
 structref.define_attributes(_HasFields)
@@ -80,9 +80,9 @@ def _set(context: Any, builder: Any, signature: Any, arguments: Any, name: str) 
 
 
 def load_word(builder: Any, struct: Any, word: int, kind: Any = _INT, is_constant: bool = False) -> Any:
-    """Emit the load of a word of a struct; a constant one stays as it is while a kernel runs.
+    """Emit the load of a word of a struct; a constant one does not change while a kernel runs.
 
-    Addresses are loaded as pointers: of one that is made from an integer the optimiser knows nothing.
+    Addresses are loaded as pointers, because the optimiser has no information on pointers made from integers.
     """
     place = builder.gep(struct, [_INT(word)], inbounds=True)
     value = builder.load(builder.bitcast(place, kind.as_pointer()))
@@ -118,7 +118,7 @@ def _array(context: Any, builder: Any, kind: StructType, struct: Any, field: Arr
 
 
 def _product(builder: Any, factors: Sequence[Any]) -> Any:
-    """Return the product of integers; constant factors are multiplied now."""
+    """Return the product of integers; constant factors are multiplied at compile time."""
     known, made = 1, None
     for each in factors:
         if isinstance(each, ir.Constant):

@@ -66,13 +66,13 @@ def combine(w: Vector, a: Vector, b: Vector, c: Vector) -> Vector:
 
 @kernel
 def row(array: FloatArray | Float32Array, i: int) -> Vector:
-    """Row i of an (n, 3) array as a tuple, which stays in registers."""
+    """Return row i of an (n, 3) array as a tuple, which stays in registers."""
     return (array[i, 0], array[i, 1], array[i, 2])
 
 
 @kernel
 def row_of(array: FloatArray, i: int, k: int) -> Vector:
-    """Entry k of row i of an (n, m, 3) array as a tuple."""
+    """Return entry k of row i of an (n, m, 3) array as a tuple."""
     return (array[i, k, 0], array[i, k, 1], array[i, k, 2])
 
 

@@ -67,8 +67,8 @@ def go_together(one: str, other: str) -> bool:
 def build_effects(scene: SceneModel) -> dict[str, Effect]:
     """Construct the effects that the scene names, in the order of the table.
 
-    Raises ValueError: an effect that does not exist, settings that are another's, two effects of the same phenomenon,
-    or a quality ladder that cannot be.
+    Raises ValueError: an unknown effect, settings of another effect, two effects of the same phenomenon, or an invalid
+    quality ladder.
     """
     for name, settings in scene.effects.items():
         if name not in EFFECTS:
@@ -85,7 +85,7 @@ def build_effects(scene: SceneModel) -> dict[str, Effect]:
 
 
 def check_bodies(scene: SceneModel) -> None:
-    """Refuse an effect of bodies that the scene does not have.
+    """Check that the scene has the bodies that its effects act on.
 
     Raises ValueError: one sentence that begins with the key.
     """
@@ -98,7 +98,7 @@ def check_bodies(scene: SceneModel) -> None:
 
 
 def check_ladder(scene: SceneModel) -> None:
-    """Refuse a quality ladder that cannot be walked, and an essential effect that the scene does not have.
+    """Check the quality ladder, and that the scene has its essential effects.
 
     Raises ValueError: one sentence that begins with the key.
     """

@@ -12,10 +12,10 @@ from services.mechanics.fem import Orthotropy, ShellSection
 
 @dataclass(frozen=True, slots=True)
 class AnisotropySettings:
-    """Stiffness round the duct over that along its axis; the scene's modulus is the one along it.
+    """Ratio of the stiffness round the duct to that along its axis, for which the scene's modulus is taken.
 
-    ``poisson_ratio`` is that of a pull along the axis, and takes the place of the scene's: with the stiff direction
-    across, it must stay below the square root of 1 / ``modulus_ratio``.
+    ``poisson_ratio`` is that of a pull along the axis, and replaces the scene's. As the stiff direction is across, it
+    must be below the square root of 1 / ``modulus_ratio``.
 
     About 6 follows from the inflation of porcine common bile ducts (Duch 2004), read as uniaxial.
     """

@@ -37,7 +37,7 @@ def require_not_negative(settings: object, *names: str) -> None:
 
 
 def recipe_of(duct: ReducedDuct, name: str) -> DuctRecipe:
-    """Return what a duct was reduced from; raise a ValueError that names the effect where nothing says it."""
+    """Return the recipe that a duct was reduced from; raise a ValueError that names the effect if it is unknown."""
     if duct.recipe is None:
         raise ValueError(f"effects.{name}: the duct has no recipe, use build_scene_duct")
     return duct.recipe
@@ -56,47 +56,47 @@ class Effect:
     Settings: ClassVar[type[Any]] = NoSettings
     """Frozen dataclass. Its types and `__post_init__` are what a scene file is checked against."""
     kicks: ClassVar[bool] = False
-    """Whether it acts by kicks of the wall (`DuctBody.modal_kick`), the gradient of its potential energy."""
+    """Whether it acts by kicks of the wall (`DuctBody.modal_kick`), gradients of its potential energy."""
     of_wall: ClassVar[bool] = False
-    """Whether it needs no body but the duct: then it also acts in a scene that has no other."""
+    """Whether it needs no body but the duct, so that it can act in a scene of only a duct."""
     stands_for: ClassVar[tuple[str, ...]] = ()
-    """Effects of the same phenomenon, which must not act beside it: each would count what the other counts."""
+    """Effects of the same phenomenon, which must not act beside it, or the phenomenon would count twice."""
 
     n_local_modes: ClassVar[int] = 0
-    """Modes beside supports that it needs at most, see `reduction.local_modes`."""
+    """Largest number of modes beside supports that it needs, see `reduction.local_modes`."""
     stretch_modes: ClassVar[bool] = False
     """Whether it needs modes of the stretched wall, see `reduction.hyperelastic.stretch_loads`."""
     can_rest: ClassVar[bool] = False
-    """Whether a rung of the quality ladder may leave it out for a while without a jump: a step without it needs nothing
-    that an earlier step with it left behind, or it fades (`rest`, `wake`)."""
+    """Whether a quality level may leave it out for a while without a jump: it keeps no state from step to step, or it
+    fades (`rest`, `wake`)."""
 
     def __init__(self, settings: Any, scene: SceneModel) -> None:
         self.settings = settings
         self.scene = scene
         self.dissipated_j = 0.0
-        """Energy that the effect itself has taken out so far, beyond what contact rows do."""
+        """Energy dissipated by the effect itself so far, beyond that of contact rows."""
 
     def state_arrays(self) -> tuple[FloatArray, ...]:
         """Return the live arrays of the effect's state; they are only changed in place."""
         return ()
 
     def potential_energy_j(self, world: World) -> float:
-        """Return the energy that the effect and its bodies store now, for the energy balance; zero by default."""
+        """Return the energy stored by the effect and its bodies, for the energy balance; zero by default."""
         return 0.0
 
     def rest(self) -> None:
-        """Begin to rest on a rung of the quality ladder; the stages are called until the effect `rests`."""
+        """Begin to rest at a quality level without the effect; its stages are called until it `rests`."""
 
     def wake(self) -> None:
-        """Act again after a rung of the quality ladder on which the effect rested; its state is out of date."""
+        """Act again after resting; the effect's state is then out of date."""
 
     @property
     def rests(self) -> bool:
-        """Whether an effect that was told to rest has no influence any more, so that no stage need be called."""
+        """Whether the effect, told to rest, has no influence any more, so that its stages need not be called."""
         return True
 
     def check_mesh(self, mesh: TriangleMesh) -> None:
-        """Raise a ValueError for a mesh of the duct that this cannot act on: before its modes are computed."""
+        """Raise a ValueError for a mesh that the effect cannot act on; called before the modes are computed."""
 
     def modify_section(self, section: ShellSection) -> ShellSection:
         """Return the wall's thickness and material, before the duct is meshed into elements."""
@@ -111,11 +111,11 @@ class Effect:
         raise NotImplementedError
 
     def train(self, duct: ReducedDuct, progress: Progress) -> None:
-        """Compute what is learned of the reduced duct and keep it in the duct's cache, telling ``progress``."""
+        """Train the effect's model on the reduced duct, store it in the duct's cache, and report to ``progress``."""
         raise NotImplementedError
 
     def modify_rod(self, rod: RodProperties) -> RodProperties:
-        """Return what the catheter is made of, before its integrator is built."""
+        """Return the catheter's properties, before its integrator is built."""
         raise NotImplementedError
 
     def body_acceleration_m_s2(self) -> FloatArray:
@@ -123,7 +123,7 @@ class Effect:
         raise NotImplementedError
 
     def prepare(self, world: World) -> None:
-        """Once, when the bodies exist."""
+        """Prepare the effect, once, when the bodies exist."""
         raise NotImplementedError
 
     def add_loads(self, world: World, dt_s: float) -> None:
@@ -171,7 +171,7 @@ STAGES = (
     "settle",
     "after_solve",
 )
-"""In the order in which they come: up to `prepare` once, the others in every step."""
+"""Stages in order: those up to `prepare` run once, the others in every step."""
 
 
 def acts_in(effect: Effect | type[Effect], stage: str) -> bool:

@@ -19,7 +19,7 @@ from services.mechanics.world import World
 class FrictionSettings:
     """Coefficients between catheter and duct, and between tools and anything.
 
-    No coefficient for a cholangiography catheter on mucosa is in print: the defaults are assumptions within
+    No coefficient for a cholangiography catheter on mucosa is published: the defaults are assumptions within
     0.01 (hydrogel) to 0.5 (dry polymer).
     """
 
@@ -57,9 +57,9 @@ class Friction(Effect):
 
 @kernel
 def set_coefficients(rows_address: Address[ContactRows], slides: BoolArray, mu: FloatArray) -> None:
-    """Write the coefficients of all rows; ``mu`` (2, 2) is static, kinetic without and with a tool. Not all use it.
+    """Write the coefficients of all rows; ``mu`` (2, 2) is (static, kinetic) without and with a tool.
 
-    A contact whose force along the surface is limited to nothing has none: a hold bears it.
+    A contact whose tangential force is limited to zero keeps no friction, because a hold carries that force.
     """
     rows = rows_at(rows_address)
     for row in range(rows.n_contacts):

@@ -46,7 +46,7 @@ class GallstonesSettings:
 
 
 class Stones(Struct):
-    """s spheres: where they are, where they began the step, and what moves them."""
+    """State of s spheres now and at the start of the step, and their loads."""
 
     position: Annotated[FloatArray, "s", 3]
     velocity: Annotated[FloatArray, "s", 3]
@@ -88,7 +88,7 @@ class Gallstones(Effect):
         self.position_m, self.velocity_m_s = stones.position, stones.velocity
 
     def prepare(self, world: World) -> None:
-        """Let contacts find the stones, and weigh them."""
+        """Register the stones with contact detection, and compute their weights."""
         here, spheres, stones = world.add_spheres(self.radius_m), world.system.geometry.spheres, self._stones
         self._first = here.start
         stones.start, stones.motion = spheres.start[here], spheres.motion[here]
@@ -112,18 +112,18 @@ class Gallstones(Effect):
         self.dissipated_j += push_stones(self._stones.address, (system.rows.address, self._first), system.force_n, dt_s)
 
     def state_arrays(self) -> tuple[FloatArray, ...]:
-        """Where the stones are and how fast they move."""
+        """Return positions and velocities of the stones."""
         return self.position_m, self.velocity_m_s
 
     def potential_energy_j(self, world: World) -> float:
-        """Kinetic energy of the stones, and what their weight has stored, zero at the origin."""
+        """Return kinetic energy and potential energy of weight of the stones, zero at the origin."""
         kinetic_j = 0.5 * self._stones.mass @ np.sum(self.velocity_m_s**2, axis=1)
         return float(kinetic_j - np.sum(self._stones.weight * self.position_m))
 
 
 @kernel
 def predict_stones(address: Address[Stones], dt_s: float) -> None:
-    """Move the stones by their weight and drag alone, and write what a force on each moves it by."""
+    """Move the stones by weight and drag alone, and write the compliance of each."""
     stones = stones_at(address)
     for stone in range(stones.mass.shape[0]):
         inverse = 1.0 / (stones.mass[stone] + dt_s * stones.drag[stone])
@@ -140,9 +140,9 @@ def predict_stones(address: Address[Stones], dt_s: float) -> None:
 def push_stones(
     address: Address[Stones], rows: tuple[Address[ContactRows], int], forces: FloatArray, dt_s: float
 ) -> float:
-    """Move the stones by the contact forces (k, 3); return what drag and the implicit step have taken out, in J.
+    """Move the stones by the contact forces (k, 3); return the energy dissipated by drag and the implicit step, in J.
 
-    ``rows`` are the contacts, and the sphere that the first stone is.
+    ``rows`` is (the contacts, the index of the first stone among their spheres).
     """
     stones, lost_j = stones_at(address), 0.0
     stones.change[:] = 0.0
@@ -164,8 +164,8 @@ def append_on_catheter(
 ) -> None:
     """Append the stone against the closest point of each catheter segment within a margin of its surface.
 
-    Or as much further as both move against each other in the step: a stone that a tool lets go meets the catheter at
-    more than a metre a second.
+    The margin grows by their relative motion in the step: a stone released by a tool meets the catheter at more than
+    1 m/s.
     """
     rows, geometry = rows_at(rows_address), geometry_at(geometry_address)
     rod, spheres = geometry.rod, geometry.spheres
@@ -196,5 +196,5 @@ def append_on_catheter(
 
 @kernel
 def _between(points: FloatArray, segment: int, s: float) -> Vector:
-    """Return what lies at ``s`` of the way from a row of points (n, 3) to the next."""
+    """Interpolate at ``s`` between a row of points (n, 3) and the next."""
     return along(scaled(row(points, segment), 1.0 - s), row(points, segment + 1), s)

@@ -1,4 +1,4 @@
-"""Grasps that slip: a hold carries what the grip friction allows and no more."""
+"""Grasps that slip: grip friction limits the force of a hold."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from services.mechanics.world import World
 class GraspSlip(Effect):
     """Limit every hold to 2 mu N of its grasp; without this effect a grasp holds until it is opened.
 
-    A hold at its limit slides against the force, which only takes energy out.
+    A hold at its limit slides against the force, which only dissipates energy.
     """
 
     def set_friction(self, world: World, dt_s: float) -> None:
-        """Write the holds' limits over the unlimited ones."""
+        """Set the holds' limits, which are infinite without this effect."""
         world.holds.limit_rows()

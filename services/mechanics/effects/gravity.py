@@ -17,8 +17,8 @@ from services.mechanics.world import World
 class GravitySettings:
     """Acceleration of gravity in scene axes; a patient lies with +z up.
 
-    The duct hangs in its ligaments and its shape was recorded there: its own weight is part of the shape it is
-    given in, unless ``on_duct``.
+    The duct hangs in its ligaments and its shape was recorded there, so its own weight is already part of that shape,
+    unless ``on_duct`` is set.
     """
 
     acceleration_m_s2: tuple[float, float, float] = (0.0, 0.0, -9.81)
@@ -51,7 +51,7 @@ class Gravity(Effect):
         return self._g
 
     def prepare(self, world: World) -> None:
-        """Put the particles' weights on them, if there are any."""
+        """Set the particles' weights as constant loads, if there are any."""
         if self.scene.duct_alone:
             return
         self._weight_n = world.catheter.properties.particle_mass_kg()[:, None] * self._g

@@ -25,11 +25,11 @@ from services.mechanics.world import World
 
 @dataclass(frozen=True, slots=True)
 class HyperelasticitySettings:
-    """Exponent a of Fung's law: pulled one way by e the wall is exp(a e^2) times as stiff as at rest.
+    """Exponent a of Fung's law: at a uniaxial stretch e the wall is exp(a e^2) times as stiff as at rest.
 
-    Arteries have about 1, over strains of 1 (rabbit carotid, b1 = 0.99: Chuong and Fung, Journal of Biomechanical
-    Engineering 105:268, 1983). Bile ducts are exponential too, and at the end of a tenth to a quarter of stretch (Duch
-    2004), which takes more; 20 is an assumption.
+    Arteries have about 1, up to strains of 1 (rabbit carotid, b1 = 0.99: Chuong and Fung, Journal of Biomechanical
+    Engineering 105:268, 1983). Bile ducts stiffen exponentially too, but already within a stretch of 0.1 to 0.25 (Duch
+    2004), which needs a larger exponent; 20 is an assumption.
     """
 
     exponent: float = 20.0
@@ -39,11 +39,10 @@ class HyperelasticitySettings:
 
 
 class Hyperelasticity(Effect):
-    """The wall's membrane stiffens with its linear strain in the modes, those of the stretched wall among them.
+    """The wall's membrane stiffens with its linear strain in the modes, which include those of the stretched wall.
 
-    What the modes leave out stays linear.
-    The gradient of a convex energy that begins with the fourth power of the strain: small loads meet the linear wall.
-    Implicit, so stable however stiff the wall becomes.
+    The residual beyond the modes stays linear. The force is the gradient of a convex energy that begins with the fourth
+    power of the strain, so the wall is linear for small loads. It is implicit, hence stable however stiff the wall is.
     """
 
     Settings = HyperelasticitySettings
@@ -53,11 +52,11 @@ class Hyperelasticity(Effect):
     stretch_modes = True
 
     def train(self, duct: ReducedDuct, progress: Progress) -> None:
-        """Choose the triangles that stand for the wall, unless they are in the cache."""
+        """Choose the triangles that sample the wall, unless they are in the cache."""
         self._fetch(duct, progress)
 
     def prepare(self, world: World) -> None:
-        """Take the wall on, at rest."""
+        """Build the hyperelastic wall, at rest."""
         duct = world.duct.reduced
         self._wall = HyperelasticWall.of(self._fetch(duct))
         self._damping = 2.0 * duct.basis.omega_rad_s * duct.damping_ratio
@@ -80,7 +79,7 @@ class Hyperelasticity(Effect):
         duct.modal_kick += self._force
 
     def settle(self, world: World, dt_s: float) -> None:
-        """Take back energy that the step gained because its contact forces differed from those of the last step."""
+        """Remove the energy gained in the step because its contact forces differed from those of the last step."""
         settle_step(self._wall, self._force, world.duct)
         if self._wall.faded[0] != self._to_fade:
             self._wall.fade(self._to_fade, dt_s)
@@ -100,7 +99,7 @@ class Hyperelasticity(Effect):
         return float(self._wall.faded[0]) == 1.0
 
     def state_arrays(self) -> tuple[AnyArray, ...]:
-        """Return the force, which the next step begins with, and the energy books of the steps."""
+        """Return the force at the start of the next step, and the energy balance of the steps."""
         return self._wall.state_arrays()
 
     def potential_energy_j(self, world: World) -> float:

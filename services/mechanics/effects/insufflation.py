@@ -21,8 +21,8 @@ class InsufflationSettings:
 class Insufflation(Effect):
     """Constant load p n on the wall with p = inside - outside, on the undeformed normals (not a follower load).
 
-    Conservative. A thin tube of radius R and thickness t collapses at about E t^3 / (4 (1 - nu^2) R^3) from
-    outside, which this linear load does not see: stay well below.
+    It is conservative. A thin tube of radius R and thickness t collapses at an outside pressure of about
+    E t^3 / (4 (1 - nu^2) R^3), which this linear load cannot represent: stay well below.
     """
 
     Settings = InsufflationSettings

@@ -1,4 +1,4 @@
-"""Large rotations: a duct bent far keeps its volume, its sections turned instead of sheared along straight lines."""
+"""Large rotations: a strongly bent duct keeps its volume, because its sections turn instead of shearing."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from services.mechanics.world import World
 
 @dataclass(frozen=True, slots=True)
 class LargeRotationsSettings:
-    """Number of cross-sections into which the duct's axis is divided."""
+    """Number of sections that the duct's axis is divided into."""
 
     n_sections: int = 24
 
@@ -26,7 +26,7 @@ class LargeRotationsSettings:
 
 
 class LargeRotations(Effect):
-    """Turned cross-sections wherever points of the wall are placed: contact, detection, mouth, picture.
+    """Turned cross-sections in all positions of the wall: contact, detection, mouth, picture.
 
     It acts through the duct itself (`ReducedDuct.warp`), which every process holds.
     Constant loads (gas pressure; weight of the wall) turn with the sections they act on.
@@ -36,7 +36,7 @@ class LargeRotations(Effect):
     of_wall = True
 
     def check_mesh(self, mesh: TriangleMesh) -> None:
-        """Refuse a mesh whose cross-sections cannot be told apart.
+        """Check that the mesh can be divided into cross-sections.
 
         Raises ValueError if the surface is not a tube held at one end, or its mesh is too coarse for the sections.
         """
@@ -54,14 +54,14 @@ class LargeRotations(Effect):
         return replace(duct, warp=warp)
 
     def prepare(self, world: World) -> None:
-        """Refuse a duct that was reduced for another scene."""
+        """Check that the duct was reduced for this scene."""
         if world.duct.reduced.warp is None:
             raise ValueError("effects.large_rotations: the duct was built without it, use build_scene_duct")
 
 
 @contextmanager
 def _named() -> Iterator[None]:
-    """Say of a ValueError which effect it is about."""
+    """Prefix a ValueError with the effect's name."""
     try:
         yield
     except ValueError as error:

@@ -51,7 +51,7 @@ class MucusDrag(Effect):
             )
 
     def prepare(self, world: World) -> None:
-        """Work out b, and let the catheter have rows where the film begins."""
+        """Compute b, and extend the catheter's contact margin to the film's thickness."""
         world.search.see_ahead(self.settings.film_m)
         catheter = world.catheter
         area = catheter.properties.segment_length_m * 2.0 * catheter.radius_m
@@ -61,14 +61,14 @@ class MucusDrag(Effect):
         self._films = range(0)
 
     def add_rows(self, world: World, dt_s: float) -> None:
-        """Double the rows of the catheter on the wall by a film."""
+        """Append a film's row to each row of the catheter on the wall."""
         rows = world.system.rows
         first = rows.n_contacts
         append_films(rows.address, self._source)
         self._films = range(first, rows.n_contacts)
 
     def set_friction(self, world: World, dt_s: float) -> None:
-        """Let the films drag that reach their wall, now that all gaps are known."""
+        """Activate the films that reach the wall, now that all gaps are known."""
         films, film_m = (self._films.start, self._films.stop), self.settings.film_m
         wet_films(world.system.rows.address, films, self._source, self._weight, (dt_s / self._b_n_s_m, film_m))
 
@@ -93,11 +93,10 @@ def wet_films(
     weight: FloatArray,
     sizes: tuple[float, float],
 ) -> None:
-    """Give the films, rows films[0] to films[1], their softness along the wall where the gap is no wider than the film.
+    """Set the tangential compliance of the films, rows films[0] to films[1], where the gap is within the film.
 
-    ``sizes`` is dt / b of one particle, and the thickness of the film. A film takes of each of its particles that part
-    of b which its weight is of the weights of all the particle's films, summed up in ``weight`` (n,). A point between
-    two particles that no other film sees has b once.
+    ``sizes`` is (dt / b of one particle, film thickness). A particle's b is divided among its films in proportion to
+    their weights, whose sums are in ``weight`` (n,). A point between two particles without other films has b once.
     """
     rows, (first, end), (softness, film_m) = rows_at(rows_address), films, sizes
     weight[:] = 0.0

@@ -14,7 +14,7 @@ from services.mechanics.world import World
 
 @dataclass(frozen=True, slots=True)
 class NonlinearMembraneSettings:
-    """Number of the lowest modes that take part; the cost grows with its fourth power."""
+    """Number of lowest modes in the polynomial; the cost grows with its fourth power."""
 
     n_coordinates: int = 12
 
@@ -25,8 +25,8 @@ class NonlinearMembraneSettings:
 class NonlinearMembrane(Effect):
     """Geometric stiffness of the wall as a cubic polynomial of the lowest modes, applied as a kick before the step.
 
-    Symplectic splitting: bounded energy while the tangent stays below (2 / dt)^2. Symmetric in the step's force,
-    which comes from one polynomial energy, so nothing is fed in on the average.
+    The splitting is symplectic: energy is bounded while the tangent stays below (2 / dt)^2. The force derives from one
+    polynomial energy, so it feeds in no energy on average.
     """
 
     Settings = NonlinearMembraneSettings
@@ -42,9 +42,9 @@ class NonlinearMembrane(Effect):
             )
 
     def prepare(self, world: World) -> None:
-        """Build the polynomial of the rest shape, or fetch it from where the duct's modes are kept.
+        """Build the polynomial of the rest shape, or load it from the duct's cache.
 
-        Raises ValueError if nothing says what the duct was reduced from.
+        Raises ValueError if the duct's recipe is unknown.
         """
         duct = world.duct.reduced
         recipe = replace(recipe_of(duct, "nonlinear_membrane"), mesh=duct.mesh)

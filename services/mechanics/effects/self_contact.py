@@ -23,15 +23,15 @@ class SelfContactSettings:
 class SelfContact(Effect):
     """Contacts between segments of the catheter, solved with all the others.
 
-    Detection remembers on which side two segments are: strands that were pressed into each other are pushed back to
-    where they came from, not through.
+    Detection remembers on which side of each other two segments are, so strands pressed into each other are pushed back
+    and not through.
     """
 
     Settings = SelfContactSettings
     can_rest = True
 
     def prepare(self, world: World) -> None:
-        """Turn diameters into segments."""
+        """Convert the distance in diameters to one in segments."""
         catheter = world.catheter
         properties, radius_m = catheter.properties, catheter.radius_m
         between = math.ceil(self.settings.neighbour_diameters * 2.0 * radius_m / properties.segment_length_m)
@@ -40,7 +40,7 @@ class SelfContact(Effect):
         self._detector = SelfContactDetector(properties.n_particles, radius_m, margin_m, n_apart)
 
     def wake(self) -> None:
-        """Forget sides: strands may have crossed meanwhile, and are told apart from where they are now."""
+        """Reset the sides of strands, which may have crossed meanwhile, to the present ones."""
         self._detector.reset()
 
     def add_pairs(self, world: World, dt_s: float) -> None:

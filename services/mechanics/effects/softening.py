@@ -1,7 +1,7 @@
-"""Softening: a wall that gives way where it is squeezed, as a thin wall does whose section folds.
+"""Softening: a wall that softens where it is squeezed, as a thin wall does when its section folds.
 
-Its modules are imported when a scene has the effect: the shell of large displacements, with scipy's trees and
-rotations, is a tenth of all that a process of the rig imports.
+Its modules are imported only for scenes with the effect: the shell of large displacements, with scipy's trees and
+rotations, is a tenth of all imports of a rig's process.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from services.mechanics.reduction.softening.training import WallSoftening
 
 N_LOCAL_MODES = 16
-"""Modes beside supports: without them three quarters of the response to a force there would stay linear."""
+"""Number of modes beside supports; without them three quarters of the response to a force there would be linear."""
 
 
 @dataclass(frozen=True, slots=True)
 class SofteningSettings:
-    """Number of pinches, pokes and pulls of the nonlinear shell to which the softening law is fitted."""
+    """Number of pinches, pokes and pulls of the nonlinear shell that the softening is trained on."""
 
     n_squeezes: int = 48
 
@@ -34,11 +34,11 @@ class SofteningSettings:
 
 
 class Softening(Effect):
-    """What large displacements add to the linear response of the wall to contact forces.
+    """Nonlinear part of the wall's response to contact forces at large displacements.
 
-    A force on the modes with a potential of their displacement, so that it never returns more energy than it received.
-    It vanishes at first order: small loads meet the linear wall. Weight and gas pressure do not soften the wall. It
-    includes the energy of `nonlinear_membrane` and takes its place.
+    It is a force on the modes that derives from a potential of their displacement, so it never returns more energy than
+    it received. It vanishes at first order: the wall is linear for small loads. Weight and gas pressure do not soften
+    it. It includes the energy of `nonlinear_membrane` and replaces that effect.
     """
 
     Settings = SofteningSettings
@@ -59,7 +59,7 @@ class Softening(Effect):
         from services.mechanics.reduction.softened_wall.softening_step import SofteningStep
 
         duct = world.duct
-        # Read by name: no effect needs another's file.
+        # Read by name, so that no effect imports another.
         viscous = self.scene.effects.get("viscoelasticity")
         series = PronySeries(getattr(viscous, "g", ()), getattr(viscous, "tau_s", ()))
         softening, load = self._fetch(duct.reduced), duct.constant_modal_force
@@ -88,15 +88,15 @@ class Softening(Effect):
 
     @property
     def rests(self) -> bool:
-        """Whether the wall is a linear one."""
+        """Whether the wall is linear now."""
         return self._wall.has_faded
 
     def state_arrays(self) -> tuple[AnyArray, ...]:
-        """Return forces followed, force on the modes, and the books."""
+        """Return the filtered contact forces, the force on the modes, and the energy balance."""
         return self._wall.state_arrays()
 
     def potential_energy_j(self, world: World) -> float:
-        """Return the stored energy relative to a linear wall that is displaced as far."""
+        """Return the stored energy relative to a linear wall at the same displacement."""
         return self._wall.stored_j
 
     def _fetch(self, duct: ReducedDuct, progress: Progress = ignore_progress) -> WallSoftening:

@@ -1,7 +1,7 @@
-"""Scenes as plain data, motions of hands, inputs and results of the tools, and the recipe of a scene's duct.
+"""Scenes as plain data, motions of hands, inputs and results of tools, and the recipe of a scene's duct.
 
-`SceneModel` and its parts are imported at first use: they name elements, which import sparse solvers, and a gateway
-that only needs the motion of a hand starts half a second earlier without these.
+`SceneModel` and its parts are imported at first use, because they name elements, which import sparse solvers: a gateway
+that only needs the motion of a hand starts half a second earlier without them.
 """
 
 from importlib import import_module

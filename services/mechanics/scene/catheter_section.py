@@ -1,4 +1,4 @@
-"""A piece of a catheter that differs from the rest: softer, bent at rest, or steered by a handle."""
+"""A section of a catheter with properties of its own: softer, bent at rest, or steered by a handle."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ Vector3 = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CatheterSection:
-    """One section of the catheter, listed from the tip on; the rest has the catheter's own properties.
+    """One section. Sections are listed from the tip on; behind the last one the catheter's own values hold.
 
-    ``youngs_modulus_pa`` is the catheter's unless given. ``rest_curvature_1_m`` is how it is bent at rest, and
-    ``steering_1_m_rad`` what each radian of a drive's handle adds: about m1, about m2 and twist, in the material frame.
+    ``youngs_modulus_pa`` is the catheter's by default. ``rest_curvature_1_m`` is the curvature at rest, and
+    ``steering_1_m_rad`` its change per radian of a drive's handle: about m1, about m2 and twist, in the material frame.
     """
 
     length_m: float

@@ -1,4 +1,4 @@
-"""Recipe of a scene's duct: everything that its modes depend on."""
+"""Recipe of a scene's duct: all data that its modes depend on."""
 
 from __future__ import annotations
 

@@ -17,8 +17,8 @@ _TAKEN = (TRUNK, "mouth", "clamped")
 def duct_tubes(duct: DuctScene) -> list[Tube]:
     """Return trunk and branches, parents first; the trunk's near end is the mouth.
 
-    The trunk lies as the parametric duct does: its far end is the origin, which it leaves along +x, bending towards +y.
-    Raises ValueError that names the key of what does not go together.
+    The trunk is placed like the parametric duct: its far end is the origin, which it leaves along +x, bending to +y.
+    Raises ValueError that names the key of an inconsistent value.
     """
     if duct.cut_angle_rad or duct.slit_length_m:
         raise ValueError("duct: a duct with branches is cut neither obliquely nor open: no cut_angle_rad, no slit")
@@ -34,7 +34,7 @@ def duct_tubes(duct: DuctScene) -> list[Tube]:
 
 
 def _trunk(duct: DuctScene, far_end: str) -> Tube:
-    """Return the trunk as it is seen from the mouth."""
+    """Return the trunk, from the mouth to its far end."""
     k, angle = duct.curvature_1_m, duct.curvature_1_m * duct.length_m
     to_mouth, aside = (
         np.array([math.cos(angle), math.sin(angle), 0.0]),
@@ -53,7 +53,7 @@ def _tube(branch: DuctBranch, parent: Tube, far_end: str) -> Tube:
 
 
 def _fault(branch: DuctBranch, tubes: dict[str, Tube]) -> str:
-    """Return what is wrong with a branch, with its key."""
+    """Return the error message of an invalid branch, with its key; empty if it is valid."""
     if branch.name in tubes or branch.name in _TAKEN or not branch.name.isidentifier():
         return f"name: {branch.name!r} is taken, or no plain word"
     if branch.parent not in tubes:

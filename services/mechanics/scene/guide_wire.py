@@ -11,9 +11,9 @@ from services.mechanics.scene.catheter_section import CatheterSection
 class GuideWireScene:
     """A round wire that lies along the catheter's axis and slides and turns in it.
 
-    It starts ``out_m`` out of the catheter's tip, as bent as it rests there: that needs room before the mouth. It stays
-    between ``least_out_m`` and ``reach_m`` out. Its ``sections`` are listed from its own tip on; none of them is
-    steered. ``friction`` is Coulomb's between both.
+    It starts with ``out_m`` beyond the catheter's tip, in its rest shape, which needs room before the mouth. It is kept
+    between ``least_out_m`` and ``reach_m``. Its ``sections`` are listed from its own tip on; none of them is steered.
+    ``friction`` is the Coulomb coefficient between wire and catheter.
     """
 
     outer_diameter_m: float = 0.7e-3

@@ -1,15 +1,15 @@
-"""How finely a parametric duct is meshed so that what jaws feel of it is converged to about a per cent."""
+"""Mesh density of a parametric duct at which the force on jaws is converged to about a per cent."""
 
 from __future__ import annotations
 
 import math
 
 ROUND, ALONG = 9.0, 1.75
-"""Cells on a quarter of a ring, and on half the length, per what `accurate_cells` measures lengths in."""
+"""Cells on a quarter of a ring, and on half the length, per unit of length in `accurate_cells`."""
 MOST_NODES = 6_000
-"""Modes of more take too long, four seconds at the first start."""
+"""Limit of the nodes, because modes of more take too long: four seconds at the first start."""
 MOST_NODES_ALL_PAIRS = 3_800
-"""Somewhat fewer than those between all pairs of which the residual compliance is kept in memory."""
+"""Limit of the nodes if the residual compliance between all pairs is to be kept in memory."""
 
 
 def accurate_cells(
@@ -17,14 +17,14 @@ def accurate_cells(
 ) -> tuple[int, int]:
     """Return the cells round and along a tube of that mid-surface for jaws of that radius.
 
-    A jaw's load has the jaw's width and bends the wall over about l = sqrt(R r_jaw). Forces act on a triangle by its
-    corners, so a cell of size h spreads them by h²/6 more (in variance): that is four fifths of the error of a pinch,
-    and it falls with (h / l)². The other fifth is the flat facets, inside the circle by pi² / 3 n² of its radius on
-    the mean; elements are finer than either. Measured for R 3 to 6 mm and walls 0.5 to 1.2 mm thick: a pinch spread
-    over 1 mm is 0.8 to 1 % off the limit of infinitely fine meshes with these cells
-    (docs/decisions/default-mesh.md). Round the tube they are shorter than along it, where less bends.
+    A jaw's load has the jaw's width and bends the wall over about l = sqrt(R r_jaw). Forces act on the corners of a
+    triangle, so a cell of size h widens them by a variance of h²/6: that is four fifths of the error of a pinch, and
+    falls with (h / l)². The other fifth comes from flat facets, which lie inside the circle by pi² / 3 n² of its radius
+    on average; errors of the elements are smaller. Measured for R of 3 to 6 mm and walls of 0.5 to 1.2 mm, a pinch over
+    1 mm is within 0.8 to 1 % of the limit of infinitely fine meshes (docs/decisions/default-mesh.md). Cells are shorter
+    round the tube than along it, where the wall bends less.
 
-    Where that would take more than ``most_nodes`` nodes both numbers are as many times smaller.
+    If that takes more than ``most_nodes`` nodes, both numbers are reduced by the same factor.
     """
     scale_m = math.sqrt(radius_m * jaw_radius_m)
     around, along = ROUND * radius_m / scale_m, ALONG * length_m / scale_m

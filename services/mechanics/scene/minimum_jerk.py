@@ -1,4 +1,4 @@
-"""How a hand moves from one breakpoint to the next, for scenarios here and for simulated devices."""
+"""Motion of a hand from one breakpoint to the next, for scenarios and simulated devices."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from services.mechanics.surface.units import LengthUnit
 
 Vector3 = tuple[float, float, float]
 FOLLOWS = {"follows": "from what a scene names, or from where it was said"}
-"""Metadata of a field that is derived: a scene file does not know it as a key."""
+"""Metadata of a derived field, which is no key of a scene file."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,10 +28,10 @@ class DuctScene:
 
     The tube is clamped at x = 0 and open at x = ``length_m``; its mid-surface has the radius ``radius_m``. A scene file
     may leave ``n_around`` and ``n_along`` to the rule in `scene.mesh_cells`: ``auto``. With ``branches`` it is the
-    trunk of a tree, meshed elsewhere by edges of ``mesh_edge_m``; its far end is held unless branches go on from it.
-    Both integrators of its modes are of second order and without numerical damping (spectral radius 1); what damps each
-    mode is ``damping_ratio``.
-    ``tissue`` names the preset of `scene.tissue` that the numbers of the wall were taken from, if they were.
+    trunk of a tree, meshed with edges of ``mesh_edge_m``; its far end is held unless branches continue from it.
+    Both integrators of its modes are of second order and without numerical damping (spectral radius 1); each mode is
+    damped by ``damping_ratio``.
+    ``tissue`` names the preset of `scene.tissue` from which the wall's values were taken, if any.
     """
 
     radius_m: float = 4e-3
@@ -67,16 +67,16 @@ class DuctScene:
 class CatheterScene:
     """The catheter: particle 0 is the proximal end, the last particle is the tip.
 
-    It starts straight, its tip at ``tip_position_m``, lying from there along ``-direction``; with ``before_mouth_m`` so
-    far before the middle of the duct's mouth, or of another ``opening``, on the opening's own axis, wherever that is.
+    It starts straight, with its tip at ``tip_position_m`` and the rest along ``-direction`` from there; or, with
+    ``before_mouth_m``, at that distance before the duct's mouth, or another ``opening``, on the opening's axis.
     ``anchor`` "clamped" holds the proximal end; with "introducer" it slides through one of ``introducer_length_m``, its
     exit ``introducer_to_tip_m`` behind the tip, and cannot leave it.
     ``guide_wire`` lies in its lumen and reaches beyond the tip.
-    ``introducer_friction`` is Coulomb's on its wall; ``introducer_seal_friction_n`` that of the seal at its exit, which
-    keeps the catheter where it was left.
-    ``spectral_radius`` is the numerical damping of the implicit integrator: the factor, 0 to 1, that vibrations far too
-    fast for a step keep from one step to the next. 1 keeps all of them, 0 makes them vanish at once; what a step
-    resolves is hardly damped by either. "semi_implicit" is the paper's integrator, without numerical damping.
+    ``introducer_friction`` is the Coulomb coefficient of its wall; ``introducer_seal_friction_n`` the friction of the
+    seal at its exit, which keeps a released catheter in place.
+    ``spectral_radius`` is the numerical damping of the implicit integrator: the factor, 0 to 1, by which vibrations far
+    too fast for the step fall in each step. At 1 they persist, at 0 they vanish at once; vibrations that the step
+    resolves are hardly damped. "semi_implicit" is the paper's integrator, without numerical damping.
     """
 
     n_segments: int = 50
@@ -105,18 +105,18 @@ class CatheterScene:
 
     @property
     def n_wire_segments(self) -> int:
-        """Segments of the guide wire beyond the tip: at most as long as the catheter's own, however far it is out."""
+        """Number of segments of guide wire beyond the tip, none longer than the catheter's at full reach."""
         return math.ceil(self.guide_wire.reach_m * self.n_segments / self.length_m) if self.guide_wire else 0
 
     @property
     def n_rod_segments(self) -> int:
-        """Segments of the catheter and, beyond its tip, of the guide wire."""
+        """Number of segments of the catheter and, beyond its tip, of the guide wire."""
         return self.n_segments + self.n_wire_segments
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContactSettings:
-    """How contact forces are computed.
+    """Method and parameters of the contact solve.
 
     "implicit" solves them in contact space; "penalty" is the paper's spring on the depth of penetration.
     Friction exists only when the effect ``friction`` is named in the scene.
@@ -133,12 +133,12 @@ class ContactSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class QualityLevel:
-    """One rung of the quality ladder; rung 0 is the best, and a switch takes effect in the next tick.
+    """One level of the quality ladder; level 0 is the best, and a switch takes effect in the next tick.
 
-    ``iterations`` is the most sweeps of a solve, unless more are needed to keep bodies apart; ``without`` names effects
-    that rest meanwhile, of those that can. A step is at most ``ticks_per_step`` milliseconds long: a caller that steps
-    once a millisecond steps once in so many.
-    ``cost_us`` of a tick and the errors of forces and of motion are those that `trocar tune` measured, None without it.
+    ``iterations`` limits the sweeps of a solve, unless more are needed to keep bodies apart; ``without`` names effects
+    that rest meanwhile. A step is at most ``ticks_per_step`` milliseconds long: a caller with a period of one
+    millisecond takes one step in as many periods.
+    ``cost_us`` of a tick and the errors of forces and of motion are measured by `trocar tune`, None without it.
     """
 
     name: str = "full"
@@ -152,14 +152,14 @@ class QualityLevel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SceneModel:
-    """Everything a simulation is built from.
+    """All settings of a simulation.
 
     ``effects`` maps the name of each present effect to its settings, the dataclass that the effect calls `Settings`.
-    Those in ``essential`` are never given up for time: neither by `trocar tune` nor on the quality ladder.
-    ``hands`` is the task that simulated hands do in the scene, ``target`` the branch that a drive is to reach.
-    ``forceps`` are the tools, whatever the kind of each; there may be fewer than two.
-    With ``duct_alone`` there is neither catheter nor tool, and their settings are not read.
-    ``source`` is the scene's file: messages about the scene begin with it.
+    Those in ``essential`` are never dropped to save time, neither by `trocar tune` nor on the quality ladder.
+    ``hands`` is the task of simulated hands in the scene, ``target`` the branch that a drive is to reach.
+    ``forceps`` are the tools, of any kind; there may be fewer than two.
+    With ``duct_alone`` there is neither catheter nor tool, and their settings are ignored.
+    ``source`` is the scene's file, with which messages about the scene begin.
     """
 
     duct: DuctScene = field(default_factory=DuctScene)

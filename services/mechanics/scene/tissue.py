@@ -1,7 +1,7 @@
 """Tissue of bile ducts: values with their sources and ranges; a value without a measurement is called an assumption.
 
-No modulus, relaxation time or friction of the human cystic duct was found in print. The presets therefore say of
-every number where it comes from, and over which range a study should vary it.
+No modulus, relaxation time or friction of the human cystic duct was found in the literature. The presets therefore give
+for every number its source and the range over which a study should vary it.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ class Tissue:
             isotropic wall.
         major_poisson_ratio: Quantity. Contraction along the softer direction per stretch along the stiffer one.
         relaxing_shares, relaxation_times_s: tuple of Quantity. Prony series of the instantaneous modulus.
-        stiffening_exponent: Quantity. Exponent of Fung's law: pulled one way by e the wall is exp(a e^2) times as stiff
-            as at rest.
+        stiffening_exponent: Quantity. Exponent of Fung's law: at a uniaxial stretch e the wall is exp(a e^2) times as
+            stiff as at rest.
     """
 
     thickness_m: Quantity
@@ -92,7 +92,7 @@ class Tissue:
         return PronySeries(tuple(q.value for q in shares), tuple(q.value for q in times))
 
     def quantities(self) -> dict[str, Quantity]:
-        """Return all quantities by name, those of the relaxation with their number."""
+        """Return all quantities by name; those of the relaxation are numbered."""
         named: dict[str, Quantity] = {}
         for name in self.__slots__:
             entry = getattr(self, name)
@@ -163,7 +163,7 @@ TISSUES: dict[str, Tissue] = {
 
 
 def tissue(name: str) -> Tissue:
-    """Return a preset. Raises ValueError if there is no such preset; the message lists those there are."""
+    """Return a preset. Raises ValueError if there is no such preset; the message lists the existing ones."""
     if name not in TISSUES:
         raise ValueError(f"unknown tissue '{name}'; known: {', '.join(TISSUES)}")
     return TISSUES[name]

@@ -1,4 +1,4 @@
-"""Inputs of the hands to a step, and its results for each of them."""
+"""Inputs of the hands to a step, and its results for each tool."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ N_TOOLS = 2
 class GraspHold:
     """The jaws of one tool holding one point of the catheter or of the duct wall.
 
-    The simulation owns where the point sits in the jaws: it is fixed when a ``hold_id`` is first seen and
-    moves only when the hold slips. A hold that is no longer named is released.
+    The simulation stores the point's place in the jaws: it is fixed when a ``hold_id`` first appears, and moves only
+    when the hold slips. A hold that is no longer listed is released.
 
     Attributes:
         hold_id: int. Never reused; a new grasp takes a new number.
@@ -42,12 +42,11 @@ class ToolInputs:
     """State of both instruments at the end of the tick: the measured HIP, never the proxy.
 
     Attributes:
-        present: (2,) bool. A tool that is absent touches nothing and feels nothing; one with a NaN or an infinity
-            counts as absent.
+        present: (2,) bool. An absent tool has no contact and no force; one with a NaN or an infinity counts as absent.
         position_m: (2, 3) float64. Junction point J of shaft and jaws.
         roll_rad: (2,) float64. Rotation of the jaws about the shaft.
-        jaw_angle_rad: (2,) float64. Opening the handle asks for; the jaws stop earlier when something is between them.
-        holds: list of GraspHold, or None. None lets the simulation run the grasp itself.
+        jaw_angle_rad: (2,) float64. Opening commanded by the handle; jaws stop earlier if something is between them.
+        holds: list of GraspHold, or None. With None the simulation detects grasps itself.
     """
 
     present: npt.NDArray[np.bool_] = field(default_factory=lambda: np.ones(N_TOOLS, np.bool_))
@@ -59,18 +58,18 @@ class ToolInputs:
 
 @dataclass(slots=True)
 class ToolResults:
-    """What each instrument feels, written in place by every step.
+    """Forces on each instrument, written in place by every step.
 
     Attributes:
         force_n: (2, 3) float64. Force of the virtual world on the tool, reduced to J.
         port_moment_nm: (2, 3) float64. Moment of the same forces about the port, which the trocar and the hand share.
         grasp_torque_nm: (2,) float64. Torque that opens the jaws; positive pushes the handle open.
-        stiffness_n_m: (2, 3, 3) float64. Stiffness that a hand meets at J on an even way over 5 ms, coupling included;
-            zero out of contact.
-        grasp_stiffness_nm_rad: (2,) float64. How much `grasp_torque_nm` falls per radian by which the hand opens the
-            jaws, coupling included.
-        proxy_position_m: (2, 3) float64. Where J is when the coupling spring is stretched.
-        proxy_jaw_angle_rad: (2,) float64. Where the jaws are.
+        stiffness_n_m: (2, 3, 3) float64. Stiffness at J for a steady motion over 5 ms, coupling included; zero out of
+            contact.
+        grasp_stiffness_nm_rad: (2,) float64. Decrease of `grasp_torque_nm` per radian by which the hand opens the jaws,
+            coupling included.
+        proxy_position_m: (2, 3) float64. Position of J in the simulation, at the other end of the coupling spring.
+        proxy_jaw_angle_rad: (2,) float64. Opening of the jaws in the simulation.
     """
 
     force_n: FloatArray = field(default_factory=lambda: np.zeros((N_TOOLS, 3)))

@@ -1,1 +1,1 @@
-"""The duct's mid-surface: triangle meshes, and the tube made from a few numbers."""
+"""The duct's mid-surface: triangle meshes, and the parametric tube."""

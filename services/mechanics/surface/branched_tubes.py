@@ -1,4 +1,4 @@
-"""Tubes that leave each other, as a solid: where their axes go, and how far a point is from their smooth union."""
+"""Branching tubes as a solid: their axes, and the signed distance from their smooth union."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from services.mechanics.arrays import FloatArray
 
 BLEND = 0.6
-"""Radii of a branch within which it runs into its parent: a crotch without an edge."""
+"""Width, in radii of a branch, of its smooth transition into the parent."""
 _SAMPLES_PER_RADIUS = 8.0
 _STRAIGHT_1_M = 1e-9
 
@@ -21,10 +21,10 @@ class Tube:
 
     Attributes:
         name
-        origin_m, axes: (3,), (3, 3) float64. Its near end, and there the rows: its way on, the side to which it bends,
-            and across both.
+        origin_m, axes: (3,), (3, 3) float64. Its near end, and as rows the axes there: the tangent, the side to which
+            it bends, and across both.
         length_m, radius_m, end_radius_m, curvature_1_m
-        far_end: "held" or "free" for an opening, "blind", or "on" where a branch goes on from there.
+        far_end: "held" or "free" for an opening, "blind", or "on" where a branch continues.
     """
 
     name: str
@@ -37,7 +37,7 @@ class Tube:
     far_end: str
 
     def place(self, at_m: float) -> tuple[FloatArray, FloatArray]:
-        """Return the point of the axis so far on, and its axes there."""
+        """Return the point of the axis at arc length ``at_m``, and the tube's axes there."""
         angle, (on, aside, across) = self.curvature_1_m * at_m, self.axes
         if abs(self.curvature_1_m) < _STRAIGHT_1_M:
             return self.origin_m + at_m * on, self.axes
@@ -47,11 +47,11 @@ class Tube:
         return self.origin_m + way / self.curvature_1_m, np.stack([turned_on, turned_aside, across])
 
     def radius_at(self, at_m: float) -> float:
-        """Return its radius so far on."""
+        """Return the radius at arc length ``at_m``."""
         return self.radius_m + (self.end_radius_m - self.radius_m) * at_m / self.length_m
 
     def distance_m(self, points_m: FloatArray) -> FloatArray:
-        """(n,) distances of points (n, 3) from its surface, less than zero inside; its ends are rounded."""
+        """Return signed distances (n,) of points (n, 3) from its surface, negative inside; its ends are rounded."""
         smallest_m = min(self.radius_m, self.end_radius_m)
         stations = np.linspace(0.0, self.length_m, 2 + int(_SAMPLES_PER_RADIUS * self.length_m / smallest_m))
         distance = np.full(len(points_m), np.inf)
@@ -71,7 +71,7 @@ def branch_of(parent: Tube, at_m: float, angle_rad: float, azimuth_rad: float) -
 
 
 def union_distance_m(tubes: list[Tube], points_m: FloatArray) -> FloatArray:
-    """(n,) distances of points (n, 3) from the smooth union of tubes, less than zero inside (Quilez's polynomial)."""
+    """Return signed distances (n,) of points (n, 3) from the smooth union of tubes (Quilez's polynomial)."""
     union = tubes[0].distance_m(points_m)
     for tube in tubes[1:]:
         other, blend_m = tube.distance_m(points_m), BLEND * tube.radius_m

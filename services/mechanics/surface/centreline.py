@@ -1,4 +1,4 @@
-"""The centrelines of a branching tube, read off any surface: from the mouth to each end that has a name."""
+"""The centrelines of a branching tube, found from its surface: from the mouth to each named end."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.surface.mesh import TriangleMesh, unique_edges, vertex_areas_m2
 
 _BAND_EDGES = 1.5
-"""Width of a band of the surface over its mean edge: narrower ones fall apart."""
+"""Width of a band of the surface in mean edges; narrower bands would not be connected."""
 _PASSES = 4
 _NOT_ENDS = ("mouth", "clamped")
 
 
 def centrelines(mesh: TriangleMesh) -> dict[str, FloatArray]:
-    """Return for each named end but the mouth the way (m, 3) from the middle of the mouth to its own middle.
+    """Return for each named end but the mouth the path (m, 3) from the middle of the mouth to its own middle.
 
     Bands of equal distance along the surface from the mouth, in one piece each, are the nodes of a tree (Reeb's graph
     of that distance; Verroust and Lazarus, "Extracting skeletal curves from 3D scattered data", 2000), and their
-    middles its points, evened out as a tree. Ways to different ends are the same points until they part.
+    middles its points, smoothed along the tree. Paths to different ends share their points up to the fork.
     """
     mouth = mesh.vertex_sets["mouth"]
     named = {name: own for name, own in mesh.vertex_sets.items() if name not in _NOT_ENDS}
@@ -40,7 +40,7 @@ def centrelines(mesh: TriangleMesh) -> dict[str, FloatArray]:
 
 
 def _even_out(middle_m: FloatArray, parent: IntArray, ways: list[list[int]]) -> None:
-    """Move the inner nodes of the ways towards the middle between those before and those behind; ends stay."""
+    """Smooth the paths: move each inner node towards the middle of its neighbours; ends are fixed."""
     inner = np.unique(np.concatenate([way[1:-1] for way in ways]))
     steps = np.unique(np.array([step for way in ways for step in zip(way[1:], way[:-1], strict=True)]), axis=0)
     children = scipy.sparse.coo_array((np.ones(len(steps)), steps.T), shape=(len(parent), len(parent))).tocsr()

@@ -1,6 +1,6 @@
-"""The same surface on fewer of its own vertices: the dual of a partition into patches round evenly spread seeds.
+"""Coarsening of a surface to fewer of its own vertices: the dual of a partition into patches round spread-out seeds.
 
-Patches are nearest by the way along edges, so that triangles join three neighbouring patches as in a Delaunay
+Patches are nearest by path length along edges, so that triangles join three neighbouring patches as in a Delaunay
 triangulation (Valette and Chassery, Computer Graphics Forum 23:381, 2004, without moving the seeds).
 """
 
@@ -19,12 +19,12 @@ from services.mechanics.surface.mesh import (
 )
 
 TRIES = (1.0, 0.9, 1.1, 0.8, 1.25)
-"""Parts of the number of vertices wanted that are tried until the surface keeps its topology."""
+"""Multiples of the desired number of vertices, tried in turn until the surface keeps its topology."""
 FEWEST_ON_RIM = 6
 
 
 def coarsened(mesh: TriangleMesh, n_vertices: int) -> tuple[TriangleMesh, IntArray]:
-    """Return the surface on about ``n_vertices`` of its vertices, and which they are; its vertex sets keep theirs.
+    """Return the surface on about ``n_vertices`` of its vertices, and their indices; vertex sets are mapped.
 
     Raises ValueError if no such surface with the same holes and rims was found.
     """
@@ -37,7 +37,7 @@ def coarsened(mesh: TriangleMesh, n_vertices: int) -> tuple[TriangleMesh, IntArr
 
 
 def _spread(mesh: TriangleMesh, n: int) -> IntArray:
-    """Seeds: evenly along every rim, then each the vertex that is furthest from those before it."""
+    """Return seeds: evenly along every rim, then repeatedly the vertex furthest from all seeds so far."""
     x = mesh.vertices_m
     spacing_m = np.sqrt(2.0 / np.sqrt(3.0) * triangle_areas_m2(mesh).sum() / n)
     seeds: list[int] = []
@@ -59,7 +59,7 @@ def _spread(mesh: TriangleMesh, n: int) -> IntArray:
 
 
 def _dual(mesh: TriangleMesh, seeds: IntArray) -> TriangleMesh | None:
-    """Join seeds whose patches meet in a triangle; None where that is no surface."""
+    """Return the mesh that joins seeds whose patches meet in a triangle; None if it is no surface."""
     patch = _patches(mesh, seeds)[mesh.triangles]
     corners = patch[(patch[:, 0] != patch[:, 1]) & (patch[:, 1] != patch[:, 2]) & (patch[:, 2] != patch[:, 0])]
     _, first = np.unique(np.sort(corners, axis=1), axis=0, return_index=True)
@@ -72,7 +72,7 @@ def _dual(mesh: TriangleMesh, seeds: IntArray) -> TriangleMesh | None:
 
 
 def _patches(mesh: TriangleMesh, seeds: IntArray) -> IntArray:
-    """(n,) the seed, by its place among them, that is nearest to each vertex along edges."""
+    """Return the index (n,) of the seed nearest to each vertex along edges."""
     edges, _ = unique_edges(mesh)
     length: FloatArray = np.linalg.norm(mesh.vertices_m[edges[:, 0]] - mesh.vertices_m[edges[:, 1]], axis=1)
     graph = scipy.sparse.coo_array((length, edges.T), shape=(mesh.n_vertices,) * 2).tocsr()
@@ -85,7 +85,7 @@ def _patches(mesh: TriangleMesh, seeds: IntArray) -> IntArray:
 
 
 def _topology(mesh: TriangleMesh) -> tuple[int, int, int] | None:
-    """Pieces, rims and Euler's number; None where more than two triangles share an edge, or a rim branches."""
+    """Return (components, rims, Euler characteristic); None for a surface that is not a manifold."""
     edges, shared = unique_edges(mesh)
     try:
         n_rims = len(boundary_loops(mesh))

@@ -1,4 +1,4 @@
-"""Cyclic symmetry: a surface that is its own copy, turned about x by a whole part of a full turn."""
+"""Cyclic symmetry: a surface that maps to itself when turned about x by a fraction 1 / n of a full turn."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.surface.mesh import TriangleMesh
 
 _APART = 1e-9
-"""Copies of vertices are found within this share of the surface's size."""
+"""Tolerance for finding copies of vertices, as a fraction of the surface's size."""
 _ACROSS = np.array([1.0, math.sqrt(2.0), math.sqrt(3.0)])
-"""A direction along which hardly two vertices of a regular mesh have one place."""
+"""A direction along which hardly any two vertices of a regular mesh have the same coordinate."""
 
 
 @dataclass(frozen=True, slots=True)
 class CyclicSymmetry:
-    """Sectors round the x axis, each the first one turned.
+    """Sectors round the x axis, each a rotated copy of the first.
 
     Attributes:
         n_sectors: int
-        seat: (n,) int32. Which node of the first sector each node is a copy of, 0 to n / n_sectors - 1.
+        seat: (n,) int32. Node of the first sector of which each node is a copy, 0 to n / n_sectors - 1.
         sector: (n,) int32
     """
 
@@ -44,9 +44,9 @@ class CyclicSymmetry:
 
 
 def find_cyclic_symmetry(mesh: TriangleMesh) -> CyclicSymmetry | None:
-    """Return the sectors, as many as there are, of a mesh whose held nodes and triangles turn into each other.
+    """Return the sectors, as many as possible, of a mesh whose held nodes and triangles are symmetric.
 
-    None where there are not at least two, or where a node lies on the axis.
+    Return None if there are fewer than two, or if a node lies on the axis.
     """
     held = mesh.vertex_sets.get("clamped")
     if held is None:
@@ -74,9 +74,9 @@ def turned_about_x(vectors: FloatArray, angle_rad: float) -> FloatArray:
 
 
 def _image(vertices_m: FloatArray, moved_m: FloatArray, reach_m: float) -> IntArray:
-    """Return for each moved vertex the vertex within reach of it, -1 where there is none.
+    """Return for each moved vertex the index of a vertex within reach of it, -1 if there is none.
 
-    In order along a line: to import scipy's trees takes 50 ms in each process of a rig.
+    The search sorts along a line, because importing scipy's trees takes 50 ms in each process of a rig.
     """
     along_m, moved_along_m = vertices_m @ _ACROSS, moved_m @ _ACROSS
     order = np.argsort(along_m)

@@ -60,19 +60,19 @@ class TriangleMesh:
 
 
 def triangle_area_vectors(mesh: TriangleMesh) -> FloatArray:
-    """(m, 3) outward normals scaled by the triangle's area in m²."""
+    """Return outward normals (m, 3) scaled by the triangles' areas in m²."""
     a, b, c = (mesh.vertices_m[mesh.triangles[:, k]] for k in range(3))
     return 0.5 * np.cross(b - a, c - a)
 
 
 def triangle_areas_m2(mesh: TriangleMesh) -> FloatArray:
-    """(m,) areas."""
+    """Return the areas (m,) of the triangles."""
     areas: FloatArray = np.linalg.norm(triangle_area_vectors(mesh), axis=1)
     return areas
 
 
 def smallest_angles_rad(mesh: TriangleMesh) -> FloatArray:
-    """(m,) smallest angle of each triangle."""
+    """Return the smallest angle (m,) of each triangle."""
     corners = mesh.vertices_m[mesh.triangles]
     to_next, to_last = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
     sine = np.linalg.norm(np.cross(to_next, to_last), axis=2)
@@ -81,7 +81,7 @@ def smallest_angles_rad(mesh: TriangleMesh) -> FloatArray:
 
 
 def vertex_normals(mesh: TriangleMesh) -> FloatArray:
-    """(n, 3) unit normals, the area-weighted mean of the triangles round each vertex."""
+    """Return unit normals (n, 3), the area-weighted mean of the triangles round each vertex."""
     area_vectors = triangle_area_vectors(mesh)
     normals = np.zeros_like(mesh.vertices_m)
     for corner in range(3):
@@ -91,20 +91,20 @@ def vertex_normals(mesh: TriangleMesh) -> FloatArray:
 
 
 def vertex_areas_m2(mesh: TriangleMesh) -> FloatArray:
-    """(n,) a third of the area of the triangles round each vertex; sums to the surface."""
+    """Return a third of the area of the triangles round each vertex (n,); their sum is the surface's area."""
     areas = np.zeros(mesh.n_vertices)
     np.add.at(areas, mesh.triangles, triangle_areas_m2(mesh)[:, None] / 3.0)
     return areas
 
 
 def half_edges(mesh: TriangleMesh) -> IntArray:
-    """(3 m, 2) directed edges; rows 3 t + k are edge k -> k + 1 of triangle t."""
+    """Return directed edges (3 m, 2); row 3 t + k is edge k -> k + 1 of triangle t."""
     return mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
 
 
 def edge_of_half_edges(mesh: TriangleMesh) -> tuple[IntArray, IntArray, IntArray]:
-    """(e, 2) undirected edges, lower index first and ascending, (3 m,) which of them each half-edge runs along, and
-    (e,) how many triangles share each.
+    """Return undirected edges (e, 2), lower index first and ascending, the edge of each half-edge (3 m,), and the
+    number of triangles at each edge (e,).
     """
     directed = half_edges(mesh).astype(np.int64)
     keys = directed.min(axis=1) * mesh.n_vertices + directed.max(axis=1)
@@ -114,13 +114,13 @@ def edge_of_half_edges(mesh: TriangleMesh) -> tuple[IntArray, IntArray, IntArray
 
 
 def unique_edges(mesh: TriangleMesh) -> tuple[IntArray, IntArray]:
-    """(e, 2) undirected edges, lower index first, and (e,) how many triangles share each."""
+    """Return undirected edges (e, 2), lower index first, and the number of triangles at each (e,)."""
     edges, _, counts = edge_of_half_edges(mesh)
     return edges, counts
 
 
 def paired_half_edges(mesh: TriangleMesh) -> IntArray:
-    """(k, 2) the half-edges on both sides of every edge that exactly two triangles share; triangle h // 3 has h."""
+    """Return the two half-edges (k, 2) of every edge shared by exactly two triangles; triangle h // 3 has h."""
     _, edge, counts = edge_of_half_edges(mesh)
     order = np.argsort(edge, kind="stable")
     pairs: IntArray = order[counts[edge[order]] == 2].reshape(-1, 2).astype(np.int32)
@@ -128,7 +128,7 @@ def paired_half_edges(mesh: TriangleMesh) -> IntArray:
 
 
 def vertex_adjacency(mesh: TriangleMesh) -> scipy.sparse.csr_array[np.int8]:
-    """(n, n) sparse matrix with a one where two vertices share an edge."""
+    """Return a sparse matrix (n, n) with a one where two vertices share an edge."""
     edges, _ = unique_edges(mesh)
     rows, columns = np.concatenate([edges, edges[:, ::-1]]).T
     ones = np.ones(len(rows), np.int8)
@@ -136,13 +136,13 @@ def vertex_adjacency(mesh: TriangleMesh) -> scipy.sparse.csr_array[np.int8]:
 
 
 def vertex_components(mesh: TriangleMesh) -> IntArray:
-    """(n,) index of the connected piece each vertex belongs to; an unused vertex is its own piece."""
+    """Return the index (n,) of each vertex's connected component; an unused vertex is its own component."""
     _, labels = scipy.sparse.csgraph.connected_components(vertex_adjacency(mesh), directed=False)
     return labels.astype(np.int32)
 
 
 def boundary_loops(mesh: TriangleMesh) -> list[IntArray]:
-    """Open rims, longest first, each in order along the direction of its triangles' edges.
+    """Return the open rims, longest first, each in order along the direction of its triangles' edges.
 
     Raises ValueError if a rim branches at a vertex, so the surface is not a manifold there.
     """

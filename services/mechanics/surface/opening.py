@@ -10,7 +10,7 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.surface.mesh import TriangleMesh
 
 _NEAREST, _FURTHEST = 2.0, 3.5
-"""In radii of the rim."""
+"""Range of distances from the rim, in its radii, in which the middle of the lumen is measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,8 +19,8 @@ class Opening:
 
     Attributes:
         centre_m: (3,) float64. Middle of the rim.
-        inward: (3,) float64. Unit vector from there to the middle of the lumen two to three and a half radii behind:
-            the way in. A rim that was cut aslant looks elsewhere.
+        inward: (3,) float64. Unit vector from there to the middle of the lumen 2 to 3.5 radii behind: the direction of
+            insertion, which differs from the normal of an oblique rim.
         radius_m: float. Mean distance of the rim from its middle.
     """
 
@@ -32,8 +32,8 @@ class Opening:
 def mouth_opening(mesh: TriangleMesh, name: str = "mouth") -> Opening:
     """Return the mouth of a duct, or another of its openings by the name of its set of vertices.
 
-    Raises ValueError: there is none of this name, or it is too short beside its width, or too coarse, for the way in to
-    be told.
+    Raises ValueError: there is no such opening, or the duct is too short or too coarsely meshed there to find the
+    direction of insertion.
     """
     if name not in mesh.vertex_sets:
         raise ValueError(f"duct: there is no opening {name!r}; there are {', '.join(sorted(mesh.vertex_sets))}")

@@ -11,7 +11,7 @@ from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.surface.mesh import TriangleMesh
 
 MOST_TRIANGLES = 2_000_000
-"""Limit of a mesh; a smaller mesh may still need more memory than there is, which is checked when it is solved."""
+"""Limit of a mesh's size; memory is checked separately when it is solved."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class DuctGeometry:
         n_around: Triangle edges round a ring.
         n_along: Rows of cells (two triangles each) along the axis.
         wall_thickness_m: Thickness of the wall, half of it on each side of the mid-surface.
-        taper: Part of the radius lost on the way to the mouth: mouth radius = radius_m * (1 - taper).
+        taper: Fraction by which the radius falls towards the mouth: mouth radius = radius_m * (1 - taper).
         curvature_1_m: Curvature of the axis, which leaves the clamped end along +x and bends towards +y.
         cut_angle_rad: Angle between the mouth's plane and the axis's cross-section; the +y side is the longer one.
         slit_length_m: Length of an incision along the wall, from the mouth inwards, on the +y side.
@@ -104,7 +104,7 @@ def parametric_duct(geometry: DuctGeometry) -> TriangleMesh:
 
 
 def alternating_triangles(grid: IntArray) -> IntArray:
-    """Two triangles for each cell of a (rows, columns) array of vertex indices, diagonals in checkerboard."""
+    """Return two triangles for each cell of a (rows, columns) array of vertex indices, diagonals in checkerboard."""
     a, b = grid[:-1, :-1], grid[:-1, 1:]
     d, c = grid[1:, :-1], grid[1:, 1:]
     falling = np.add.outer(np.arange(a.shape[0]), np.arange(a.shape[1]))[..., None] % 2 == 0
@@ -114,7 +114,7 @@ def alternating_triangles(grid: IntArray) -> IntArray:
 
 
 def _ring_stations(geometry: DuctGeometry) -> tuple[FloatArray, int]:
-    """Axial position of each ring, one of them at the incision's end, and the first ring that is open."""
+    """Return the axial position of each ring, one of them at the incision's end, and the first open ring."""
     n = geometry.n_along
     if geometry.slit_length_m == 0.0:
         return np.linspace(0.0, geometry.length_m, n + 1), n + 1
@@ -126,7 +126,7 @@ def _ring_stations(geometry: DuctGeometry) -> tuple[FloatArray, int]:
 
 
 def _ring(geometry: DuctGeometry, s_m: float, is_slit: bool) -> FloatArray:
-    """Positions round the duct at axial position ``s_m``; a slit ring has one vertex more, one per lip."""
+    """Return positions round the duct at axial position ``s_m``; a slit ring has one vertex more, one per lip."""
     fraction = s_m / geometry.length_m
     radius = geometry.radius_m * (1.0 - geometry.taper * fraction)
     angle = np.linspace(0.0, 2.0 * math.pi, geometry.n_around + 1)

@@ -1,4 +1,4 @@
-"""Units of length in surface files, which no such format states."""
+"""Units of length in surface files, as no file format states them."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""The table of instruments: the one place that names their kinds. A new kind is a file in this folder and a row here.
+"""The table of instruments, the only place that names their kinds. A new kind is a file in this folder and a row here.
 
-A row says what the scene file may say of it, what of it touches, whether it has jaws and a handle, and how it is drawn;
-see `ToolScene`. Nothing here needs numpy, so that a process can read cheaply what a scene calls for.
+A row defines the keys of a scene file, which parts have contact, whether there are jaws and a handle, and the drawing;
+see `ToolScene`. Nothing here needs numpy, so that a process can read a scene's instruments cheaply.
 """
 
 from __future__ import annotations
@@ -19,6 +19,6 @@ TOOLS: dict[str, type[ToolScene]] = {
     "wire_drive": WireDriveScene,
 }
 USUAL = "forceps"
-"""Kind of a tool whose scene file names none."""
+"""Default kind of a tool."""
 
 __all__ = ["TOOLS", "USUAL", "DrawnPart", "DriveScene", "ForcepsScene", "ProbeScene", "ToolScene", "WireDriveScene"]

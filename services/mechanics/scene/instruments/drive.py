@@ -10,10 +10,10 @@ from services.mechanics.scene.instruments.tool import ToolScene
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FromBehind(ToolScene):
-    """A holder of a proximal end: it touches nothing else, and holds on while it is there.
+    """A holder of a proximal end: it has no other contact, and holds as long as it is present.
 
-    Its port lies on the catheter's axis, ``behind_m`` behind the proximal end, wherever a scene file says: moving J
-    along the shaft pushes, rolling it twists.
+    Its port is placed on the catheter's axis, ``behind_m`` behind the proximal end, whatever the scene file says.
+    Moving J along the shaft pushes, rolling it twists.
     """
 
     behind_m: float = 60e-3
@@ -22,7 +22,7 @@ class FromBehind(ToolScene):
 
     @property
     def body_radius_m(self) -> float:
-        """Nothing of it touches."""
+        """Return 0, as it has no contact."""
         return 0.0
 
 
@@ -39,5 +39,5 @@ class DriveScene(FromBehind):
 
     @property
     def handle_range(self) -> tuple[float, float]:
-        """The handle's own angle steers."""
+        """Return a ratio of 1, as the handle's own angle steers."""
         return 1.0, self.handle_max_angle_rad

@@ -42,7 +42,7 @@ class ForcepsScene(ToolScene):
 
     @property
     def handle_range(self) -> tuple[float, float]:
-        """The handle turns the jaws."""
+        """Return the handle's ratio and range for the jaws."""
         return self.jaw_ratio, self.jaw_max_angle_rad
 
     def drawn(self) -> tuple[DrawnPart, ...]:

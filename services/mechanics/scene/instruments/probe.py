@@ -1,4 +1,4 @@
-"""A probe that palpates with its tip: a sphere, and nothing else of it touches."""
+"""A probe that palpates with a sphere at its tip, the only part that has contact."""
 
 from __future__ import annotations
 
@@ -16,10 +16,9 @@ _RINGS = 8
 class ProbeScene(ToolScene):
     """A point-based probe: one sphere at the end of a shaft; neither jaws nor handle.
 
-    What the hand feels is rendered as of a point: the proxy is kept on the surface of what the sphere meets while the
-    hand goes into it, and the coupling between both is the force (Zilles and Salisbury, IROS 1995; for a proxy with a
-    radius Ruspini, Kolarov and Khatib, SIGGRAPH 1997). J is the middle of the sphere. Point-based means that the shaft
-    passes through what it meets.
+    Its force is rendered as for a point: the proxy stays on the surface of the touched body while the hand enters it,
+    and the coupling between both is the force (Zilles and Salisbury, IROS 1995; for a proxy with a radius Ruspini,
+    Kolarov and Khatib, SIGGRAPH 1997). J is the middle of the sphere. The shaft passes through all bodies.
     """
 
     kind: Literal["probe"] = "probe"

@@ -1,4 +1,4 @@
-"""What every instrument has, whatever its kind: a shaft through a fixed port, a coupling to the hand, a picture."""
+"""Base of all instruments: a shaft through a fixed port, a coupling to the hand, a drawing."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 Vector3 = tuple[float, float, float]
 SHAFT_M = 0.26
-"""Length of shaft that is drawn."""
+"""Drawn length of the shaft."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,31 +40,31 @@ class ToolScene:
     coupling_damping_n_s_m: float = 1.0
 
     has_handle: ClassVar[bool] = False
-    """Whether a hand moves anything of it but the whole: else there is no drive to a handle."""
+    """Whether it has a handle, and so a drive for the handle."""
     drives_catheter: ClassVar[bool] = False
     """Whether it holds the catheter's proximal end."""
     drives_wire: ClassVar[bool] = False
     """Whether it holds the guide wire's."""
     touches_along_shaft: ClassVar[bool] = True
-    """Whether all of the shaft inside the port touches, or only a sphere about J."""
+    """Whether all of the shaft inside the port has contact, or only a sphere about J."""
     positive: ClassVar[tuple[str, ...]] = ("shaft_radius_m", "coupling_stiffness_n_m")
     not_negative: ClassVar[tuple[str, ...]] = ("coupling_damping_n_s_m",)
 
     @property
     def jaws(self) -> ForcepsScene | None:
-        """Return what is said of its jaws; None for a tool that has none, and so grasps nothing."""
+        """Return the settings of its jaws; None for a tool without jaws, which cannot grasp."""
         return None
 
     @property
     def handle_range(self) -> tuple[float, float]:
-        """Return how far its handle turns what it moves, per radian, and how far that goes; here nothing."""
+        """Return the handle's ratio and the largest angle of the part that it moves; zero without a handle."""
         return 1.0, 0.0
 
     @property
     def body_radius_m(self) -> float:
-        """Radius of what touches besides jaws: of the shaft, or of the sphere about J; 0 where nothing does."""
+        """Radius of the contact geometry besides jaws: of the shaft or of the sphere about J; 0 without any."""
         return self.shaft_radius_m
 
     def drawn(self) -> tuple[DrawnPart, ...]:
-        """Return what is drawn of it besides jaws and port."""
+        """Return its drawn parts besides jaws and port."""
         return (DrawnPart("sleeve", ((-SHAFT_M, self.shaft_radius_m), (0.0, self.shaft_radius_m), (0.0, 0.0))),)
