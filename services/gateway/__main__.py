@@ -1,10 +1,10 @@
 """The gateway: devices at 1 kHz, and the servo between them and the newest contact model.
 
-A tick has two halves. At its deadline the arms are read, answered and published: nothing comes before what the hand
-feels. The handles, whose drives are on a bus that takes its time, are served when haptics has worked on the answer,
-from the model that has come by then; what comes later is found at the deadline. While it has not come haptics is late
-and wants the core: handles then wait for the next tick, but not for long. Nothing wakes the gateway in between, for
-haptics works on the same core: `TIMED_EVERY` says which models are waited for, to measure their way.
+A tick has two halves. At its deadline the arms are read, answered and published, because the force on the hand comes
+first. The handles, whose drives are on a slow bus, are served once haptics has had time to answer, from the newest
+model then; a later model is used at the next deadline. If it is late, haptics needs the core: handles then wait for the
+next tick, within a limit. Nothing wakes the gateway in between, as haptics runs on the same core, except for the models
+that are waited for to measure their latency (`TIMED_EVERY`).
 """
 
 from __future__ import annotations
@@ -34,34 +34,33 @@ from services.runtime.stop_line import StopLine
 MODEL = "haptics.contact_model"
 ATTEMPT = "training.attempt"
 RATE_HZ = 1000.0
-#: While the rig starts, when no arm bears a force: the loops then took half of what others need to be ready. Every
-#: stream still counts as fresh.
+#: Rate while the rig starts and no arm bears a force, so that the loops leave time for processes that are not ready.
+#: All streams still count as fresh.
 STARTING_HZ = 250.0
 STAGES = ("take", "servo", "send")
 _LOOK_ROUND_EVERY = 50
-_INVALID_LOOKS = 40  # in a row, two seconds, that found most models invalid are told of
-#: A piece of a report is made this long before the handles are served, and mostly takes less: a whole one, 300 to
-#: 420 us with cold caches, ran into the next tick ten times a second.
+_INVALID_LOOKS = 40  # checks in a row (two seconds) with mostly invalid models before that is reported
+#: A part of a report is made this long before the handles are served, and mostly takes less. A whole report, 300 to
+#: 420 us with cold caches, would delay ten ticks a second.
 _REPORT_NS = 150_000
-#: The handles are served this long before the next tick: twice what it takes at p99.9, and when haptics, which shares
-#: the core, is nearly always done. Earlier they would interrupt it where it is late already.
+#: The handles are served this long before the next tick: twice their p99.9 duration, and when haptics, which shares the
+#: core, is nearly always done. Earlier they would interrupt it just when it is late.
 _HANDLES_NS = 250_000
-#: Batches for observers leave after the handles if there is so long before the next tick: one takes 90 us.
+#: Batches for observers are sent after the handles if this much time is left before the next tick; one takes 90 us.
 _BATCH_NS = 120_000
-#: Of so many ticks in one the model is waited for, so that the time of its arrival is known: `device_model`. A wake-up
-#: interrupts haptics, so it is not had in every tick, and nothing but the time is taken in it; a hundred are had within
-#: the supervisor's window.
+#: Ticks between those in which the model is waited for, to measure its arrival (`device_model`). The wake-up interrupts
+#: haptics, so it is not done in every tick, and only the time is taken; the supervisor's window has a hundred of them.
 TIMED_EVERY = 16
-#: Orders are looked for in one tick of so many: they come ten times a second, and to look takes 10 us.
+#: Ticks between polls for orders, which come ten times a second; a poll takes 10 us.
 _ORDERS_EVERY = 4
-#: The attempt's as rarely as that: a person waits for them.
+#: The same for orders of an attempt, for which only a person waits.
 _ATTEMPT_EVERY = 16
-#: Frames looked at while waiting for an answer: a publisher that floods gets no more of this core.
+#: Most frames examined while waiting for an answer, so that a flooding publisher cannot take this core.
 _LOOKS = 4
 
 
 class Gateway:
-    """The instruments of a rig and what they say to the others."""
+    """The instruments of a rig and their messages to other processes."""
 
     def __init__(self, process: Process, hands: SceneHands) -> None:
         self._process = process
@@ -85,7 +84,7 @@ class Gateway:
         return self._health.path(name, round(1e3 * (contract.p99_us if contract else default_us)))
 
     def begin_at(self, tick: int) -> None:
-        """Let the rig's time begin with `tick`: where a replay ended, it goes on."""
+        """Start the rig's time at `tick`, the end of a replay."""
         self._time.index = tick - 1
 
     def open(self) -> None:
@@ -97,7 +96,7 @@ class Gateway:
         progress("devices open", 1.0)
 
     def tick(self, tick: Tick) -> None:
-        """Read, answer, write, publish: haptics waits for this core, so what nobody waits for comes later."""
+        """Read, answer, write and publish; all other work comes later, as haptics waits for this core."""
         self._time.advance(tick.index, tick.scheduled_ns)
         self._attempt.turn()
         self.meter.tick = self._time.index
@@ -123,7 +122,7 @@ class Gateway:
         self._look_round = tick.index % _LOOK_ROUND_EVERY == 0
 
     def _settle(self) -> None:
-        """Account for the last tick, and follow orders where they are looked for; once, before its answer is taken."""
+        """Account for the last tick and poll for orders, once, before its answer is used."""
         if self._unsettled is None:
             return
         index, sampled_ns, written_ns = self._unsettled
@@ -141,7 +140,7 @@ class Gateway:
             self._attempt.obey(self._bus.latest(ATTEMPT), self._bus.is_fresh(ATTEMPT))
 
     def serve(self, deadline_ns: int) -> None:
-        """Until `deadline_ns`: serve the handles from the model that answers the last tick."""
+        """Serve the handles until `deadline_ns`, from the model that answers the last tick."""
         handles_ns = deadline_ns - _HANDLES_NS
         came_ns = 0
         if self._timed:
@@ -151,12 +150,12 @@ class Gateway:
             sleep_until(handles_ns - _REPORT_NS)
             self._settle()
             self._report()
-        sleep_until(handles_ns)  # haptics has this core until its work is done
+        sleep_until(handles_ns)  # leaves the core to haptics
         self._settle()
         take(self._bus, self._answers, came_ns)
         began_ns = time.monotonic_ns()
         turn = self._turns.next(late=self._answers.outstanding)
-        if turn is not None:  # one handle a tick, so each of two at 500 Hz: docs/decisions/handles-take-turns.md
+        if turn is not None:  # one handle a tick, each of two at 500 Hz: docs/decisions/handles-take-turns.md
             self.instruments[turn].exchange_handle()
             self._grasp.latency.record(time.monotonic_ns() - began_ns)
         if deadline_ns - time.monotonic_ns() >= _BATCH_NS:
@@ -166,11 +165,11 @@ class Gateway:
         sleep_until(deadline_ns)
 
     def ended(self) -> bool:
-        """Return whether the process was asked to end and every hand has been let go."""
+        """Return whether the process was told to end and no hand bears a force any more."""
         return self._process.stop() and let_go(self.instruments)
 
     def _report(self) -> None:
-        """Look at the instruments, which many figures of a report are of, or make a piece of one that is due."""
+        """Sample the instruments for a report, or make a part of one that is due."""
         if not self._look_round:
             self._health.do_a_piece()
             return
@@ -196,19 +195,19 @@ class Gateway:
 
 
 def take(bus: Bus, answers: ModelIntake, came_ns: int = 0) -> None:
-    """Give the answer to the last tick to the servos, if it has come and they have not had it: now, or at `came_ns`."""
+    """Pass the answer to the last tick to the servos, if it is new; it arrived now, or at `came_ns`."""
     frame = bus.latest(MODEL) if answers.outstanding else None
     if frame is not None:
         answers.accept(frame, came_ns or time.monotonic_ns())
 
 
 def notice(bus: Bus, answers: ModelIntake, until_ns: int) -> int:
-    """Wait for a model, at most until `until_ns`; return when it came, 0 if none did. Haptics is at work: it is let."""
+    """Wait for a model until `until_ns`, without interrupting haptics; return its time of arrival, 0 for none."""
     return time.monotonic_ns() if answers.outstanding and bus.wait(MODEL, until_ns) else 0
 
 
 def listen(bus: Bus, answers: ModelIntake, until_ns: int) -> None:
-    """Wait for the answer to the last tick, at most until `until_ns`."""
+    """Wait for the answer to the last tick until `until_ns`."""
     for _ in range(_LOOKS):
         if not answers.outstanding or not bus.wait(MODEL, until_ns):
             return
@@ -216,14 +215,14 @@ def listen(bus: Bus, answers: ModelIntake, until_ns: int) -> None:
 
 
 def let_go(instruments: list[Instrument]) -> bool:
-    """Let every hand go, at the rate limit and not by a drop; return whether no force is left."""
+    """Reduce all forces to zero at the rate limit; return whether no force is left."""
     for instrument in instruments:
         instrument.servo.engagement.stop()
     return all(instrument.servo.limp for instrument in instruments)
 
 
 def prepare(process_config: ProcessConfig) -> SceneHands:
-    """Find out what the scene is for, where a device follows that; compile what a tick calls, if that is all."""
+    """Find the motions of hands in the scene, if a device follows them; compile the kernels of a tick if none does."""
     gateway, hands = process_config.rig.gateway, SceneHands()
     if scene_hands.are_called_for(gateway):
         hands = scene_hands.find_scene_hands(process_config.scene_name, process_config.scene_overrides)
@@ -233,7 +232,7 @@ def prepare(process_config: ProcessConfig) -> SceneHands:
 
 
 def _rehearse(instruments: list[Instrument]) -> None:
-    """Open every device and compile what a tick calls."""
+    """Open every device and compile the kernels of a tick."""
     try:
         for instrument in instruments:
             instrument.open()
@@ -244,8 +243,8 @@ def _rehearse(instruments: list[Instrument]) -> None:
 
 
 def _replay(process: Process, settings: ReplaySettings, meter: LoopMeter) -> int:
-    """Replay a recording; return the tick at which hands go on."""
-    from services.gateway.replaying import Replay  # what reads recordings is not installed with every gateway
+    """Replay a recording; return the tick at which hands continue."""
+    from services.gateway.replaying import Replay  # readers of recordings are not installed with every gateway
 
     replay = Replay(process, settings, meter)
     process.ready(meter)
@@ -254,7 +253,7 @@ def _replay(process: Process, settings: ReplaySettings, meter: LoopMeter) -> int
 
 
 def run(process: Process, hands: SceneHands) -> None:
-    """Tick until asked to end."""
+    """Tick until the process is told to end."""
     gateway, settings = Gateway(process, hands), process.rig.replay
     try:
         gateway.orders.line = StopLine(process.rig.transport)

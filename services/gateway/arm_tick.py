@@ -1,7 +1,7 @@
-"""All of a simulated arm's tick in one kernel: script, hand, motors, links, encoders.
+"""One kernel for the whole tick of a simulated arm: script, hand, motors, links, encoders.
 
-In a running rig a call from Python costs three times what it does in a loop (docs/decisions/cost-of-a-tick.md), and
-these were six an arm.
+In a running rig a call from Python costs three times as much as in a loop (docs/decisions/cost-of-a-tick.md), and
+separate kernels were six calls an arm.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from services.mechanics.scene.minimum_jerk import minimum_jerk
 
 
 class ArmTick(Struct):
-    """What `script.Player`, `simulated_arm.ArmState` and the driver hold: the same arrays."""
+    """The arrays of `script.Player`, `simulated_arm.ArmState` and the driver."""
 
     times: Annotated[FloatArray, "k"]
     values: Annotated[FloatArray, "k", COLUMNS]
@@ -47,9 +47,9 @@ arm_tick_at = reader(ArmTick)
 
 @kernel
 def tick_arm(address: Address[ArmTick], script_s: float, time_s: float) -> None:
-    """Put the hand where its script has it at `script_s`, let the arm follow for a tick, and read it.
+    """Move the hand to its script's pose at `script_s`, advance the arm by a tick, and read it.
 
-    What a script does that begins again does not: `time_s`, by which the hand trembles, goes on.
+    The tremor depends on `time_s`, which continues when a script starts again.
     """
     tick = arm_tick_at(address)
     minimum_jerk(tick.times, tick.values, script_s, tick.value, tick.rate)

@@ -1,4 +1,4 @@
-"""Orders about the rig's time: how fast it goes, that the scene begins again; it stands until the rig is up."""
+"""Orders about the rig's time: its pace, and restarts of the scene. The time is stopped until the rig is up."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ from services.gateway.rig_time import RigTime
 
 
 class AttemptOrders:
-    """Obeys ``training.attempt``; no arm bears a force while a scene begins again, or time does not go as the clock.
+    """Follows ``training.attempt``. No arm bears a force during a restart, or when the time differs from the clock.
 
-    First every hand is let go, at the rate limit. Then the scene begins, or time stands; force comes back by
-    re-engagement once time goes again. Without a training process that speaks, it goes. While the supervisor says that
-    the rig starts, it stands: a step of physics is most of what the loops compute, and who is not ready yet needs that.
+    First all forces are reduced to zero at the rate limit. Then the scene restarts, or time stops; forces return by
+    re-engagement once time runs again. It also runs if no training process is heard. It is stopped while the supervisor
+    reports that the rig starts, because steps of physics would take the time that starting processes need.
 
     Attributes:
-        starting: Whether the supervisor says so.
-        begins: How often the scene was begun again: travels in every frame, so that all begin with the same tick.
+        starting: Whether the supervisor reports that the rig starts.
+        begins: Number of restarts of the scene; it is in every frame, so that all processes restart at the same tick.
     """
 
     def __init__(self, instruments: list[Instrument], time: RigTime) -> None:
         self.begins = 0
         self.starting = False
         self._instruments, self._time = instruments, time
-        self._by = -1, 0, 0  # who orders, with how many begins and steps so far
+        self._by = -1, 0, 0  # incarnation of the sender, its restarts and steps so far
         self._pace = 1.0
         self._begins_owed = self._acts = False
 
     def obey(self, frame: Frame | None, fresh: bool) -> None:
-        """Follow the newest frame, where there is one; `fresh` is whether the last is young enough to be followed."""
+        """Follow the newest frame, if any; `fresh` tells whether the last one is young enough."""
         if frame is not None:
             body = frame.body
             by, begins, steps = self._by
@@ -45,7 +45,7 @@ class AttemptOrders:
         self._acts |= self._begins_owed or self._pace != self._time.pace
 
     def turn(self) -> None:
-        """Carry out what is asked for as soon as every hand is limp; to be called in each tick of the loop."""
+        """Execute orders as soon as no hand bears a force; call this in each tick of the loop."""
         if not self._acts:
             return
         rests = self._begins_owed or self._pace != 1.0
@@ -55,7 +55,7 @@ class AttemptOrders:
             return
         if self._begins_owed:
             self._begin()
-            return  # in the next tick time and force go on
+            return  # time and force continue in the next tick
         self._time.pace = self._pace
         for instrument in self._instruments:
             instrument.keep_pace(self._pace)

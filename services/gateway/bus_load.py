@@ -1,17 +1,17 @@
-"""How busy a CAN bus is: computed from the frames seen, since no interface of python-can tells."""
+"""Load of a CAN bus, computed from the frames seen, since no interface of python-can reports it."""
 
 from __future__ import annotations
 
 from services.gateway.clock import Clock
 
 _WINDOW_NS = 500_000_000
-#: A classic frame with a standard identifier: start, identifier, control, CRC, acknowledge, end and the pause after it,
-#: without its data; of these so many are subject to stuffing, a bit after each four in the worst case.
+#: Bits of a classic frame with a standard identifier, from start to the pause after it, without data; bits of these
+#: that are subject to stuffing (at worst one after each four); and additional bits of an extended identifier.
 _FIXED_BITS, _STUFFED_BITS, _EXTENDED_BITS = 47, 34, 20
 
 
 def frame_bits(n_bytes: int, *, is_extended: bool = False) -> int:
-    """Return the most bits that a classic CAN frame with so many bytes of data takes on the bus, stuffing included."""
+    """Return the most bits of a classic CAN frame with `n_bytes` of data on the bus, stuffing included."""
     more = 8 * n_bytes + (_EXTENDED_BITS if is_extended else 0)
     return _FIXED_BITS + more + (_STUFFED_BITS + more - 1) // 4
 
@@ -21,11 +21,11 @@ _EXTENDED = tuple(frame_bits(n, is_extended=True) for n in range(9))
 
 
 class BusLoad:
-    """Counts frames, and says which share of the bus they take: at most, since stuffing is taken as the worst.
+    """Counts frames, and computes an upper bound of the bus' load, with worst-case stuffing.
 
     Args:
         bitrate: Of the bus, bit/s.
-        clock: By which the share is told.
+        clock: Clock for the averaging window.
     """
 
     def __init__(self, bitrate: float, clock: Clock) -> None:
@@ -40,7 +40,7 @@ class BusLoad:
         self._bits += (_EXTENDED if is_extended else _BITS)[min(n_bytes, 8)]
 
     def share(self) -> float:
-        """Return the share, 0 to 1, of the last half second or more; asked rarely."""
+        """Return the load, 0 to 1, over the last half second or more; for rare calls."""
         now_ns = self._clock.monotonic_ns()
         passed_ns = now_ns - self._since_ns
         if passed_ns >= _WINDOW_NS:

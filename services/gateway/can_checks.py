@@ -1,4 +1,4 @@
-"""Can this host reach the CAN bus of a handle, is it set as it must be, does the drive speak; what to do if not."""
+"""Checks of a handle's CAN bus on this host: reachability, settings, and drives that answer; with advice."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from services.gateway import canbus, cansimple
 from services.gateway.host_check import HostCheck, text_of
 from services.runtime.errors import DeviceError
 
-#: A drive says ten times a second that it is there.
+#: Drives send a heartbeat ten times a second.
 _LISTEN_S = 0.5
 _UP = 1
 _ARPHRD_CAN = "280"
 _MAKE_VIRTUAL = "sudo modprobe vcan; sudo ip link add dev NAME type vcan; sudo ip link set NAME up"
-#: Frames that wait in the kernel are torques that are not wanted any more when they leave.
+#: Longer queues in the kernel would send outdated torques.
 _LONGEST_QUEUE = 32
 _MODULES = (
     "sudo modprobe can_raw (and `vcan` for a bus without wires); a kernel that was built without CAN, as some virtual "
@@ -35,11 +35,11 @@ _MODULES = (
 
 
 def check(handles: Sequence[tuple[dict[str, Any], int]], in_use: bool, root: Path = Path("/")) -> Iterator[HostCheck]:
-    """Yield what a person should know before handles, each a bus' settings and a node, are opened.
+    """Yield checks to make before handles, each (settings of a bus, node), are opened.
 
     Args:
-        in_use: Whether a rig runs: then no bus is opened.
-        root: Of the file system that says what the kernel has.
+        in_use: Whether a rig runs; no bus is opened then.
+        root: Root of the file system with ``/sys``.
     """
     for k, (bus, _node) in enumerate(handles):
         if any(bus == earlier for earlier, _ in handles[:k]):
@@ -98,7 +98,7 @@ def _set(channel: str, bitrate: float) -> str:
 
 
 def _wrongly_set(channel: str, bitrate: float, queue: int) -> str:
-    """Return what keeps a bus of wires from working as it should; a bus without wires has no such settings."""
+    """Return what is wrong with the settings of a physical bus; a virtual bus has none of these settings."""
     data = _told_by_ip(channel)
     wrong = []
     if "state" in data and data["state"] not in ("ERROR-ACTIVE", "ERROR-WARNING"):
@@ -145,7 +145,7 @@ def _serial(bus: dict[str, Any], root: Path) -> Iterator[HostCheck]:
 
 
 def _listen(bus: dict[str, Any], nodes: list[int]) -> Iterator[HostCheck]:
-    """Open the bus, say nothing, and tell which drives are heard."""
+    """Open the bus, send nothing, and report the drives that are heard."""
     where = " ".join(str(bus[key]) for key in ("interface", "channel") if key in bus)
     try:
         opened = canbus.open_bus(bus, "here")
@@ -165,14 +165,14 @@ def _listen(bus: dict[str, Any], nodes: list[int]) -> Iterator[HostCheck]:
 
 
 def _hear_drives(bus: can.BusABC) -> dict[int, str]:
-    """Return what the newest heartbeat of each node says."""
+    """Return a description of the newest heartbeat of each node."""
     heard: dict[int, str] = {}
     until_s = time.monotonic() + _LISTEN_S
     while time.monotonic() < until_s:
         for message in canbus.drain(bus):
             if cansimple.command(message.arbitration_id) != cansimple.HEARTBEAT or message.is_extended_id:
                 continue
-            with contextlib.suppress(struct.error):  # of a wrong length: somebody else's
+            with contextlib.suppress(struct.error):  # a wrong length: not from a drive
                 errors, state = cansimple.unpack_heartbeat(bytes(message.data))
                 shown = f"axis state {state}, {cansimple.error_names(errors) or 'no error'}"
                 heard[message.arbitration_id >> 5] = shown

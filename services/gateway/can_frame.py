@@ -1,4 +1,4 @@
-"""Classic CAN frames as Linux has them in memory (``struct can_frame``): 16 bytes, whoever carries them."""
+"""Classic CAN frames in Linux' memory format (``struct can_frame``, 16 bytes), on any transport."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def pack(identifier: int, data: bytes) -> bytes:
 
 
 def unpack(frames: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield of each frame the identifier with its flags, and the data.
+    """Yield the identifier with its flags, and the data, of each frame.
 
     Raises struct.error if the last frame is not whole.
     """

@@ -1,4 +1,4 @@
-"""python-can as the gateway uses it: opened with one clear sentence, drained without waiting."""
+"""The gateway's use of python-can: opening with a clear error message, and draining without waiting."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from services.gateway.shared_bus import share
 from services.nearest_word import did_you_mean
 from services.runtime.errors import DeviceError
 
-#: Frames taken by one `drain`: what a stall of half a second leaves behind, and a bound on a tick's time.
+#: Most frames of one `drain`: the backlog of half a second, and a bound on a tick's time.
 DRAIN_LIMIT = 512
 DEFAULT_BITRATE = 1e6
-#: Errors in a row, of frames that cannot be read or of a bus that is gone, passed over by one `drain`.
+#: Errors in a row, of unreadable frames or a lost bus, after which a `drain` ends.
 _STRANGE_LIMIT = 16
 
-#: Set to 1 it admits a bus without any proof of who sends.
+#: Set to 1, it permits a bus without authentication of senders.
 OPEN_BUS = "TROCAR_TEST_OPEN_BUS"
 
-#: What python-can's interfaces take, of those that hand nothing on to a vendor's library.
+#: Keys of python-can's interfaces, except those that pass settings on to a vendor's library.
 KEYS = {
     "socketcan": ("channel", "receive_own_messages", "local_loopback", "fd", "ignore_rx_error_frames"),
     "slcan": ("channel", "tty_baudrate", "sleep_after_open", "rtscts", "listen_only", "timeout"),
@@ -31,21 +31,21 @@ KEYS = {
     "virtual": ("channel", "receive_own_messages", "rx_queue_size", "preserve_timestamps"),
 }
 
-# A bus that could not be opened would also complain that nobody closed it.
+# python-can would also warn about not closing a bus that could not be opened.
 logging.getLogger("can").setLevel(logging.ERROR)
 
 
 def open_bus(settings: dict[str, Any], where: str) -> can.BusABC:
-    """Return the bus that `settings` (python-can's own: interface, channel, ...) name.
+    """Open the bus of python-can's `settings` (interface, channel, ...).
 
-    No filters are set: those of python-can's software kind make a non-blocking `recv` stop early.
-    Raises DeviceError: one sentence, whatever python-can or the system says.
+    No filters are set, because python-can's software filters make a non-blocking `recv` stop early.
+    Raises DeviceError: one sentence, for any error of python-can or the system.
     """
     try:
         if settings.get("interface") == "slcan":
             return _open_slcan({name: value for name, value in settings.items() if name != "interface"})
         return can.Bus(**settings)
-    except Exception as error:  # plug-ins raise what they like: termios.error is not even an OSError
+    except Exception as error:  # plug-ins raise anything: termios.error is not even an OSError
         raise DeviceError(f"{where}: CAN bus {_name(settings)} cannot be opened: {error}") from None
 
 
@@ -54,20 +54,20 @@ def _open_slcan(settings: dict[str, Any]) -> can.BusABC:
         import serial  # noqa: F401
     except ImportError:
         raise ImportError("slcan needs pyserial, which is not installed") from None
-    from services.gateway.slcan import SlcanBus  # only here: python-can complains of a missing pyserial by itself
+    from services.gateway.slcan import SlcanBus  # only here: python-can reports a missing pyserial itself
 
     return share(settings, SlcanBus)
 
 
 def check_keys(settings: dict[str, Any]) -> None:
-    """Refuse a key that the named interface does not know: python-can passes it over, and takes its own value instead.
+    """Reject keys unknown to the interface, which python-can would silently replace by its defaults.
 
-    Raises ValueError naming the key, or one that is missing with those that are there.
+    Raises ValueError naming the unknown key, or a missing one.
     """
     if "interface" not in settings:
         raise ValueError(f"interface: this key is missing; given: {', '.join(map(str, settings)) or 'none'}")
     known = KEYS.get(str(settings["interface"]))
-    if known is None:  # of a vendor's library
+    if known is None:  # a vendor's library
         return
     known = ("interface", "bitrate", *known)
     unknown = next((key for key in settings if key not in known), None)
@@ -78,14 +78,14 @@ def check_keys(settings: dict[str, Any]) -> None:
             "interface: on udp_multicast everybody on the network can move the handle; use socketcan or slcan, or for "
             f"a test without a hand set {OPEN_BUS}=1"
         )
-    if "channel" not in settings:  # without, socketcan hears all buses of the machine
+    if "channel" not in settings:  # otherwise socketcan would use all buses of the machine
         raise ValueError("channel: this key is missing")
 
 
 def bitrate(settings: dict[str, Any]) -> float:
-    """Return the bit rate of a bus in bit/s: 1 Mbit/s where its settings do not say.
+    """Return the bit rate of a bus in bit/s, by default 1 Mbit/s.
 
-    Raises ValueError if what they say is not a finite number.
+    Raises ValueError if it is not a finite number.
     """
     said = settings.get("bitrate", DEFAULT_BITRATE)
     if isinstance(said, bool) or not isinstance(said, int | float) or not math.isfinite(said):
@@ -94,9 +94,9 @@ def bitrate(settings: dict[str, Any]) -> float:
 
 
 def drain(bus: can.BusABC) -> Iterator[can.Message]:
-    """Yield what has arrived, oldest first, without waiting; what is not a CAN frame is passed over.
+    """Yield received frames, oldest first, without waiting; anything that is not a CAN frame is skipped.
 
-    A bus that has failed yields nothing: whoever listens judges by the age of what it heard last.
+    A failed bus yields nothing; callers detect that by the age of the last frame.
     """
     strange = 0
     for _ in range(DRAIN_LIMIT):

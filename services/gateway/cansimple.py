@@ -23,14 +23,14 @@ _TWO_WORDS = struct.Struct("<II")
 
 
 class AxisState(IntEnum):
-    """What an axis does; others exist and are left alone."""
+    """States of an axis that are used here."""
 
     IDLE = 1
     CLOSED_LOOP = 8
 
 
 class AxisError(IntFlag):
-    """Errors that this rig can meet."""
+    """Errors that can occur on this rig."""
 
     DC_BUS_OVER_VOLTAGE = 0x100
     DC_BUS_UNDER_VOLTAGE = 0x200
@@ -45,7 +45,7 @@ class AxisError(IntFlag):
 
 
 def error_names(errors: int) -> str:
-    """Return the names of the bits of `errors`, and in hexadecimal those without one."""
+    """Return the names of the bits of `errors`; unnamed bits are in hexadecimal."""
     known = [flag for flag in AxisError if errors & flag]
     rest = errors & ~sum(known)
     return ", ".join([flag.name or "" for flag in known] + ([f"{rest:#x}"] if rest else []))

@@ -1,4 +1,4 @@
-"""What a driver knows of time."""
+"""Interface of the clock that drivers use."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from typing import Protocol
 
 
 class Clock(Protocol):
-    """What a driver knows of time; the module `time` is one."""
+    """A clock for drivers; the module `time` is one."""
 
     def monotonic_ns(self) -> int:
         """Return the present time."""
         ...
 
     def sleep(self, seconds: float, /) -> None:
-        """Let time pass."""
+        """Sleep."""
         ...
 
 

@@ -1,4 +1,4 @@
-"""The files of configs/devices: what a device can bear, as data. Simulated and real drivers read the same file."""
+"""The files of configs/devices: a device's limits as data. Simulated and real drivers read the same file."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class ArmFile(Settings):
     )
 
     def limits(self) -> ArmLimits:
-        """Return what the servo must keep to."""
+        """Return the limits for the servo."""
         return ArmLimits(
             self.max_force_n,
             self.continuous_force_n,

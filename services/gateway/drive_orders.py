@@ -1,4 +1,4 @@
-"""What the gateway tells the process of the emulated drives, beside the frames on their buses."""
+"""Orders of the gateway to the process of the emulated drives, beside the frames on their buses."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import msgspec
 
 
 class Add(msgspec.Struct, tag=True):
-    """Emulate one more drive. With it come two descriptors: its end of the bus, and the angles that its hand wants."""
+    """Emulate one more drive. Two descriptors are attached: its end of the bus, and the target angles of its hand."""
 
     node: int
     watchdog_s: float
@@ -14,26 +14,26 @@ class Add(msgspec.Struct, tag=True):
 
 
 class GoOn(msgspec.Struct, tag=True):
-    """Let the hand of a drive begin, without torque."""
+    """Start the motion of a drive's hand, without torque."""
 
     node: int
 
 
 class BeginAgain(msgspec.Struct, tag=True):
-    """Put the handle of a drive to where its hand began; that begins once more."""
+    """Reset the handle of a drive to its start, and restart its hand's motion."""
 
     node: int
 
 
 class SetPace(msgspec.Struct, tag=True):
-    """Let the hand of a drive move at this pace from now on, 0 to 1."""
+    """Set the pace of a drive's hand, 0 to 1."""
 
     node: int
     pace: float
 
 
 class Ask(msgspec.Struct, tag=True):
-    """Tell what torque a drive applies now: a bench asks, not a rig."""
+    """Request the torque that a drive applies now; for test benches."""
 
     node: int
 

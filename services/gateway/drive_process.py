@@ -1,8 +1,8 @@
 """The emulated drives of a gateway, all in this one process: ``python -m services.gateway.drive_process``.
 
-Its standard input is a socket: orders of the gateway come from there, and where it closes (as it does when the gateway
-dies) the process ends. A drive hears and speaks on a bus of its own. What it costs is little and bounded: a tick every
-2 ms in which each drive reads a few frames and sends one, all of 16 bytes, into sockets that never make it wait.
+Its standard input is a socket for orders of the gateway; the process ends when it closes, as it does when the gateway
+dies. Each drive has a bus of its own. The cost is small and bounded: a tick every 2 ms, in which each drive reads a few
+frames and sends one, all of 16 bytes, through non-blocking sockets.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from services.runtime import realtime
 _MOTION_HZ = 1000
 _PERIOD_NS = round(ESTIMATE_S * 1e9)
 _LISTEN_EVERY = 5
-#: Of a core, in each of its periods, where SCHED_DEADLINE is granted: 1.25 of the mean, as of any loop where room is
-#: scarce, at half of the machine's speed; two drives take 2.0 % in the mean. A keeper would take another 1 %.
+#: Share of a core to reserve by SCHED_DEADLINE: 1.25 times the mean, as for any loop, at half of the machine's speed;
+#: two drives take 2.0 % on average. Adjusting the reservation at run time would take another 1 %.
 SHARE = 0.06
-#: Bytes read in a tick. The gateway sends a frame every 2 ms; what a stall leaves behind is read in a few ticks.
+#: Bytes read in a tick. The gateway sends a frame every 2 ms; the backlog of a stall is read in a few ticks.
 _READ = 64 * can_frame.SIZE
 
 
@@ -44,13 +44,13 @@ class Axis:
         self._began_s = self._last_s = 0.0
 
     def begin_again(self) -> None:
-        """Put the handle to where its hand began, which then begins once more."""
+        """Reset the handle to its start, and restart the hand's motion."""
         self.goes_on = self.drive.armed_once = False
         self._began_s = 0.0
         self.drive.handle.angle_rad, self.drive.handle.rate_rad_s = self._angle_rad[0], 0.0
 
     def tick(self, now_s: float) -> None:
-        """Hear, move, speak."""
+        """Receive frames, move the handle, send frames."""
         self._hear(now_s)
         self._began_s += (1.0 - self.pace) * (now_s - self._last_s) if self._began_s else 0.0
         self._last_s = now_s
@@ -59,7 +59,7 @@ class Axis:
         self._say(self.drive.step(self._wanted_rad(now_s), now_s, ESTIMATE_S))
 
     def _wanted_rad(self, now_s: float) -> float:
-        """Return where the hand wants the handle; it begins with the torque, or when it is told to."""
+        """Return the hand's target angle; its motion starts with the torque, or by order."""
         k = int((now_s - self._began_s) * _MOTION_HZ) if self._began_s else 0
         n = len(self._angle_rad)
         return self._angle_rad[k % n if self._repeats else min(k, n - 1)]
@@ -67,7 +67,7 @@ class Axis:
     def _hear(self, now_s: float) -> None:
         try:
             frames = self._bus.recv(_READ)
-        except OSError:  # nothing there, or nobody
+        except OSError:  # no frame, or no reader
             return
         for identifier, data in can_frame.unpack(frames):
             if not identifier & can_frame.EXTENDED:
@@ -78,12 +78,12 @@ class Axis:
         for identifier, data in frames:
             try:
                 self._bus.send(can_frame.pack(identifier, data))
-            except OSError:  # nobody reads: a bus keeps no frames either
+            except OSError:  # no reader: a real bus does not store frames either
                 return
 
 
 class Drives:
-    """All of them."""
+    """All emulated drives of the process."""
 
     def __init__(self, gateway: socket.socket) -> None:
         self._gateway = gateway
@@ -91,12 +91,12 @@ class Drives:
         self._axes: dict[int, Axis] = {}
 
     def tick(self, now_s: float) -> None:
-        """Move every drive on."""
+        """Advance every drive."""
         for axis in self._axes.values():
             axis.tick(now_s)
 
     def obey(self) -> bool:
-        """Do what the gateway has asked for; False where it has gone."""
+        """Execute the gateway's orders; return False if it has gone."""
         while True:
             try:
                 text, descriptors, _flags, _address = socket.recv_fds(
@@ -147,12 +147,12 @@ def main(core: int | None, priority: int | None) -> None:
         drives.tick(time.monotonic_ns() * 1e-9)
         turn += 1
         now_ns = time.monotonic_ns()
-        due_ns += _PERIOD_NS * max(1, -((due_ns - now_ns) // _PERIOD_NS))  # the next point of the grid, never a burst
+        due_ns += _PERIOD_NS * max(1, -((due_ns - now_ns) // _PERIOD_NS))  # skips missed ticks
         time.sleep(max(0, due_ns - now_ns) * 1e-9)
 
 
 def _release_scheduling() -> None:
-    """Give up core and class of the gateway, which this process was born with."""
+    """Reset the core and scheduling class inherited from the gateway."""
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     if os.getpriority(os.PRIO_PROCESS, 0) < 0:
         os.setpriority(os.PRIO_PROCESS, 0, 0)

@@ -1,8 +1,8 @@
-"""What a device driver is, and how one is found: by the name in the rig file, loaded when it is wanted.
+"""Interfaces of device drivers, and loading a driver by its name in the rig file.
 
 A driver is a file in `services.gateway.drivers` with a class ``Driver`` derived from `Arm` or `GraspHandle`; it may
-have a ``check_host`` (see `host_check`). Nothing is registered anywhere. Drivers never raise from `read` or `write`:
-what goes wrong there is their `fault`.
+have a ``check_host`` (see `host_check`). There is no registry. Drivers never raise from `read` or `write`, but set
+their `fault`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class ArmLimits:
-    """What an arm can bear, how fine it measures (a count of an encoder, at the tip) and what its own friction is."""
+    """Limits of an arm, its resolution (an encoder's count, at the tip) and its own friction."""
 
     max_force_n: float
     continuous_force_n: float
@@ -47,11 +47,11 @@ def _nothing(_topic: str) -> Frame | None:
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a driver works: which instrument, where its arm stands, where its trocar is, and by which clock.
+    """Context of a driver: instrument, mount of its arm, position of its trocar, and clock.
 
-    `force_rate_n_s` is the rig's rate limit, for a driver that has to take force back by itself. `newest` returns the
-    last frame of a topic that the table lets the gateway read, for a driver whose device is another process.
-    `motion` is what a hand does here in the rig's scene, for a simulated device; None where nobody has found it out.
+    `force_rate_n_s` is the rig's rate limit, for drivers that reduce forces themselves. `newest` returns the last frame
+    of a topic that the gateway may read, for drivers whose device is another process. `motion` is the motion of the
+    hand in the rig's scene, for simulated devices, if known.
     """
 
     instrument: str
@@ -65,11 +65,11 @@ class Place:
 
 
 class Device(ABC):
-    """What arms and handles share.
+    """Base of arms and handles.
 
     Attributes:
-        fault: str. Empty, or one sentence: the device must not be used until a person has looked.
-        prompt: str. Empty, or one sentence: what a person has to do so that it can be used, such as calibrating it.
+        fault: str. Empty, or one sentence on why the device must not be used until a person has checked it.
+        prompt: str. Empty, or one sentence on what a person has to do first, such as calibrating it.
         has_force: bool. False for a device that only measures.
     """
 
@@ -79,48 +79,48 @@ class Device(ABC):
 
     @abstractmethod
     def open(self) -> None:
-        """Make the device ready to be read; force stays off. May take seconds. `close` follows, failed or not.
+        """Prepare the device for reading, with force off; may take seconds. `close` is called even after a failure.
 
-        Raises DeviceError: one sentence, if it is not there.
+        Raises DeviceError: one sentence, if it is missing.
         """
 
     @abstractmethod
     def enable(self) -> None:
-        """Switch the motors on: force may follow. Returns at once."""
+        """Switch the motors on, as forces may follow. Returns at once."""
 
     def go_on(self) -> None:  # noqa: B027 - most devices have nothing to do
-        """Be told, again and again, that no force can begin because too much is asked for where the hand is.
+        """Called repeatedly while force cannot start because the demand at the hand's position is too large.
 
-        A person who feels nothing moves on, or opens the jaws; so does a simulated one.
+        A person who feels nothing moves on, or opens the jaws; a simulated hand does the same here.
         """
 
     def begin_again(self) -> None:  # noqa: B027 - a real hand is where it is
-        """Put a simulated hand back to where it began, at once: the scene begins again, and no force is on."""
+        """Reset a simulated hand to its start at once, as the scene restarts; no force is on."""
 
-    def keep_pace(self, pace: float) -> None:  # noqa: B027 - most know time by what `read` is told
-        """Move a simulated hand that keeps its own time at this pace, 0 to 1."""
+    def keep_pace(self, pace: float) -> None:  # noqa: B027 - most get their time by `read`
+        """Set the pace, 0 to 1, of a simulated hand with a clock of its own."""
 
     def gauges(self) -> dict[str, float]:
-        """Return figures for the dashboard, by name: asked twenty times a second at most."""
+        """Return figures for the dashboard, by name; called at most twenty times a second."""
         return {}
 
     def clear_fault(self) -> None:
-        """Try again after a fault: a person has armed the rig."""
+        """Try again after a fault, as a person has armed the rig."""
         self.fault = ""
 
     @abstractmethod
     def close(self) -> None:
-        """Leave zero force and give the device up. May be called twice, and without `open`."""
+        """Set zero force and release the device. May be called twice, and without `open`."""
 
 
 class Arm(Device):
     """A force-feedback arm. Its frame: z up, origin at the middle of its workspace.
 
     Attributes:
-        calibrated: bool. Whether positions can be trusted; before that no force is written.
+        calibrated: bool. Whether positions are valid; no force is written before.
         buttons: int. Bit mask.
-        own_servo: bool. Whether the device has a thread of its own that evaluates the force law and applies what it
-            says: then `evaluate` hands the law over, and `write` is not called.
+        own_servo: bool. Whether the device has a thread of its own that evaluates and applies the force law; `evaluate`
+            then passes the law's inputs on, and `write` is not called.
     """
 
     limits: ArmLimits
@@ -132,10 +132,10 @@ class Arm(Device):
     def read(self, time_ns: int, reading: FloatArray) -> None:
         """Write position, velocity, temperature and roll into `reading`; see `servo_arrays`. Never waits.
 
-        What the device does not measure, temperature or roll, stays as it is.
+        Values that the device does not measure (temperature, roll) are left unchanged.
 
         Args:
-            time_ns: Time of the tick on the rig's grid: a simulated device moves on to it.
+            time_ns: Time of the tick on the rig's grid, to which a simulated device advances.
         """
 
     def evaluate(
@@ -153,7 +153,7 @@ class GraspHandle(Device):
     """A handle whose opening is measured and loaded with a torque.
 
     Attributes:
-        ready: bool. Whether the drive is on and has answered lately: without that no torque is asked for.
+        ready: bool. Whether the drive is on and has answered lately; otherwise no torque is commanded.
     """
 
     max_torque_nm: float
@@ -174,15 +174,15 @@ def known_drivers() -> list[str]:
 
 
 def load_arm(settings: DriverSettings, place: Place) -> Arm:
-    """Return the arm that the rig file names, not yet open; raises as `load_grasp`."""
+    """Return the arm named in the rig file, not yet open; raises as `load_grasp`."""
     return cast(Arm, _load(settings, "arm", place))
 
 
 def load_grasp(settings: DriverSettings, place: Place) -> GraspHandle:
-    """Return the handle that the rig file names, not yet open.
+    """Return the handle named in the rig file, not yet open.
 
-    Raises DeviceError: one sentence, if there is no such driver, it is of the other kind, or a library that it needs is
-    missing. Raises ConfigError naming the key, if its settings or its device file cannot be used.
+    Raises DeviceError: one sentence, if there is no such driver, it is of the other kind, or a library is missing.
+    Raises ConfigError naming the key, if its settings or its device file are invalid.
     """
     return cast(GraspHandle, _load(settings, "handle", place))
 
@@ -197,7 +197,7 @@ def _load(settings: DriverSettings, kind: str, place: Place) -> object:
 
 
 def check_host(settings: Sequence[DriverSettings], in_use: bool) -> Iterator[HostCheck]:
-    """Yield what the drivers that these devices name find out about the host; a device that is in use is let alone."""
+    """Yield the host checks of the drivers of these devices; devices in use are not opened."""
     for name in dict.fromkeys(each.driver for each in settings):
         checks = getattr(_module(name, "rig"), "check_host", None)
         if checks is not None:
@@ -221,9 +221,9 @@ def read_settings(kind: type[T], settings: DriverSettings, place: Place) -> T:
 
 
 def read_device_file(kind: type[T], settings: DriverSettings, place: Place) -> T:
-    """Return the device file that the rig file names, checked.
+    """Return the device file named in the rig file, checked.
 
-    Raises ConfigError if none is named, or it cannot be used.
+    Raises ConfigError if none is named, or it is invalid.
     """
     if settings.device is None:
         raise ConfigError(f"instrument {place.instrument!r}: driver {settings.driver!r} needs a `device` file")

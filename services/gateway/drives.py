@@ -1,4 +1,4 @@
-"""The gateway's end of the process in which its emulated drives live."""
+"""The gateway's connection to the process of its emulated drives."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _STOP_TIMEOUT_S = 2.0
 _ANSWER_TIMEOUT_S = 5.0
 
 _running: dict[tuple[int | None, int | None], DriveProcess] = {}
-#: Handles are opened anew in threads of their own.
+#: Guards the search, as handles are reopened in threads of their own.
 _finding = threading.Lock()
 
 
@@ -28,7 +28,7 @@ class DriveProcess:
     """Starts with the first drive that joins, ends with the last that leaves.
 
     Args:
-        core, priority: Where it runs, and with which real-time priority; None for anywhere and none.
+        core, priority: Its core and real-time priority; None for any core and no priority.
     """
 
     def __init__(self, core: int | None, priority: int | None) -> None:
@@ -41,7 +41,7 @@ class DriveProcess:
             self._process: subprocess.Popen[bytes] = subprocess.Popen(command, stdin=theirs.fileno())
 
     def join(self, node: int, watchdog_s: float, motion: HandMotion) -> LocalBus:
-        """Return the bus on which a new drive will be heard as soon as the process has come up; if it has not ended."""
+        """Add a drive and return its bus, on which it answers once the process has started."""
         self._nodes.add(node)
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
         with theirs, os.fdopen(os.memfd_create("motion"), "wb", 0) as table, contextlib.suppress(BrokenPipeError):
@@ -51,7 +51,7 @@ class DriveProcess:
         return LocalBus(ours)
 
     def leave(self, node: int) -> None:
-        """Give a drive up; with the last one the process ends."""
+        """Remove a drive; with the last one the process ends."""
         self._nodes.discard(node)
         if self._nodes:
             return
@@ -65,28 +65,28 @@ class DriveProcess:
             self._process.wait()
 
     def kill(self) -> None:
-        """End it at once, with every drive that is in it."""
+        """Kill the process, with all its drives."""
         self._process.kill()
         self._process.wait()
         self._orders.close()
 
     def go_on(self, node: int) -> None:
-        """Let the hand of a drive begin without torque. Never waits, and is nothing where the process has ended."""
+        """Start the hand's motion of a drive without torque. Never waits, and does nothing if the process has ended."""
         with contextlib.suppress(OSError):
             self._tell(GoOn(node))
 
     def begin_again(self, node: int) -> None:
-        """Put the hand of a drive to where it began; as `go_on`."""
+        """Reset the hand of a drive to its start; otherwise as `go_on`."""
         with contextlib.suppress(OSError):
             self._tell(BeginAgain(node))
 
     def keep_pace(self, node: int, pace: float) -> None:
-        """Let the hand of a drive move at this pace; as `go_on`."""
+        """Set the pace of a drive's hand; otherwise as `go_on`."""
         with contextlib.suppress(OSError):
             self._tell(SetPace(node, pace))
 
     def applied_nm(self, node: int) -> float:
-        """Return what a drive applies to its handle now: waits for the answer."""
+        """Return the torque that a drive applies now, waiting for its answer."""
         self._tell(Ask(node))
         if not select.select((self._orders,), (), (), _ANSWER_TIMEOUT_S)[0]:
             raise TimeoutError("the process of the emulated drives does not answer")
@@ -101,7 +101,7 @@ class DriveProcess:
 
 
 def find_process(core: int | None, priority: int | None) -> DriveProcess:
-    """Return the process for drives that run there, started if there is none yet; from any thread."""
+    """Return the process for drives on this core, started if there is none yet; thread-safe."""
     key = core, priority
     with _finding:
         if key not in _running or _running[key].end() is not None:

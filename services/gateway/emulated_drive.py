@@ -1,7 +1,7 @@
-"""An emulated ODrive axis with a handle on it: pure state, told the time, fed with frames.
+"""An emulated ODrive axis with a handle: pure state, advanced by times and frames.
 
-What a gateway can get wrong is modelled: the watchdog that any frame to the axis feeds, its latched disarm, errors that
-must be cleared before the loop closes again, the e-stop, torque that acts only in closed loop, whole counts.
+It models whatever a gateway could get wrong: the watchdog fed by any frame to the axis, its latched disarm, errors that
+must be cleared before the loop closes again, the e-stop, torque that acts only in closed loop, and whole counts.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from services.gateway import cansimple
 from services.gateway.cansimple import AxisError, AxisState
 
 HEARTBEAT_S, ESTIMATE_S = 0.1, 0.002
-#: Of the encoder, a turn: as many as the handle had that real grasps were recorded with.
+#: Counts of the encoder a turn, as of the handle with which real grasps were recorded.
 ENCODER_COUNTS = 8192
 #: Handle with the fingers in it: inertia kg m2, stiffness N m/rad and damping N m s/rad of the hand, friction N m.
 INERTIA, HAND_STIFFNESS, HAND_DAMPING, FRICTION = 2e-5, 2.0, 0.0126, 0.005
@@ -53,7 +53,7 @@ class EmulatedDrive:
     Args:
         node: CAN node number.
         watchdog_s: ``axis.config.watchdog_timeout``.
-        handle: What hangs on the motor; one motor turn is one handle turn.
+        handle: The handle on the motor; one motor turn is one handle turn.
     """
 
     def __init__(self, node: int, watchdog_s: float, handle: Handle) -> None:
@@ -76,12 +76,12 @@ class EmulatedDrive:
         return self.torque_nm if self.state is AxisState.CLOSED_LOOP else 0.0
 
     def receive(self, identifier: int, data: bytes, remote: bool, now_s: float) -> list[CanFrame]:
-        """Act on a frame of the host; one for another node, or of a wrong length, is ignored. Return the answers."""
+        """Process a frame of the host and return the answers; frames of wrong node or length are ignored."""
         if identifier >> 5 != self.node:
             return []
         command = cansimple.command(identifier)
         if command in _SAID_BY_DRIVE and not remote:
-            return []  # an own frame that the bus gave back
+            return []  # an own frame, echoed by the bus
         self._fed_s = now_s  # firmware feeds the watchdog from any frame to the axis, polls included
         if remote:
             return self._answer(command)
@@ -92,7 +92,7 @@ class EmulatedDrive:
         return []
 
     def step(self, wanted_rad: float, now_s: float, dt_s: float) -> list[CanFrame]:
-        """Advance the handle by `dt_s`, check watchdog and limits, return the cyclic frames that are due."""
+        """Advance the handle by `dt_s`, check watchdog and limits, and return the cyclic frames that are due."""
         self.handle.step(wanted_rad, self.applied_nm, dt_s)
         if self.state is AxisState.CLOSED_LOOP:
             if now_s - self._fed_s > self._watchdog_s:

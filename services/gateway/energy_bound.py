@@ -1,19 +1,19 @@
-r"""What a hand may get back: at most what all hands of the gateway together have put in.
+r"""Bound on the energy returned to hands: at most what all hands of the gateway together have put in.
 
-A force that was held on a way has given the work :math:`f_{k-1} \cdot (x_k - x_{k-1})`, exactly, whatever the model
-said and however late it was (Hannaford and Ryu, IEEE Trans. Robotics and Automation 18(1), 2002). Each servo books it:
-what is put in whole, what is given less what the arm's own friction took of it. Through tissue a hand may push
-another, so what counts is the sum over all servos.
+A force held over a displacement has done the work :math:`f_{k-1} \cdot (x_k - x_{k-1})`, exactly, whatever the model
+and its age (Hannaford and Ryu, IEEE Trans. Robotics and Automation 18(1), 2002). Each servo accounts for it: energy put
+in counts fully, energy returned less the share dissipated by the arm's own friction. As one hand may push another
+through tissue, the sum over all servos counts.
 
-The next force is held before anybody sees the way. Let the hand go :math:`s` along it: the hand gets
-:math:`(f - F)\,s` past the friction :math:`F`, so
+The next force is held before its displacement is known. If the hand moves by :math:`s` along it, it receives
+:math:`(f - F)\,s` beyond the friction :math:`F`, so
 
 .. math:: f \le F + \frac{E}{s}, \qquad s = \max(0, s_k, 2 s_k - s_{k-1}) + 2 q,
 
-with the energy E that is there (not below 0) and the ways :math:`s_k` along the force, carried on evenly; a position is
-known to a count q, so a way to two. A force below the friction is never touched. Nor is that of a hand that presses or
-draws back slowly, but within four counts of the surface, in walls up to :math:`K = F/q`: of a stiffer one each count to
-and fro, as of a hand that rests on the edge of one, gives :math:`(K q - F)\,q` in earnest.
+with the available energy E (not below 0) and the displacements :math:`s_k` along the force, extrapolated linearly. A
+position is known to a count q, so a displacement to two. A force below the friction is never reduced. Nor is that of a
+hand that presses or withdraws slowly, except within four counts of the surface, in walls up to :math:`K = F/q`. In a
+stiffer wall each count to and fro, as of a hand at rest on the edge of one, really returns :math:`(K q - F)\,q`.
 docs/explanation/gateway.md derives it.
 """
 
@@ -35,15 +35,15 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import Vector, dot, scaled
 
-#: What is owed by all is forgiven by and by, as the arms' own friction takes more: nobody stays limp.
+#: Time constant by which a common debt is forgiven, so that no hand stays limp; the arms' friction dissipates more.
 FORGIVEN_S = 1.0
-#: Energy that is remembered: long friction must not pay for a later burst.
+#: Limit of stored energy, so that long friction does not pay for a later burst.
 MAX_STORED_J = 0.05
 
 
 @kernel
 def book_work(motion: FloatArray, limits: FloatArray, memory: FloatArray) -> Vector:
-    """Book what the held force did on the way to the pose of `motion`; return the way, m."""
+    """Account for the work of the held force up to the pose of `motion`; return the displacement, m."""
     way = (
         motion[0] - memory[MEMORY_POSITION],
         motion[1] - memory[MEMORY_POSITION + 1],
@@ -61,9 +61,9 @@ def book_work(motion: FloatArray, limits: FloatArray, memory: FloatArray) -> Vec
 
 @kernel
 def settle(now: FloatArray, free: bool, memory: FloatArray) -> None:
-    """Close the book of a contact where the hand is `free`, and forgive some of what all together owe.
+    """Close the balance of a contact when the hand is `free`, and forgive a part of the common debt.
 
-    A contact begins without savings, but for those that others have drawn on, and with what is still owed.
+    A contact begins without credit, except for that used by other hands, and with any remaining debt.
     """
     others, energy = now[NOW_OTHERS], memory[MEMORY_ENERGY]
     if free:
@@ -76,7 +76,7 @@ def settle(now: FloatArray, free: bool, memory: FloatArray) -> None:
 
 @kernel
 def bound_force(way: Vector, limits: FloatArray, now: FloatArray, memory: FloatArray) -> None:
-    """Let the force in `memory` give no more on the way of the next tick than is there: it falls along itself."""
+    """Scale down the force in `memory` so that the next tick returns no more than the available energy."""
     force = _held(memory)
     held = math.sqrt(dot(force, force))
     before = (memory[MEMORY_WAY], memory[MEMORY_WAY + 1], memory[MEMORY_WAY + 2])

@@ -1,20 +1,20 @@
-"""Whether a hand may feel anything: the state machine between a device and the force law.
+"""State machine that decides whether a hand may bear force, between a device and the force law.
 
-Force begins, and comes back, only through a fresh stream, a small force, and a ramp. Nothing here restarts by itself
-what a person has stopped.
+Force begins, and returns, only with a fresh stream, a small demand, and a ramp. A stop by a person is never undone
+automatically.
 """
 
 from __future__ import annotations
 
 from enum import StrEnum
 
-#: A stream must have been fresh, and what it asks for small, for this long before force begins.
+#: A stream must have been fresh, and its demand small, for this long before force begins.
 SETTLE_S = 0.1
 SMALL_FORCE_N = 0.3
 
 
 class State(StrEnum):
-    """Of one instrument."""
+    """States of one instrument."""
 
     OFF = "off"
     CALIBRATING = "calibrating"
@@ -39,9 +39,9 @@ class Engagement:
         self._ramp_s = ramp_s
         self._settled_s = 0.0
         self._stopped = False
-        self.unsupervised = False  # nobody could stop it: to be set by whoever listens for the supervisor
-        self.rests = False  # a scene begins again, or the rig's time stands: no force meanwhile
-        self.refused_s = 0.0  # for how long force could begin, were not so much asked for
+        self.unsupervised = False  # no supervisor is heard that could stop it; set from outside
+        self.rests = False  # no force, because the scene restarts or the rig's time is stopped
+        self.refused_s = 0.0  # how long force has been prevented only by a large demand
 
     @property
     def engaged(self) -> bool:
@@ -49,28 +49,28 @@ class Engagement:
         return self.state in (State.ENGAGING, State.ACTIVE)
 
     def open(self, calibrated: bool) -> None:
-        """Leave OFF: the device is open."""
+        """Leave OFF, as the device is open."""
         self._let_go(State.READY if calibrated else State.CALIBRATING)
 
     def fail(self, reason: str) -> None:
-        """Let go until a person arms the rig; the first reason is kept."""
+        """Remove the force until a person arms the rig; the first reason is kept."""
         if self.state is not State.FAULT:
             self._let_go(State.FAULT)
             self.fault = reason
 
     def let_go(self) -> None:
-        """Let go until the stream has been fresh again: it died, or a new haptics process began."""
+        """Remove the force until the stream is fresh again, after its loss or a restart of haptics."""
         if self.engaged:
             self._let_go(State.STALE)
 
     def stop(self) -> None:
-        """Let go until `arm`: safe stop."""
+        """Remove the force until `arm` (safe stop)."""
         self._stopped = True
         if self.engaged or self.state is State.STALE:
             self._let_go(State.READY)
 
     def arm(self) -> None:
-        """Allow force again: a person has armed the rig. It comes through re-engagement all the same."""
+        """Allow force again, by re-engagement, as a person has armed the rig."""
         self._stopped = False
         if self.state is State.FAULT:
             self.fault = ""
@@ -82,8 +82,8 @@ class Engagement:
         Args:
             fresh: Whether the newest model is young enough to be used as it is.
             alive: Whether the newest model is younger than its ``ttl_s``.
-            demand_n: Force that the model asks for at the present pose.
-            calibrated: Whether the device knows where it is.
+            demand_n: Force of the model at the present pose.
+            calibrated: Whether the device's position is valid.
         """
         if self.state is State.CALIBRATING and calibrated:
             self.state = State.READY

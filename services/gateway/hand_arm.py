@@ -1,4 +1,4 @@
-"""An instrument in a hand that is told where to go, and yields to what the tool touches. Force is shown, not felt."""
+"""An instrument in a virtual hand that follows a target and yields to contact. Force is displayed, not applied."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from services.mechanics.arrays import FloatArray
 from services.runtime.errors import ConfigError
 from services.runtime.rig import Settings, Vector3
 
-#: Who tells the hand speaks at 60 to 250 Hz; looking more often would cost the tick and find nothing.
+#: Ticks between polls for a target, which arrives at 60 to 250 Hz.
 LOOK_EVERY = 4
 _ROLL_RAD_S = 6.0
 _TICK_NS = 1_000_000
@@ -27,7 +27,7 @@ _FROM_PORT_M = 0.01
 
 
 class HandSettings(Settings):
-    """Of the rig file: where the tool waits until somebody takes it, and how far it may be moved from there."""
+    """Settings in the rig file: start of the tool, and its reach from there."""
 
     start_hip_m: Vector3 | None = Field(None, description="junction in the world; none: the middle of the workspace")
     start_roll_rad: float = 0.0
@@ -35,16 +35,16 @@ class HandSettings(Settings):
 
 
 class HandArm(Arm):
-    """Follows a target with a hand that yields to the tool's force. What the target is, a driver says in `follow`.
+    """Follows a target with a hand that yields to the tool's force. Drivers set the target in `follow`.
 
     Attributes:
-        target: ndarray (3,). Where the junction shall be, world, m; kept within reach.
+        target: ndarray (3,). Target of the junction, world, m; kept within reach.
         target_roll: float. Roll about the shaft, rad.
-        felt_n: ndarray (3,). What a hand would feel now, world, N.
+        felt_n: ndarray (3,). Force on the hand now, world, N.
     """
 
     has_force = False
-    # It has neither encoders nor friction: count and friction of a Premium, so that the law does as with one.
+    # It has neither encoders nor friction; those of a Premium make the force law behave as with one.
     limits = ArmLimits(
         max_force_n=3.0,
         continuous_force_n=3.0,
@@ -69,7 +69,7 @@ class HandArm(Arm):
         self._check(name, place)
 
     def _check(self, name: str, place: Place) -> None:
-        """Refuse a workspace with the port in it, where the shaft has no direction, and a start outside."""
+        """Reject a workspace that contains the port, where the shaft has no direction, and a start outside it."""
         reach_m = self._settings.reach_m
         to_port_m = float(np.linalg.norm(self._centre - np.array(place.port_m)))
         where = f"instrument {place.instrument!r}, driver {name!r}"
@@ -79,7 +79,7 @@ class HandArm(Arm):
             raise ConfigError(f"{where}: start_hip_m: is farther than reach_m from the middle of the workspace")
 
     def open(self) -> None:
-        """Put the tool where it waits; a step of a copy makes the kernels ready."""
+        """Put the tool at its start, and compile the kernels on a copy."""
         virtual_hand.step_hand(self._state.copy(), self.target, self.felt_n)
         virtual_hand.read_hand(self._state, self._mount, np.zeros(8))
         slew(self._roll, self.target_roll, 0.0)
@@ -90,16 +90,16 @@ class HandArm(Arm):
         self._state[POSITION : POSITION + 3] = place_m
 
     def begin_again(self) -> None:
-        """Put the tool, at rest, where it waits."""
+        """Put the tool, at rest, at its start."""
         self.target = self._start.copy()
         self._put(self.target)
         self._roll = self.target_roll = self._settings.start_roll_rad
 
     def enable(self) -> None:
-        """Nothing to switch on."""
+        """Do nothing: there are no motors."""
 
     def read(self, time_ns: int, reading: FloatArray) -> None:
-        """Let the hand follow its target up to `time_ns`."""
+        """Advance the hand towards its target up to `time_ns`."""
         ticks = min(round((time_ns - self._last_ns) / _TICK_NS), _MAX_TICKS) if self._last_ns else 0
         self._last_ns = time_ns
         self._passed_s += ticks * TICK_S
@@ -116,18 +116,18 @@ class HandArm(Arm):
 
     @abstractmethod
     def follow(self, time_ns: int, passed_s: float) -> None:
-        """Set `target` and `target_roll`, `passed_s` after the last time. Never waits."""
+        """Set `target` and `target_roll`, `passed_s` after the last call. Never waits."""
 
     def evaluate(
         self, model: FloatArray, motion: FloatArray, limits: FloatArray, now: FloatArray, memory: FloatArray
     ) -> None:
-        """Compute the force as for any arm, and let the simulated hand yield to it."""
+        """Compute the force as for any arm, and store it for the virtual hand."""
         super().evaluate(model, motion, limits, now, memory)
         self.felt_n[:] = memory[MEMORY_FORCE : MEMORY_FORCE + 3]
 
     def write(self, force_n: FloatArray) -> None:
-        """Ignore the force: `has_force` says so."""
+        """Ignore the force, as `has_force` is false."""
 
     def close(self) -> None:
-        """Leave no force."""
+        """Set zero force."""
         self.felt_n[:] = 0.0

@@ -1,4 +1,4 @@
-"""The jaws of an instrument in a hand that is told how far to open them. No torque is felt."""
+"""The jaws of an instrument in a virtual hand that follows a commanded opening, without torque."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from services.runtime.rig import Settings
 
 
 class HandGraspSettings(Settings):
-    """Of the rig file: how far the handle opens, and how quickly it follows."""
+    """Settings in the rig file: range and rate of the handle."""
 
     start_rad: Annotated[float, Field(ge=0.0, le=1.5)] = Field(1.0, description="until somebody takes it")
     shut_rad: Annotated[float, Field(ge=0.0, le=1.5)] = Field(0.0, description="as far as it is closed")
@@ -24,7 +24,7 @@ class HandGraspSettings(Settings):
 
 
 class HandGrasp(GraspHandle):
-    """Follows an opening at a hand's pace. What the opening is, a driver says in `opening`."""
+    """Follows an opening at a limited rate. Drivers return the opening from `opening`."""
 
     has_force = False
     max_torque_nm = 0.3
@@ -36,19 +36,19 @@ class HandGrasp(GraspHandle):
         self._last_ns = 0
 
     def begin_again(self) -> None:
-        """Open or shut the handle as it was until somebody took it."""
+        """Reset the handle to its initial opening."""
         self._angle = self._target = self._settings.start_rad
 
     def open(self) -> None:
-        """Compile the limiter here, and not in a tick."""
+        """Compile the rate limiter before the first tick."""
         slew(self._angle, self._target, 0.0)
 
     def enable(self) -> None:
-        """Nothing to switch on: `ready` stays false."""
+        """Do nothing: there are no motors, and `ready` stays false."""
 
     @abstractmethod
     def opening(self, time_ns: int) -> float | None:
-        """Return how far to open, 0 (shut) to 1; None leaves it as it is. Never waits."""
+        """Return the commanded opening, 0 (shut) to 1, or None to keep the last. Never waits."""
 
     def read(self, time_ns: int, handle: FloatArray) -> None:
         """Write angle and rate."""
@@ -65,7 +65,7 @@ class HandGrasp(GraspHandle):
         handle[HANDLE_RATE] = moved / passed_s if passed_s > 0.0 else 0.0
 
     def write(self, torque_nm: float) -> None:
-        """Ignore the torque: `has_force` says so."""
+        """Ignore the torque, as `has_force` is false."""
 
     def close(self) -> None:
-        """Nothing to give up."""
+        """Do nothing: there is no device."""

@@ -1,4 +1,4 @@
-"""What the hand on an emulated handle wants: a recording, a script, or a slow squeeze, as angles every millisecond."""
+"""Target angles of the hand on an emulated handle, every millisecond: a recording, a script, or a slow squeeze."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from services.gateway.script import HANDLE, Motion, Player, read_player
 from services.mechanics.arrays import FloatArray
 
 RATE_HZ = 1000.0
-_NO_PORT = (0.0, 0.0, 0.0)  # the handle does not care where the port is
+_NO_PORT = (0.0, 0.0, 0.0)  # handle angles do not depend on the port
 _COLUMN = "handle_angle_rad"
 _SQUEEZE_S = 4.0
 
 
 @dataclass(frozen=True, slots=True)
 class HandMotion:
-    """Angles (n,) float64 in rad at `RATE_HZ`; after the last come the first again, or it stays."""
+    """Angles (n,) float64 in rad at `RATE_HZ`, repeated or held at the end."""
 
     angle_rad: FloatArray
     repeats: bool
@@ -43,7 +43,7 @@ def of_scenario(name: str, index: int, pace: float = 1.0) -> HandMotion:
 
 
 def of_motion(motion: Motion, pace: float = 1.0) -> HandMotion:
-    """Return the handle angles of a motion that is made once."""
+    """Return the handle angles of a motion that is not repeated."""
     return _sampled(Player(motion, False, _NO_PORT, pace))
 
 
@@ -57,15 +57,15 @@ def _sampled(player: Player) -> HandMotion:
 
 
 def fitted(motion: HandMotion, range_rad: tuple[float, float]) -> HandMotion:
-    """Return `motion`, which moves between shut (0) and open (1 rad), moving between two other angles."""
+    """Return `motion`, which moves between 0 (shut) and 1 rad (open), scaled to another range of angles."""
     low, high = range_rad
     return replace(motion, angle_rad=low + (high - low) * motion.angle_rad.clip(0.0, 1.0))
 
 
 def recorded(path: Path) -> HandMotion:
-    """Return the handle angles of a 1 kHz recording, played forwards and back so that it never jumps.
+    """Return the handle angles of a 1 kHz recording, played forwards and backwards so that they never jump.
 
-    Raises DeviceError if the file cannot be used.
+    Raises DeviceError if the file is invalid.
     """
     angles = np.ascontiguousarray(read_table(path, (_COLUMN,))[_COLUMN], np.float64)
     return HandMotion(np.concatenate((angles, angles[-2:0:-1])), repeats=True)

@@ -1,16 +1,16 @@
-"""Round-robin schedule of the handles: one is served in a tick, none while haptics, on the same core, is late."""
+"""Round-robin schedule of the handles: at most one per tick, and none while haptics, on the same core, is late."""
 
 from __future__ import annotations
 
-#: So many ticks in a row handles wait for haptics to catch up. Where it is silent one is served in each tick.
+#: Most ticks in a row that handles wait for haptics. If it is silent, one handle is served in each tick.
 PATIENCE = 2
 
 
 class HandleSchedule:
     """The handles of `n` instruments take turns.
 
-    A CAN exchange costs some 40 us of a core that haptics, if it is late, needs itself: of the slowest ticks of haptics
-    four in five had a handle served in their midst.
+    A CAN exchange costs about 40 us on the core that a late haptics needs: without this, four in five of the slowest
+    ticks of haptics were interrupted by one.
     """
 
     def __init__(self, n: int) -> None:
@@ -18,10 +18,10 @@ class HandleSchedule:
         self._turn = self._waited = 0
 
     def next(self, *, late: bool) -> int | None:
-        """Return the number of the handle to serve now, None for none.
+        """Return the index of the handle to serve now, None for none.
 
         Args:
-            late: Whether the answer to this tick's sample has not come yet.
+            late: Whether the answer to this tick's sample has not arrived yet.
         """
         if late and self._waited < PATIENCE:
             self._waited += 1

@@ -1,7 +1,7 @@
-"""What a driver finds out about its host: for ``trocar doctor``.
+"""Checks of the host by drivers, for ``trocar doctor``.
 
-A driver file may have a function ``check_host``. It is called with the settings of all devices of the rig that name it,
-and whether a rig is running: then no device may be opened.
+A driver file may have a function ``check_host``. It is called with the settings of all the rig's devices of this
+driver, and whether a rig is running, during which no device may be opened.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ class HostCheck:
     """One finding.
 
     Attributes:
-        advice: str. What to do where it is not `ok`.
+        advice: str. What to do if it is not `ok`.
         needed: bool. Whether the rig cannot run without it.
     """
 
@@ -27,5 +27,5 @@ class HostCheck:
 
 
 def text_of(file: Path) -> str:
-    """Return what the kernel says in a file of ``/sys``, empty where there is none."""
+    """Return the content of a file of ``/sys``, empty without it."""
     return file.read_text(errors="replace").strip() if file.is_file() else ""

@@ -1,7 +1,7 @@
-"""Gamepads and SpaceMice as the Linux kernel shows them: /dev/input/event*, read through the library evdev.
+"""Gamepads and SpaceMice by the Linux kernel's /dev/input/event*, read with the library evdev.
 
-One file may serve several drivers of the process (two arms, two handles): they share one reader, which takes what has
-come at most once a millisecond, never waits, and remembers what each axis and button says.
+One file may serve several drivers of the process (two arms, two handles). They share one reader, which reads events at
+most once a millisecond, never waits, and stores the value of each axis and button.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from evdev import InputDevice, ecodes, ff, list_devices
 from services.runtime.errors import DeviceError
 
 _TICK_NS = 1_000_000
-#: A tick takes so many events; a device that sends more is read on in the next.
+#: Most events read in a tick; the rest is read in the next.
 _EVENTS_A_TICK = 32
-#: Relative axes never say that they are let go; they repeat every 8 to 16 ms while they are not.
+#: Relative axes do not report their release, but repeat every 8 to 16 ms while pushed; after this time they are at 0.
 _RELATIVE_NS = 60 * _TICK_NS
-#: What a cap pushed to its end sends in a relative report.
+#: Value of a fully pushed cap in a relative report.
 _RELATIVE_FULL = 350.0
 #: Triggers are pressed from one end; everything else is pushed both ways from its middle.
 _ONE_SIDED = {ecodes.ABS_Z, ecodes.ABS_RZ, ecodes.ABS_GAS, ecodes.ABS_BRAKE}
@@ -27,13 +27,13 @@ _RUMBLE_MS = 200
 
 
 class EventSource(Protocol):
-    """What is used of `evdev.InputDevice`."""
+    """The used part of `evdev.InputDevice`."""
 
     path: str
     name: str
 
     def read_one(self) -> Any:
-        """Return the next event, None when there is none."""
+        """Return the next event, None without one."""
         ...
 
     def active_keys(self) -> list[int]:
@@ -45,25 +45,25 @@ class EventSource(Protocol):
         ...
 
     def upload_effect(self, effect: Any) -> int:
-        """Hand an effect over and return its number."""
+        """Upload an effect and return its number."""
         ...
 
     def write(self, etype: int, code: int, value: int) -> None:
-        """Send an event, such as the beginning of an effect."""
+        """Send an event, such as the start of an effect."""
         ...
 
     def close(self) -> None:
-        """Give it up."""
+        """Close the device."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """How one kind of device is told among all input devices.
+    """A kind of input device, and how to recognise it.
 
     Attributes:
-        name: In sentences.
-        is_one: Of what a device can do, as ``{type: [codes]}``.
+        name: Name in messages.
+        is_one: Predicate of a device's capabilities, ``{type: [codes]}``.
         for_both: Whether one device has enough axes for both hands.
     """
 
@@ -77,7 +77,7 @@ GAMEPAD = Kind(
     lambda can: ecodes.BTN_SOUTH in can.get(ecodes.EV_KEY, ()) and ecodes.ABS_X in can.get(ecodes.EV_ABS, ()),
     for_both=True,
 )
-#: Six axes from translation to rotation and nothing that a gamepad has.
+#: Six axes of translation and rotation, and no controls of a gamepad.
 SPACEMOUSE = Kind(
     "SpaceMouse",
     lambda can: (
@@ -93,10 +93,10 @@ SPACEMOUSE = Kind(
 
 @dataclass(slots=True)
 class Inputs:
-    """One device and what its axes and buttons say, -1 to 1.
+    """One device and the values of its axes and buttons, -1 to 1.
 
     Attributes:
-        fault: Empty, or one sentence: it went away.
+        fault: Empty, or one sentence on its loss.
     """
 
     source: EventSource
@@ -115,18 +115,18 @@ class Inputs:
         self._synchronise()
 
     def _synchronise(self) -> None:
-        """Ask what every axis and button says now: what it said before may have been lost."""
+        """Read the present values of all axes and buttons, as events may have been lost."""
         self._values = {(ecodes.EV_KEY, code): 1.0 for code in self.source.active_keys()}
         for code, info in self.source.capabilities(absinfo=True).get(ecodes.EV_ABS, ()):
             self._ranges[code] = _range_of(code, float(info.min), float(info.max))
             self._values[ecodes.EV_ABS, code] = self._scaled(code, float(info.value))
 
     def value(self, name: str) -> float:
-        """Return what an axis or button says, by its kernel name (`code_of`); 0 for one that the device has not."""
+        """Return the value of an axis or button by its kernel name (`code_of`), 0 if the device lacks it."""
         return self._values.get(code_of(name), 0.0)
 
     def poll(self, time_ns: int) -> None:
-        """Take what has come up to `time_ns`; nothing is read twice in a tick. A device that went away says 0."""
+        """Read events up to `time_ns`, once in a tick. All values of a lost device are 0."""
         if self.fault or time_ns - self._read_ns < _TICK_NS:
             return
         self._read_ns = time_ns
@@ -145,7 +145,7 @@ class Inputs:
 
     def _take(self, event: Any, time_ns: int) -> None:
         if event.type == ecodes.EV_SYN and event.code == ecodes.SYN_DROPPED:
-            self._dropped = True  # the kernel's queue ran over; what follows up to the next report is a torn one
+            self._dropped = True  # the kernel's queue overflowed; events up to the next report are incomplete
         elif self._dropped:
             if event.type == ecodes.EV_SYN and event.code == ecodes.SYN_REPORT:
                 self._dropped = False
@@ -163,7 +163,7 @@ class Inputs:
         return min(max((value - middle) / half, -1.0), 1.0) if half > 0.0 else 0.0
 
     def rumble(self, strength: float) -> None:
-        """Shake for a fifth of a second, 0 to 1; a device that cannot does nothing."""
+        """Rumble for a fifth of a second with `strength` 0 to 1, if the device can."""
         if not self._rumbles or self.fault:
             return
         level = int(0xFFFF * min(max(strength, 0.0), 1.0))
@@ -173,11 +173,11 @@ class Inputs:
             self._effect = self.source.upload_effect(shake)
             self.source.write(ecodes.EV_FF, self._effect, 1)
         except OSError:
-            self._rumbles = False  # an input without permission to write; what is felt is shown anyway
+            self._rumbles = False  # no permission to write
 
 
 def _range_of(code: int, low: float, high: float) -> tuple[float, float]:
-    """Return what is 0 and how far it is to 1."""
+    """Return the value that maps to 0, and the distance that maps to 1."""
     if code in _ONE_SIDED and low >= 0.0:
         return low, high - low
     return (low + high) / 2.0, (high - low) / 2.0
@@ -200,9 +200,9 @@ _open: dict[str, Inputs] = {}
 
 
 def open_inputs(kind: Kind, path: str | None, index: int, where: str) -> Inputs:
-    """Return the device at `path`, or the one for the instrument of `index` among those of `kind`.
+    """Return the device at `path`, or the one of `kind` for the instrument `index`.
 
-    Raises DeviceError: one sentence, if there is none, or it cannot be opened.
+    Raises DeviceError: one sentence, if there is none or it cannot be opened.
     """
     path = path or _choose(kind, index, where)
     if path not in _open or _open[path].fault:
@@ -227,7 +227,7 @@ def _choose(kind: Kind, index: int, where: str) -> str:
 
 
 def close_inputs(inputs: Inputs) -> None:
-    """Give a device up; the last user closes it."""
+    """Release a device; the last user closes it."""
     inputs.users -= 1
     if inputs.users <= 0:
         if _open.get(inputs.source.path) is inputs:
@@ -255,6 +255,6 @@ def _open_device(path: str) -> EventSource:
     return cast(EventSource, InputDevice(path))
 
 
-#: How devices are listed and opened; a bench puts its stand-in here.
+#: Functions that list and open devices, which test benches replace.
 list_paths: Callable[[], list[str]] = list_devices
 open_source: Callable[[str], EventSource] = _open_device

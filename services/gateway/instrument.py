@@ -17,7 +17,7 @@ from services.gateway.scene_hands import SceneHand, fitted
 from services.gateway.servo import Servo, ServoLimits
 from services.runtime.rig import GatewaySettings, InstrumentSettings
 
-#: A person who is refused force for so long, because the tool pulls at something, does not keep still.
+#: After so long without force because the tool pulls at something, a person would move.
 PATIENCE_S = 2.0
 
 
@@ -48,7 +48,7 @@ class Instrument:
         self.servo.engagement.open(self.arm.calibrated)
 
     def warm(self) -> None:
-        """Run every kernel of a tick once, with force off, so that none is compiled under a deadline."""
+        """Run every kernel of a tick once, with force off, so that none is compiled in a tick."""
         self.read(0)
         self.servo.step(1, self._motion, 0.0, calibrated=False)
         self.servo.step_grasp(1, self._handle)
@@ -62,7 +62,7 @@ class Instrument:
         pose.place_tool(self._reading, self._mount, self._port, self._motion, self._orientation)
 
     def answer(self, now_ns: int, others_j: float = 0.0) -> None:
-        """Compute the force for the pose read at `now_ns` and write it; switch the motors on where force begins.
+        """Compute and write the force for the pose read at `now_ns`; switch the motors on when force begins.
 
         `others_j` is the energy that the hands of all other instruments have put in.
         """
@@ -84,7 +84,7 @@ class Instrument:
             arm.write(self._arm_force)
 
     def exchange_handle(self) -> None:
-        """Read the handle and write the torque that answers it."""
+        """Read the handle and write its torque."""
         grasp = self.grasp
         if grasp is None:
             return
@@ -96,14 +96,14 @@ class Instrument:
         grasp.write(self._torque_nm)
 
     def arm_anew(self) -> None:
-        """Forget faults: a person has armed the rig."""
+        """Clear faults, as a person has armed the rig."""
         self.arm.clear_fault()
         if self.grasp is not None:
             self.grasp.clear_fault()
         self.servo.engagement.arm()
 
     def try_again(self) -> None:
-        """Forget what is at fault, and nothing else: a device that has no fault keeps its force."""
+        """Retry devices with a fault; all others keep their force."""
         engagement = self.servo.engagement
         if engagement.fault or self.arm.fault or self.arm.prompt:
             self.arm.clear_fault()
@@ -112,18 +112,18 @@ class Instrument:
             self.grasp.clear_fault()
 
     def begin_again(self) -> None:
-        """Put simulated hands back to where they began; it is done while no force is on."""
+        """Reset simulated hands to their start, while no force is on."""
         self.arm.begin_again()
         if self.grasp is not None:
             self.grasp.begin_again()
 
     def keep_pace(self, pace: float) -> None:
-        """Let simulated hands move as fast as the rig's time goes."""
+        """Set the pace of simulated hands to that of the rig's time."""
         if self.grasp is not None:
             self.grasp.keep_pace(pace)
 
     def close(self) -> None:
-        """Leave zero force and torque."""
+        """Set zero force and torque."""
         self.arm.close()
         if self.grasp is not None:
             self.grasp.close()
@@ -131,12 +131,12 @@ class Instrument:
 
     @property
     def fault(self) -> str:
-        """What keeps the instrument from working fully, or empty."""
+        """The fault that restricts the instrument, or empty."""
         own = self.servo.engagement.fault or self.arm.prompt
         return own if own or self.grasp is None else self.grasp.fault
 
     def links(self) -> dict[str, float]:
-        """Return by device whether it answers and what else it tells, as health reports it."""
+        """Return by device whether it answers, and its gauges, for the health report."""
         found: dict[str, float] = {}
         for kind, device in (("arm", self.arm), ("grasp", self.grasp)):
             if device is not None:
@@ -145,7 +145,7 @@ class Instrument:
         return found
 
     def state(self) -> bodies.InstrumentState:
-        """Return what the rig is told of this tick."""
+        """Return the instrument's part of this tick's device frame."""
         x, y, z, vx, vy, vz, qw, qx, qy, qz = self._pose.tolist()
         angle, rate = self._handle.tolist()
         temperature, roll = self._reading[servo_arrays.READ_TEMPERATURE :].tolist()
@@ -178,9 +178,9 @@ def build_instruments(
     newest: Callable[[str], Frame | None] = lambda _topic: None,
     hands: Sequence[SceneHand] = (),
 ) -> list[Instrument]:
-    """Return the instruments of a rig file, their devices not yet open.
+    """Return the instruments of a rig file, with devices not yet open.
 
-    `newest` is as in `Place`; `hands` is what the hands of the scene's tools do.
+    `newest` is as in `Place`; `hands` are the motions of the scene's hands.
     """
     held = [*hands, *(None for _ in settings.instruments)]
     return [_build(settings, row, index, newest, held[index]) for index, row in enumerate(settings.instruments)]

@@ -1,4 +1,4 @@
-"""A CAN bus between two processes of this rig: a pair of sockets without a name, so nobody else can reach it."""
+"""A CAN bus between two processes of this rig: an unnamed pair of sockets, which no other process can reach."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ import can
 
 from services.gateway import can_frame
 
-#: Bytes read at once: frames of a second of one handle.
+#: Bytes read at once: a second of one handle's frames.
 _READ = 512 * can_frame.SIZE
 
 
 class LocalBus(can.BusABC):  # type: ignore[misc]  # python-can is not read by mypy
-    """One end of the pair; to whoever uses it a bus of python-can as any other.
+    """One end of the pair, used like any bus of python-can.
 
-    All frames that are there are read at once, and then handed out; so to find that there are no more costs nothing.
+    All available frames are read at once and then returned singly, so that finding no more costs nothing.
 
     Args:
-        end: Of a pair ``AF_UNIX``, ``SOCK_STREAM``, on which nothing but whole frames is ever sent.
+        end: End of a pair ``AF_UNIX``, ``SOCK_STREAM``, on which only whole frames are sent.
     """
 
     def __init__(self, end: socket.socket) -> None:
@@ -32,11 +32,11 @@ class LocalBus(can.BusABC):  # type: ignore[misc]  # python-can is not read by m
         super().__init__(channel="local")
 
     def fileno(self) -> int:
-        """Return the descriptor, to be waited for."""
+        """Return the descriptor, for polling."""
         return self._end.fileno()
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Send, or say that the other end has not read for long: nothing waits here."""
+        """Send without waiting; raise an error if the other end does not read."""
         flags = msg.is_extended_id * can_frame.EXTENDED | msg.is_remote_frame * can_frame.REMOTE
         try:
             self._end.send(can_frame.pack(msg.arbitration_id | flags, bytes(msg.data)))
@@ -47,7 +47,7 @@ class LocalBus(can.BusABC):  # type: ignore[misc]  # python-can is not read by m
         if self._heard:
             return self._heard.popleft(), True
         if self._emptied and timeout == 0.0:
-            self._emptied = False  # said once without asking the kernel, which was asked for the frames before
+            self._emptied = False  # one report of "no more" without a system call
             return None, True
         if timeout is None or timeout > 0.0:
             select.select((self._end,), (), (), timeout)
@@ -67,7 +67,7 @@ class LocalBus(can.BusABC):  # type: ignore[misc]  # python-can is not read by m
         self._heard.extend(_message(identifier, frame) for identifier, frame in can_frame.unpack(data))
 
     def shutdown(self) -> None:
-        """Leave the bus."""
+        """Close this end."""
         super().shutdown()
         self._end.close()
 

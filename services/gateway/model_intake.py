@@ -1,4 +1,4 @@
-"""Intake of contact models: each is checked, matched to the device sample that it answers, and its latency measured."""
+"""Intake of contact models: each is checked and matched to the device sample that it answers, to measure latency."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from services.gateway.servo_arrays import are_models
 from services.runtime.flat_view import flat_view
 from services.runtime.health import LatencyPath
 
-#: Samples that a model may still answer: older ones are beyond every time to live.
+#: Number of samples that a model may still answer; older ones have expired.
 _REMEMBERED = 128
 
 
 class ModelIntake:
-    """Gives contact models to the servos and measures the latency from the device sample.
+    """Passes contact models to the servos and measures their latency from the device sample.
 
     Args:
-        instruments: In the order of the device frames.
+        instruments: Instruments in the order of the device frames.
         arrival: Latency from a device sample to the arrival of the first model that answers it. Only ``timed`` samples
             count: a gateway that does not wait for a model does not know when it arrived.
         force: Latency from a device sample to the first force computed from that model.
 
     Attributes:
-        refused: dict. Models not used, by reason.
+        refused: dict. Number of unused models, by reason.
     """
 
     def __init__(self, instruments: list[Instrument], arrival: LatencyPath, force: LatencyPath) -> None:
@@ -34,7 +34,7 @@ class ModelIntake:
         self._models = np.zeros((len(instruments), MODEL_COLUMNS))
         self._rows = list(self._models)
         self._bytes = flat_view(self._models).cast("B")
-        are_models(self._models)  # compiled here, and not in a tick
+        are_models(self._models)  # compiles it before the first tick
         self._arrival = arrival
         self._force = force
         self._sampled_ns = [0] * _REMEMBERED
@@ -47,14 +47,14 @@ class ModelIntake:
         self._seen = (0, 0)
 
     def invalid_looks(self) -> int:
-        """Look; return how many looks in a row found that most models since the one before were invalid."""
+        """Check the models since the last call; return how many checks in a row found most of them invalid."""
         (invalid, accepted), self._seen = self._seen, (self.refused["invalid"], self._accepted)
         mostly = self._seen[0] - invalid > self._seen[1] - accepted
         self._invalid_looks = self._invalid_looks + 1 if mostly else 0
         return self._invalid_looks
 
     def ask(self, index: int, sampled_ns: int, *, timed: bool) -> None:
-        """Remember that the device sample of tick `index` was published, and whether its answer will be waited for."""
+        """Store that the device sample of tick `index` was published, and whether its answer will be waited for."""
         self._sampled_ns[index % _REMEMBERED] = sampled_ns
         self._asked[index % _REMEMBERED] = index
         self._last_asked = index
@@ -63,7 +63,7 @@ class ModelIntake:
 
     @property
     def timed(self) -> bool:
-        """Whether the answer to the newest sample is to be waited for."""
+        """Whether the gateway waits for the answer to the newest sample."""
         return self._timed == self._last_asked and self.outstanding
 
     @property
@@ -72,7 +72,7 @@ class ModelIntake:
         return self._newest_answered < self._last_asked
 
     def accept(self, frame: Frame, now_ns: int) -> None:
-        """Give the models of a frame to the servos, unless it answers nothing that was asked."""
+        """Pass the models of a frame to the servos, if it answers a known sample."""
         body = frame.body
         slot = body.tick % _REMEMBERED
         if not frame.valid:
@@ -96,12 +96,12 @@ class ModelIntake:
                 instrument.model_sequence = frame.sequence
 
     def _take(self, rows: bytes) -> bool:
-        """Copy the table's bytes to where numpy knows them; False if they are no models."""
+        """Copy the table's bytes into an array; return False if they are no models."""
         self._bytes[:] = rows
         return bool(are_models(self._models))
 
     def applied(self, now_ns: int) -> None:
-        """Count, right after the forces were written: was the sample before this one answered in time."""
+        """Count, right after the forces were written, whether the previous sample was answered in time."""
         if self._last_asked >= 0:
             in_time = self._newest_answered == self._last_asked
             for path in (self._arrival, self._force):

@@ -1,4 +1,4 @@
-"""The newest frame of each topic that a driver reads, for drivers whose device is another process."""
+"""The newest frame of each topic read by drivers, for drivers whose device is another process."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class NewestFrames:
         self._newest: dict[str, Frame] = {}
 
     def __call__(self, topic: str) -> Frame | None:
-        """Return the newest frame of `topic`, which the table lets the gateway read; None before there is one."""
+        """Return the newest frame of `topic`, which the gateway must be allowed to read; None before the first."""
         frame = self._bus.latest(topic)
         if frame is not None:
             self._newest[topic] = frame

@@ -18,13 +18,13 @@ class OdriveLink:
     """Frames to and from one node.
 
     Args:
-        patience_s: What has piled up while nobody listened for longer is passed over: how old it is cannot be known,
-            since a queue that is full keeps the oldest frames.
+        patience_s: A backlog of a longer pause is discarded: its age is unknown, since a full queue keeps the oldest
+            frames.
 
     Attributes:
         angle_turns, rate_turns_s: float. Newest encoder estimates.
-        errors, state: int. Of the newest heartbeat; None before the first.
-        estimated_ns, heartbeat_ns: int. When those came, by this host's monotonic clock.
+        errors, state: int. Those of the newest heartbeat; None before the first.
+        estimated_ns, heartbeat_ns: int. Times of their arrival, by this host's monotonic clock.
     """
 
     def __init__(self, bus: can.BusABC, node: int, clock: Clock, patience_s: float, bitrate: float) -> None:
@@ -44,7 +44,7 @@ class OdriveLink:
         self._torque = can.Message(arbitration_id=self._torque_id, is_extended_id=False, dlc=_TORQUE_BYTES)
 
     def receive(self) -> None:
-        """Take what has come. Own frames come back on some interfaces; their identifiers are none of the drive's."""
+        """Read received frames. Some interfaces echo own frames, whose identifiers are not those of the drive."""
         now_ns = self._clock.monotonic_ns()
         piled_up = now_ns - self._listened_ns > self._patience_ns
         count = 0
@@ -63,8 +63,8 @@ class OdriveLink:
                     self.errors, self.state = cansimple.unpack_heartbeat(bytes(message.data))
                     self.heartbeat_ns = self._clock.monotonic_ns()
             except struct.error:
-                continue  # of a wrong length: somebody else's
-        if count < canbus.DRAIN_LIMIT:  # else there is more of the same pile
+                continue  # a wrong length: not from a drive
+        if count < canbus.DRAIN_LIMIT:  # otherwise there is more of the backlog
             self._listened_ns = now_ns
 
     def send(self, command: int, data: bytes = b"") -> None:
@@ -73,7 +73,7 @@ class OdriveLink:
         self.bus.send(can.Message(arbitration_id=self._base | command, data=data, is_extended_id=False))
 
     def send_torque(self, torque_nm: float) -> None:
-        """Send a torque on the motor; called every tick, so the message is reused."""
+        """Send a motor torque; the message is reused, as this is called every tick."""
         self.load.count(_TORQUE_BYTES)
         self._torque.data = bytearray(cansimple.pack_float(torque_nm))
         self.bus.send(self._torque)

@@ -1,4 +1,4 @@
-"""From what an arm reads to the pose of the tool in the world: mount, port, roll."""
+"""Transforms an arm's reading to the pose of the tool in the world, by mount, port and roll."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ def pack_mount(mount: Mount) -> FloatArray:
 
 @kernel
 def place_tool(reading: FloatArray, mount: FloatArray, port: FloatArray, motion: FloatArray, pose: FloatArray) -> None:
-    """Write position and velocity in the world into `motion` (6,), the orientation wxyz into `pose` (4,).
+    """Write position and velocity in the world into `motion` (6,), and the orientation wxyz into `pose` (4,).
 
-    The arm stands upright: its frame is the world's, turned by the yaw about z.
+    The arm is upright: its frame is the world's, turned by the yaw about z.
     """
     to_world(reading, READ_POSITION, mount, motion, 0)
     to_world(reading, READ_VELOCITY, mount, motion, 3)
@@ -33,7 +33,7 @@ def place_tool(reading: FloatArray, mount: FloatArray, port: FloatArray, motion:
 
 @kernel
 def to_world(vector: FloatArray, at: int, mount: FloatArray, out: FloatArray, out_at: int) -> None:
-    """Turn the three numbers of `vector` from `at` on into the axes of the world, into `out` from `out_at` on."""
+    """Rotate the three numbers of `vector` from `at` on to the axes of the world, into `out` from `out_at` on."""
     c, s = mount[0], mount[1]
     x, y = vector[at], vector[at + 1]
     out[out_at] = c * x - s * y
@@ -43,7 +43,7 @@ def to_world(vector: FloatArray, at: int, mount: FloatArray, out: FloatArray, ou
 
 @kernel
 def to_arm(vector: FloatArray, at: int, mount: FloatArray, out: FloatArray, out_at: int) -> None:
-    """Turn the three numbers of `vector` from `at` on into the axes of the arm, as `to_world` does back."""
+    """Rotate the three numbers of `vector` from `at` on to the axes of the arm; the inverse of `to_world`."""
     c, s = mount[0], mount[1]
     x, y = vector[at], vector[at + 1]
     out[out_at] = c * x + s * y
@@ -53,5 +53,5 @@ def to_arm(vector: FloatArray, at: int, mount: FloatArray, out: FloatArray, out_
 
 @kernel
 def force_to_arm(force: FloatArray, mount: FloatArray, out: FloatArray) -> None:
-    """Write a force of the world into the frame of the arm, `out` (3,)."""
+    """Write a force in world axes into `out` (3,) in the frame of the arm."""
     to_arm(force, 0, mount, out, 0)

@@ -27,14 +27,14 @@ GRAVITY = 9.80665
 GEARS = (13.3, 11.2, 11.2)
 ROTOR_INERTIA = 1.08e-6  # kg m2
 VISCOUS, COULOMB = 5e-4, 0.01  # N m s/rad, N m
-#: Joints rub in turns so often; thigh and shin are coupled by a tenth of their masses at most.
+#: Sweeps of dry friction over the joints; thigh and shin are coupled by at most a tenth of their masses.
 _RUBS = 4
 STOP_STIFFNESS, STOP_DAMPING = 10.0, 0.1  # N m/rad, N m s/rad
 ANGLE_MIN = (math.radians(-90.0), math.radians(-124.0), math.radians(-29.0))
 ANGLE_MAX = (math.radians(90.0), math.radians(119.0), math.radians(214.0))
 THIGH_OVER_SHIN, SHIN_OVER_THIGH = math.radians(65.0), math.radians(55.0)
 
-#: What the servo's law is told of this arm: its device file says the same.
+#: Count and friction for the servo's law, as in the device file.
 COUNT_M, FRICTION_N = 30e-6, 0.04  # m, N, at the tip
 
 #: Posture at the middle of the workspace: thigh and shin at a right angle, halfway up.
@@ -128,7 +128,7 @@ def accelerate(angles: FloatArray, rates: FloatArray, torque: FloatArray, out: F
 
 @kernel
 def passive_torque(angles: FloatArray, rates: FloatArray, joint: int) -> float:
-    """Return viscous friction and hard stops of a joint in N m: they never add energy. Dry friction is `rub`."""
+    """Return viscous friction and hard stops of a joint in N m, which never add energy; dry friction is `rub`."""
     low, high = ANGLE_MIN[joint], ANGLE_MAX[joint]
     if joint == 1:
         low, high = max(low, angles[2] - SHIN_OVER_THIGH), min(high, angles[2] + THIGH_OVER_SHIN)
@@ -144,9 +144,9 @@ def passive_torque(angles: FloatArray, rates: FloatArray, joint: int) -> float:
 
 @kernel
 def rub(angles: FloatArray, rates: FloatArray, dt: float) -> None:
-    """Change rates (3,) by what dry friction does in `dt`: an impulse a joint of at most COULOMB dt, which stops it.
+    """Apply the dry friction of `dt` to rates (3,): an impulse at each joint of at most COULOMB dt towards rest.
 
-    As a steep torque through rest it would let an arm creep under a held force, and its encoders toggle.
+    Modelled as a steep torque through rest, it would let an arm creep under a constant force, and its encoders toggle.
     """
     m11, m22, m23, m33 = mass(angles)
     most, determinant = COULOMB * dt, m22 * m33 - m23 * m23

@@ -19,7 +19,7 @@ _DTYPE = [(name, np.float64) for name in ("time_s", "x_m", "y_m", "z_m", "roll_r
 
 
 class Track:
-    """Columns of a recording at the time since the first read, linear between its rows; again and again with `loop`."""
+    """Columns of a recording at the time since the first read, linear between rows; repeated with `loop`."""
 
     def __init__(self, times_s: FloatArray, *columns: FloatArray, loop: bool) -> None:
         self._times_s, self._columns = times_s - times_s[0], columns
@@ -39,22 +39,22 @@ class Track:
 
 
 def read_hand(path: Path, columns: tuple[str, ...], place: Place) -> npt.NDArray[np.void]:
-    """Return what a hand did as `read_table` does, from a csv file, or from a rig's recording of this instrument.
+    """Return a hand's motion as `read_table` does, from a csv file or from a rig's recording of this instrument.
 
-    Positions are in the frame of the arm, wherever the recorded arm stood. A recording ends where its gateway began
-    anew.
-    Raises DeviceError naming the file, if it cannot be used.
+    Positions are in the frame of the arm, wherever the recorded arm was mounted. A recording ends where its gateway was
+    restarted.
+    Raises DeviceError naming the file, if it is invalid.
     """
     if path.suffix != ".mcap":
         return read_table(path, columns)
-    from services.recordings.reader import read_messages  # which is not installed with every gateway
+    from services.recordings.reader import read_messages  # not installed with every gateway
 
     mount, at_arm, rows = pack_mount(place.mount), np.zeros(3), list[tuple[float, ...]]()
     for _topic, _time_ns, state in read_messages(path, ("gateway.state",)):
         time_s = 1e-3 * state.tick
         if rows and time_s < rows[-1][0]:
             break
-        if rows and time_s == rows[-1][0]:  # the rig's time stood
+        if rows and time_s == rows[-1][0]:  # the rig's time was stopped
             continue
         for hand in state.instruments:
             if hand.name == place.instrument:
@@ -66,17 +66,17 @@ def read_hand(path: Path, columns: tuple[str, ...], place: Place) -> npt.NDArray
 
 
 def read_table(path: Path, columns: tuple[str, ...]) -> npt.NDArray[np.void]:
-    """Return a csv file with a header line as a structured array of two rows or more, in the order of its time.
+    """Return a csv file with a header line as a structured array of at least two rows, ordered by time.
 
-    Raises DeviceError naming the file, if it cannot be read, lacks one of `columns`, or holds something else than
-    finite numbers; or if ``time_s``, where it is there, does not increase.
+    Raises DeviceError naming the file, if it cannot be read, lacks one of `columns`, contains anything but finite
+    numbers, or if a column ``time_s`` does not increase.
     """
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
         if not any(line.strip() for line in lines):
             raise DeviceError(f"{path}: the file is empty")
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # a header alone is told below
+            warnings.simplefilter("ignore")  # a file of only a header is reported below
             table: npt.NDArray[np.void] = np.atleast_1d(np.genfromtxt(lines, delimiter=",", names=True))
     except OSError as error:
         raise DeviceError(f"{path}: {error.strerror}") from None

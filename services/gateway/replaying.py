@@ -1,4 +1,4 @@
-"""The gateway in a replay: the device frames of a recording instead of devices, each when the last one was answered."""
+"""The gateway in a replay: recorded device frames instead of devices, each sent once the last one was answered."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Replay:
     """Publishes recorded device frames.
 
     Attributes:
-        next_tick: Of the rig's clock, after those that were replayed.
+        next_tick: Next tick of the rig's clock after the replayed ones.
     """
 
     def __init__(self, process: Process, settings: ReplaySettings, meter: LoopMeter) -> None:
@@ -29,7 +29,7 @@ class Replay:
         self.next_tick = self._intakes[-1].tick + 1
 
     def run(self) -> None:
-        """Replay once, or again and again; return when hands take over, else stay until asked to end."""
+        """Replay once or repeatedly; return when hands take over or the process is told to end."""
         while not self._process.stop():
             self._replay()
             if not self._settings.loop:
@@ -40,7 +40,7 @@ class Replay:
             sleep_until(time.monotonic_ns() + _HOLD_NS)
 
     def _replay(self) -> None:
-        """Publish each frame at its time, those before `from_s` as fast as they are answered."""
+        """Publish each frame at its time, and those before `from_s` as fast as they are answered."""
         begin = self._first + round(self._settings.from_s / TICK_S)
         began_ns = time.monotonic_ns()
         for intake in self._intakes:

@@ -1,17 +1,17 @@
-"""The rig's time: the gateway's ticks, which go on as the clock does, slower, one by one, or not at all."""
+"""The rig's time in gateway ticks, which follows the clock, runs slower, in single steps, or is stopped."""
 
 from __future__ import annotations
 
 
 class RigTime:
-    """Turns ticks of the loop into those of the rig.
+    """Converts ticks of the loop to ticks of the rig.
 
-    At full pace they are the same, lost ones included: so the rig's time is that of the clock. Below it a tick of the
-    loop in which the rig's time stands answers the tick before once more.
+    At full pace they are the same, lost ones included, so the rig's time is the clock's. Below it, a tick of the loop
+    in which the rig's time does not advance answers the previous tick again.
 
     Attributes:
         index: The rig's tick.
-        time_ns: When it is due on the rig's grid: what simulated devices move on to.
+        time_ns: Its due time on the rig's grid, to which simulated devices advance.
         pace: Of the rig's time, 0 to 1.
     """
 
@@ -23,11 +23,11 @@ class RigTime:
         self._owed = 0.0
 
     def step(self, ticks: int) -> None:
-        """Go on by so many ticks beyond what the pace gives, one in each tick of the loop."""
+        """Advance by `ticks` in addition to the pace, one in each tick of the loop."""
         self._owed += ticks
 
     def advance(self, loop_index: int, scheduled_ns: int) -> None:
-        """Take the loop's tick of that index, which was due at `scheduled_ns`."""
+        """Process the loop's tick of that index, due at `scheduled_ns`."""
         if self._last is None:
             self._last, self.time_ns = loop_index - 1, scheduled_ns - self._period_ns
         passed, self._last = loop_index - self._last, loop_index

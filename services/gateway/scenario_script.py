@@ -1,4 +1,4 @@
-"""The scenarios of the mechanics as scripts of a hand: the same data moves the tests there and the devices here."""
+"""Scenarios of the mechanics as scripts of a hand: the same data drives its tests and the devices here."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from services.runtime.rig import Vector3
 
 
 def scenario_player(name: str, index: int, port_m: Vector3, pace: float = 1.0) -> Player:
-    """Return what the hand of instrument `index` does in a scenario; at its end it holds still.
+    """Return the player of instrument `index` in a scenario; at its end the hand holds still.
 
-    Raises ConfigError naming the known scenarios, or saying that this one has nothing for the instrument to do.
+    Raises ConfigError naming the known scenarios, or if this one has no motion for the instrument.
     """
     if name not in SCENARIOS:
         near = did_you_mean(name, SCENARIOS)

@@ -1,7 +1,7 @@
-"""What simulated hands do in the rig's scene, found from its geometry.
+"""Motions of simulated hands in the rig's scene, derived from its geometry.
 
-A device whose script is called `SCENE` follows it. Where the scene has its port, there this instrument has it, and the
-arm stands so that all of the motion lies in the middle of its workspace: a simulated arm can stand anywhere.
+A device with the script `SCENE` follows them. Its instrument then has the scene's port, and its simulated arm, which
+can be mounted anywhere, is placed so that the motion lies in the middle of its workspace.
 """
 
 from __future__ import annotations
@@ -19,33 +19,33 @@ _MODULE = "services.scenes.hand_motions"
 
 
 class SceneHand(Settings):
-    """Of one tool of the scene."""
+    """Port and motion of one tool of the scene."""
 
     port_m: Vector3
     motion: Motion
 
 
 class SceneHands(Settings):
-    """Of all tools of the scene, in their order."""
+    """Hands of all tools of the scene, in order."""
 
     hands: tuple[SceneHand, ...] = ()
 
 
 def are_called_for(gateway: GatewaySettings) -> bool:
-    """Return whether a device of the rig follows what the scene is for."""
+    """Return whether a device of the rig follows the scene's motions."""
     return any(_follows(row) for row in gateway.instruments)
 
 
 def find_scene_hands(scene: str, overrides: tuple[str, ...] = ()) -> SceneHands:
-    """Return what the hands of a scene do.
+    """Return the motions of the hands of a scene.
 
-    Raises ConfigError: one sentence, if the scene cannot be used.
+    Raises ConfigError: one sentence, if the scene is invalid.
     """
     return find_in_scene(_MODULE, scene, overrides, _read)
 
 
 def fitted(row: InstrumentSettings, hand: SceneHand | None) -> InstrumentSettings:
-    """Return the instrument with port and mount where its hand in the scene wants them, if it follows the scene."""
+    """Return the instrument with port and mount for its hand in the scene, if it follows the scene."""
     if hand is None or not _follows(row):
         return row
     reached = np.array([_junction_m(point.hip_m, hand) for point in hand.motion.breakpoints])

@@ -1,4 +1,4 @@
-"""What a scripted person does with an instrument: breakpoints in time, joined by minimum-jerk motions."""
+"""Scripted motion of an instrument: breakpoints in time, joined by minimum-jerk motions."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from services.runtime.rig import Settings, Vector3
 
 # Columns of a sampled script.
 HIP, ROLL, HANDLE, COLUMNS = 0, 3, 4, 5
-#: Instead of a script's name: what the scene is for, see `scene_hands`.
+#: Name of the script that stands for the scene's own motions, see `scene_hands`.
 SCENE = "scene"
 
 
 class Breakpoint(Settings):
-    """Where the hand holds the tool at a time; it comes to rest there."""
+    """Pose of the tool at a time, at which it is at rest."""
 
     time_s: Annotated[float, Field(ge=0.0)]
     hip_m: Vector3 = Field(description="junction of shaft and jaws in the world, or the point that the motion names")
@@ -32,7 +32,7 @@ class Breakpoint(Settings):
 
 
 class Motion(Settings):
-    """What one hand does."""
+    """Motion of one hand."""
 
     beyond_hip_m: Annotated[float, Field(ge=0.0)] = Field(
         0.0, description="the breakpoints are for the point this far beyond the junction of shaft and jaws"
@@ -48,7 +48,7 @@ class Motion(Settings):
 
 
 class Script(Settings):
-    """Motions by instrument name. With `loop` the script begins again after its last breakpoint."""
+    """Motions by instrument name; with `loop` the script repeats after its last breakpoint."""
 
     loop: bool = True
     motions: dict[str, Motion]
@@ -59,10 +59,10 @@ class Player:
 
     Attributes:
         lasts_s: float. Time of the last breakpoint.
-        repeats: bool. Whether it begins again then; else it stays.
-        times, values: (k,) and (k, COLUMNS) float64. The breakpoints, for the point `beyond_m` beyond the junction;
-            `port` is what the tool turns about.
-        value, rate: (COLUMNS,) float64. Junction in the world, roll, handle, and their rates, of the last `sample`.
+        repeats: bool. Whether it repeats then, or holds still.
+        times, values: (k,) and (k, COLUMNS) float64. The breakpoints, for the point `beyond_m` beyond the junction; the
+            tool turns about `port`.
+        value, rate: (COLUMNS,) float64. Junction in the world, roll, handle, and their rates, at the last `sample`.
     """
 
     def __init__(self, motion: Motion, loop: bool, port_m: Vector3, pace: float = 1.0) -> None:
@@ -78,13 +78,13 @@ class Player:
         self.sample(0.0)
 
     def sample(self, time_s: float) -> None:
-        """Write position and rate at `time_s` since the script's begin into `value` and `rate`."""
+        """Write position and rate at `time_s` since the script's start into `value` and `rate`."""
         minimum_jerk(self.times, self.values, self.within(time_s), self.value, self.rate)
         if self.beyond_m > 0.0:
             draw_back(self.port, self.beyond_m, self.value, self.rate)
 
     def within(self, time_s: float) -> float:
-        """Return `time_s` since the script's begin as a time of its breakpoints."""
+        """Return the time on the breakpoints' scale of `time_s` since the script's start."""
         return time_s % self.lasts_s if self.repeats else time_s
 
 
@@ -103,7 +103,7 @@ def read_player(name: str, instrument: str, port_m: Vector3, pace: float = 1.0) 
 
 @kernel
 def draw_back(port: FloatArray, offset: float, value: FloatArray, rate: FloatArray) -> None:
-    """Turn point and velocity of a tool's point `offset` beyond its junction into those of the junction, in place.
+    """Convert position and velocity of a tool's point `offset` beyond its junction to those of the junction, in place.
 
     J = P - l d with the shaft's direction d from the port to P, which turns as P moves.
     """

@@ -1,6 +1,6 @@
 """The servo of one instrument: newest local model in, force and grasp torque out, every millisecond.
 
-Pure: it is told the time, the pose and the models. Ages count from the device sample that a model answers, by this
+It is pure: time, pose and models are arguments. Ages count from the device sample that a model answers, by this
 process' own clock, so neither a stepping wall clock nor another host's clock matters.
 """
 
@@ -19,14 +19,14 @@ from services.mechanics.arrays import FloatArray
 
 #: Model, motion, limits, present tick, memory: see `servo_arrays`.
 Law = Callable[[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray], None]
-#: This many late ticks in a row, each longer than this, and the arm is let go.
+#: Number of late ticks in a row, each longer than this, after which the force is removed.
 OVERRUNS, OVERRUN_S = 3, 0.002
 _MAX_AGE_S = 1e3
 
 
 @dataclass(frozen=True, slots=True)
 class ServoLimits:
-    """What may reach the hand: the smaller of rig and device; and the arm's own encoder count and friction."""
+    """Limits of forces on the hand, the smaller of rig and device, and the arm's encoder count and friction."""
 
     force_n: float
     continuous_force_n: float
@@ -37,7 +37,7 @@ class ServoLimits:
     friction_n: float
 
     def pack(self) -> FloatArray:
-        """Return the limits as the kernels read them. Torque unloads in the same time as force."""
+        """Return the limits as an array for kernels. Torque unloads in the same time as force."""
         out = np.zeros(servo_arrays.LIMIT_SIZE)
         out[servo_arrays.LIMIT_FORCE] = self.force_n
         out[servo_arrays.LIMIT_CONTINUOUS_FORCE] = min(self.continuous_force_n, self.force_n)
@@ -49,11 +49,11 @@ class ServoLimits:
 
 
 class Servo:
-    """Evaluates the newest model against the current pose and bounds what it says.
+    """Evaluates the newest model at the current pose, with limits.
 
     Attributes:
-        force_n: (3,) float64. Force to write, in the world; a view that every `step` changes.
-        grasp_on: bool. Whether the handle's drive is on and answers: without it the grasp torque goes to zero.
+        force_n: (3,) float64. Force to write, in world axes; a view that every `step` changes.
+        grasp_on: bool. Whether the handle's drive is on and answers; otherwise the grasp torque falls to zero.
     """
 
     def __init__(self, limits: ServoLimits, ramp_s: float) -> None:
@@ -87,23 +87,23 @@ class Servo:
 
     @property
     def scale(self) -> float:
-        """How much of the model reaches the hand: 0 limp to 1."""
+        """Gain of the model's force on the hand, 0 (limp) to 1."""
         return float(self._memory[servo_arrays.MEMORY_SCALE])
 
     @property
     def refused(self) -> int:
-        """Forces that were not finite."""
+        """Number of forces that were not finite."""
         return int(self._memory[servo_arrays.MEMORY_REFUSED])
 
     @property
     def energy_j(self) -> float:
-        """Energy that the hand has put in since it was free; negative: more came out."""
+        """Energy that the hand has put in since it was free, negative if it received more."""
         return float(self._memory[servo_arrays.MEMORY_ENERGY])
 
     def accept(self, model: FloatArray, ttl_s: float, answers_ns: int, incarnation: int) -> None:
-        """Take a model (MODEL_COLUMNS,) that answers the device sample of `answers_ns`.
+        """Store a model (MODEL_COLUMNS,) that answers the device sample of `answers_ns`.
 
-        A new incarnation means re-engagement.
+        A new incarnation causes a re-engagement.
         """
         if incarnation != self._incarnation:
             self._incarnation = incarnation
@@ -122,14 +122,14 @@ class Servo:
         others_j: float = 0.0,
         law: Law = servo_law.servo_force,
     ) -> bool:
-        """Compute `force_n` for the pose read at `now_ns`; return True where motors must be switched on.
+        """Compute `force_n` for the pose read at `now_ns`; return True if motors must be switched on.
 
         Args:
             motion: (6,) float64. Position and velocity of the HIP in the world.
             temperature: Hottest motor, 0 ambient to 1 limit.
-            calibrated: Whether the device knows where it is.
+            calibrated: Whether the device's position is valid.
             others_j: Energy that the hands of all other instruments have put in.
-            law: What computes the force; an arm with a thread of its own does so there.
+            law: Computes the force, in an arm's own thread where it has one.
         """
         now = self._now
         dt_s = (now_ns - self._last_ns) * 1e-9 if self._last_ns else 1e-3
@@ -153,9 +153,9 @@ class Servo:
         return begins
 
     def step_grasp(self, now_ns: int, handle: FloatArray) -> None:
-        """Compute `torque_nm` for the handle (2,), angle and rate, read at `now_ns`; may follow a newer model.
+        """Compute `torque_nm` for the handle (2,), angle and rate, read at `now_ns`, perhaps by a newer model.
 
-        The torque of a drive that has come back is ramped up as force is when it begins.
+        The torque of a drive that has returned is ramped up like a force that begins.
         """
         now = self._now
         now[servo_arrays.NOW_DT] = dt_s = (now_ns - self._last_grasp_ns) * 1e-9 if self._last_grasp_ns else 1e-3
@@ -167,7 +167,7 @@ class Servo:
         servo_law.servo_torque(self._model, handle, self._limits, now, self._memory)
 
     def reset_clock(self) -> None:
-        """Take the next step as the first: what was before was not a tick."""
+        """Treat the next step as the first, without a tick before."""
         self._last_ns = 0
         self._last_grasp_ns = 0
 

@@ -6,13 +6,13 @@ from protocol.bodies.haptics import MODEL_CONTACT, MODEL_GRASP_B, MODEL_GRASP_K
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 
-# What an arm reads, in its own frame: z up, origin at the middle of its workspace.
+# Readings of an arm in its own frame: z up, origin at the middle of its workspace.
 READ_POSITION, READ_VELOCITY, READ_TEMPERATURE, READ_ROLL, READ_SIZE = 0, 3, 6, 7, 8
 
-# What a handle reads.
+# Readings of a handle.
 HANDLE_ANGLE, HANDLE_RATE, HANDLE_SIZE = 0, 1, 2
 
-# What the servo may do with an arm; of its own an encoder's count at the tip, m, and the friction, N.
+# Limits of an arm, its encoder's count at the tip, m, and its friction, N.
 (
     LIMIT_FORCE, LIMIT_CONTINUOUS_FORCE, LIMIT_RATE, LIMIT_TORQUE, LIMIT_TORQUE_RATE,
     LIMIT_COUNT, LIMIT_FRICTION, LIMIT_SIZE,
@@ -22,7 +22,7 @@ HANDLE_ANGLE, HANDLE_RATE, HANDLE_SIZE = 0, 1, 2
 # and the energy that the hands of all other instruments have put in.
 NOW_DT, NOW_AGE, NOW_TTL, NOW_GAIN, NOW_GRASP_GAIN, NOW_TEMPERATURE, NOW_OTHERS, NOW_SIZE = range(8)
 
-# What the servo remembers between ticks.
+# State of the servo between ticks.
 MEMORY_FORCE, MEMORY_POSITION, MEMORY_WAY = 0, 3, 6
 (
     MEMORY_ENERGY, MEMORY_HOT, MEMORY_DEMAND, MEMORY_REFUSED, MEMORY_SCALE, MEMORY_STIFFNESS, MEMORY_TORQUE,
@@ -32,7 +32,7 @@ MEMORY_FORCE, MEMORY_POSITION, MEMORY_WAY = 0, 3, 6
 
 @kernel
 def are_models(models: FloatArray) -> bool:
-    """Return whether rows (n, MODEL_COLUMNS) of finite numbers are models: no grasp pushes away, contact is 0 or 1."""
+    """Return whether rows (n, MODEL_COLUMNS) are valid models: finite, grasp stiffness not negative, contact 0 or 1."""
     for row in range(models.shape[0]):
         contact = models[row, MODEL_CONTACT]
         gains_energy = models[row, MODEL_GRASP_K] < 0.0 or models[row, MODEL_GRASP_B] < 0.0

@@ -1,14 +1,14 @@
-r"""The force law of the servo: pure numbers, no clock, no bus, no device.
+r"""The force law of the servo, a pure function without clock, bus or device.
 
-What may reach a hand is bounded here and nowhere else, in this order: model, norm, rate, energy.
+Forces on a hand are bounded only here, in this order: model, norm, rate, energy.
 
-* A model is used as it is up to an age of 5 ms (a quarter of its life where that is shorter); then its elastic part
+* A model is used unchanged up to an age of 5 ms (or a quarter of its life if that is shorter); then its elastic part
   fades, then its damping.
-* Whatever the model says, :math:`|f| \le R (T - a)` with the rate limit R, the model's life T and its age a: a
-  force that is never larger than what can still be taken back, so it reaches zero at T without a step.
-* Force rises, and turns, by no more than the rate limit. It falls as fast as the spring that the hand unloads: a force
-  that outlives its contact would push the hand that leaves.
-* It gives no more than all hands have put in: `energy_bound`.
+* For any model, :math:`|f| \le R (T - a)` with the rate limit R, the model's life T and its age a: the force is never
+  larger than can still be removed, so it reaches zero at T without a step.
+* Force rises, and changes direction, at most at the rate limit. It falls as fast as the spring that the hand unloads,
+  as a force that outlasts its contact would push the withdrawing hand.
+* It returns no more energy than all hands have put in, see `energy_bound`.
 """
 
 from __future__ import annotations
@@ -56,52 +56,52 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import Vector, dot, scaled
 
-#: A model is used as it is up to this age, and up to this share of its life.
+#: A model is used unchanged up to this age, and up to this share of its life.
 HOLD_S, HOLD_SHARE = 0.005, 0.25
-#: Of the rest of its life, the share in which the elastic part fades; in what is left, the damping does.
+#: Share of the rest of its life in which the elastic part fades; the damping fades in the remainder.
 ELASTIC_FADE = 2.0 / 3.0
-#: A motor warmer than the first is held to its continuous force until it is cooler than the second.
+#: A motor warmer than the first is limited to its continuous force until it is cooler than the second.
 HOT, COOL = 0.7, 0.5
-#: The rate limit counts at most this much time: a tick that comes late does not earn a larger step.
+#: Longest time for the rate limit, so that a late tick does not allow a larger step.
 MAX_STEP_S = 0.003
-#: And a torque never more than a tick's worth, though handles take turns: shut jaws let go of all their 48 mN m in one
-#: exchange that came late. Two handles in turn fade more than half of the largest torque in up to 40 ms, where a model
-#: lives 20; a drive lets go by itself after 50.
+#: The same for a torque: one tick, although handles take turns, because shut jaws once lost all their 48 mN m in one
+#: late exchange. With two handles in turn the fall of more than half of the largest torque takes up to 40 ms, against
+#: 20 ms of a model's life; a drive disarms itself after 50 ms.
 MAX_TORQUE_STEP_S = 0.001
-#: Below this force the hand is free: the rate limit lets a force outlive its contact by some ticks.
+#: Below this force the hand is free, as the rate limit makes forces outlast their contact by some ticks.
 LIMP_N = 1e-3
 
 
 @kernel
 def hold_s(ttl_s: float) -> float:
-    """Return up to which age a model is used as it is."""
+    """Return the age up to which a model is used unchanged."""
     return min(HOLD_S, HOLD_SHARE * ttl_s)
 
 
 @kernel
 def elastic_share(age_s: float, ttl_s: float) -> float:
-    """Return how much of a model's elastic part is used at `age_s`: 1, then linearly down to 0."""
+    """Return the gain of a model's elastic part at `age_s`: 1, then linearly down to 0."""
     fade = ELASTIC_FADE * (ttl_s - hold_s(ttl_s))
     return min(1.0, max(0.0, 1.0 - (age_s - hold_s(ttl_s)) / fade))
 
 
 @kernel
 def damping_share(age_s: float, ttl_s: float) -> float:
-    """Return how much of a model's damping is used at `age_s`: it outlives the elastic part, and is 0 at `ttl_s`."""
+    """Return the gain of a model's damping at `age_s`: it outlasts the elastic part, and is 0 at `ttl_s`."""
     fade = (1.0 - ELASTIC_FADE) * (ttl_s - hold_s(ttl_s))
     return min(1.0, max(0.0, (ttl_s - age_s) / fade))
 
 
 @kernel
 def servo_force(model: FloatArray, motion: FloatArray, limits: FloatArray, now: FloatArray, memory: FloatArray) -> None:
-    """Write the force of this tick into `memory`; `servo_arrays` says what is where.
+    """Write the force of this tick into `memory`; `servo_arrays` defines the columns.
 
     Args:
         model: (MODEL_COLUMNS,)
         motion: (6,). Position in m and velocity in m/s of the HIP, in the frame of the model.
         limits, now: (LIMIT_SIZE,), (NOW_SIZE,)
-        memory: (MEMORY_SIZE,). Carries the last force, position and energy; changed in place. A force that is not
-            finite counts in ``MEMORY_REFUSED`` and is taken as zero.
+        memory: (MEMORY_SIZE,). The last force, position and energy, changed in place. A force that is not finite is
+            counted in ``MEMORY_REFUSED`` and taken as zero.
     """
     way = book_work(motion, limits, memory)
     settle(now, _is_free(model, now, memory), memory)
@@ -127,7 +127,7 @@ def servo_force(model: FloatArray, motion: FloatArray, limits: FloatArray, now: 
 def servo_torque(
     model: FloatArray, handle: FloatArray, limits: FloatArray, now: FloatArray, memory: FloatArray
 ) -> None:
-    """Write the grasp torque of this tick into `memory`: the same law in one dimension, without the observer."""
+    """Write the grasp torque of this tick into `memory`: the same law in one dimension, without the energy bound."""
     elastic = elastic_share(now[NOW_AGE], now[NOW_TTL])
     damping = damping_share(now[NOW_AGE], now[NOW_TTL])
     spring = model[MODEL_TORQUE] - model[MODEL_GRASP_K] * (handle[HANDLE_ANGLE] - model[MODEL_ANGLE0])
@@ -145,18 +145,19 @@ def servo_torque(
 
 @kernel
 def model_force(model: FloatArray, motion: FloatArray, axis: int, elastic: float, damping: float) -> float:
-    """Return what a model says along an axis, N, of whose elastic part and damping these shares are left."""
+    """Return the force of a model along an axis, N, with these gains of its elastic part and damping."""
     spring, friction = model[MODEL_F0 + axis], 0.0
     for j in range(3):
         spring -= model[MODEL_K + 3 * axis + j] * (motion[j] - model[MODEL_X0 + j])
-        # An old reference velocity would push: it fades with the elastic part, so that what is left only brakes.
+        # An old reference velocity would push; it fades with the elastic part, so that the remaining damping only
+        # brakes.
         friction += model[MODEL_B + 3 * axis + j] * (motion[3 + j] - elastic * model[MODEL_V0 + j])
     return float(elastic * spring - damping * friction)
 
 
 @kernel
 def _unload(model: FloatArray, way: Vector, wanted: Vector, memory: FloatArray) -> None:
-    """Let the force fall to what is wanted along it, as fast as the spring does that the hand unloads."""
+    """Reduce the force to the desired one along it, as fast as the spring that the hand unloads."""
     force = (memory[MEMORY_FORCE], memory[MEMORY_FORCE + 1], memory[MEMORY_FORCE + 2])
     held = math.sqrt(dot(force, force))
     if held == 0.0:
@@ -177,7 +178,7 @@ def _unload(model: FloatArray, way: Vector, wanted: Vector, memory: FloatArray) 
 
 @kernel
 def _is_free(model: FloatArray, now: FloatArray, memory: FloatArray) -> bool:
-    """Whether nothing is touched, and no force is left of what was."""
+    """Return whether there is no contact, and no force left from one."""
     held = abs(memory[MEMORY_FORCE]) + abs(memory[MEMORY_FORCE + 1]) + abs(memory[MEMORY_FORCE + 2])
     return bool((model[MODEL_CONTACT] == 0.0 or now[NOW_GAIN] == 0.0) and held < LIMP_N)
 
@@ -194,9 +195,9 @@ def _largest_force(limits: FloatArray, now: FloatArray, memory: FloatArray) -> f
 
 @kernel
 def _approach(wanted: tuple[float, float, float], largest: float, step: float, memory: FloatArray) -> None:
-    """Move the written force to `wanted`, first back into the ball of radius `largest`, by at most `step` in all.
+    """Move the written force towards `wanted` by at most `step`, first back into the ball of radius `largest`.
 
-    Both the start, once it is in the ball, and the target are in the ball, so every point between them is.
+    With start and target in the ball, every point between them is.
     """
     norm = math.sqrt(wanted[0] ** 2 + wanted[1] ** 2 + wanted[2] ** 2)
     target = scaled(wanted, largest / norm) if norm > largest else wanted

@@ -1,4 +1,4 @@
-"""One CAN adapter on a serial line for several handles: a serial line has one reader, a CAN bus has many."""
+"""One CAN adapter on a serial line shared by several handles, since a serial line has only one reader."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from typing import Any
 
 import can
 
-#: Frames that a handle which does not read lets pile up: what `canbus.drain` takes, and one so that it sees a pile.
+#: Queue length of a handle that does not read: the limit of `canbus.drain`, plus one so that it detects a backlog.
 ROOM = 513
-#: Errors in a row after which an adapter is not there any more: whoever comes then opens it anew.
+#: Errors in a row after which an adapter counts as lost and is reopened by the next user.
 _GONE = 16
 
 
 class SharedBus(can.BusABC):  # type: ignore[misc]  # python-can is not read by mypy
-    """One handle's place on an adapter. It hears what the adapter hears, and what the others on it send.
+    """One handle's bus on an adapter. It receives the adapter's frames and those sent by the other handles.
 
-    Made by `share`.
+    Created by `share`.
     """
 
     def __init__(self, adapter: _Adapter) -> None:
@@ -29,7 +29,7 @@ class SharedBus(can.BusABC):  # type: ignore[misc]  # python-can is not read by 
         super().__init__(channel=adapter.key)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Send for this place; the others hear it, as they would on a bus of wires."""
+        """Send a frame; the other handles receive it, as on a physical bus."""
         self._adapter.bus.send(msg, timeout)
         for place in self._adapter.places:
             if place is not self:
@@ -41,13 +41,13 @@ class SharedBus(can.BusABC):  # type: ignore[misc]  # python-can is not read by 
         return (self.heard.popleft() if self.heard else None), True
 
     def shutdown(self) -> None:
-        """Leave the adapter; the last one closes it."""
+        """Leave the adapter; the last handle closes it."""
         super().shutdown()
         self._adapter.leave(self)
 
 
 class _Adapter:
-    """An open adapter, and who is on it."""
+    """An open adapter, and its buses."""
 
     def __init__(self, key: str, settings: dict[str, Any], bus: can.BusABC) -> None:
         self.key, self.settings, self.bus = key, settings, bus
@@ -56,11 +56,11 @@ class _Adapter:
 
     @property
     def is_gone(self) -> bool:
-        """Whether nothing but errors has come of it lately, as of one that was pulled out."""
+        """Whether it lately gave only errors, as an unplugged one does."""
         return self._errors >= _GONE
 
     def listen(self) -> None:
-        """Hand the next frame that has come to everybody, without waiting."""
+        """Pass the next received frame to all buses, without waiting."""
         self._errors += 1
         message = self.bus.recv(0.0)
         self._errors = 0
@@ -69,30 +69,30 @@ class _Adapter:
                 place.heard.append(message)
 
     def leave(self, place: SharedBus) -> None:
-        with _opening:  # another may just be taking its place here
+        with _opening:  # another handle may be joining
             if place not in self.places:
                 return
             self.places.remove(place)
             if self.places:
                 return
-            if _open.get(self.key) is self:  # else one that was pulled out, and is back
+            if _open.get(self.key) is self:  # otherwise it has been replaced after unplugging
                 del _open[self.key]
             self.bus.shutdown()
 
 
 _open: dict[str, _Adapter] = {}
-#: Of one thread more than once: a place that nobody keeps is given up wherever that thread is.
+#: Reentrant, because the garbage collector may shut a bus down at any point of the thread.
 _opening = threading.RLock()
 
 
 def share(settings: dict[str, Any], open_adapter: Callable[..., can.BusABC]) -> SharedBus:
-    """Return a place on the adapter at ``settings["channel"]``, which is opened with `settings` by the first.
+    """Return a bus on the adapter at ``settings["channel"]``, which the first call opens with `settings`.
 
-    One that is gone is opened anew, whoever is still on it.
-    Raises ValueError if it is open with other settings: an adapter has one bit rate.
+    A lost adapter is reopened, whoever still uses it.
+    Raises ValueError if it is open with other settings, as an adapter has one bit rate.
     """
     key = os.path.realpath(str(settings["channel"]))
-    with _opening:  # two handles may look for theirs at once
+    with _opening:  # two handles may call this at once
         adapter = _open.get(key)
         if adapter is None or adapter.is_gone:
             adapter = _open[key] = _Adapter(key, settings, open_adapter(**settings))

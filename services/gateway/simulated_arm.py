@@ -23,7 +23,7 @@ ROOM_C, WINDING_MAX_C = 25.0, 100.0
 #: HEDM-5500: 1024 lines, four edges each.
 COUNTS = 4096
 
-# Hand: where it wants to be, how fast that moves, stiffness, damping, the force that it lets slip.
+# Hand: its target, the target's velocity, stiffness, damping, and the grip force beyond which it slips.
 HAND_TARGET, HAND_RATE, HAND_STIFFNESS, HAND_DAMPING, HAND_GRIP, HAND_SIZE = 0, 3, 6, 7, 8, 9
 
 
@@ -31,7 +31,7 @@ class ArmState:
     """Angles, rates and temperatures of a simulated arm, and the filter of the measured velocity.
 
     Args:
-        angles: (3,) float64. Where it stands.
+        angles: (3,) float64. Initial joint angles.
         velocity_filter_hz: Cut-off of the second-order Butterworth filter on the differences of encoder positions.
     """
 
@@ -47,18 +47,18 @@ class ArmState:
         self.jacobian = np.zeros((3, 3))
 
     def put(self, angles: FloatArray) -> None:
-        """Put the arm, at rest, where its angles (3,) are these; it stays as warm as it is."""
+        """Set the joint angles (3,), at rest, without changing temperatures."""
         self.angles[:] = angles
         self.rates[:] = 0.0
         measure(self.angles, self.measured)
         self.filter[:] = 0.0
 
     def step(self, force_n: FloatArray, hand: FloatArray) -> None:
-        """Advance by one tick under a held force (3,) of the servo and the hand (HAND_SIZE,); base frame."""
+        """Advance by one tick under a constant force (3,) of the servo and the hand (HAND_SIZE,); base frame."""
         step_links(self.angles, self.rates, self.heat, force_n, hand, self.work, self.jacobian)
 
     def read(self, centre: FloatArray, reading: FloatArray) -> None:
-        """Write what encoders and temperature model say into `reading`; call once a tick."""
+        """Write the readings of encoders and temperature model into `reading`; call this once a tick."""
         filter_reading(self.angles, self.measured, self.filter, self.coefficients, centre, reading)
         reading[READ_TEMPERATURE] = hottest(self.heat)
 
@@ -127,13 +127,13 @@ def _warm(motor: FloatArray, heat: FloatArray) -> None:
 
 @kernel
 def hottest(heat: FloatArray) -> float:
-    """Return the warmest winding: 0 at room temperature, 1 at what it can bear."""
+    """Return the temperature of the warmest winding: 0 at room temperature, 1 at its limit."""
     return float((max(heat[0, 0], heat[0, 1], heat[0, 2]) - ROOM_C) / (WINDING_MAX_C - ROOM_C))
 
 
 @kernel
 def place_hand(value: FloatArray, rate: FloatArray, stand: FloatArray, hand: FloatArray) -> None:
-    """Write where a script wants the hand, in the world, into the frame of the arm's base.
+    """Transform a script's target in the world to the frame of the arm's base.
 
     Args:
         value, rate: (3+,) float64. Position and velocity in the world.
@@ -153,10 +153,10 @@ def place_hand(value: FloatArray, rate: FloatArray, stand: FloatArray, hand: Flo
 
 @kernel
 def tremble(hand: FloatArray, tremor_m: float, time_s: float) -> None:
-    """Add to where the hand is wanted, (HAND_SIZE,), a tremor that comes to ``tremor_m`` along each axis at most.
+    """Add a tremor of at most ``tremor_m`` along each axis to the hand's target, (HAND_SIZE,).
 
-    Two sines, which beat: physiological tremor is of 8 to 12 Hz, and of one to two tenths of a millimetre in a hand
-    that holds an instrument (Harwell and Ferguson, Microsurgery 4, 1983; Riviere, Rader and Khosla, EMBS 1997).
+    It is the sum of two sines: physiological tremor is at 8 to 12 Hz, and 0.1 to 0.2 mm in a hand that holds an
+    instrument (Harwell and Ferguson, Microsurgery 4, 1983; Riviere, Rader and Khosla, EMBS 1997).
     """
     for axis in range(3):
         for k in range(2):
@@ -168,7 +168,7 @@ def tremble(hand: FloatArray, tremor_m: float, time_s: float) -> None:
 
 @kernel
 def measure(angles: FloatArray, out: FloatArray) -> None:
-    """Write the end point that the encoders see into `out` (3,): angles rounded down to whole counts."""
+    """Write the end point by the encoders into `out` (3,), with angles rounded down to whole counts."""
     seen = (
         math.floor(angles[0] * COUNTS * GEARS[0] / (2 * math.pi)) * 2 * math.pi / (COUNTS * GEARS[0]),
         math.floor(angles[1] * COUNTS * GEARS[1] / (2 * math.pi)) * 2 * math.pi / (COUNTS * GEARS[1]),
@@ -186,7 +186,7 @@ def filter_reading(
     centre: FloatArray,
     reading: FloatArray,
 ) -> None:
-    """Write measured position (from `centre`) and filtered velocity into `reading`; `measured` is the last one."""
+    """Write measured position (from `centre`) and filtered velocity into `reading`; `measured` is the last position."""
     x0, y0, z0 = measured[0], measured[1], measured[2]
     measure(angles, measured)
     last = (x0, y0, z0)

@@ -1,4 +1,4 @@
-"""CAN adapters on a serial line that speak slcan (Lawicel), read and written as a servo loop must: without waiting."""
+"""CAN adapters on a serial line with the slcan protocol (Lawicel), read and written without waiting."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from typing import Any
 import can
 from can.interfaces.slcan import slcanBus
 
-#: Lines that are frames; others answer commands: a "z" for each frame sent, an empty one, a bell for a mistake.
+#: Initial letters of frames; other lines answer commands: "z" for each frame sent, an empty line, a bell for an error.
 _FRAMES = (b"t", b"T", b"r", b"R")
 _ENDS = bytes.maketrans(b"\a", b"\r")
 _READ = 4096
-#: No line is longer: a frame of eight bytes has 26 letters, and a time behind it four.
+#: Longest line: a frame of eight bytes has 26 characters, and its time stamp four.
 _LONGEST = 64
 
 
 class SlcanBus(slcanBus):  # type: ignore[misc]  # python-can is not read by mypy
-    """python-can's interface, but for what a tick cannot bear.
+    """python-can's interface, without its waiting.
 
-    That one reads a byte at a time, a millisecond for each that is not there; waits for the line to be empty after
-    each write; and takes the answer to a command for "nothing more has come", so that frames pile up by one for each
-    that is sent.
+    python-can's own reads single bytes, waiting a millisecond for each missing one; waits for the line to drain after
+    each write; and takes the answer to a command for the end of the input, so that one frame is left over for each
+    frame sent.
 
     Args:
-        settings: python-can's: ``channel``, the serial port; ``bitrate`` of the bus; ``tty_baudrate``,
+        settings: Those of python-can: ``channel``, the serial port; ``bitrate`` of the bus; ``tty_baudrate``,
             ``sleep_after_open``.
     """
 
@@ -34,7 +34,7 @@ class SlcanBus(slcanBus):  # type: ignore[misc]  # python-can is not read by myp
         self._begun = b""
         self._frames: deque[str] = deque()
         super().__init__(**{**settings, "timeout": 0.0})
-        # As pyserial leaves it, a line on which nothing has come reads as one that has hung up.
+        # With pyserial's settings, a line without input could not be told from a closed one.
         attributes = termios.tcgetattr(self.fileno())
         attributes[6][termios.VMIN] = 1
         termios.tcsetattr(self.fileno(), termios.TCSANOW, attributes)
@@ -53,7 +53,7 @@ class SlcanBus(slcanBus):  # type: ignore[misc]  # python-can is not read by myp
         return self._frames.popleft() if self._frames else None
 
     def _take(self) -> None:
-        """Read all that is there; what is left of a line that is not whole waits for the rest."""
+        """Read all available input, and keep an incomplete line for later."""
         try:
             data = os.read(self.fileno(), _READ)
         except BlockingIOError:
@@ -63,7 +63,7 @@ class SlcanBus(slcanBus):  # type: ignore[misc]  # python-can is not read by myp
         if not data:
             raise can.CanOperationError("the adapter is gone")
         *lines, begun = (self._begun + data.translate(_ENDS)).split(b"\r")
-        self._begun = begun[:_LONGEST]  # what goes on without an end is no adapter, and is not kept
+        self._begun = begun[:_LONGEST]  # bounds an endless line, which is not from an adapter
         self._frames.extend(line.decode("ascii", "replace") for line in lines if line.startswith(_FRAMES))
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
@@ -74,7 +74,7 @@ class SlcanBus(slcanBus):  # type: ignore[misc]  # python-can is not read by myp
         return message, is_filtered
 
     def shutdown(self) -> None:
-        """Close the bus and give the port up, also where the adapter has gone."""
+        """Close the bus and the port, even of a lost adapter."""
         try:
             super().shutdown()
         finally:

@@ -1,11 +1,11 @@
-r"""The slew limiter: what is written to a device follows what is wanted by at most so much a tick.
+r"""The slew limiter: the written value follows the desired one at a limited rate.
 
-With the rate limit R and a tick of :math:`\Delta t`, the written value :math:`w_k` is the point nearest to the wanted
+With the rate limit R and a tick of :math:`\Delta t`, the written value :math:`w_k` is the point nearest to the desired
 one :math:`u_k` with :math:`|w_k - w_{k-1}| \le R\,\Delta t`:
 
 .. math:: w_k = w_{k-1} + \min\left(1, \frac{R\,\Delta t}{|u_k - w_{k-1}|}\right) (u_k - w_{k-1}).
 
-It lies on the straight line between both: a convex set that holds both ends, as a ball of forces, holds it.
+It lies on the straight line between both, so a convex set that contains both, such as a ball of forces, contains it.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from services.mechanics.compiled.vectors import Vector
 
 @kernel
 def slew(value: float, wanted: float, step: float) -> float:
-    """Return ``value`` moved towards ``wanted`` by at most ``step`` >= 0; all three in one unit."""
+    """Return ``value`` moved towards ``wanted`` by at most ``step`` >= 0, all in the same unit."""
     return min(max(wanted, value - step), value + step)
 
 

@@ -1,4 +1,4 @@
-"""Instruments steered by rate: an axis that is held moves the tool on, as a gamepad and a SpaceMouse do."""
+"""Rate control of instruments: the deflection of an axis sets the tool's velocity, for gamepad and SpaceMouse."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from services.nearest_word import did_you_mean
 from services.runtime.errors import DeviceError
 from services.runtime.rig import Settings
 
-#: What an axis may move: the tool sideways and up as seen along the shaft, along the shaft, about it.
+#: Motions of the tool by axes: sideways and up as seen along the shaft, along the shaft, about it.
 MOTIONS = ("right", "up", "inward", "roll")
 Axes = dict[str, float]
 _DEAD = 0.12
 _LONGEST_STEP_S = 0.05
 _RUMBLE_EVERY_S = 0.1
-#: So much force shakes a gamepad as hard as it can.
+#: Force at which a gamepad rumbles with full strength.
 _RUMBLE_FULL_N = 2.0
 
 
 class DeviceSettings(Settings):
-    """Which input device."""
+    """Choice of the input device."""
 
     device: Path | None = Field(None, description="file such as /dev/input/event7; none: found by its axes")
 
@@ -43,7 +43,7 @@ def _check_axes(axes: Axes) -> Axes:
 
 
 class SteeringSettings(HandSettings, DeviceSettings):
-    """What moves the tool, and how quickly."""
+    """Axes and speeds of the tool."""
 
     speed_m_s: Annotated[float, Field(gt=0.0, le=0.5)] = Field(0.05, description="of an axis at its end")
     roll_rad_s: Annotated[float, Field(gt=0.0, le=10.0)] = 1.5
@@ -61,7 +61,7 @@ class SteeringSettings(HandSettings, DeviceSettings):
 
 
 class JawSettings(HandGraspSettings, DeviceSettings):
-    """What closes the jaws."""
+    """Controls that close the jaws."""
 
     close: Axes = Field({}, description="kernel names of axes and buttons, and their signs")
 
@@ -72,12 +72,12 @@ class JawSettings(HandGraspSettings, DeviceSettings):
 
 
 def pushed(inputs: Inputs, axes: Mapping[str, float]) -> float:
-    """Return how far the axes of one motion are pushed together, -1 to 1, before the dead zone."""
+    """Return the sum of the deflections of one motion's axes, -1 to 1, before the dead zone."""
     return min(max(sum(sign * inputs.value(name) for name, sign in axes.items()), -1.0), 1.0)
 
 
 def shaped(push: float) -> float:
-    """Return the part of full speed: nothing in the dead zone, fine control beyond it, 1 at the end."""
+    """Return the fraction of full speed: 0 in the dead zone, fine control beyond it, 1 at the end."""
     beyond = max(abs(push) - _DEAD, 0.0) / (1.0 - _DEAD)
     return (0.3 * beyond + 0.7 * beyond**3) * (1.0 if push > 0.0 else -1.0)
 
@@ -93,10 +93,10 @@ def shaft_axes(hip: FloatArray, port: FloatArray) -> FloatArray:
 
 
 class Source:
-    """The input device of one driver: found when it opens, and looked for again when a person arms the rig.
+    """The input device of one driver, searched for when it opens and again when a person arms the rig.
 
     Attributes:
-        inputs: Inputs or None. None while there is none.
+        inputs: Inputs or None. None without a device.
     """
 
     def __init__(self, kind: Kind, settings: DeviceSettings, place: Place) -> None:
@@ -105,12 +105,12 @@ class Source:
         self._path = str(settings.device) if settings.device is not None else None
 
     def open(self) -> None:
-        """Find it; raises `DeviceError` where it is not there."""
+        """Open the device; raises `DeviceError` if it is missing."""
         where = f"instrument {self._place.instrument!r}"
         self.inputs = input_events.open_inputs(self._kind, self._path, self._place.index, where)
 
     def open_anew(self) -> str:
-        """Give it up and find it again; return why not, or nothing: what happens in a tick raises nothing."""
+        """Reopen the device without raising; return the reason of a failure, or empty."""
         self.close()
         try:
             self.open()
@@ -119,14 +119,14 @@ class Source:
         return ""
 
     def close(self) -> None:
-        """Give it up."""
+        """Release the device."""
         if self.inputs is not None:
             input_events.close_inputs(self.inputs)
             self.inputs = None
 
 
 class SteeredArm(HandArm):
-    """Moves on while an axis is held. An input that goes away is a fault, and the tool stays where it is."""
+    """Moves while an axis is deflected. The loss of the input is a fault, and the tool then holds still."""
 
     def __init__(
         self, name: str, kind: Kind, axes: Mapping[str, Axes], settings: SteeringSettings, place: Place
@@ -139,12 +139,12 @@ class SteeredArm(HandArm):
         self._rumbled_s = 0.0
 
     def open(self) -> None:
-        """Find the device and begin where the tool waits."""
+        """Open the device and put the tool at its start."""
         super().open()
         self._source.open()
 
     def follow(self, time_ns: int, passed_s: float) -> None:
-        """Move the target on by what the axes say."""
+        """Move the target by the axes' deflections."""
         inputs = self._source.inputs
         if inputs is None:
             return
@@ -165,7 +165,7 @@ class SteeredArm(HandArm):
             inputs.rumble(force_n / _RUMBLE_FULL_N)
 
     def clear_fault(self) -> None:
-        """Look for the device again."""
+        """Search for the device again."""
         super().close()
         self.fault = self._source.open_anew()
 
@@ -185,11 +185,11 @@ class SteeredGrasp(HandGrasp):
         self._touched = False
 
     def open(self) -> None:
-        """Find the device."""
+        """Open the device."""
         self._source.open()
 
     def opening(self, time_ns: int) -> float | None:
-        """Return how far the trigger leaves the jaws open; as they were until it is first touched."""
+        """Return the opening by the trigger; None until it is first touched."""
         inputs = self._source.inputs
         if inputs is None:
             return None
@@ -200,7 +200,7 @@ class SteeredGrasp(HandGrasp):
         return 1.0 - max(closed, 0.0) if self._touched and not self.fault else None
 
     def clear_fault(self) -> None:
-        """Look for the device again; after one was away the grip stays as it is until the trigger is pressed."""
+        """Search for the device again; after a loss the grip is kept until the trigger is pressed."""
         self._touched &= not self.fault
         self.fault = self._source.open_anew()
 
@@ -210,7 +210,7 @@ class SteeredGrasp(HandGrasp):
 
 
 def check_inputs(kind: Kind) -> HostCheck:
-    """Return whether a device of this kind is there and may be read, for `trocar doctor`."""
+    """Check that a device of this kind exists and is readable, for `trocar doctor`."""
     found = input_events.find_devices(kind)
     advice = (
         f"plug a {kind.name} in; if it is, let this user read /dev/input: `sudo usermod -aG input $USER`, then log in "

@@ -1,4 +1,4 @@
-"""Commands of the supervisor to the gateway: let every hand go, and allow force again."""
+"""Commands of the supervisor to the gateway: safe stop, and arming."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from services.runtime.stop_line import StopLine
 
 
 class SupervisorCommands:
-    """Obeys ``supervisor.state``. A safe stop is latched: only its own supervisor's "no longer" ends it.
+    """Follows ``supervisor.state``. A safe stop is latched until the same supervisor ends it.
 
-    A supervisor that starts anew does not know of the stop; its silence about it must not arm the rig. A rig that is
-    armed while it runs has what is at fault tried again; no other hand is let go for that.
+    A restarted supervisor does not know of the stop, so the absence of it in its messages must not arm the rig. Arming
+    a running rig retries devices with a fault; other hands keep their force.
 
     Args:
-        instruments: That obey.
-        timeout_s: A supervisor that is silent for so long can no longer stop anything: every hand is let go, as when
-            the stream of models dies, until one is heard again. None: the rig has none.
+        instruments: The commanded instruments.
+        timeout_s: If the supervisor is silent for so long, nobody could stop the rig: all forces are removed, as when
+            the stream of models ends, until one is heard again. None for a rig without a supervisor.
 
     Attributes:
-        unsupervised: Whether hands are let go for that.
-        line: Where anybody may ask for a safe stop; then the supervisor makes it its own, which ends as any.
+        unsupervised: Whether forces are removed for that reason.
+        line: Line by which anybody may request a safe stop, which the supervisor then adopts.
     """
 
     def __init__(self, instruments: list[Instrument], timeout_s: float | None) -> None:
@@ -31,10 +31,10 @@ class SupervisorCommands:
         self._timeout_ns = None if timeout_s is None else round(timeout_s * 1e9)
         self._heard_ns: int | None = None
         self._stopped_by = -1
-        self._armed = -1, 0  # by whom, how often so far
+        self._armed = -1, 0  # incarnation of the supervisor, and how often it has armed the rig
 
     def obey(self, frames: list[Frame], now_ns: int) -> None:
-        """Follow the frames since the last call, oldest first."""
+        """Process the frames since the last call, oldest first."""
         if self.line is not None and self.line.is_asked() and not self.stopped:
             self._stop(-1)
         if frames:
@@ -55,7 +55,7 @@ class SupervisorCommands:
 
     @property
     def told(self) -> float:
-        """What the supervisor is told: 0 for no safe stop, 1 for its own, 2 for one that it is to make its own."""
+        """Report to the supervisor: 0 without a safe stop, 1 for its own, 2 for one that it is to adopt."""
         return float(self.stopped) * (2.0 if self._stopped_by == -1 else 1.0)
 
     def _stop(self, by: int) -> None:

@@ -1,4 +1,4 @@
-"""Velocity from differences of positions: one second-order Butterworth low-pass for simulated and real arms."""
+"""Velocity from position differences, by a second-order Butterworth low-pass, for simulated and real arms."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from services.mechanics.compiled import kernel
 def butterworth(cut_off_hz: float, period_s: float = 1e-3) -> FloatArray:
     """Return b0, b1, b2, a1, a2 of a second-order low-pass at the rate of the ticks, by the bilinear transform.
 
-    What `scipy.signal.butter` returns, whose import takes half a second of a start.
+    The result is that of `scipy.signal.butter`, whose import would take half a second of a start.
     """
     coefficients = np.zeros(5)
     design(cut_off_hz, period_s, coefficients)
@@ -22,7 +22,7 @@ def butterworth(cut_off_hz: float, period_s: float = 1e-3) -> FloatArray:
 
 @kernel
 def design(cut_off_hz: float, period_s: float, out: FloatArray) -> None:
-    """Write the coefficients of `butterworth` into `out`, (5,); a cut-off beyond half the rate is taken just below."""
+    """Write the coefficients of `butterworth` into `out`, (5,); the cut-off is limited to just below half the rate."""
     k = math.tan(math.pi * min(cut_off_hz * period_s, 0.49))
     scale = 1.0 / (1.0 + math.sqrt(2.0) * k + k * k)
     out[0] = out[2] = k * k * scale
@@ -33,7 +33,7 @@ def design(cut_off_hz: float, period_s: float, out: FloatArray) -> None:
 
 @kernel
 def low_pass(raw: float, state: FloatArray, axis: int, coefficients: FloatArray) -> float:
-    """Return the filtered value of `raw`; `state` (2, n) carries the filter of `axis` from tick to tick."""
+    """Return the filtered value of `raw`; `state` (2, n) is the state of the filter of `axis`."""
     b0, b1, b2, a1, a2 = coefficients[0], coefficients[1], coefficients[2], coefficients[3], coefficients[4]
     value = b0 * raw + state[0, axis]
     state[0, axis] = b1 * raw - a1 * value + state[1, axis]

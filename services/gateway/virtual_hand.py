@@ -1,7 +1,7 @@
-"""A hand that holds a tool for somebody who cannot feel: a mass on a spring, which yields to what the tool touches.
+"""A virtual hand that holds a tool for input devices without force: a mass on a spring, which yields to contact.
 
-A mouse goes where it likes. What it moves is the far end of a spring, and the tool is a mass that the near end and the
-tool's own contact force move: so a tool that is pushed into a wall presses no harder than the hand can grip.
+A mouse can move anywhere. It moves the far end of a spring; the tool is a mass driven by the near end and by its
+contact force. So a tool pushed into a wall presses no harder than the hand's grip.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from services.gateway.servo_arrays import READ_POSITION, READ_VELOCITY
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 
-#: Critically damped at 10 Hz: quick enough for a hand, slow enough to make a line of a mouse's steps.
+#: Critically damped at 10 Hz: quick enough for a hand, slow enough to smooth a mouse's steps.
 MASS_KG, STIFFNESS_N_M = 0.1, 400.0
 DAMPING_N_S_M = 2.0 * math.sqrt(MASS_KG * STIFFNESS_N_M)
-#: The spring gives no more: a far target is approached at 0.32 m/s, a wall is pressed with so much.
+#: Largest force of the spring: it limits the speed towards a far target to 0.32 m/s, and the force on a wall.
 GRIP_N = 4.0
 
 # State of a hand: position and velocity in the world.
@@ -28,10 +28,10 @@ POSITION, VELOCITY, STATE_SIZE = 0, 3, 6
 
 @kernel
 def step_hand(state: FloatArray, target: FloatArray, force: FloatArray) -> None:
-    """Advance `state` (STATE_SIZE,) by TICK_S toward `target` (3,) under the contact force (3,) on the tool; world.
+    """Advance `state` (STATE_SIZE,) by TICK_S toward `target` (3,) under the tool's contact force (3,); world axes.
 
-    Semi-implicit Euler; stable for contact stiffnesses up to 4 m / dt^2 = 400 kN/m, and the energy that a step may
-    add to a contact is taken out by the damping up to b / dt = 12 kN/m.
+    Semi-implicit Euler is stable for contact stiffnesses up to 4 m / dt^2 = 400 kN/m, and the damping dissipates the
+    energy that a step may add to a contact up to b / dt = 12 kN/m.
     """
     stretch = math.sqrt((target[0] - state[0]) ** 2 + (target[1] - state[1]) ** 2 + (target[2] - state[2]) ** 2)
     stiffness = STIFFNESS_N_M
@@ -54,6 +54,6 @@ def read_hand(state: FloatArray, mount: FloatArray, reading: FloatArray) -> None
 
 def within(target: FloatArray, centre: FloatArray, reach_m: float) -> FloatArray:
     """Return the point nearest to `target` (3,) that is at most `reach_m` from `centre` (3,)."""
-    away = np.clip(target - centre, -1e3, 1e3)  # what is farther is far enough, and can be squared
+    away = np.clip(target - centre, -1e3, 1e3)  # prevents an overflow of the square
     distance = float(np.linalg.norm(away))
     return target if distance <= reach_m else centre + away * (reach_m / distance)

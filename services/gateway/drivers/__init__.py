@@ -1,1 +1,1 @@
-"""One file a driver, found by its name in the rig file: a file here is all that a new device needs."""
+"""One file per driver, found by its name in the rig file; a new device only needs a file here."""

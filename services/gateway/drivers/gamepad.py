@@ -1,4 +1,4 @@
-"""An instrument steered with one half of a gamepad that the kernel shows. What a hand would feel shakes the gamepad."""
+"""An instrument steered with one half of a gamepad, which rumbles with the force on the tool."""
 
 from __future__ import annotations
 

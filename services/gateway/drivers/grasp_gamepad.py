@@ -1,4 +1,4 @@
-"""The jaws of an instrument, closed by a trigger of a gamepad. No torque is felt."""
+"""The jaws of an instrument, closed by a trigger of a gamepad, without torque."""
 
 from __future__ import annotations
 

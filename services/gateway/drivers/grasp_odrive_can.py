@@ -1,4 +1,4 @@
-"""A handle on an ODrive: CANSimple over python-can, any interface that python-can knows."""
+"""A handle on an ODrive: CANSimple over any interface of python-can."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from services.runtime.errors import DeviceError
 from services.runtime.rig import DriverSettings, Settings
 
 _ARM_TIMEOUT_S = 0.5
-#: A handle that is pressed shut may be so far below its zero, as a share of its largest angle.
+#: How far below zero a handle pressed shut may be, as a share of its largest angle.
 _BELOW_SHUT = 0.25
 
 
 class OdriveSettings(Settings):
-    """Of the rig file: which bus, which node."""
+    """Settings in the rig file: bus and node."""
 
     bus: dict[str, Any] = Field(description="python-can's own settings: interface, channel, bitrate, ...")
     node: Annotated[int, Field(ge=0, le=cansimple.MAX_NODE)] = 1
@@ -46,17 +46,17 @@ class OdriveSettings(Settings):
 
 
 class OdriveGrasp(GraspHandle, ABC):
-    """The drive's life: found, set up, armed when force begins, fed every tick, let go at the end.
+    """Life cycle of the drive: it is found, set up, armed when force begins, fed every tick and released at the end.
 
-    A disarm is latched in the drive. One by the watchdog (this gateway was held up) ends with the next engagement;
-    any other stays until a person has armed the rig. That also opens the bus anew where the drive is silent: an adapter
-    that was pulled out and is back is another one to this host.
+    A disarm is latched in the drive. One by the watchdog (this gateway was delayed) ends with the next engagement; any
+    other persists until a person has armed the rig. Arming also reopens the bus of a silent drive, because an adapter
+    that was unplugged and is back is a new device to this host.
     """
 
     bitrate = canbus.DEFAULT_BITRATE
-    #: Whether a bus that is silent may be opened anew while the rig runs.
+    #: Whether a silent bus may be reopened while the rig runs.
     reopens = False
-    #: A drive says that it is there every 0.1 s.
+    #: Drives send a heartbeat every 0.1 s.
     found_timeout_s = 3.0
 
     def __init__(self, file: GraspFile, node: int, place: Place) -> None:
@@ -72,14 +72,14 @@ class OdriveGrasp(GraspHandle, ABC):
         self._wanted = False
         self._opening: BackgroundOpen[can.BusABC] | None = None
         self._not_opened = ""
-        self._angle_rad = self._said_rad = 0.0  # the newest that a hand can have made, and what the drive says
+        self._angle_rad = self._said_rad = 0.0  # the newest plausible angle, and the newest reported one
 
     @abstractmethod
     def open_bus(self) -> can.BusABC:
-        """Return the bus that the drive is on, newly opened."""
+        """Open and return the drive's bus."""
 
     def open(self) -> None:
-        """Find the drive and set it up; it stays idle."""
+        """Find the drive and set it up, idle."""
         self._link = link = self._new_link(self.open_bus())
         if not self._find(link):
             raise DeviceError(f"{self.where}: no heartbeat of node {self.node} within {self.found_timeout_s:g} s")
@@ -89,7 +89,7 @@ class OdriveGrasp(GraspHandle, ABC):
         return OdriveLink(bus, self.node, self._clock, self.file.watchdog_s, self.bitrate)
 
     def _set_up(self, link: OdriveLink) -> None:
-        """Say what a drive forgets that was without power: its limits, and that it is to follow torques."""
+        """Send the settings that a drive loses without power: its limits, and torque control."""
         link.send(cansimple.CLEAR_ERRORS, b"\0")
         link.send(
             cansimple.SET_LIMITS, cansimple.pack_floats(self.file.max_motor_turns_s, self.file.max_motor_current_a)
@@ -99,7 +99,7 @@ class OdriveGrasp(GraspHandle, ABC):
         link.send_torque(0.0)
 
     def may_come(self) -> bool:
-        """Return whether it makes sense to wait for the drive."""
+        """Return whether the drive may still appear."""
         return True
 
     def _find(self, link: OdriveLink) -> bool:
@@ -120,12 +120,12 @@ class OdriveGrasp(GraspHandle, ABC):
 
     @property
     def is_opening(self) -> bool:
-        """Whether its bus is just being opened anew; `read` takes it then."""
+        """Whether its bus is being reopened; `read` then takes it over."""
         return self._opening is not None and not self._opening.done
 
     @property
     def _has_bus(self) -> bool:
-        """Whether the link's bus is open, and not one that was given up for another."""
+        """Whether the link's bus is open and has not been replaced."""
         return self._opening is None and not self._not_opened
 
     def _arm(self, link: OdriveLink) -> None:
@@ -137,7 +137,7 @@ class OdriveGrasp(GraspHandle, ABC):
         self._arming_until_ns = self._clock.monotonic_ns() + round(_ARM_TIMEOUT_S * 1e9)
 
     def clear_fault(self) -> None:
-        """Clear what is latched in the drive, e-stop included, and look for one that is silent: the rig was armed."""
+        """Clear errors latched in the drive, e-stop included, and search for a silent one, as the rig was armed."""
         super().clear_fault()
         link = self._link
         if link is None or self._opening is not None:
@@ -148,12 +148,12 @@ class OdriveGrasp(GraspHandle, ABC):
             self._arm(link)
 
     def _open_anew(self, old: can.BusABC) -> can.BusABC:
-        with contextlib.suppress(can.CanError, OSError):  # an adapter that was pulled out cannot even be closed
+        with contextlib.suppress(can.CanError, OSError):  # an unplugged adapter cannot even be closed
             old.shutdown()
         return self.open_bus()
 
     def _go_on(self, opening: BackgroundOpen[can.BusABC]) -> OdriveLink | None:
-        """Return a link by the bus that was opened anew, if there is one; the handle is where it was till it speaks."""
+        """Return a link by the reopened bus, if there is one; the handle keeps its angle until the drive answers."""
         self._opening = None
         bus, problem = opening.take()
         self._not_opened = problem.removeprefix(f"{self.where}: ")
@@ -166,7 +166,7 @@ class OdriveGrasp(GraspHandle, ABC):
         return link
 
     def read(self, time_ns: int, handle: FloatArray) -> None:
-        """Write the newest estimates; `ready` says whether they are young and the loop is closed."""
+        """Write the newest estimates, and set `ready` if they are young and the loop is closed."""
         link = self._link
         if link is None:
             return
@@ -183,11 +183,11 @@ class OdriveGrasp(GraspHandle, ABC):
 
     @property
     def _is_possible(self) -> bool:
-        """Whether a hand can have made the newest angle: not where zero or gear are not as the device file says."""
+        """Whether the newest angle is plausible; it is not if zero or gear differ from the device file."""
         return -_BELOW_SHUT * self.file.widest_rad <= self._said_rad <= self.file.widest_rad
 
     def _listen(self, link: OdriveLink) -> None:
-        """Take what has come; a drive that speaks soon after a person has had its bus opened anew is armed."""
+        """Receive frames; a drive that answers soon after its bus was reopened by a person is armed."""
         unknown = link.state is None
         link.receive()
         is_soon = self._clock.monotonic_ns() < self._arming_until_ns
@@ -225,11 +225,11 @@ class OdriveGrasp(GraspHandle, ABC):
         self.ready = self._wanted and closed and young and not self.fault
 
     def gauges(self) -> dict[str, float]:
-        """Return how busy the bus is, 0 to 1, of all frames that are seen on it."""
+        """Return the load of the bus, 0 to 1, by all frames seen on it."""
         return {"bus_load": self._link.load.share()} if self._link is not None else {}
 
     def write(self, torque_nm: float) -> None:
-        """Send a torque: also what feeds the drive's watchdog."""
+        """Send a torque, which also feeds the drive's watchdog."""
         if self._link is None or not self._has_bus:
             return
         turn_nm = torque_nm / self.file.motor_turns_per_handle_turn
@@ -239,7 +239,7 @@ class OdriveGrasp(GraspHandle, ABC):
             self.ready, self.fault = False, f"CAN: {error}"
 
     def close(self) -> None:
-        """Zero torque, idle, bus given up."""
+        """Set zero torque and idle state, and close the bus."""
         if self._opening is not None:
             self._go_on(self._opening)
         link, self._link = self._link, None
@@ -250,14 +250,14 @@ class OdriveGrasp(GraspHandle, ABC):
             link.send_torque(0.0)
             link.send(cansimple.SET_AXIS_STATE, cansimple.pack_word(AxisState.IDLE))
         except can.CanError as error:
-            self.fault = f"CAN: {error}"  # its watchdog lets the drive go
+            self.fault = f"CAN: {error}"  # the drive's watchdog disarms it
         finally:
-            with contextlib.suppress(can.CanError):  # an adapter that was pulled out cannot even be closed
+            with contextlib.suppress(can.CanError):  # an unplugged adapter cannot even be closed
                 link.bus.shutdown()
 
 
 class Driver(OdriveGrasp):
-    """The handle that a rig file names."""
+    """The handle named in a rig file."""
 
     reopens = True
 
@@ -268,11 +268,11 @@ class Driver(OdriveGrasp):
         self.bitrate = canbus.bitrate(own.bus)
 
     def open_bus(self) -> can.BusABC:
-        """Return the bus that the rig file names."""
+        """Return the bus named in the rig file."""
         return canbus.open_bus(self._bus_settings, self.where)
 
 
 def check_host(settings: Sequence[DriverSettings], in_use: bool) -> Iterator[HostCheck]:
-    """Look for the buses, as they must be set, and for the drives on them."""
+    """Check the buses, their settings, and the drives on them."""
     own = [config.build(OdriveSettings, each.settings, "driver 'grasp_odrive_can'") for each in settings]
     yield from can_checks.check([(each.bus, each.node) for each in own], in_use)

@@ -1,4 +1,4 @@
-"""A handle that was recorded: angles from a csv file or a rig's recording, no torque."""
+"""A recorded handle: angles from a csv file or a rig's recording, without torque."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ class Driver(GraspHandle):
         self._track = Track(table["time_s"], table["handle_angle_rad"], loop=self._settings.loop)
 
     def enable(self) -> None:
-        """Nothing to switch on: `ready` stays false."""
+        """Do nothing: there are no motors, and `ready` stays false."""
 
     def read(self, time_ns: int, handle: FloatArray) -> None:
         """Write angle and rate of the recording, linear between its rows."""
         (handle[HANDLE_ANGLE],), (handle[HANDLE_RATE],) = self._track.at(time_ns)
 
     def write(self, torque_nm: float) -> None:
-        """Ignore the torque: `has_force` says so."""
+        """Ignore the torque, as `has_force` is false."""
 
     def close(self) -> None:
-        """Nothing to give up."""
+        """Do nothing: there is no device."""

@@ -1,4 +1,4 @@
-"""A simulated handle: an emulated drive in a process of its own, spoken to over a CAN bus as a real one is."""
+"""A simulated handle: an emulated drive in a process of its own, reached over a CAN bus like a real one."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _REPOSITORY = Path(__file__).resolve().parents[3]
 
 
 class SimulatedGraspSettings(Settings):
-    """Of the rig file: what moves the handle, and where the process of the emulated drives runs."""
+    """Settings in the rig file: the handle's motion, and core and priority of the emulated drives' process."""
 
     recording: str = Field(
         "auto", description="a 1 kHz csv, auto or none; auto: one that is there where nothing else is named"
@@ -40,7 +40,7 @@ class SimulatedGraspSettings(Settings):
 
 
 class Driver(OdriveGrasp):
-    """Has a drive emulated, then is an ordinary ODrive handle."""
+    """Starts an emulated drive, and uses it like any ODrive handle."""
 
     #: A process takes a while to start on a busy machine.
     found_timeout_s = 60.0
@@ -54,9 +54,9 @@ class Driver(OdriveGrasp):
         self._goes_on = False
 
     def open_bus(self) -> can.BusABC:
-        """Start the drive and return the bus that it is on."""
+        """Start the drive and return its bus."""
         motion = choose_motion(self._own, self._place)
-        if self._drives is not None:  # opened anew: it is dead, or hangs
+        if self._drives is not None:  # reopened: the process is dead, or hangs
             self._drives.kill()
         self._drives = drives.find_process(self._own.core, self._own.priority)
         return self._drives.join(self.node, self.file.watchdog_s, motion)
@@ -72,32 +72,32 @@ class Driver(OdriveGrasp):
             raise DeviceError(f"{self.where}: the process of the emulated drives ended with code {code}") from None
 
     def go_on(self) -> None:
-        """Let the hand on the handle begin without torque."""
+        """Start the hand's motion without torque."""
         if self._drives is not None and not self._goes_on:
             self._goes_on = True
             self._drives.go_on(self.node)
 
     def begin_again(self) -> None:
-        """Let the hand on the handle begin once more: with the torque, or when it may go on."""
+        """Restart the hand's motion, with the torque or by `go_on`."""
         self._goes_on = False
         if self._drives is not None:
             self._drives.begin_again(self.node)
 
     def keep_pace(self, pace: float) -> None:
-        """Let the hand on the handle move at this pace."""
+        """Set the pace of the hand's motion."""
         if self._drives is not None:
             self._drives.keep_pace(self.node, pace)
 
     def may_come(self) -> bool:
-        """Return whether the process of the drive lives."""
+        """Return whether the drive's process is running."""
         return self._drives is not None and self._drives.end() is None
 
     def applied_nm(self) -> float:
-        """Return the torque on the handle as the drive itself has it, 0 where there is none."""
+        """Return the torque on the handle according to the drive, 0 without one."""
         return self._drives.applied_nm(self.node) if self._drives is not None else 0.0
 
     def close(self) -> None:
-        """Let the drive go, then end it."""
+        """Disarm the drive, then end it."""
         try:
             super().close()
         finally:
@@ -107,7 +107,7 @@ class Driver(OdriveGrasp):
 
 
 def choose_motion(settings: SimulatedGraspSettings, place: Place) -> HandMotion:
-    """Return what the hand on the handle does: a recording, a scenario, a script, or a squeeze."""
+    """Return the motion of the hand on the handle: a recording, a scenario, a script, or a squeeze."""
     motion = _choose(settings, place)
     return motion if settings.range_rad is None else hand_motion.fitted(motion, settings.range_rad)
 

@@ -1,4 +1,4 @@
-"""The jaws of an instrument, closed while a button of a SpaceMouse is held. No torque is felt."""
+"""The jaws of an instrument, closed while a button of a SpaceMouse is held, without torque."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from services.runtime.rig import DriverSettings
 
 
 class Driver(SteeredGrasp):
-    """Closes while the left button is held, and opens when it is let go."""
+    """Closes while the left button is held, and opens when it is released."""
 
     def __init__(self, settings: DriverSettings, place: Place) -> None:
         read = driver.read_settings(JawSettings, settings, place)

@@ -1,4 +1,4 @@
-"""The jaws of an instrument in the hand of a person at the page. No torque is felt."""
+"""The jaws of an instrument controlled at the page, without torque."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ class Driver(HandGrasp):
         self._begins = 0
 
     def begin_again(self) -> None:
-        """Be as nobody had taken it, whatever a page says that does not know of it yet."""
+        """Reset to the initial opening, and ignore pages that do not know of the restart yet."""
         super().begin_again()
         self._begins += 1
 
     def opening(self, _time_ns: int) -> float | None:
-        """Return what the page says; a negative opening is none."""
+        """Return the opening from the page; a negative one is none."""
         hand = hand_of(self.place, self._begins)
         return hand.opening if hand is not None and hand.opening >= 0.0 else None

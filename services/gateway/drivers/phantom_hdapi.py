@@ -24,13 +24,13 @@ from services.runtime import config
 from services.runtime.errors import DeviceError
 from services.runtime.rig import DriverSettings, Settings
 
-#: For so long a scheduler that was started may not have called yet, and an arm that was let go may still hold force.
+#: How long a started scheduler may take until its first call, and a released arm until it is free of force.
 _START_S, _LET_GO_S = 1.0, 0.05
-#: So many reads in a row, which are as many ms of this process, may find nothing new of the arm.
+#: Reads in a row (ms of this process) that may find no new state of the arm.
 _SILENT_READS = 20
-#: So many frames in a row may refuse force; a person who moves too fast for a moment is no fault.
+#: Frames in a row that may refuse force; a person who moves too fast for a moment is no fault.
 _REFUSED_FRAMES = 200
-#: How often to look whether this process has become real-time, as it does when its loop begins.
+#: Reads between checks whether this process has become real-time, which happens when its loop begins.
 _RAISE_EVERY = 16
 _PROMPTS = {
     Style.AUTO: "move the arm a little until it has calibrated itself",
@@ -40,14 +40,14 @@ _PROMPTS = {
 
 
 class HdapiSettings(Settings):
-    """Of the rig file: which arm."""
+    """Settings in the rig file: the arm."""
 
     name: str | None = Field(None, description="of the device in the vendor's set-up; none: its default device")
     library: str = Field(DEFAULT, description="OpenHaptics' HDAPI: a name that the loader finds, or a path")
 
 
 class Driver(Arm):
-    """One arm of the scheduler that all arms of this process share, and whose thread evaluates the law: see `hdapi`."""
+    """One arm of the scheduler that all arms of this process share, and whose thread evaluates the law; see `hdapi`."""
 
     own_servo = True
 
@@ -69,7 +69,7 @@ class Driver(Arm):
         self._armed = 0
         self._reads = 0
         self._silent = 0
-        self._unsettled = True  # something is to be said, or may be, though nothing new comes
+        self._unsettled = True  # the state must be judged even without a new message
         self._wants_reopening = False
         self._reopening: Reopening | None = None
         self._read_at = 0.0
@@ -79,7 +79,7 @@ class Driver(Arm):
 
     @property
     def arm(self) -> OpenArm | None:
-        """What the device has said of itself; None while it is not open."""
+        """The open arm; None while it is not open."""
         return self._arm
 
     def open(self) -> None:
@@ -105,21 +105,21 @@ class Driver(Arm):
 
     @property
     def is_reopening(self) -> bool:
-        """Whether the arm is being opened anew, or will be."""
+        """Whether the arm is being reopened, or will be."""
         return self._wants_reopening or self._reopening is not None
 
     def gauges(self) -> dict[str, float]:
-        """Return how often a second the library calls, as measured."""
+        """Return the measured rate of the library's callback, Hz."""
         period_ns = float(self._arm.port.newest[cells.SEEN_PERIOD]) if self._arm is not None else 0.0
         return {"servo_rate_hz": 1e9 / period_ns} if period_ns else {}
 
     def enable(self) -> None:
-        """Let force through, once the arm is calibrated."""
+        """Enable force, once the arm is calibrated."""
         self._enabled = self._arm is not None
         self._unsettled = True
 
     def clear_fault(self) -> None:
-        """Try again, by opening it anew if it must be; also what calibrates an arm held in its reset posture."""
+        """Try again, reopening the arm if necessary; also calibrates an arm held in its reset posture."""
         super().clear_fault()
         if self._arm is not None and self._reopening is None:
             self._wants_reopening = self._wants_reopening or self._is_gone(self._arm)
@@ -129,7 +129,7 @@ class Driver(Arm):
         self._unsettled = True
 
     def read(self, time_ns: int, reading: FloatArray) -> None:
-        """Write what the newest frame of the scheduler has read."""
+        """Write the state read by the scheduler's newest frame."""
         arm = self._arm
         if arm is None:
             reading[:READ_TEMPERATURE] = 0.0
@@ -144,19 +144,19 @@ class Driver(Arm):
     def evaluate(
         self, model: FloatArray, motion: FloatArray, limits: FloatArray, now: FloatArray, memory: FloatArray
     ) -> None:
-        """Hand over what the law needs; `memory` is what the scheduler's thread had when the arm was read."""
+        """Pass the law's inputs to the scheduler's thread; `memory` is that thread's state when the arm was read."""
         if self._arm is not None:
             time_ns = self._clock.monotonic_ns()
             port = self._arm.port.address
             exchange.give_law(port, time_ns, self._enabled, self._armed, model, limits, now, memory)
 
     def write(self, force_n: FloatArray) -> None:
-        """Order a force instead; an order that is not followed by another is doubted after 4 ms."""
+        """Order a force instead; an order is trusted for 4 ms."""
         if self._arm is not None:
             self._order(self._arm, force_n)
 
     def close(self) -> None:
-        """Let go at the rig's rate limit, then give the arm up."""
+        """Reduce the force to zero at the rig's rate limit, then release the arm."""
         arm, opened = self._arm, self._session
         if self._reopening is not None:
             self._reopening.give_up()
@@ -171,7 +171,7 @@ class Driver(Arm):
             opened.leave(self._name)
 
     def _warm(self) -> None:
-        """Compile what a tick calls; the orders allow no force."""
+        """Compile the kernels of a tick; the orders allow no force."""
         now = np.zeros(NOW_SIZE)
         now[NOW_TTL] = 1.0
         self.evaluate(np.zeros(MODEL_COLUMNS), np.zeros(6), np.ones(LIMIT_SIZE), now, np.zeros(MEMORY_SIZE))
@@ -200,20 +200,20 @@ class Driver(Arm):
         is_answer = seen[cells.SEEN_ARMED] == self._armed
         if self.is_reopening:
             self._go_on(arm)
-        elif is_answer or self._silent >= _SILENT_READS:  # else an error that was forgiven
+        elif is_answer or self._silent >= _SILENT_READS:  # otherwise an error that is forgiven
             self.fault = self.fault or self._problem(seen)
         self._was_calibrated = self._was_calibrated or self.calibrated
         self._unsettled = self.is_reopening or not is_answer or bool(self.prompt or self.fault)
 
     def _is_gone(self, arm: OpenArm) -> bool:
-        """Return whether only opening it, or starting the scheduler, anew can help."""
+        """Return whether only reopening it, or restarting the scheduler, can help."""
         seen, session = arm.port.newest, self._session
         if session is None or not session.serves(arm) or seen[cells.SEEN_STOPPED]:
             return True
         return bool(seen[cells.SEEN_ARMED] == self._armed and unreachable(int(seen[cells.SEEN_ERROR])))
 
     def _go_on(self, arm: OpenArm) -> None:
-        """Open the arm anew as far as that goes without waiting, unless arming the rig was enough."""
+        """Advance the reopening of the arm without waiting, unless arming the rig was enough."""
         if self._reopening is None:
             if self._session is not None and self._is_gone(arm):
                 self._reopening = self._session.reopen(self._name, self._terms, self._where, self._armed)
@@ -259,7 +259,7 @@ class Driver(Arm):
 
 
 def check_host(settings: Sequence[DriverSettings], in_use: bool) -> Iterator[HostCheck]:
-    """Look for library, arms, permissions and set-up."""
+    """Check library, arms, permissions and set-up."""
     own = [config.build(HdapiSettings, each.settings, "driver 'phantom_hdapi'") for each in settings]
     for library in dict.fromkeys(each.library for each in own):
         yield from host_checks.check([each.name for each in own if each.library == library], library, in_use)

@@ -20,12 +20,12 @@ from services.runtime.errors import ConfigError
 from services.runtime.rig import DriverSettings, Settings
 
 _TICK_NS = 1_000_000
-#: A process that was stopped finds its simulated arm where it left it, not where a second of motion took it.
+#: Most ticks simulated at once: the arm of a process that was stopped resumes where it was.
 _MAX_TICKS = 20
 
 
 class ArmSettings(Settings):
-    """Of the rig file: who holds the simulated arm, and how firmly."""
+    """Settings in the rig file: the motion and stiffness of the hand on the simulated arm."""
 
     script: str | None = Field(
         None, description="a file of configs/scripts, or `scene`: what the scene is for; none: the hand holds still"
@@ -41,7 +41,7 @@ class ArmSettings(Settings):
 
 
 class Driver(Arm):
-    """The arm of `simulated_arm`, whose hand begins its script when force is first switched on, or refused for long."""
+    """The arm of `simulated_arm`, whose hand starts its script when force is first switched on, or refused for long."""
 
     def __init__(self, settings: DriverSettings, place: Place) -> None:
         self._settings = driver.read_settings(ArmSettings, settings, place)
@@ -70,7 +70,7 @@ class Driver(Arm):
         self._tick = None if self._player is None else self._tick_of(self._player)
 
     def _tick_of(self, player: Player) -> ArmTick:
-        """Return what the kernel of a tick is handed: the arrays of this driver, its arm and its script."""
+        """Return the arguments of a tick's kernel: the arrays of this driver, its arm and its script."""
         arm = self.arm
         return ArmTick(
             times=player.times,
@@ -97,11 +97,11 @@ class Driver(Arm):
 
     @property
     def force_n(self) -> FloatArray:
-        """Force that the motors hold, in the frame of the arm."""
+        """Force of the motors, in the frame of the arm."""
         return self._force
 
     def open(self) -> None:
-        """Calibrate at once. Steps of copies make the kernels ready."""
+        """Calibrate at once, and compile the kernels on copies."""
         simulated_arm.ArmState(self.arm.angles, 100.0).step(self._force, self._hand)
         self.arm.read(self._centre, self._reading)
         if self._player is not None:
@@ -111,22 +111,22 @@ class Driver(Arm):
         self.calibrated = True
 
     def enable(self) -> None:
-        """Switch the motors on, and let the scripted hand begin."""
+        """Switch the motors on, and start the script."""
         self._running = self._enabled = True
 
     def go_on(self) -> None:
-        """Let the scripted hand begin without force."""
+        """Start the script without force."""
         self._running = True
 
     def begin_again(self) -> None:
-        """Put the arm where the script begins; that begins with the force, as it did."""
+        """Reset the arm to the script's start; the script starts with the force."""
         self._script_s = 0.0
         self._running = False
         self._move_hand()
         self.arm.put(self._start)
 
     def read(self, time_ns: int, reading: FloatArray) -> None:
-        """Advance to `time_ns` and write what encoders and motors say."""
+        """Advance to `time_ns` and write the readings of encoders and motors."""
         ticks = round((time_ns - self._last_ns) / _TICK_NS) if self._last_ns else 0
         self._last_ns = time_ns
         for _ in range(min(ticks, _MAX_TICKS)):
@@ -136,7 +136,7 @@ class Driver(Arm):
         reading[:] = self._reading
 
     def write(self, force_n: FloatArray) -> None:
-        """Hold `force_n` until the next call; nothing while the motors are off."""
+        """Apply `force_n` until the next call, or none while the motors are off."""
         self._force[:] = force_n if self._enabled else 0.0
 
     def close(self) -> None:
@@ -145,7 +145,7 @@ class Driver(Arm):
         self._force[:] = 0.0
 
     def _advance(self) -> None:
-        """Take one tick and read the arm: its velocity filter counts in ticks, those too that were lost."""
+        """Take one tick and read the arm, whose velocity filter counts all ticks, lost ones included."""
         if self._tick is not None and self._player is not None:
             tick_arm(self._tick.address, self._player.within(self._script_s), self._script_s)
         else:
@@ -153,7 +153,7 @@ class Driver(Arm):
             self.arm.read(self._centre, self._reading)
 
     def _move_hand(self) -> None:
-        """Put where the script wants the hand into the frame of the arm's base."""
+        """Transform the script's target into the frame of the arm's base."""
         if self._player is None:
             self._hand[HAND_TARGET : HAND_TARGET + 3] = self._centre
             return
@@ -162,7 +162,7 @@ class Driver(Arm):
 
 
 def choose_player(settings: ArmSettings, place: Place) -> Player | None:
-    """Return what moves the hand of this instrument, None where it holds still."""
+    """Return the player that moves the hand of this instrument, None if it holds still."""
     if settings.scenario is not None:
         from services.gateway.scenario_script import scenario_player  # only here: it imports the mechanics
 

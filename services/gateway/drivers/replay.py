@@ -1,4 +1,4 @@
-"""An arm that was recorded: positions from a csv file or a rig's recording, no force."""
+"""A recorded arm: positions from a csv file or a rig's recording, without force."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ COLUMNS = ("time_s", "x_m", "y_m", "z_m")
 
 
 class ArmReplaySettings(Settings):
-    """Of the rig file: what is replayed."""
+    """Settings in the rig file: the recording."""
 
     file: Path
     loop: bool = True
 
 
 class Driver(Arm):
-    """Reads ``time_s, x_m, y_m, z_m`` and, where there is one, ``roll_rad``, in the frame of the arm; or its
-    instrument in a recording of a rig.
+    """Reads ``time_s, x_m, y_m, z_m`` and optionally ``roll_rad``, in the frame of the arm, or its instrument in a
+    rig's recording.
 
-    The recording begins with the first read. A person cannot be pushed in the past, so there is no force.
+    The recording starts with the first read. A recorded hand cannot react to force, so there is none.
     """
 
     has_force = False
@@ -51,7 +51,7 @@ class Driver(Arm):
         self._track = Track(*(table[name] for name in COLUMNS), roll, loop=self._settings.loop)
 
     def enable(self) -> None:
-        """Nothing to switch on."""
+        """Do nothing: there are no motors."""
 
     def read(self, time_ns: int, reading: FloatArray) -> None:
         """Write position, velocity and roll of the recording, linear between its rows."""
@@ -61,7 +61,7 @@ class Driver(Arm):
         reading[READ_ROLL] = here[3]
 
     def write(self, force_n: FloatArray) -> None:
-        """Ignore the force: `has_force` says so."""
+        """Ignore the force, as `has_force` is false."""
 
     def close(self) -> None:
-        """Nothing to give up."""
+        """Do nothing: there is no device."""

@@ -1,4 +1,4 @@
-"""An instrument steered with a SpaceMouse, as the kernel shows it. Force is shown, not felt."""
+"""An instrument steered with a SpaceMouse. Force is displayed, not applied."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from services.gateway.host_check import HostCheck
 from services.gateway.steering import Axes, SteeredArm, SteeringSettings, check_inputs
 from services.runtime.rig import DriverSettings
 
-#: The cap's own axes are x to the right, y to the user, z down. Kernels show them as relative or as absolute ones.
+#: The cap's own axes are x to the right, y to the user, z down. Kernels report them as relative or as absolute axes.
 CAP: dict[str, Axes] = {
     "right": {"REL_X": 1.0, "ABS_X": 1.0},
     "up": {"REL_Z": -1.0, "ABS_Z": -1.0},
@@ -28,5 +28,5 @@ class Driver(SteeredArm):
 
 
 def check_host(_settings: Sequence[DriverSettings], _in_use: bool) -> Iterator[HostCheck]:
-    """Look for a SpaceMouse."""
+    """Check for a SpaceMouse."""
     yield check_inputs(input_events.SPACEMOUSE)

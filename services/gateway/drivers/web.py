@@ -1,4 +1,4 @@
-"""An instrument in the hand of a person at the page: mouse, keyboard, gamepad or touch. Force is shown, not felt."""
+"""An instrument controlled at the page by mouse, keyboard, gamepad or touch. Force is displayed, not applied."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ TOPIC = "visualization.hands"
 
 
 class Driver(HandArm):
-    """Follows `visualization.hands`; stays where it is when nobody speaks."""
+    """Follows `visualization.hands`, and keeps its position without messages."""
 
     def __init__(self, settings: DriverSettings, place: Place) -> None:
         super().__init__("web", driver.read_settings(HandSettings, settings, place), place)
         self._begins = 0
 
     def begin_again(self) -> None:
-        """Put the tool where it waits, whatever a page says that does not know of it yet."""
+        """Reset the tool to its start, and ignore pages that do not know of the restart yet."""
         super().begin_again()
         self._begins += 1
 
     def follow(self, _time_ns: int, _passed_s: float) -> None:
-        """Take what the page says."""
+        """Set the target from the page."""
         hand = hand_of(self.place, self._begins)
         if hand is not None:
             self.target = np.array(hand.position_m)
@@ -34,9 +34,9 @@ class Driver(HandArm):
 
 
 def hand_of(place: Place, begins: int) -> HandTarget | None:
-    """Return where the page wants the instrument that is here, None if it does not say.
+    """Return the page's target for this instrument, None without one.
 
-    ``begins`` is how often the scene was begun again: what a page says that knows of less is let be.
+    ``begins`` is the number of restarts of the scene; targets of pages that know of fewer are ignored.
     """
     frame = place.newest(TOPIC)
     if frame is None or not frame.valid:

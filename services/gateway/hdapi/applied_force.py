@@ -1,9 +1,9 @@
-"""The force that the scheduler's thread applies: what the law, or the gateway, wants, as far as it can be trusted.
+"""The force applied by the scheduler's thread: that of the law, or of the gateway, as far as it can be trusted.
 
-Beyond the law a force can only be taken back here: on any doubt (a model at the end of its life, a gateway that orders
-forces and is silent for `STALE_NS`, motors not wanted, not calibrated, an error, a number that is not finite) it goes
-to zero at the rig's rate limit. When there is none, it comes back as in `engagement`: once little is asked for, since a
-force that appears in the middle of a contact would give energy, and over `TRUST_S`.
+A force can only be reduced here. On any doubt (an expired model, a gateway that orders forces and is silent for
+`STALE_NS`, motors not enabled, no calibration, an error, a number that is not finite) it falls to zero at the rig's
+rate limit. From zero it returns as in `engagement`: once the demand is small, because a force that appears in the
+middle of a contact would add energy, and over `TRUST_S`.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ from services.gateway.slew import slew_vector
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 
-#: An order of plain force older than this is doubted, and a pose. With 15 ms from 3 N to nothing the hand is free
-#: before a model's life of 20 ms.
+#: An ordered force, or a pose, older than this is not trusted. As a force of 3 N then falls to zero in 15 ms, the hand
+#: is free before a model's life of 20 ms.
 STALE_NS = 4_000_000
 TRUST_S = 0.1
 _FORCE, _CALIBRATED = int(Parameter.CURRENT_FORCE), int(Calibration.OK)
@@ -59,7 +59,7 @@ _FORCE, _CALIBRATED = int(Parameter.CURRENT_FORCE), int(Calibration.OK)
 
 @kernel
 def apply_order(servo: ServoCell, arm: ArmCell, now_ns: int, dt_s: float) -> None:
-    """Apply, within a frame, what the newest order wants; switch the motors as it says, off only without force."""
+    """Apply the newest order within a frame, and switch the motors accordingly, off only without force."""
     young = _want(arm, now_ns, dt_s)
     sound = arm.calibration == _CALIBRATED and arm.error == 0 and servo.stopped_by == 0 and not servo.pausing
     motors = sound and arm.order[ORDER_ENABLED] != 0.0
@@ -74,7 +74,7 @@ def apply_order(servo: ServoCell, arm: ArmCell, now_ns: int, dt_s: float) -> Non
 
 @kernel
 def give_up(arm: ArmCell) -> None:
-    """Keep the books of an arm that is not there any more: no force, no motors, nothing to go on from."""
+    """Reset the state of a lost arm: no force, motors off."""
     for axis in range(3):
         arm.force_n[axis] = 0.0
     arm.trust = 0.0
@@ -84,7 +84,7 @@ def give_up(arm: ArmCell) -> None:
 
 @kernel
 def _want(arm: ArmCell, now_ns: int, dt_s: float) -> bool:
-    """Write the wanted force and the demand; return whether the order is young enough."""
+    """Write the desired force and the demand; return whether the order is young enough."""
     if arm.order[ORDER_LAW] != 0.0:
         return _evaluate(arm, now_ns, dt_s)
     for axis in range(3):
@@ -107,7 +107,7 @@ def _norm(vector: FloatArray) -> float:
 
 @kernel
 def _evaluate(arm: ArmCell, now_ns: int, dt_s: float) -> bool:
-    """Write what the law wants at the present pose into `wanted_n`; return whether its model still lives."""
+    """Write the law's force at the present pose into `wanted_n`; return whether its model has not expired."""
     order, now, report, motion, mount = arm.order, arm.now, arm.report, arm.motion, arm.mount
     for k in range(LIMIT_SIZE):
         arm.limits[k] = order[ORDER_LIMITS + k]
@@ -130,13 +130,13 @@ def _evaluate(arm: ArmCell, now_ns: int, dt_s: float) -> bool:
 
 @kernel
 def _remember(arm: ArmCell) -> None:
-    """Let the law go on from the force that was applied: its rate limit and its observer count on that."""
+    """Set the law's last force to the applied one, on which its rate limit and energy observer rely."""
     to_world(arm.force_n, 0, arm.mount, arm.memory, MEMORY_FORCE)
 
 
 @kernel
 def _fall(arm: ArmCell) -> None:
-    """Go on from the law's force where that is smaller: it may fall as fast as the hand leaves, in a ramp as well."""
+    """Take the law's force if it is smaller: it may fall as fast as the hand withdraws, even in a ramp."""
     if _norm(arm.wanted_n) < _norm(arm.force_n):
         for axis in range(3):
             arm.force_n[axis] = arm.wanted_n[axis]
@@ -144,7 +144,7 @@ def _fall(arm: ArmCell) -> None:
 
 @kernel
 def _approach(arm: ArmCell, step_n: float) -> None:
-    """Move the applied force towards what is trusted of the wanted one, by at most `step_n`."""
+    """Move the applied force towards the trusted part of the desired one, by at most `step_n`."""
     if arm.trust == 0.0:
         target = (0.0, 0.0, 0.0)
     else:

@@ -1,4 +1,4 @@
-"""What the scheduler's thread works on, one struct an arm and one for all; and the messages to and from the gateway.
+"""State of the scheduler's thread, one struct an arm and one for all, and its messages from and to the gateway.
 
 An `ArmCell` belongs to that thread while the scheduler runs; the two boxes in it are shared with a `Port`, the
 gateway's side. Messages are flat rows of float64; times are exact to 2 ns for half a year of uptime.
@@ -14,17 +14,17 @@ from services.gateway.servo_arrays import LIMIT_SIZE, MEMORY_SIZE, NOW_SIZE
 from services.mechanics.arrays import FloatArray, IntArray, LongArray
 from services.mechanics.compiled.struct import Struct, reader
 
-# From the gateway: when it was written, whether motors may be on, how often a person has armed the rig; then a force in
-# the frame of the arm or, with ORDER_LAW, what the force law needs (`servo_arrays`): age, life, gain, energy of the
+# From the gateway: time of writing, whether motors may be on, how often a person has armed the rig; then a force in the
+# frame of the arm or, with ORDER_LAW, the inputs of the force law (`servo_arrays`): age, life, gain, energy of the
 # other instruments' hands, limits, model.
 ORDER_TIME, ORDER_ENABLED, ORDER_ARMED, ORDER_LAW, ORDER_FORCE = range(5)
 ORDER_AGE, ORDER_TTL, ORDER_GAIN, ORDER_OTHERS, ORDER_LIMITS = 7, 8, 9, 10, 11
 ORDER_MODEL = ORDER_LIMITS + LIMIT_SIZE
 ORDER_SIZE = ORDER_MODEL + MODEL_COLUMNS
 
-# To the gateway: time of the newest reading, calibration, buttons, error that ended the arm's or everybody's work, the
-# newest refusal of force and how many frames in a row had one, frames that came late, the newest ORDER_ARMED, how far
-# orders are trusted, from frame to frame in ns; then the reading, the force applied, and what the law remembers.
+# To the gateway: time of the newest reading, calibration, buttons, fatal error of the arm or the scheduler, the newest
+# refusal of force and the number of frames in a row with one, late frames, the newest ORDER_ARMED, trust in orders, the
+# period of frames in ns; then the reading, the applied force, and the memory of the law.
 (
     SEEN_TIME, SEEN_CALIBRATION, SEEN_BUTTONS, SEEN_ERROR, SEEN_STOPPED, SEEN_REFUSAL, SEEN_REFUSED, SEEN_LATE,
     SEEN_ARMED, SEEN_TRUST, SEEN_PERIOD, SEEN_POSITION,
@@ -32,7 +32,7 @@ ORDER_SIZE = ORDER_MODEL + MODEL_COLUMNS
 SEEN_VELOCITY, SEEN_TEMPERATURE, SEEN_ROLL, SEEN_FORCE, SEEN_MEMORY = 14, 17, 18, 19, 22
 SEEN_SIZE = SEEN_MEMORY + MEMORY_SIZE
 
-# Where in `ArmCell.numbers`, which C writes: position, gimbal angles, temperatures, force.
+# Offsets in `ArmCell.numbers`, which C writes: position, gimbal angles, temperatures, force.
 POSITION, GIMBAL, TEMPERATURE, FORCE, NUMBERS = 0, 3, 6, 12, 15
 
 
@@ -54,7 +54,7 @@ class Functions(Struct):
 
 
 class ArmCell(Struct):
-    """One arm, as the scheduler's thread knows it."""
+    """One arm in the scheduler's thread."""
 
     orders: Box
     seen: Box
@@ -84,7 +84,7 @@ class ArmCell(Struct):
     max_force_rate_n_s: float
     cut_off_hz: float
     period_ns: float  # from frame to frame, as measured
-    counted_ns: int = 0  # since when frames are counted for it, and how many
+    counted_ns: int = 0  # start of counting frames for that, and their number
     counted: int = 0
     frames: int = 0
     last_ns: int = 0
@@ -113,20 +113,20 @@ class ServoCell(Struct):
     time: Annotated[LongArray, 2]  # a struct timespec
     time_at: int
     stopped_by: int = 0
-    pausing: bool = False  # every arm is to be let go: the scheduler will be stopped
+    pausing: bool = False  # all forces are to end, because the scheduler will be stopped
     calls: int = 0
     busy: bool = False
 
 
 class Port(Struct):
-    """One arm, as the gateway's loop knows it."""
+    """One arm in the gateway's loop."""
 
     orders: Box
     seen: Box
     order: Annotated[FloatArray, ORDER_SIZE]
     arriving: Annotated[FloatArray, SEEN_SIZE]
     newest: Annotated[FloatArray, SEEN_SIZE]
-    refused: float = 0.0  # forces that were not finite, as last heard
+    refused: float = 0.0  # number of forces that were not finite, as last received
 
 
 arm_at, servo_at, port_at = reader(ArmCell), reader(ServoCell), reader(Port)

@@ -1,4 +1,4 @@
-"""Numbers of HDAPI 3.x (``HD/hdDefines.h``, ``HD/hdScheduler.h``), and what its errors mean to a person at the rig."""
+"""Constants of HDAPI 3.x (``HD/hdDefines.h``, ``HD/hdScheduler.h``), and explanations of its errors for operators."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ MAX_SCHEDULER_PRIORITY = 65535
 
 
 class Parameter(IntEnum):
-    """What can be asked of a device or told to it."""
+    """Parameters of a device that can be read or set."""
 
     CURRENT_BUTTONS = 0x2000
     CURRENT_POSITION = 0x2050  # mm: right, up, toward the user
@@ -28,7 +28,7 @@ FORCE_OUTPUT = 0x4000
 
 
 class Calibration(IntEnum):
-    """What ``hdCheckCalibration`` answers."""
+    """Results of ``hdCheckCalibration``."""
 
     OK = 0x5000
     NEEDS_UPDATE = 0x5001
@@ -36,7 +36,7 @@ class Calibration(IntEnum):
 
 
 class Style(IntEnum):
-    """How a device is calibrated; bits."""
+    """Calibration styles of a device, as bits."""
 
     ENCODER_RESET = 1
     AUTO = 2
@@ -47,11 +47,11 @@ class Style(IntEnum):
 STYLES = (Style.AUTO, Style.INKWELL, Style.ENCODER_RESET)
 
 WARM_MOTORS = 0x0200
-#: Force was refused in this frame; the device goes on. ``hduIsForceError`` counts warm motors in.
+#: Force was refused in this frame; the device continues. ``hduIsForceError`` includes warm motors.
 FIRST_REFUSAL, LAST_REFUSAL = 0x0201, 0x0204
-#: The library has forgotten the arm, as it does when one on USB is pulled out: its handle means nothing any more.
+#: The library has dropped the arm, as it does when one on USB is unplugged; its handle is invalid.
 BAD_HANDLE = 0x0104
-#: The arm cannot be reached any more: further frames would only wait for it.
+#: The arm is unreachable; further frames would only wait for it.
 FIRST_LINK_ERROR, LAST_LINK_ERROR = 0x0300, 0x0303
 #: Errors of the scheduler, not of one arm.
 TIMER_ERROR, INVALID_PRIORITY, SCHEDULER_FULL = 0x0304, 0x0500, 0x0501

@@ -1,4 +1,4 @@
-"""The library's stack of errors in the scheduler's thread: emptied in every frame, each error judged once."""
+"""The library's error stack in the scheduler's thread, emptied and evaluated in every frame."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from services.gateway.hdapi.constants import (
 )
 from services.mechanics.compiled import kernel
 
-#: A bound on the time of a frame; what is left is taken by the next.
+#: Most errors a frame, to bound its time; the others remain for the next one.
 _ERRORS_A_DRAIN = 32
 
 
 @kernel
 def drain(servo: ServoCell, arm: ArmCell) -> None:
-    """Empty the error stack. An error may belong to another arm than the one whose turn it is."""
+    """Empty the error stack. An error may belong to another arm than the current one."""
     for _ in range(_ERRORS_A_DRAIN):
         code, handle = native.take_error(servo.functions.get_error)
         if code == 0:
@@ -56,5 +56,5 @@ def _note(servo: ServoCell, arm: ArmCell, code: int) -> None:
 
 @kernel
 def unreachable(error: int) -> bool:
-    """Return whether an arm with this error cannot be reached any more."""
+    """Return whether an arm with this error is unreachable."""
     return error == BAD_HANDLE or FIRST_LINK_ERROR <= error <= LAST_LINK_ERROR

@@ -1,4 +1,4 @@
-"""The gateway's side of an arm: take the newest reading, give a force or a law. A microsecond or two, never a wait."""
+"""The gateway's side of an arm: read the newest state, order a force or a law, in 1 to 2 us and without waiting."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def give_law(
     now: FloatArray,
     memory: FloatArray,
 ) -> None:
-    """Order what `servo_law.servo_force` takes, and write what it has last made there into `memory`, torque apart."""
+    """Order the inputs of `servo_law.servo_force`, and write its last memory there into `memory`, except the torque."""
     port = port_at(address)
     order, newest = port.order, port.newest
     _begin(order, time_ns, enabled, armed)
@@ -91,7 +91,7 @@ def give_law(
     port.refused = newest[SEEN_MEMORY + MEMORY_REFUSED]
     for k in range(MEMORY_TORQUE):
         memory[k] = newest[SEEN_MEMORY + k]
-    memory[MEMORY_REFUSED] = refused  # the torque's are counted here
+    memory[MEMORY_REFUSED] = refused  # includes refused torques, which are counted here
 
 
 @kernel
@@ -103,10 +103,10 @@ def _begin(order: FloatArray, time_ns: int, enabled: bool, armed: int) -> None:
 
 @kernel
 def look(address: Address[Port], has_roll: bool, reading: FloatArray) -> int:
-    """Take the newest message into `newest` of the port and write `reading`, see `servo_arrays`.
+    """Copy the newest message into `newest` of the port and write `reading`, see `servo_arrays`.
 
     Returns:
-        int: `NOTHING`, `AS_BEFORE` or, where more than the reading is new, or the reading is not, `CHANGED`.
+        int: `NOTHING`, `AS_BEFORE`, or `CHANGED` if more than the reading is new, or the reading is not.
     """
     port = port_at(address)
     if take(port.seen, port.arriving) <= 0:
@@ -126,7 +126,7 @@ def look(address: Address[Port], has_roll: bool, reading: FloatArray) -> int:
 
 @kernel
 def _is_news(arriving: FloatArray, newest: FloatArray) -> bool:
-    """Return whether a driver has to think about a message: in Python that took as long as all else in a reading."""
+    """Return whether a driver must evaluate a message, which in Python takes half of the time of a reading."""
     if arriving[SEEN_TIME] == newest[SEEN_TIME] or (arriving[SEEN_TRUST] == 0.0) != (newest[SEEN_TRUST] == 0.0):
         return True
     if arriving[SEEN_REFUSED] != 0.0 or arriving[SEEN_ARMED] != newest[SEEN_ARMED]:

@@ -1,8 +1,8 @@
-"""A message box between two threads of which neither may wait: the newest message, whole, or the one before.
+"""A wait-free message box between two threads: the reader gets the newest complete message.
 
-One thread writes, one reads. There are two places; a message is put into the one that was not published last, then
-published by its number. A writer that is interrupted in the middle holds up nobody. A reader whose place was written to
-meanwhile, which takes two messages, looks again.
+One thread writes, one reads. There are two places; a message is written to the one that was not published last, then
+published by its number. An interrupted writer blocks nobody. A reader whose place was overwritten meanwhile, which
+takes two messages, tries again.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Struct
 
-#: A message a millisecond overtakes nobody who reads for a microsecond more than once.
+#: Attempts of a reader; with a message a millisecond, a read of a microsecond is overtaken at most once.
 _TRIES = 3
 
 
@@ -41,7 +41,7 @@ def put(box: Box, message: FloatArray) -> None:
 def take(box: Box, message: FloatArray) -> int:
     """Write the newest message into `message` (n,) and return its number, 0 if there is none.
 
-    A reader that is overtaken again and again gets -1, and parts of several messages: nothing to be used.
+    A reader that is overtaken repeatedly gets -1, and a mixture of messages that must not be used.
     """
     for _ in range(_TRIES):
         number = box.number

@@ -1,4 +1,4 @@
-"""Is OpenHaptics here, is an arm, may this user open it, is it set up, does it answer; and what to do where not."""
+"""Checks of OpenHaptics on this host: library, arm, permissions, set-up and communication; with advice."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _MISSING = {
 
 
 def check(names: Sequence[str | None], library: str, in_use: bool, root: Path = Path("/")) -> Iterator[HostCheck]:
-    """Yield what a person should know before the arms `names` are opened through `library`."""
+    """Yield checks to make before the arms `names` are opened through `library`."""
     loaded = _loads(library)
     yield loaded
     devices = list(_devices(root))
@@ -91,7 +91,7 @@ def _devices(root: Path) -> Iterator[Path]:
 
 
 def _nodes(device: Path) -> Iterator[Path]:
-    """Yield what of `device` has a file of its own in /dev: named as such in sysfs, below it or itself."""
+    """Yield the files in /dev of `device` and of devices below it, as named in sysfs."""
     if device.match("fw*"):
         yield device
         return
@@ -106,7 +106,7 @@ def _describe(device: Path) -> str:
 
 
 def _run(*arguments: str) -> tuple[int, str]:
-    """Do something with the vendor's library in a process of its own, which it may crash or hang."""
+    """Use the vendor's library in a process of its own, which it may crash or hang."""
     command = [sys.executable, "-m", __name__, *arguments]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=_PATIENCE_S, check=False)
@@ -118,7 +118,7 @@ def _run(*arguments: str) -> tuple[int, str]:
 
 
 def main(what: str, path: str, name: str | None = None) -> int:
-    """Load the library or open an arm, say how it went, return an exit code."""
+    """Load the library or open an arm, print the outcome, return an exit code."""
     try:
         library = Library(path, "here")
         said = f"{path} loads"

@@ -9,10 +9,10 @@ from typing import Any
 from services.gateway.hdapi.constants import INVALID_HANDLE, Parameter, describe
 from services.runtime.errors import DeviceError
 
-#: As the vendor's installer names it, with and without its links.
+#: File name by the vendor's installer, with or without its links.
 DEFAULT = "libHD.so"
 _ALTERNATIVES = ("libHD.so.3.4", "libHD.so.3.0.0", "libHD.so.3")
-#: More than the library's stack holds; a bound, should it never say that it is empty.
+#: More than the library's stack holds, in case it never reports that it is empty.
 _MOST_ERRORS = 256
 
 _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
@@ -38,13 +38,13 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
 
 
 class ErrorInfo(ctypes.Structure):
-    """What ``hdGetError`` returns, by value."""
+    """Result of ``hdGetError``, by value."""
 
     _fields_ = (("code", c_uint), ("internal", c_int), ("handle", c_uint))
 
 
 class Library:
-    """A loaded HDAPI. The functions of C are attributes of `c`, with their types.
+    """A loaded HDAPI. The C functions are attributes of `c`, with their types.
 
     Raises DeviceError: one sentence, if it cannot be loaded or lacks a function.
     """
@@ -61,7 +61,7 @@ class Library:
             raise DeviceError(f"{where}: {path} is no HDAPI: {error}") from None
 
     def address(self, name: str) -> int:
-        """Return where a function lies, for machine code that calls it."""
+        """Return the address of a function, for compiled code that calls it."""
         return ctypes.cast(getattr(self.c, name), c_void_p).value or 0
 
     def take_error(self) -> int:
@@ -75,7 +75,7 @@ class Library:
         return newest
 
     def open_device(self, name: str | None, where: str) -> int:
-        """Return the handle of the device that the vendor's set-up calls `name`; None: its default device.
+        """Return the handle of the device named `name` in the vendor's set-up; None for the default device.
 
         Raises DeviceError: one sentence.
         """
@@ -83,7 +83,7 @@ class Library:
         handle = int(self.c.hdInitDevice(None if name is None else name.encode()))
         error = self.take_error()
         if error or handle == INVALID_HANDLE:
-            if handle != INVALID_HANDLE:  # it was opened all the same: nobody else could have it
+            if handle != INVALID_HANDLE:  # it was opened all the same, and would stay locked
                 self.c.hdDisableDevice(handle)
                 self.take_error()
             shown = "the default device" if name is None else f"device {name!r}"

@@ -1,6 +1,6 @@
-"""Calls of C functions by their address, and a memory fence, for kernels: no interpreter, no lock of it.
+"""Calls of C functions by address, and a memory fence, for kernels without the interpreter or its lock.
 
-Addresses are arguments and not part of the code, so that what is compiled can be kept on disk.
+Addresses are arguments and not part of the code, so that compiled code can be cached on disk.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _ERROR_INFO = ir.LiteralStructType((_LONG, _UNSIGNED))
 
 
 def _call(builder: Any, result: Any, arguments: tuple[Any, ...], values: Any) -> Any:
-    """Emit a call of the function at ``values[0]`` with the rest; integers are cut to what C wants."""
+    """Emit a call of the function at ``values[0]`` with the other values; integers are truncated to the C types."""
     kind = ir.FunctionType(result, arguments)
     function = builder.inttoptr(values[0], kind.as_pointer())
     cut = [v if a == _LONG else builder.trunc(v, a) for v, a in zip(values[1:], arguments, strict=True)]
@@ -68,11 +68,11 @@ def _fence(_context: Any) -> Any:
 
 #: ``void f(unsigned)`` at an address.
 call_unsigned = cast(Callable[[int, int], None], intrinsic(_call_unsigned))
-#: ``void f(unsigned, T *)``; the pointer is an address too. Also ``clock_gettime``, whose answer nobody needs.
+#: ``void f(unsigned, T *)``; the pointer is an address too. Also ``clock_gettime``, whose result is ignored.
 call_unsigned_pointer = cast(Callable[[int, int, int], None], intrinsic(_call_unsigned_pointer))
 #: ``unsigned f(void)``.
 ask_unsigned = cast(Callable[[int], int], intrinsic(_ask_unsigned))
 #: ``HDErrorInfo f(void)``: code and handle of the device.
 take_error = cast(Callable[[int], tuple[int, int]], intrinsic(_take_error))
-#: What was written before is seen before what is written after, by other threads too.
+#: Full memory fence: other threads see earlier writes before later ones.
 fence = cast(Callable[[], None], intrinsic(_fence))

@@ -1,4 +1,4 @@
-"""Opening one arm: what it says of itself, what it can measure, and the memory that its frames work on."""
+"""Opening one arm: its identity, its sensors, and the memory for its frames."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from services.runtime.rig import Mount, Vector3
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """What an arm is to keep to.
+    """Limits and placement of an arm.
 
     Attributes:
         centre_m: Middle of the workspace in the axes of the library: right, up, toward the user.
-        mount: Where the arm stands in the world.
+        mount: Placement of the arm in the world.
     """
 
     max_force_n: float
@@ -37,13 +37,13 @@ class Terms:
 
 @dataclass(slots=True)
 class OpenArm:
-    """An arm that the scheduler serves.
+    """An arm served by the scheduler.
 
     Attributes:
-        model: str. What the device says that it is, with its serial number.
-        style: Style. How it is calibrated.
-        nominal_max_force_n: float. What it says that it can bear.
-        has_roll: bool. Whether it measures how the stylus is turned.
+        model: str. Model and serial number reported by the device.
+        style: Style. Its calibration style.
+        nominal_max_force_n: float. Largest force reported by the device.
+        has_roll: bool. Whether it measures the stylus' roll.
     """
 
     cell: ArmCell
@@ -55,9 +55,9 @@ class OpenArm:
 
 
 def open_arm(library: Library, name: str | None, terms: Terms, where: str) -> OpenArm:
-    """Open the device that the vendor's set-up calls `name`; its motors are off. The scheduler stands still.
+    """Open the device named `name` in the vendor's set-up, motors off. The scheduler must be stopped.
 
-    Raises DeviceError: one sentence, if it is not there.
+    Raises DeviceError: one sentence, if it is missing.
     """
     handle = library.open_device(name, where)
     c = library.c
@@ -98,7 +98,7 @@ def _cell(terms: Terms, **of_the_device: int) -> ArmCell:
 
 
 def find_functions(library: Library, clock: Clock) -> Functions:
-    """Return what the callback calls: of the library, and of a clock."""
+    """Return the functions called by the callback, of the library and of a clock."""
     return Functions(
         make_current=library.address("hdMakeCurrentDevice"),
         begin_frame=library.address("hdBeginFrame"),
@@ -116,7 +116,7 @@ def find_functions(library: Library, clock: Clock) -> Functions:
 
 
 def _clock_address(clock: Clock) -> int:
-    """Return C's ``clock_gettime``, or that of a bench whose time only passes when it is told to."""
+    """Return the address of C's ``clock_gettime``, or of a test bench's simulated clock."""
     own: int | None = getattr(clock, "gettime_address", None)
     if own is not None:
         return own

@@ -1,4 +1,4 @@
-"""Opening an arm anew while the gateway goes on: every hand is let go, then a thread stops and starts the scheduler."""
+"""Reopening an arm while the gateway runs: all forces end, then a thread stops and restarts the scheduler."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from services.gateway.clock import Clock
 from services.gateway.hdapi.cells import ArmCell, ServoCell
 from services.gateway.hdapi.open_arm import OpenArm
 
-#: Hands are let go within so long, at the rig's rate limit; a library that takes longer than this hangs.
+#: Time for all forces to fall to zero at the rig's rate limit, and time after which the library is taken to hang.
 _LET_GO_NS, _PATIENCE_NS = 200_000_000, 20_000_000_000
 
 
 class Reopening:
-    """Of one arm, begun by being made. Nobody waits: `go_on` is called until it has ended.
+    """Reopening of one arm, started by construction. It does not block: call `go_on` until it has ended.
 
     Args:
-        servo, cells: What the scheduler works on, None where it does not run, and all its arms.
-        open_it: Stops the scheduler, opens the arm, starts the scheduler, with all other arms in any case.
+        servo, cells: State of the scheduler, None if it does not run, and all its arms.
+        open_it: Stops the scheduler, opens the arm, and restarts the scheduler with all other arms in any case.
     """
 
     def __init__(
@@ -34,7 +34,7 @@ class Reopening:
             servo.pausing = True
 
     def go_on(self) -> None:
-        """Do what can be done without waiting."""
+        """Advance as far as possible without waiting."""
         if self.ended:
             return
         if self._opening is not None:
@@ -47,15 +47,15 @@ class Reopening:
 
     @property
     def is_pause(self) -> bool:
-        """Whether it is the reason that the scheduler does not call."""
+        """Whether the scheduler is silent because of this reopening."""
         return not self.ended and self._lasts_ns() < _PATIENCE_NS
 
     def take(self) -> tuple[OpenArm | None, str]:
-        """Return the arm, or why there is none; after it has ended."""
+        """Return the arm, or the reason of the failure, after the end."""
         return self._arm, self._problem
 
     def give_up(self) -> None:
-        """End before it has begun, or wait for its end."""
+        """Cancel it before its thread has started, or wait for its end."""
         if self._opening is not None:
             self._end(*self._opening.take())
         elif not self.ended:

@@ -1,15 +1,14 @@
-"""What the library's 1 kHz thread runs: one callback for all arms, machine code that never touches the interpreter.
+"""The callback of the library's 1 kHz thread, for all arms: machine code that never touches the interpreter.
 
 Each arm gets one frame: read, drain the error stack, calibrate, evaluate the force law of the newest order at the pose
-just read, apply, drain again. The gateway says what goes into the law, `servo_law.servo_force`; the library's thread
+just read, apply, drain again. The gateway provides the inputs of the law, `servo_law.servo_force`; the library's thread
 evaluates it so that the force is not a tick old (docs/decisions/hdapi-callback.md).
 
-What is applied is the law's force or less: see `applied_force`.
+The applied force is the law's or less, see `applied_force`.
 
-An arm with an error that is no mere refusal of force is let go and stays so until a person arms the rig; the others go
-on. An arm that cannot be reached gets no more frames, so that nobody waits for it. Of one whose handle the library has
-forgotten nothing is asked: what is asked without a handle is answered for the arm before. An error of the scheduler
-itself lets every arm go; then the callback ends.
+An arm with an error other than a refusal of force is released until a person arms the rig; the others continue. An
+unreachable arm gets no more frames, which would wait for it. An arm whose handle has become invalid is not queried, as
+the library would answer for the previous arm. An error of the scheduler itself releases all arms and ends the callback.
 """
 
 from __future__ import annotations
@@ -63,15 +62,15 @@ from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 
 TICK_NS = 1_000_000
-#: A frame is late after so many periods.
+#: Periods after which a frame is late.
 LATE_PERIODS = 2.0
-#: The library's rate is measured over so long; what is nearly what it was told is that, whatever the host held up.
+#: Time over which the library's rate is measured, and the deviation up to which the nominal rate is assumed.
 _COUNT_NS, _NEARLY = 250_000_000, 0.1
-#: After so many frames in a row in which the library did not know the handle there is nothing left to let go.
+#: Frames in a row with an invalid handle after which there is nothing left to release.
 _FORGOTTEN_FRAMES = 3
 _CHECK_EVERY, _RECHECK_EVERY = 100, 1000
 
-# A kernel may read constants of its module; of an enumeration only through these.
+# Kernels can read constants of their module, but not members of an enumeration.
 _BUTTONS, _POSITION, _GIMBAL = int(Parameter.CURRENT_BUTTONS), int(Parameter.CURRENT_POSITION), 0x2150
 _TEMPERATURE = int(Parameter.MOTOR_TEMPERATURE)
 _CALIBRATED, _NEEDS_UPDATE = int(Calibration.OK), int(Calibration.NEEDS_UPDATE)
@@ -80,9 +79,9 @@ _ENCODER_RESET = int(Style.ENCODER_RESET)
 
 @kernel
 def servo_tick(address: Address[ServoCell]) -> int:
-    """Serve every arm once; return what the scheduler is to do with the callback."""
+    """Serve every arm once; return whether the scheduler is to continue the callback, as its code."""
     servo = servo_at(address)
-    if servo.busy:  # a second thread of the library's: an arm's memory is for one
+    if servo.busy:  # a second thread of the library; an arm's memory is for one
         return CALLBACK_CONTINUE
     servo.busy = True
     native.call_unsigned_pointer(servo.functions.clock_gettime, 1, servo.time_at)  # CLOCK_MONOTONIC
@@ -112,12 +111,12 @@ def _serve(servo: ServoCell, arm: ArmCell, now_ns: int) -> None:
 
 @kernel
 def _measure_rate(arm: ArmCell, now_ns: int) -> None:
-    """Count frames: a library may call at another rate than it was told, and velocity is a way by its time."""
+    """Measure the rate of frames, which may differ from the configured one and scales velocities."""
     passed_ns = now_ns - arm.counted_ns
     if 0 <= passed_ns < _COUNT_NS:
         arm.counted += 1
         return
-    if 0 < passed_ns < 2 * _COUNT_NS:  # else it stood still, or time has gone back
+    if 0 < passed_ns < 2 * _COUNT_NS:  # otherwise it was stopped, or time has gone back
         period_ns = passed_ns / (arm.counted + 1)
         if abs(period_ns - TICK_NS) < _NEARLY * TICK_NS:
             period_ns = float(TICK_NS)
@@ -132,7 +131,7 @@ def _frame(servo: ServoCell, arm: ArmCell, now_ns: int, dt_s: float) -> None:
     functions = servo.functions
     native.call_unsigned(functions.make_current, arm.handle)
     drain(servo, arm)
-    if arm.forgotten_now:  # another arm is still the current one: not a call more
+    if arm.forgotten_now:  # another arm is still the current one: no further calls
         arm.forgotten += 1
         if arm.forgotten >= _FORGOTTEN_FRAMES:
             give_up(arm)
@@ -159,7 +158,7 @@ def _exchange(servo: ServoCell, arm: ArmCell, now_ns: int, dt_s: float) -> None:
 
 @kernel
 def _take_order(arm: ArmCell) -> None:
-    if take(arm.orders, arm.order) <= 0:  # none that is whole, or none yet: that arms nothing
+    if take(arm.orders, arm.order) <= 0:  # no complete order yet
         arm.order[ORDER_TIME] = 0.0
         return
     if arm.order[ORDER_ARMED] != arm.armed:
@@ -182,7 +181,7 @@ def _ask(functions: Functions, arm: ArmCell) -> None:
 
 @kernel
 def _accept(arm: ArmCell, now_ns: int) -> None:
-    """Turn what the library said into the frame of the arm (toward the user, right, up) in m; pass over nonsense."""
+    """Convert the library's values to the arm's frame (toward the user, right, up) in m; ignore invalid ones."""
     numbers, report = arm.numbers, arm.report
     x = 1e-3 * numbers[POSITION + 2] - arm.centre_m[2]
     y = 1e-3 * numbers[POSITION] - arm.centre_m[0]
@@ -215,7 +214,7 @@ def _calibrate(functions: Functions, arm: ArmCell) -> None:
     every = _RECHECK_EVERY if arm.calibration == _CALIBRATED else _CHECK_EVERY
     if arm.frames % every == 0:
         arm.calibration = native.ask_unsigned(functions.check_calibration)
-        # Encoders are zeroed where the arm is: only a person can say that it is in its reset posture.
+        # Encoders are zeroed at the present pose; only a person can confirm that it is the reset posture.
         by_hand = arm.style == _ENCODER_RESET
         wanted = arm.calibration != _CALIBRATED if by_hand else arm.calibration == _NEEDS_UPDATE
         if wanted and (arm.confirmed or not by_hand):

@@ -1,8 +1,8 @@
-"""The life of a loaded HDAPI in this process: its devices, its scheduler, the one callback that serves all arms.
+"""A loaded HDAPI in this process: its devices, its scheduler, and the callback that serves all arms.
 
-A library is loaded once and never given back, since it fails when it is loaded again. Devices can only be added while
-the scheduler stands, so opening a second arm, or one anew, stops it for a moment; the last one to leave stops it for
-good.
+A library is loaded once and never unloaded, since it fails when it is loaded again. Devices can only be added while
+the scheduler is stopped, so opening a second arm, or reopening one, stops it for a moment; closing the last arm stops
+it for good.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ RATE_HZ = 1000
 
 
 class Session:
-    """The devices of one library. Not for use by two threads."""
+    """The devices of one library; not thread-safe."""
 
     def __init__(self, library: Library, clock: Clock) -> None:
         self._library, self._clock = library, clock
@@ -42,9 +42,9 @@ class Session:
         self._reopening: Reopening | None = None
 
     def join(self, name: str | None, terms: Terms, where: str) -> OpenArm:
-        """Return the arm that the vendor's set-up calls `name`, served from now on; its motors are off.
+        """Open the arm named `name` in the vendor's set-up, motors off, and serve it from now on.
 
-        Raises DeviceError: one sentence, if it is not there or another instrument has it.
+        Raises DeviceError: one sentence, if it is missing or used by another instrument.
         """
         self._settle()
         if name in self._users:
@@ -60,7 +60,7 @@ class Session:
         return self._arms[name]
 
     def leave(self, name: str | None) -> None:
-        """Give an arm up, whose motors are off; the last one stops the scheduler and closes all devices."""
+        """Close an arm, whose motors are off; the last one stops the scheduler and closes all devices."""
         self._settle()
         self._users.discard(name)
         if self._users or not self._arms:
@@ -72,25 +72,24 @@ class Session:
         self._arms.clear()
 
     def serves(self, arm: OpenArm) -> bool:
-        """Return whether an arm is one that the scheduler calls for, though it may not be reached."""
+        """Return whether the scheduler serves an arm, reachable or not."""
         return any(each is arm for each in self._arms.values())
 
     @property
     def is_pausing(self) -> bool:
-        """Whether every hand is let go, and nothing read, because an arm is just being opened anew."""
+        """Whether no arm is served now because one is being reopened."""
         return self._reopening is not None and self._reopening.is_pause
 
     def reopen(self, name: str | None, terms: Terms, where: str, armed: int) -> Reopening | None:
-        """Begin to open an arm anew that cannot be reached, or to start a scheduler that has ended.
+        """Start reopening an unreachable arm, or restarting a scheduler that has ended.
 
-        Every other hand is let go meanwhile, and comes back as after a doubt: see `applied_force`.
+        All other arms are released meanwhile, and return as described in `applied_force`.
 
         Args:
-            armed: How often a person has armed the rig so far: that is no word on the posture of the arm as it is
-                opened.
+            armed: How often a person has armed the rig so far, which does not confirm the posture of the reopened arm.
 
         Returns:
-            Reopening or None: to be asked to `go_on`; none while another arm is being opened.
+            Reopening or None: whose `go_on` is to be called; None while another arm is being reopened.
         """
         if self._reopening is not None and not self._reopening.ended:
             return None
@@ -120,10 +119,10 @@ class Session:
             self._reopening.give_up()
 
     def raise_priority(self) -> bool:
-        """Put the scheduler's thread one above the calling one; return whether that is real-time by now.
+        """Set the scheduler's thread one priority above the calling one; return whether the latter is real-time.
 
-        The process that started it was an ordinary one still, and it shares the gateway's core. A thread that the
-        library has made real-time itself stays as it is.
+        The thread was started by a process that was not real-time yet, and shares the gateway's core. A thread made
+        real-time by the library itself is left unchanged.
         """
         if self._is_raised:
             return True
@@ -132,7 +131,7 @@ class Session:
         self._is_raised = True
         above = os.sched_param(os.sched_getparam(0).sched_priority + 1)
         for thread in self._threads:
-            with contextlib.suppress(OSError):  # gone, or not allowed: then it stays as it is, and is late at times
+            with contextlib.suppress(OSError):  # gone, or not permitted: it is then late at times
                 if os.sched_getscheduler(thread) == os.SCHED_OTHER:
                     os.sched_setscheduler(thread, os.SCHED_FIFO, above)
         return True
@@ -160,7 +159,7 @@ class Session:
             return
         self._library.c.hdStopScheduler()
         self._library.c.hdUnschedule(self._scheduled)
-        self._library.take_error()  # a callback that has ended by itself is not scheduled any more
+        self._library.take_error()  # of a callback that has ended by itself and is not scheduled
         self._servo = None
 
 
@@ -168,7 +167,7 @@ _sessions: dict[str, Session] = {}
 
 
 def find_session(path: str, clock: Clock, where: str) -> Session:
-    """Return the session of a library, loaded by the first who asks.
+    """Return the session of a library, which the first call loads.
 
     Raises DeviceError: one sentence, if it cannot be loaded.
     """
