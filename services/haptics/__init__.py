@@ -1,1 +1,1 @@
-"""Process: collision detection of the tools, and a local model of force for the servo, every millisecond."""
+"""Process: collision detection of the tools, and a local force model for the servo, every millisecond."""

@@ -34,7 +34,7 @@ class Haptics:
     """Grasps and haptic rendering of one scene.
 
     Attributes:
-        ticks_per_step: int. So many ticks physics takes as one step now: it is told of tools and grasps no more often.
+        ticks_per_step: int. Ticks per step of physics now; tools and grasps are sent to it no more often.
     """
 
     def __init__(self, process: Process, meter: LoopMeter, scene: SceneModel, duct: ReducedDuct) -> None:
@@ -47,13 +47,13 @@ class Haptics:
         self.grasping = Grasping(scene, duct, *tables)
         self._ttl_s = 0.02
         self._solved: PhysicsState | None = None
-        self._told_tick, self.ticks_per_step = 0, 1
+        self._published_tick, self.ticks_per_step = 0, 1
         self._begins: int | None = None
         self._began_tick = 0
         process.health.counts = self._counts
 
     def answer(self, frame: Frame) -> None:
-        """Answer one device frame: the model first, since the hand waits for it; what it does not need comes after."""
+        """Answer one device frame: first the model, for which the hand waits, then tools and grasps for physics."""
         started = time.monotonic_ns()
         state: GatewayState = frame.body
         self._follow_begins(state)
@@ -67,28 +67,28 @@ class Haptics:
         age = state.tick - self._seen_tick if self._seen_tick >= 0 else -1
         self._journal.note(state.tick, (age, int(known), 0))
         self._meter.tick = state.tick
-        is_told = 0 < state.tick - self._told_tick < self.ticks_per_step
-        # The hand has its model. What physics waits for is the work of a whole step's ticks, and due with the last.
-        self._meter.periods_allowed = 1 if is_told else self.ticks_per_step
-        told_ns = (0, 0) if is_told else self._tell_physics(frame, modelled)
-        self._meter.stages_ns = (modelled - started, *told_ns)
+        is_published = 0 < state.tick - self._published_tick < self.ticks_per_step
+        # The hand has its model. Tools and grasps for physics are due once a step, with its last tick.
+        self._meter.periods_allowed = 1 if is_published else self.ticks_per_step
+        publish_ns = (0, 0) if is_published else self._publish_contacts(frame, modelled)
+        self._meter.stages_ns = (modelled - started, *publish_ns)
 
     def _follow_begins(self, state: GatewayState) -> None:
-        """Begin again where the scene does: what physics says of earlier ticks is of another scene."""
+        """Restart when the scene does; states of physics from earlier ticks are then ignored."""
         if self._begins is not None and state.begins > self._begins:
             self.grasping.begin_again()
             self._solved = None
-            self._began_tick, self._told_tick = state.tick, 0
-        elif state.tick < self._began_tick:  # the gateway has started anew
+            self._began_tick, self._published_tick = state.tick, 0
+        elif state.tick < self._began_tick:  # the gateway has restarted
             self._began_tick = 0
         self._begins = state.begins
 
-    def _tell_physics(self, frame: Frame, began_ns: int) -> tuple[int, int]:
-        """Find what closing jaws touch and send physics tools and grasps; return what both took, in ns."""
+    def _publish_contacts(self, frame: Frame, began_ns: int) -> tuple[int, int]:
+        """Detect the contacts of closing jaws and send tools and grasps to physics; return both durations, in ns."""
         state: GatewayState = frame.body
-        self._told_tick = state.tick
+        self._published_tick = state.tick
         if self._solved is not None:
-            self.grasping.take_shapes(self._solved)
+            self.grasping.update_shapes(self._solved)
             self._solved = None
         hands, held = self.grasping.follow(self._instruments.count), self.grasping.update()
         detected = time.monotonic_ns()
@@ -97,7 +97,7 @@ class Haptics:
         return detected - began_ns, time.monotonic_ns() - detected
 
     def _take_reactions(self, solved: Frame | None) -> bool:
-        """Take the solved forces, where they are new; False if there are none fresh enough to act on."""
+        """Store new solved forces; return False if there are none fresh enough to act on."""
         if solved is not None and solved.body.tick < self._began_tick:
             solved = None
             self._reactions.forget()
@@ -113,7 +113,7 @@ class Haptics:
         return known
 
     def settle(self) -> None:
-        """Do what no tick waits for, between two."""
+        """Run background work between two ticks."""
         if not self._journal.send_if_due():
             self._health.do_a_piece()
 
@@ -133,10 +133,10 @@ def prepare(process_config: ProcessConfig) -> tuple[SceneModel, ReducedDuct]:
 def _replay(
     process: Process, meter: LoopMeter, prepared: tuple[SceneModel, ReducedDuct]
 ) -> ReplayedHaptics[Haptics] | None:
-    """Return what answers as recorded, where the rig replays a recording."""
+    """Return a replay of a recording, if the rig replays one."""
     if process.rig.replay is None:
         return None
-    from services.haptics.replaying import ReplayedHaptics  # what reads recordings is not installed with every rig
+    from services.haptics.replaying import ReplayedHaptics  # readers of recordings are not installed with every rig
     from services.recordings.schedule import read_schedule
 
     schedule = read_schedule(process.rig.replay)

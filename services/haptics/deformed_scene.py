@@ -1,4 +1,4 @@
-"""The deformed scene as haptics knows it: the newest duct and catheter, which are looked at only where jaws close."""
+"""The deformed scene in haptics: the newest duct and catheter, used only where jaws close."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from services.mechanics.scene import SceneModel
 
 
 class DeformedScene:
-    """Read-only copy of what physics simulates.
+    """Read-only copy of the state of physics.
 
     Attributes:
         q: (r,) float64. The duct's coordinates.
         loads: (l,) int32 and (l, 3) float64. Its loaded nodes and the forces on them in N.
         particles_m: (n, 3) float64. The catheter's particles.
-        has_catheter: Whether anything is known yet.
-        refused: Frames that do not fit this scene, by what was wrong.
+        has_catheter: Whether a catheter has been received.
+        refused: Number of frames that do not fit this scene, by reason.
     """
 
     q: FloatArray
@@ -35,25 +35,25 @@ class DeformedScene:
         self.forget()
 
     def forget(self) -> None:
-        """Know nothing any more: the duct is at rest, and there is no catheter."""
-        # As read-only as what comes off the wire, which is another type to the compiler.
+        """Reset to a duct at rest without a catheter."""
+        # Read-only like arrays off the wire, as the compiler treats that as another type.
         self.q = pack(np.zeros(self._basis.n_modes)).view()
         self.loads = pack(np.zeros(0), "<i4").view(), pack(np.zeros((0, 3))).view()
         self.has_catheter = False
 
     def take_duct(self, body: Duct) -> None:
-        """Take over coordinates and loads of `body`, if its basis is ours and its loads are on nodes that exist."""
+        """Store coordinates and loads of `body`, if its basis is this scene's and its nodes exist."""
         basis = self._basis
         q, nodes, forces = body.q.view(), body.load_node.view(), body.load_force_n.view()
         if body.basis_hash != basis.content_hash or q.shape != (basis.n_modes,):
             self._refuse("basis")
-        elif nodes.size > self._max_loads or not nodes_are_there(nodes, basis.n_nodes):
+        elif nodes.size > self._max_loads or not nodes_exist(nodes, basis.n_nodes):
             self._refuse("load_node")
         else:
             self.q, self.loads = q, (nodes, forces)
 
     def take_catheter(self, body: Catheter) -> None:
-        """Take over the particles of `body`, if there are as many as in this scene."""
+        """Store the particles of `body`, if their number is this scene's."""
         positions = body.position_m.view()
         if positions.shape != self.particles_m.shape:
             self._refuse("particles")
@@ -66,8 +66,8 @@ class DeformedScene:
 
 
 @kernel
-def nodes_are_there(nodes: IntArray, n_nodes: int) -> bool:
-    """Return whether all of `nodes` are among the first ``n_nodes``."""
+def nodes_exist(nodes: IntArray, n_nodes: int) -> bool:
+    """Return whether all of `nodes` are valid indices of ``n_nodes`` nodes."""
     there = True
     for node in nodes:
         there = there and 0 <= node < n_nodes

@@ -1,4 +1,4 @@
-"""Which jaws hold what: hands are followed, and what jaws touch is looked at only where they close."""
+"""Grasps of the tools' jaws: tools follow the hands, and contacts of jaws are detected only while they close."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from services.mechanics.scene.tools import GraspHold
 
 
 class Grasping:
-    """The grasps of a scene's tools, wherever its hands come from: a rig's devices or an agent.
+    """The grasps of a scene's tools, moved by a rig's devices or by an agent.
 
     Args:
-        scene, duct: As physics has them.
-        reactions: (2, REACTION_COLUMNS), instruments: (2, INSTRUMENT_COLUMNS). Live tables of what was solved and of
-            what the hands do.
+        scene, duct: The same as in physics.
+        reactions: (2, REACTION_COLUMNS), instruments: (2, INSTRUMENT_COLUMNS). Live tables of solved forces and of the
+            hands' states.
     """
 
     def __init__(self, scene: SceneModel, duct: ReducedDuct, reactions: FloatArray, instruments: FloatArray) -> None:
@@ -34,25 +34,25 @@ class Grasping:
         self._jaws: list[tuple[Grasp, JawState]] = []
         self._beginning = Beginning(self.grasps, (scene, duct))
 
-    def take_shapes(self, state: PhysicsState) -> None:
-        """Take over where wall and catheter are: what closing jaws are held against."""
+    def update_shapes(self, state: PhysicsState) -> None:
+        """Store the positions of wall and catheter, against which closing jaws are tested."""
         self.scene.take_duct(state.duct)
         self.scene.take_catheter(state.catheter)
 
     def follow(self, n_tools: int) -> Array:
-        """Follow the first hands, and return them as physics needs them; `closing` are those whose jaws may close."""
+        """Move the tools to the first hands and return their table for physics; `closing` are tools that may grasp."""
         hands = self.tools.take_hands(n_tools)
         self._jaws = [(each, self.tools.jaws(each.tool)) for each in self.grasps if each.tool < n_tools]
         self.closing = [grasp.tool for grasp, jaws in self._jaws if grasp.may_close(jaws)]
         return hands
 
     def update(self) -> list[GraspHold]:
-        """Return what the hands that were followed hold, live until the next call."""
+        """Return the holds of the tools, a live list until the next call."""
         self.touches.find(self.closing, self.tools.segments_m, self.scene)
         return [hold for grasp, jaws in self._jaws for hold in grasp.update(self.touches.pairs, jaws)]
 
     def begin_again(self) -> None:
-        """Hold nothing, and know nothing of the scene: it begins again."""
+        """Release all holds and reset the scene, which restarts."""
         self._beginning.put_back()
         self.scene.forget()
         self.touches.forget()

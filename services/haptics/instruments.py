@@ -1,4 +1,4 @@
-"""The instruments of a device frame as a table that kernels read: an object's fields are gone through once."""
+"""The instruments of a device frame as a table for kernels."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ _ROW_BYTES = 8 * INSTRUMENT_COLUMNS
 
 
 class InstrumentTable:
-    """The instruments that the scene has forceps for.
+    """The instruments for which the scene has tools.
 
     Attributes:
-        rows: (2, INSTRUMENT_COLUMNS) float64. The first `count` mean something.
+        rows: (2, INSTRUMENT_COLUMNS) float64. The first `count` are valid.
     """
 
     def __init__(self, n_forceps: int) -> None:
@@ -32,7 +32,7 @@ class InstrumentTable:
         self._most = min(n_forceps, N_TOOLS)
 
     def take(self, instruments: tuple[InstrumentState, ...]) -> None:
-        """Take over where the instruments are and how they move; those beyond the scene's forceps are left out."""
+        """Copy poses and velocities of the instruments, without those beyond the scene's tools."""
         self.count = min(len(instruments), self._most)
         for row, each in enumerate(islice(instruments, self.count)):
             _put(

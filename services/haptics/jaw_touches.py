@@ -1,4 +1,4 @@
-"""What the jaws of closing tools touch: all that a grasp needs to know of contact. Physics finds contacts itself."""
+"""Contacts of closing jaws, which grasps depend on. Physics detects its own contacts."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS
 
-#: Beyond a grasp's gap, so that no rounding of a bound hides a touch at just that gap.
+#: Slightly above a grasp's gap, so that rounding of bounds does not hide a contact at just that gap.
 _LOOK_M = 1.1 * GRASP_GAP_M
 _NO_PARTICLES = np.zeros((0, 3))
 
 
 class JawTouches:
-    """Looks where the jaws of some tools touch wall and catheter.
+    """Detects contacts of jaws with wall and catheter.
 
     Args:
-        radius_m: (2, 3). Of the tools' segments, zero where there is none.
+        radius_m: (2, 3). Radii of the tools' segments, zero for absent ones.
 
     Attributes:
-        pairs: ContactPairs. Of each jaw the closest touch of the wall, and those of the catheter's segments.
+        pairs: ContactPairs. Of each jaw the closest pair with the wall, and the pairs with the catheter's segments.
     """
 
     def __init__(self, scene: SceneModel, duct: ReducedDuct, radius_m: FloatArray) -> None:
@@ -52,7 +52,7 @@ class JawTouches:
         self.pairs = ContactPairs.allocate(2 * N_TOOLS * (1 + n_segments))
 
     def find(self, tools: Sequence[int], segments_m: FloatArray, scene: DeformedScene) -> None:
-        """Write the touches of the jaws of ``tools``, whose segments (2, 3, 2, 3) are here, into `pairs`."""
+        """Write the contacts of the jaws of ``tools``, with segments (2, 3, 2, 3), into `pairs`."""
         self.pairs.clear()
         if not (tools and scene.has_catheter):
             return
@@ -64,30 +64,30 @@ class JawTouches:
         self._wall.measure(self._found)
         self._capsules.reset()
         addresses = self._found.address, self._capsules.address
-        write_touches(addresses, jaws, scene.particles_m, self._sizes_m[0], self.pairs.address)
+        write_jaw_pairs(addresses, jaws, scene.particles_m, self._sizes_m[0], self.pairs.address)
 
     def forget(self) -> None:
-        """Forget where everything was: the scene begins again."""
+        """Rebuild all lists in the next call, as the scene restarts."""
         self.pairs.clear()
         self._wall.forget()
 
     @property
     def dropped(self) -> int:
-        """Triangles near a jaw that found no room since the start."""
+        """Number of triangles near a jaw lost for lack of capacity since the start."""
         return int(self._wall.list.dropped)
 
 
 @kernel
-def write_touches(
+def write_jaw_pairs(
     addresses: tuple[Address[Candidates], Address[CapsuleMemory]],
     jaws: Tools,
     particles: FloatArray,
     radii_m: FloatArray,
     pairs_address: Address[ContactPairs],
 ) -> None:
-    """Write the closest pair of each jaw with the wall, and those with a catheter whose segments have these radii.
+    """Write the closest pair of each jaw with the wall, and those with a catheter of these segment radii.
 
-    Distances from the catheter are unsigned where the memory has been reset.
+    Distances from the catheter are unsigned after a reset of the memory.
     """
     found, memory, pairs = candidates_at(addresses[0]), capsules_at(addresses[1]), pairs_at(pairs_address)
     for piece in range(N_TOOL_PIECES):
@@ -100,7 +100,7 @@ def write_touches(
 
 @kernel
 def _closest(found: Candidates, piece: int) -> int:
-    """Return the closest candidate of a piece, -1 where there is none."""
+    """Return the closest candidate of a piece, -1 if there is none."""
     best = -1
     for i in range(found.count):
         if found.piece[i] == piece and (best < 0 or found.gap_m[i] < found.gap_m[best]):

@@ -1,4 +1,4 @@
-"""From solved reactions to the local models that the servo evaluates between frames."""
+"""Local force models, computed from solved reactions, that the servo evaluates between frames."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.scene import ProbeScene, ToolScene
 from services.mechanics.scene.tools import N_TOOLS
 
-#: Instruments of a device frame, at most; those without a tool in the scene get the free model.
+#: Largest number of instruments in a device frame; those without a tool in the scene get the free model.
 _MOST = 8
 
 
 class ModelInputs(Struct):
-    """What the models are made of, and where they go."""
+    """Inputs and output of the models' kernel."""
 
     reactions: Annotated[FloatArray, N_TOOLS, REACTION_COLUMNS]
     instruments: Annotated[FloatArray, N_TOOLS, INSTRUMENT_COLUMNS]
@@ -59,17 +59,17 @@ inputs_at = reader(ModelInputs)
 
 
 class LocalModels:
-    """Models ``f = f0 - K (x - x0) - B (v - v0)`` about the hands that reactions were solved for; for the jaws too.
+    """Models ``f = f0 - K (x - x0) - B (v - v0)`` of tools and jaws, about the hands' states at the solve.
 
-    K is the local stiffness that physics found at the tool, virtual coupling included, so the hand meets the right
-    wall although the force is a tick or two old. B is the coupling's damping and resists the present velocity. A tool
-    that touches nothing gets the free model: no force is ever drawn out of thin air. A handle beyond the stops of its
-    jaws does not move them: there the torque stays what it is.
+    K is the local stiffness at the tool from physics, virtual coupling included, so the wall feels right although the
+    force is a tick or two old. B is the coupling's damping and resists the present velocity. A tool without contact
+    gets the free model, of zero force. A handle beyond the stops of its jaws does not move them, so the torque there is
+    constant.
 
     Args:
-        tools: Of the scene.
-        reactions: (2, REACTION_COLUMNS), instruments: (2, INSTRUMENT_COLUMNS). Live tables of what was solved and of
-            what the hands do.
+        tools: Those of the scene.
+        reactions: (2, REACTION_COLUMNS), instruments: (2, INSTRUMENT_COLUMNS). Live tables of solved forces and of the
+            hands' states.
     """
 
     def __init__(self, tools: tuple[ToolScene, ...], reactions: FloatArray, instruments: FloatArray) -> None:
@@ -89,14 +89,14 @@ class LocalModels:
         self._models = self._felt.models
 
     def table(self, n_instruments: int, *, touching: bool) -> Array:
-        """Return the models of so many instruments as they travel; all are free unless ``touching``."""
+        """Return the models of ``n_instruments`` in wire format; all are free unless ``touching``."""
         write_models(self._felt.address, min(n_instruments, self._n_tools) if touching else 0)
         return Array("<f8", (n_instruments, MODEL_COLUMNS), self._models[:n_instruments].tobytes())
 
 
 @kernel
 def write_models(address: Address[ModelInputs], n: int) -> None:
-    """Write the models of the first ``n`` tools that touch something; all others are free: zeros."""
+    """Write the models of those of the first ``n`` tools that have contact, and zeros for all others."""
     felt = inputs_at(address)
     models = felt.models
     for row in range(models.shape[0]):
@@ -109,7 +109,7 @@ def write_models(address: Address[ModelInputs], n: int) -> None:
 
 @kernel
 def _write_model(felt: ModelInputs, tool: int) -> None:
-    """Write the model of a tool that touches."""
+    """Write the model of a tool in contact."""
     solved, moves, model = felt.reactions[tool], felt.instruments[tool], felt.models[tool]
     for axis in range(3):
         model[MODEL_F0 + axis] = solved[REACTION_FORCE + axis]
@@ -131,13 +131,13 @@ def _write_model(felt: ModelInputs, tool: int) -> None:
 
 @kernel
 def felt_damping(stiffness: FloatArray, scale: float, out: FloatArray) -> None:
-    r"""Write the damping (9,) in N s/m that the hand feels of the coupling's, in series with what the tool touches.
+    r"""Write the damping (9,) in N s/m felt by the hand: the coupling's, in series with the touched body.
 
     Coupling :math:`K_c + b s` and world :math:`K_w` in series are :math:`K + B s` for slow hands, with
-    :math:`K = K_c K_w / (K_c + K_w)` and :math:`B = b\, (K / K_c)^2`: what gives way gives way to the damper too. In
+    :math:`K = K_c K_w / (K_c + K_w)` and :math:`B = b\, (K / K_c)^2`: a compliant body yields to the damper too. In
     three directions :math:`B = b K K^T / K_c^2`, positive semi-definite; ``scale`` is :math:`b / K_c^2`. At a stiff
-    wall that is all of b; at a soft one all of it would be noise of the encoders: 10 mN, where a catheter pushes with
-    30.
+    wall that is all of b. At a soft one the full b would only amplify the encoders' noise, to 10 mN where a catheter
+    pushes with 30 mN.
     """
     for i in range(3):
         for j in range(3):

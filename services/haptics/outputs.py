@@ -1,4 +1,4 @@
-"""What haptics tells physics."""
+"""Messages from haptics to physics."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from services.mechanics.scene.tools import GraspHold
 
 
 def hold_body(hold: GraspHold) -> HoldBody:
-    """Return a grasp as it travels."""
+    """Return a hold in wire format."""
     a, b, c = hold.target_weights.tolist()
     return HoldBody(
         hold_id=hold.hold_id,

@@ -1,4 +1,4 @@
-"""The solved reactions as they come: a table, a row a tool, that kernels read."""
+"""The solved reactions as a table for kernels, one row per tool."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Reactions:
         self._bytes = flat_view(self.rows).cast("B")
 
     def take(self, table: Array) -> None:
-        """Take over a table (n, REACTION_COLUMNS); nothing is known any more of tools that it does not have."""
+        """Copy a table (n, REACTION_COLUMNS), and reset the rows of tools beyond it."""
         data = table.data
         if len(data) > len(self._bytes):
             data = data[: len(self._bytes)]
@@ -34,11 +34,11 @@ class Reactions:
         self._bytes[: len(data)] = data
 
     def forget(self) -> None:
-        """No force is known any more: physics is silent."""
+        """Reset all rows, because physics is silent."""
         self.rows[:] = self._none
 
 
 @kernel
 def is_held(reactions: FloatArray, tool: int) -> bool:
-    """Return whether something touches or holds a tool."""
+    """Return whether a tool has a contact or a hold."""
     return bool(reactions[tool, REACTION_CONTACTS] > 0.0 or reactions[tool, REACTION_HOLDS] > 0.0)

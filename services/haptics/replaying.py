@@ -1,4 +1,4 @@
-"""Haptics in a replay: each device frame of the recording is answered with what was known when it was recorded."""
+"""Haptics in a replay: each recorded device frame is answered from the state that was known at the recording."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from services.recordings.injected_bus import InjectedBus, InjectedProcess
 from services.recordings.schedule import ASK_AGAIN_NS, Schedule
 from services.runtime.process import Process
 
-_KEPT = 64  # states that may still be about to be seen
+_KEPT = 64  # states that may not have been used yet
 
 
 class Answering(Protocol):
@@ -21,14 +21,14 @@ class Answering(Protocol):
         """Answer a device frame."""
 
     def settle(self) -> None:
-        """Do what no tick waits for."""
+        """Run background work between two ticks."""
 
 
 H = TypeVar("H", bound=Answering)
 
 
 class ReplayedHaptics(Generic[H]):
-    """Answers as `Haptics`, which `make` makes in a process, with the states of physics that belong to a tick."""
+    """Answers like the `Haptics` that `make` constructs, with the states of physics recorded for each tick."""
 
     def __init__(self, process: Process, make: Callable[[Process], H], schedule: Schedule) -> None:
         self._process, self._make, self._schedule = process, make, schedule
@@ -42,15 +42,15 @@ class ReplayedHaptics(Generic[H]):
         self._answered = self._seen = -1
 
     def settle(self) -> None:
-        """Do what no tick waits for."""
+        """Run background work between two ticks."""
         self._haptics.settle()
 
     def answer(self, frame: Frame) -> None:
-        """Answer a frame: one that was answered, as then; one from before, after beginning anew."""
+        """Answer a frame as in the recording; a frame of an earlier tick restarts the replay first."""
         tick = frame.body.tick
         intake = self._schedule.intakes.get(tick)
         if tick == self._answered:
-            self._bus.say_again("haptics.contact_model")
+            self._bus.republish("haptics.contact_model")
             return
         if tick < self._answered:
             self._begin()
@@ -58,17 +58,17 @@ class ReplayedHaptics(Generic[H]):
         self._bus.is_live = intake is None
         if intake is not None:
             self._wait_for(self._schedule.awaited[tick])
-            if intake.seen_tick != self._seen:  # a state is new to haptics once
+            if intake.seen_tick != self._seen:  # a state is delivered once
                 self._bus.frame, self._seen = self._states.get(intake.seen_tick), intake.seen_tick
             self._bus.is_fresh_now = intake.is_fresh
         self._haptics.answer(frame)
 
     def _wait_for(self, tick: int) -> None:
-        """Wait until physics has made the state of a tick; ask it again where it may have missed the contacts."""
+        """Wait until physics has computed the state of a tick; send contacts again in case they were lost."""
         bus = self._process.bus
         while tick >= 0 and tick not in self._states and not self._process.stop():
             if not bus.wait("physics.state", time.monotonic_ns() + ASK_AGAIN_NS):
-                self._bus.say_again("haptics.contacts")
+                self._bus.republish("haptics.contacts")
                 self._process.health.send_if_due()
                 continue
             state = bus.latest("physics.state")

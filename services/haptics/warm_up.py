@@ -1,10 +1,10 @@
-"""Compiles every kernel of haptics before the loop begins, on tools that lie across the duct at rest."""
+"""Compiles all kernels of haptics before the loop starts, on tools that lie across the duct at rest."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from services.haptics.deformed_scene import nodes_are_there
+from services.haptics.deformed_scene import nodes_exist
 from services.haptics.grasping import Grasping
 from services.haptics.instruments import InstrumentTable
 from services.haptics.local_model import LocalModels
@@ -24,9 +24,9 @@ from services.runtime.log import progress
 
 
 def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
-    """Look at what jaws in the wall touch, as where they close; then compile a share for physics.
+    """Detect the contacts of jaws placed in the wall; then compile some kernels for physics.
 
-    That compiles the contact solve meanwhile, on the other core, and finds in the cache what was compiled here.
+    Physics compiles the contact solve meanwhile, on the other core, and then finds these kernels in the cache.
     """
     with told(progress) as kernels:
         kernels.begin("collision detection")
@@ -37,7 +37,7 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
         tools.take_hands(N_TOOLS)
         tools.segments_m[:] = duct.mesh.vertices_m[0]
         tools.segments_m[:, :, 1] += 0.01
-        nodes_are_there(deformed.loads[0], 0)
+        nodes_exist(deformed.loads[0], 0)
         deformed.has_catheter = True
         for _ in range(2):
             touches.find((0,), tools.segments_m, deformed)
@@ -54,7 +54,7 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
 
 
 def _step_catheter(scene: SceneModel) -> None:
-    """Take a step of a catheter that is touched, and one of it when it was."""
+    """Take a step of a touched catheter, and the step after it."""
     catheter = CatheterBody(scene.catheter, scene_rod(scene, by_stage(build_effects(scene).values())["modify_rod"]))
     nodes, weights, forces = np.zeros((1, 4), np.int32), np.zeros((1, 4)), np.zeros((1, 3))
     weights[:, 0] = 1.0
@@ -65,7 +65,7 @@ def _step_catheter(scene: SceneModel) -> None:
 
 
 def compile_for_physics(scene: SceneModel, duct: ReducedDuct) -> None:
-    """Call what physics alone asks for, and late: what both are at, each would compile."""
+    """Call kernels that only physics needs, and needs last, so that both processes do not compile the same ones."""
     simulation = Simulation(scene, duct)
     simulation.write_report(1e-3)
     simulation.catheter.predict(1e-3)

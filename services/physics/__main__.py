@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 
 RATE_HZ = 1000.0
 TICK_S = 1.0 / RATE_HZ
-#: Orders are looked for after one tick of so many: they come ten times a second. To look takes 7 us, to find one 80:
-#: within the tick that was its 99th percentile.
+#: Ticks between polls for orders, which arrive ten times a second. A poll takes 7 us, an order 80 us, which dominated
+#: the 99th percentile of a tick.
 _ORDERS_EVERY = 16
 STAGES = ("read", *STAGE_NAMES, "send")
 
@@ -48,7 +48,7 @@ class Physics:
         self.follows_orders = True
         self._journal = JournalWriter("physics.journal", process.bus)
         self._begin()
-        self.resets = self._looked = self._owed = 0
+        self.resets = self._looked = self._partial_ticks = 0
         meter.periods_allowed = scene.quality[0].ticks_per_step
         process.health.counts = self._counts
 
@@ -62,22 +62,22 @@ class Physics:
         self._guard = NanGuard("physics", watched, cache_directory() / "dumps")
 
     def advance(self, frame: Frame, ticks: int) -> None:
-        """Go on by `ticks` with the tools of `frame` and publish where that leads, once they make up a whole step.
+        """Advance by `ticks` with the tools of `frame` and publish the state, once the ticks complete a step.
 
-        Where a tick was lost, one may be left over: it waits for the next frame. To take it as a step of its own would
-        change the step's length twice, and what is kept between contacts for one length is made anew for another: a
-        single lost tick made the steps after it late as well. Where the rig's time stands, the state is told once more.
+        After a lost tick one may be left over, which waits for the next frame. As a step of its own it would change the
+        step's length twice, and cached compliances are recomputed for each length: a single lost tick then delayed the
+        steps after it as well. While the rig's time is stopped, the state is published again.
         """
         began_ns = time.monotonic_ns()
         self._meter.tick = frame.body.tick
         self._follow_begins(frame.body.begins)
         if ticks:
             self._journal.note(frame.body.tick, (ticks, self.simulation.quality_level, self.resets))
-        self._owed += ticks
+        self._partial_ticks += ticks
         length = self._meter.periods_allowed
-        if self._owed < length and ticks:
+        if self._partial_ticks < length and ticks:
             return
-        steps, self._owed = divmod(self._owed, length)
+        steps, self._partial_ticks = divmod(self._partial_ticks, length)
         if not self._reader.take(frame.body):
             self._process.health.gauges["refused_contacts"] = float(self._reader.refused)
             return
@@ -91,19 +91,19 @@ class Physics:
         self._meter.stages_ns = (read_ns, *costs_ns, time.monotonic_ns() - stepped_ns)
 
     def _follow_begins(self, begins: int) -> None:
-        """Put everything back to the scene's start where the hands have begun again: the tools touch nothing yet."""
+        """Restart the scene when the hands restart."""
         if self._begins is not None and begins > self._begins:
             level = self.simulation.quality_level
             self._beginning.put_back()
             if level:
                 self.simulation.set_quality(level)
-            self._owed = 0
+            self._partial_ticks = 0
             self._outputs.forget()
         self._begins = begins
 
     def _step(self, costs_ns: list[int], ticks: int) -> bool:
-        """Take one step over `ticks`, adding what its stages cost to `costs_ns`; False if it leads to what is not a
-        number, which no kernel may ever see.
+        """Take one step over `ticks`, adding the costs of its stages to `costs_ns`; return False if the new state has a
+        NaN, which must not reach other kernels.
         """
         self.simulation.step(self._reader.tools, ticks * TICK_S)
         costs_ns[:] = map(add, costs_ns, self.simulation.cost_ns)
@@ -128,26 +128,26 @@ class Physics:
         self.simulation.set_quality(level)
 
     @property
-    def owes(self) -> bool:
-        """Whether ticks wait for others to make up a whole step."""
-        return self._owed > 0
+    def has_partial_step(self) -> bool:
+        """Whether ticks wait for others to complete a step."""
+        return self._partial_ticks > 0
 
     def begin_again(self) -> None:
-        """Put everything back to where the scene begins."""
+        """Restart the scene."""
         self._begin()
-        self._owed = 0
+        self._partial_ticks = 0
 
-    def say_again(self, frame: Frame) -> None:
-        """Publish the state that answers a frame once more: whoever waits for it may have missed it."""
+    def republish(self, frame: Frame) -> None:
+        """Publish the state for a frame again, in case its receiver has missed it."""
         self._outputs.publish(self._process.bus, frame, valid=True)
 
     def settle(self) -> None:
-        """Do what no tick waits for, between two."""
-        if not (self._outputs.settle() or self._look_for_orders() or self._journal.send_if_due()):
+        """Run background work between two ticks."""
+        if not (self._outputs.settle() or self._poll_quality_orders() or self._journal.send_if_due()):
             self._process.health.do_a_piece()
 
-    def _look_for_orders(self) -> bool:
-        """Take the quality level that the supervisor last asked for, if it is time to look; return whether it was."""
+    def _poll_quality_orders(self) -> bool:
+        """Poll for the quality level requested by the supervisor, if a poll is due; return whether it was."""
         self._looked += 1
         if self._looked % _ORDERS_EVERY:
             return False
@@ -157,7 +157,7 @@ class Physics:
         return True
 
     def obey(self, level: int) -> None:
-        """Take the quality level that the supervisor asks for, as far as the scene's ladder goes."""
+        """Set a quality level requested by the supervisor, limited to the scene's ladder."""
         level = min(level, len(self._scene.quality) - 1)
         if level != self.simulation.quality_level:
             self.simulation.set_quality(level)
@@ -166,7 +166,7 @@ class Physics:
 
 
 def prepare(process_config: ProcessConfig) -> tuple[SceneModel, ReducedDuct]:
-    """Load the scene and its duct, and compile what the steps call."""
+    """Load the scene and its duct, and compile the kernels of a step."""
     scene = load_scene(process_config.scene_name, process_config.scene_overrides)
     warm_up_contact(scene)
     duct = load_duct(scene, cache_directory(), progress)
@@ -174,32 +174,32 @@ def prepare(process_config: ProcessConfig) -> tuple[SceneModel, ReducedDuct]:
     return scene, duct
 
 
-def _say_what_is_approximate(process: Process, duct: ReducedDuct) -> None:
+def _log_residual_error(process: Process, duct: ReducedDuct) -> None:
     sentence = None if duct.residual_error is None else duct.residual_error.sentence()
     if sentence is not None:
         process.log.warning("%s", sentence)
 
 
 def _replay(process: Process, physics: Physics) -> ReplayedPhysics | None:
-    """Return what steps as recorded, where the rig replays a recording."""
+    """Return a replay of a recording, if the rig replays one."""
     if process.rig.replay is None:
         return None
-    from services.physics.replaying import ReplayedPhysics  # what reads recordings is not installed with every rig
+    from services.physics.replaying import ReplayedPhysics  # readers of recordings are not installed with every rig
     from services.recordings.schedule import read_schedule
 
     return ReplayedPhysics(physics, read_schedule(process.rig.replay))
 
 
 def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
-    """Step on each new tick of the rig's clock, or of its own where no tool gives one."""
+    """Step on each new tick of the rig's clock, or of the process' own clock if no tool provides one."""
     scene, duct = prepared
     if scene.duct_alone:
-        _say_what_is_approximate(process, duct)
+        _log_residual_error(process, duct)
         run_duct_alone(process, LoopMeter(RATE_HZ, DUCT_STAGES), scene, duct)
         return
     meter = LoopMeter(RATE_HZ, STAGES)
     physics = Physics(process, meter, scene, duct)
-    _say_what_is_approximate(process, duct)
+    _log_residual_error(process, duct)
     clock = TickClock(meter)
     replay = _replay(process, physics)
     process.ready(meter)

@@ -1,4 +1,4 @@
-"""The loop of physics for a scene that names only a duct: it keeps its own time, and publishes the wall."""
+"""The loop of physics for a scene of only a duct: it has its own clock, and publishes the wall."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from services.cache_directory import cache_directory
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.simulation.duct_alone import STAGE_NAMES, DuctAlone
-from services.physics.outputs import wired
+from services.physics.outputs import pack_contiguous
 from services.runtime.loop import CATCH_UP, LoopMeter, Tick, ticks
 from services.runtime.nan_guard import NanGuard
 from services.runtime.process import Process
@@ -22,7 +22,7 @@ from services.runtime.process import Process
 STAGES = (*STAGE_NAMES, "send")
 _NO_TOOLS = reaction_table(())
 _VECTORS = pack(np.zeros((0, 3)), "<f8")
-#: The wire wants a radius of no particles, too.
+#: The wire format requires a radius even without particles.
 _NO_CATHETER = Catheter(position_m=_VECTORS, velocity_m_s=_VECTORS, radius_m=1e-3)
 _NO_CONTACTS = ContactForces(kind=pack(np.zeros(0, np.int8), "|i1"), point_m=_VECTORS, force_n=_VECTORS)
 _NO_NODES = pack(np.zeros(0, np.int32), "<i4")
@@ -43,7 +43,7 @@ class DuctAlonePhysics:
         self._guard = NanGuard("physics", {"q": self.simulation.state.q}, cache_directory() / "dumps")
 
     def advance(self, tick: Tick) -> None:
-        """Take the steps up to a tick, a few that were lost among them, and publish the last one."""
+        """Take the steps up to a tick, including a few lost ones, and publish the last state."""
         costs_ns = [0] * len(STAGE_NAMES)
         healthy = True
         jump = tick.index - self._steps_to
@@ -59,7 +59,7 @@ class DuctAlonePhysics:
         self._meter.stages_ns = (*costs_ns, time.monotonic_ns() - stepped_ns)
 
     def state(self, tick: int) -> PhysicsState:
-        """Return what is sent after a step."""
+        """Return the message after a step."""
         modes = self.simulation.state
         content_hash = self._duct.basis.content_hash
         return PhysicsState(
@@ -67,8 +67,8 @@ class DuctAlonePhysics:
             tools=_NO_TOOLS,
             duct=Duct(
                 basis_hash=content_hash,
-                q=wired(modes.q),
-                q_rate=wired(modes.qdot),
+                q=pack_contiguous(modes.q),
+                q_rate=pack_contiguous(modes.qdot),
                 load_node=_NO_NODES,
                 load_force_n=_VECTORS,
             ),
@@ -91,5 +91,5 @@ def run_duct_alone(process: Process, meter: LoopMeter, scene: SceneModel, duct: 
     for tick in ticks(meter, process.stop):
         physics.advance(tick)
         process.bus.flush()
-        process.bus.drain("supervisor.state")  # nothing is to be obeyed: no lower quality could save anything
+        process.bus.drain("supervisor.state")  # requests are ignored: a lower quality would save nothing
         process.health.do_a_piece()

@@ -1,4 +1,4 @@
-"""From ``haptics.contacts`` to the arrays of the mechanics: what grasps name is checked here, as kernels trust it."""
+"""Reads ``haptics.contacts`` into the arrays of the mechanics, and checks the indices of grasps for kernels."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _TOOL_BYTES = 8 * TOOL_COLUMNS
 
 
 class ToolTable(Struct):
-    """The table of a frame as it travels, and where what it says of the tools goes."""
+    """The tools' table of a frame in wire format, and the arrays that it is copied to."""
 
     tools: Annotated[FloatArray, N_TOOLS, TOOL_COLUMNS]
     present: Annotated[BoolArray, N_TOOLS]
@@ -40,8 +40,8 @@ class ContactsReader:
     """Holds the tools and grasps of the newest accepted frame.
 
     Attributes:
-        tools: What a step takes; overwritten in place by `take`.
-        refused: Frames with a grasp of what is not there.
+        tools: Inputs of a step, overwritten in place by `take`.
+        refused: Number of frames with a grasp of an unknown target.
     """
 
     def __init__(self, simulation: Simulation) -> None:
@@ -61,7 +61,7 @@ class ContactsReader:
         self._bytes = flat_view(self._table.tools).cast("B")
 
     def take(self, body: ToolContacts) -> bool:
-        """Copy `body` into `tools`; False, and nothing copied, if it names something that is not there."""
+        """Copy `body` into `tools`; return False, without copying, if it names an unknown target."""
         if body.holds and not all(map(self._is_there, body.holds)):
             self.refused += 1
             return False
@@ -70,10 +70,10 @@ class ContactsReader:
         return True
 
     def _take_table(self, tools: Array) -> None:
-        """Copy the table's bytes to where numpy knows them: to make an array of them would take four times as long."""
+        """Copy the table's bytes into an existing array, which is four times as fast as making one of them."""
         data = tools.data[: N_TOOLS * _TOOL_BYTES]
         self._bytes[: len(data)] = data
-        take_tools(self._table.address, len(data) // _TOOL_BYTES)
+        copy_tools(self._table.address, len(data) // _TOOL_BYTES)
 
     def compile_kernels(self) -> None:
         """Read an empty frame as it comes off the wire."""
@@ -97,8 +97,8 @@ class ContactsReader:
 
 
 @kernel
-def take_tools(address: Address[ToolTable], n_tools: int) -> None:
-    """Copy the rows of the tools that are there; of one that is not, what was known stays."""
+def copy_tools(address: Address[ToolTable], n_tools: int) -> None:
+    """Copy the rows of present tools; the last pose of an absent one is kept."""
     table = table_at(address)
     rows = table.tools
     for tool in range(rows.shape[0]):

@@ -1,4 +1,4 @@
-"""What physics publishes of a step."""
+"""Messages that physics publishes after a step."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from services.mechanics.simulation import Simulation
 from services.runtime.bus import Bus
 from services.runtime.flat_view import flat_view
 
-#: The inserted length is for the picture and the score: measured at 60 Hz, for it costs a third of a tick.
+#: Ticks between measurements of the inserted length (60 Hz) for picture and score; one costs a third of a tick.
 _INSERTED_EVERY = 16
 # Kinds of contacts on the wire.
 TOOL_DUCT, TOOL_CATHETER, CATHETER_DUCT, OTHER = range(4)
@@ -44,7 +44,7 @@ _TOOL_BYTES = 8 * TOOL_COLUMNS
 
 
 class Sent(Struct):
-    """What is sent of the tools, the hands that it was solved for, and of c contacts; the tables as they travel."""
+    """Tools' results, hands of the solve and c contacts, with their tables in wire format."""
 
     force: Annotated[FloatArray, N_TOOLS, 3]
     port_moment: Annotated[FloatArray, N_TOOLS, 3]
@@ -63,7 +63,7 @@ sent_at = reader(Sent)
 
 
 class Outputs:
-    """Publishes the state of one simulation; ``felt`` (2, REACTION_COLUMNS) is where `feel` writes."""
+    """Publishes the state of one simulation; `feel` writes into ``felt`` (2, REACTION_COLUMNS)."""
 
     def __init__(self, simulation: Simulation, basis_hash: str, felt: FloatArray | None = None) -> None:
         self._simulation = simulation
@@ -90,19 +90,19 @@ class Outputs:
         )
 
     def publish(self, bus: Bus, answered: Frame, *, valid: bool) -> None:
-        """Send the state, as the answer to one frame of tools: one frame, for each more would wake haptics again."""
+        """Send the state that answers a frame of tools, as a single frame, since each one wakes haptics."""
         state = self.state(answered.body.tick, answered.body.tools)
-        period = state.tick // _INSERTED_EVERY  # a step of two ticks may end with odd ones only
+        period = state.tick // _INSERTED_EVERY  # steps of two ticks may all end at odd ticks
         self._inserted_is_old |= period != self._inserted_period
         self._inserted_period = period
         bus.publish("physics.state", state, origin_ns=answered.origin_ns, valid=valid and answered.valid)
 
     def forget(self) -> None:
-        """Measure anew what is measured now and then: the scene has begun again."""
+        """Discard rarely measured values, because the scene has restarted."""
         self._inserted_m, self._inserted_is_old = 0.0, True
 
     def settle(self) -> bool:
-        """Measure, between two ticks, what is only looked at: the next frames have it. Return whether it was due."""
+        """Measure values that are only displayed, between two ticks, for the next frames; return whether it was due."""
         if not self._inserted_is_old:
             return False
         self._inserted_is_old = False
@@ -110,11 +110,11 @@ class Outputs:
         return True
 
     def state(self, tick: int, tools: Array) -> PhysicsState:
-        """Return all that is known after a step, and what each of `tools`, which it was solved for, feels."""
+        """Return the state after a step, and the reaction on each of `tools`, for which it was solved."""
         n_tools, contacts = self.feel(tools), self._contacts()
         return PhysicsState(
             tick=tick,
-            tools=wired(self._table[:n_tools]),
+            tools=pack_contiguous(self._table[:n_tools]),
             duct=self._duct(),
             catheter=self._catheter(),
             contacts=contacts,
@@ -122,7 +122,7 @@ class Outputs:
         )
 
     def feel(self, tools: Array) -> int:
-        """Write what each of `tools` feels into the first rows of the table; return how many."""
+        """Write the reaction on each of `tools` into the first rows of the table; return their number."""
         hands = tools.data[: len(self._hands)]
         self._hands[: len(hands)] = hands
         rows, holds = self._simulation.contacts, self._simulation.holds.rows
@@ -134,17 +134,17 @@ class Outputs:
         n, state = duct.n_loads, duct.state
         return Duct(
             basis_hash=self._basis_hash,
-            q=wired(state.q),
-            q_rate=wired(state.qdot),
-            load_node=wired(duct.load_nodes[:n], "<i4"),
-            load_force_n=wired(duct.load_force_n[:n]),
+            q=pack_contiguous(state.q),
+            q_rate=pack_contiguous(state.qdot),
+            load_node=pack_contiguous(duct.load_nodes[:n], "<i4"),
+            load_force_n=pack_contiguous(duct.load_force_n[:n]),
         )
 
     def _catheter(self) -> Catheter:
         catheter = self._simulation.catheter
         return Catheter(
-            position_m=wired(catheter.state.position_m),
-            velocity_m_s=wired(catheter.state.velocity_m_s),
+            position_m=pack_contiguous(catheter.state.position_m),
+            velocity_m_s=pack_contiguous(catheter.state.velocity_m_s),
             radius_m=catheter.radius_m,
             inserted_length_m=self._inserted_m,
         )
@@ -152,21 +152,21 @@ class Outputs:
     def _contacts(self) -> ContactForces:
         s, n = self._simulation, self._n_contacts
         return ContactForces(
-            kind=wired(self._kinds[:n], "|i1"),
-            point_m=wired(s.contacts.point_m[:n]),
-            force_n=wired(s.system.force_n[:n]),
+            kind=pack_contiguous(self._kinds[:n], "|i1"),
+            point_m=pack_contiguous(s.contacts.point_m[:n]),
+            force_n=pack_contiguous(s.system.force_n[:n]),
             max_penetration_m=s.max_penetration_m,
         )
 
 
-def wired(values: NDArray[Any], dtype: str = "<f8") -> Array:
-    """Return what `protocol.arrays.pack` does of an array that is contiguous and of this dtype, in half the time."""
+def pack_contiguous(values: NDArray[Any], dtype: str = "<f8") -> Array:
+    """Return the same as `protocol.arrays.pack` of a contiguous array of this dtype, in half the time."""
     return Array(dtype, values.shape, values.tobytes())
 
 
 @kernel
 def tabulate(rows_address: Address[ContactRows], sent_address: Address[Sent], first_hold: int, after_holds: int) -> int:
-    """Write what each tool feels into its row of the table, and the kind of each contact; return how many there are."""
+    """Write the reaction on each tool into its row of the table, and the kind of each contact; return their number."""
     sent, rows = sent_at(sent_address), rows_at(rows_address)
     table, hands = sent.table, sent.hands
     for tool in range(table.shape[0]):
@@ -196,7 +196,7 @@ def _count(rows: ContactRows, sent: Sent, first_hold: int, after_holds: int) -> 
         if not of_tool:
             kinds[row] = CATHETER_DUCT if on_duct else OTHER
             continue
-        # What jaws squeeze moves no node of the wall: which body it is, only its name tells.
+        # A squeezed wall's row moves no node, so only its identity tells the body.
         is_wall = rows.identity[row] > 0 and target_kind_of(rows.identity[row]) == DUCT_TRIANGLE
         kinds[row] = TOOL_DUCT if on_duct or is_wall else TOOL_CATHETER
         if first_hold <= row < after_holds:

@@ -1,4 +1,4 @@
-"""Physics in a replay: of the contacts it steps with those that it stepped with when the recording was made."""
+"""Physics in a replay: it steps with the contacts that it stepped with at the recording."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ class Stepping(Protocol):
     follows_orders: bool
 
     @property
-    def owes(self) -> bool:
-        """Whether ticks wait for others to make up a whole step."""
+    def has_partial_step(self) -> bool:
+        """Whether ticks wait for others to complete a step."""
 
     def obey(self, level: int) -> None:
-        """Take a quality level."""
+        """Set a quality level."""
 
     def advance(self, frame: Frame, ticks: int) -> None:
-        """Go on by some ticks."""
+        """Advance by some ticks."""
 
-    def say_again(self, frame: Frame) -> None:
-        """Publish the state that answers a frame once more."""
+    def republish(self, frame: Frame) -> None:
+        """Publish the state for a frame again."""
 
     def begin_again(self) -> None:
-        """Begin the scene anew."""
+        """Restart the scene."""
 
 
 class ReplayedPhysics:
-    """Steps as recorded, and says which frames are new."""
+    """Steps as recorded, and recognises frames that are not of the recording."""
 
     def __init__(self, physics: Stepping, schedule: Schedule) -> None:
         self._physics, self._schedule = physics, schedule
         self._stepped: Frame | None = None
 
     def take(self, frame: Frame) -> bool:
-        """Step with a frame of the recording; return False for one that is not of it."""
+        """Step with a frame of the recording; return False for any other frame."""
         tick = frame.body.tick
         intake = self._schedule.intakes.get(tick)
         self._physics.follows_orders = intake is None
@@ -46,13 +46,13 @@ class ReplayedPhysics:
             return False
         if self._stepped is not None and tick <= self._stepped.body.tick:
             if tick == self._stepped.body.tick:
-                self._physics.say_again(self._stepped)
+                self._physics.republish(self._stepped)
                 return True
             self._physics.begin_again()
         if intake.ticks:
             self._stepped = frame
             self._physics.obey(intake.level)
             self._physics.advance(frame, intake.ticks)
-            if self._physics.owes:  # haptics waits until its contacts were taken
-                self._physics.say_again(frame)
+            if self._physics.has_partial_step:  # haptics waits until its contacts are used
+                self._physics.republish(frame)
         return True

@@ -1,7 +1,7 @@
-"""A duct that stands in for a scene's while that is being built, so that kernels can be compiled meanwhile.
+"""A substitute for a scene's duct while that is being built, so that kernels can be compiled meanwhile.
 
-Kernels know neither how many nodes and modes a wall has nor what is in its arrays: those that a coarse tube with
-made-up modes calls are those that the scene's duct will call.
+Kernels do not depend on the number of nodes and modes nor on values: a coarse tube with artificial modes calls the
+same kernels as the scene's duct.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 _N_AROUND, _N_ALONG = 8, 10
 _N_MODES = 4
 _OMEGA_RAD_S = 2.0 * np.pi * 100.0
-#: Of a mass-normalised mode, 1/sqrt(kg), and of a node's own residual, m/N: of the size of a soft duct's.
+#: Amplitude of a mass-normalised mode, 1/sqrt(kg), and residual compliance of a node, m/N, as in a soft duct.
 _SHAPE, _COMPLIANCE_M_N = 1.0, 1e-3
 
 
 def stand_in_scene(scene: SceneModel) -> SceneModel:
-    """Return the scene without the effects of the wall, which are built from the real one, and without its ladder."""
+    """Return the scene without its quality ladder and the effects of the wall, which need the real duct."""
     effects = {name: settings for name, settings in scene.effects.items() if not EFFECTS[name].kind.of_wall}
     return replace(scene, effects=effects, quality=(QualityLevel(),), essential=())
 
 
 def stand_in_duct(scene: SceneModel) -> ReducedDuct:
-    """Return a coarse tube of the scene's radius and length whose modes are waves along it; nothing is computed."""
+    """Return a coarse tube of the scene's radius and length whose modes are prescribed waves along it."""
     mesh = parametric_duct(DuctGeometry(scene.duct.radius_m, scene.duct.length_m, _N_AROUND, _N_ALONG))
     along = np.linspace(0.0, np.pi, _N_MODES * mesh.n_vertices * 3).reshape(mesh.n_vertices, 3, _N_MODES)
     basis = ModalBasis.from_modes(_OMEGA_RAD_S * np.arange(1.0, _N_MODES + 1.0), _SHAPE * np.sin(along))

@@ -1,4 +1,4 @@
-"""Compiles every kernel of a scene before the loop begins: the first contact must not cost a second."""
+"""Compiles all kernels of a scene before the loop starts, so that the first contact does not cost a second."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ from services.physics.stand_in import stand_in_duct, stand_in_scene
 from services.runtime.log import progress
 
 _STEPS = 20
-#: With everything that is found where the tools are put, which is deep in the wall: a step may take half a second.
+#: Steps with all contacts of tools placed deep in the wall; each may take half a second.
 _STEPS_OF_ALL = 2
 
 
 def warm_up_contact(scene: SceneModel) -> None:
-    """Compile what answers contacts: before there is a duct, which haptics builds at the same time, on the other core.
+    """Compile the contact solve before the duct exists, which haptics builds meanwhile on the other core.
 
-    A throw-away simulation with neither collision detection nor a rod that moves: haptics compiles these after the
-    duct, and what it has compiled is found in the cache when `warm_up` asks for it.
+    This uses a temporary simulation without collision detection or a moving rod: haptics compiles those after the
+    duct, and `warm_up` then finds them in the cache.
     """
     if scene.duct_alone:
         return
@@ -49,7 +49,7 @@ def warm_up_contact(scene: SceneModel) -> None:
 
 
 def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
-    """Run a throw-away simulation until nothing is left to compile."""
+    """Run a temporary simulation until nothing is left to compile."""
     if scene.duct_alone:
         alone = DuctAlone(replace(scene, sleeping=False), duct)
         alone.step()
@@ -75,15 +75,15 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
 
 
 def answer_contacts(scene: SceneModel, duct: ReducedDuct) -> None:
-    """Touch everything in a scene with neither collision detection nor a rod that moves."""
-    still = Simulation(scene, duct, _MadeUpSearch())
-    still.catheter.integrator = _StillRod(still.catheter.properties)
+    """Solve contacts of every kind in a scene without collision detection or a moving rod."""
+    still = Simulation(scene, duct, _FixedContactSearch())
+    still.catheter.integrator = _RigidRod(still.catheter.properties)
     _touch_everything(still)
     still.solver.compile_kernels()
 
 
 def _touch_everything(simulation: Simulation) -> ToolInputs:
-    """Take steps with a contact of each kind and a grasp; return the tools without it."""
+    """Take steps with a contact of each kind and a grasp; return the tools without the grasp."""
     tools = _tools(simulation)
     tools.holds = [GraspHold(0, 1, CATHETER_SEGMENT, 0, np.array([0.5, 0.5, 0.0]), 1.0, 0.2)]
     for _ in range(_STEPS):
@@ -102,7 +102,7 @@ def _tools(simulation: Simulation) -> ToolInputs:
 
 
 def _write_touches(pairs: ContactPairs) -> None:
-    """Write a made-up contact of a jaw with the wall, and one with the catheter."""
+    """Write an artificial contact of a jaw with the wall, and one with the catheter."""
     for row, kind in enumerate((DUCT_TRIANGLE, CATHETER_SEGMENT)):
         pairs.tool[row], pairs.tool_segment[row], pairs.target_kind[row] = 0, JAW_A, kind
         pairs.target_weights[row] = (0.5, 0.5, 0.0)
@@ -110,36 +110,36 @@ def _write_touches(pairs: ContactPairs) -> None:
     pairs.count = 2
 
 
-class _MadeUpSearch:
-    """Finds what a jaw is made up to touch, and prices nothing."""
+class _FixedContactSearch:
+    """Returns artificial contacts of a jaw, and no candidates to price."""
 
     has_candidates, dropped = False, 0
 
     def expect(self, moved_m: float) -> None:
-        """Nothing: pairs are made up."""
+        """Do nothing: pairs are artificial."""
 
     def begin(self, bodies: Moving, geometry: Address[ContactGeometry]) -> None:
-        """Nothing is anywhere, so no tool waits until it is clear."""
+        """Do nothing: no tool overlaps a body."""
         bodies[2].waiting[:] = False
 
     def put_back_start(self) -> None:
-        """Begin a step again."""
+        """Do nothing: there is no state."""
 
     def engage(self, pairs: ContactPairs, geometry: Address[ContactGeometry]) -> None:
-        """They have been let."""
+        """Do nothing: the tools are engaged."""
 
     def tool_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
-        """Write the contacts of the jaw, which are the only ones."""
+        """Write the jaw's contacts."""
         _write_touches(pairs)
 
     def catheter_pairs(self, pairs: ContactPairs) -> None:
         """Append nothing."""
 
     def follow_spheres(self, spheres: Spheres) -> None:
-        """They touch nothing."""
+        """Do nothing: spheres have no contact."""
 
     def see_ahead(self, gap_m: float) -> None:
-        """There is nothing to be seen."""
+        """Do nothing: there are no candidates."""
 
     def price(self, bodies: Moving, state: Address[ContactState], tolerance_m: float, pairs: ContactPairs) -> int:
         """Return that nothing ends too deep."""
@@ -150,18 +150,18 @@ class _MadeUpSearch:
         return 0
 
     def note_pressed(self, state: Address[ContactState]) -> None:
-        """Nothing is remembered."""
+        """Do nothing: there is no state."""
 
     def forget(self) -> None:
-        """Nothing was remembered."""
+        """Do nothing: there is no state to clear."""
 
     def is_sound(self) -> bool:
-        """Return that nobody is where he should not be."""
+        """Return True: nothing overlaps."""
         return True
 
 
-class _StillRod(ImplicitIntegrator):
-    """Neither moves nor yields much."""
+class _RigidRod(ImplicitIntegrator):
+    """A rod that does not move and hardly yields."""
 
     def predict(self, state: RodState, external_force_n: FloatArray, dt_s: float) -> None:
         """Stay."""

@@ -1,6 +1,6 @@
-"""The recorder: every frame of what the rig file names and samples of all else, from the bus to a file.
+"""The recorder: writes every frame of the topics in the rig file, and samples of all others, to a file.
 
-It is an ordinary process and is held up now and then; what was sent meanwhile waits in its queues, for half a minute.
+It is an ordinary process and is delayed now and then; meanwhile frames wait in its queues, for up to half a minute.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ from services.runtime.loop import LoopMeter, ticks
 from services.runtime.process import Process, ProcessConfig, main
 from services.scenes import load_duct, load_scene
 
-#: Longer than the period of what is sampled, far shorter than a turn.
+#: Longer than the period of sampled topics, far shorter than a turn.
 _PATIENCE_NS = 4_000_000
 _TELL_NS = 1_000_000_000
-#: The disk is looked at so often; a write that it holds for longer is told, but not again and again.
+#: Period of checking the disk, duration of a write that is reported as blocked, and pause between such reports.
 _LOOK_S, _HELD_S, _HELD_AGAIN_S = 0.01, 0.02, 10.0
-#: Messages of one topic taken in a turn: of a fast one about a second. What is beyond waits for the next.
+#: Most messages of one topic taken in a turn, about a second's of a fast one; the others wait for the next turn.
 _AT_ONCE = 64
-#: What has come is still taken when it is asked to end, for so long: who does not end is killed after five seconds.
+#: How long received frames are still written when the recorder is to end; the supervisor kills it after five seconds.
 _LAST_S = 2.0
 
 
@@ -62,12 +62,12 @@ def _metadata(process: Process) -> dict[str, str]:
 
 
 def whole(process_config: ProcessConfig) -> tuple[str, ...]:
-    """Return the topics of which the rig file wants every frame, of those that anybody publishes."""
+    """Return the published topics of which the rig file requests every frame."""
     return tuple(filter(process_config.requirements.is_published, process_config.rig.recorder.whole))
 
 
 class Recording:
-    """A file being filled, and what is told of it."""
+    """A file being written, and its reports."""
 
     def __init__(self, process: Process) -> None:
         self._process = process
@@ -81,7 +81,7 @@ class Recording:
         process.log.info("writing %s", self._writer.path)
 
     def explain(self) -> None:
-        """Attach what the recording needs to be understood, and draw the scene from now on, if it can be had."""
+        """Attach settings and surface, and draw the scene from now on, if it can be loaded."""
         name, overrides = self._process.scene_name, self._process.scene_overrides
         try:
             for attached in attachments.settings(self._process.rig, name, overrides):
@@ -102,20 +102,20 @@ class Recording:
             self._picture.see(frame)
 
     def sleep_until(self, due_ns: int) -> None:
-        """Sleep, with an eye on the disk while something waits for it."""
+        """Sleep, checking the disk while data is pending."""
         while (left_ns := due_ns - time.monotonic_ns()) > 0:
             self.look_at_disk()
             time.sleep(min(left_ns * 1e-9, _LOOK_S) if self._writer.pending_bytes else left_ns * 1e-9)
 
     def turn(self, now_ns: int) -> None:
-        """Draw and hand over what is due; tell how it stands."""
+        """Draw and write what is due, and report the state."""
         for drawn in self._picture.draw(now_ns):
             self._writer.draw(*drawn)
         self._writer.turn(now_ns)
         if now_ns < self._due_ns:
             return
         self._due_ns = now_ns + _TELL_NS
-        self._look_for_losses(now_ns)
+        self._report_losses(now_ns)
         lost, health = self._losses.sentence(), self._process.health
         health.gauges["recorded_frames"] = self._writer.frames
         health.gauges["lost_frames"] = self._losses.total.total()
@@ -125,7 +125,7 @@ class Recording:
         health.change("degraded" if lost else "running", lost)
 
     def look_at_disk(self) -> None:
-        """Say that the disk holds a write, or leaves no room, as soon as it is so."""
+        """Report a blocked write or a full disk at once."""
         now_s = time.monotonic()
         held_s = self._writer.held_s()
         if held_s > _HELD_S and now_s - self._held_told_s >= _HELD_AGAIN_S:
@@ -137,16 +137,16 @@ class Recording:
             self._has_lost = True
             self._due_ns = 0
 
-    def _look_for_losses(self, now_ns: int) -> None:
+    def _report_losses(self, now_ns: int) -> None:
         new = self._losses.update(counts(self._process.bus.reports(), self._writer.lost), now_ns)
         for loss in new:
             self._writer.note(loss)
-        for loss in self._losses.to_say(new, now_ns):
+        for loss in self._losses.due_reports(new, now_ns):
             self._process.log.warning("lost %d frames of %s: %s", loss.frames, loss.topic, loss.why)
 
     def close(self) -> None:
-        """Close the file, and say what is in it and what is not."""
-        self._look_for_losses(time.monotonic_ns())
+        """Close the file, and report its contents and losses."""
+        self._report_losses(time.monotonic_ns())
         self._writer.close()
         lost = self._losses.sentence()
         loudly = logging.WARNING if lost else logging.INFO
@@ -155,8 +155,8 @@ class Recording:
 
 
 def run(process: Process) -> None:
-    """Write what came, then one frame of everything that is sampled."""
-    realtime.keep_heap()  # chunks come and go: without it each is fresh memory of the system
+    """Write received frames, then one frame of each sampled topic, in turns."""
+    realtime.keep_heap()  # otherwise each chunk is new memory from the system
     bus, settings = process.bus, process.rig.recorder
     for path, found in repair_all(settings.directory).items():
         process.log.info("%s was not closed: indexed anew, %d frames", path, found.frames)
@@ -185,11 +185,11 @@ def run(process: Process) -> None:
 
 
 def take(bus: Bus, topics: Iterable[str], recording: Recording, beat: Callable[[], object]) -> bool:
-    """Append what has come, of each topic as much as a turn has room for; return whether there may be more.
+    """Append received frames, of each topic at most `_AT_ONCE`; return whether there may be more.
 
-    Whoever was held up for long has much of it, and is heard meanwhile: its heartbeat would else be silent for as long
-    as it catches up, it would be taken for hung, ended, and what waits in its queues lost. A publisher that floods
-    without end leaves time for the other topics, and for the file.
+    After a long delay there are many frames. `beat` sends heartbeats while catching up, as otherwise the supervisor
+    would take the recorder for hung and end it, and queued frames would be lost. The limit leaves time for other topics
+    and for the file when a publisher floods.
     """
     more = False
     for topic in topics:

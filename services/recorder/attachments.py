@@ -1,4 +1,4 @@
-"""What a recording carries so that it explains itself: scene, rig and devices as run, and the duct's surface."""
+"""Attachments that make a recording self-contained: scene, rig and devices as run, and the duct's surface."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Attached = tuple[str, str, bytes]
 
 
 def settings(rig: Rig, scene: str, overrides: tuple[str, ...]) -> Iterator[Attached]:
-    """Yield name, media type and content of what the rig was told."""
+    """Yield name, media type and content of the rig's settings."""
     yield "scene.yaml", YAML, _yaml(config.read_scene(scene, overrides))
     yield "rig.yaml", YAML, _yaml(json.loads(rig.model_dump_json()))
     drivers = [driver for each in rig.gateway.instruments for driver in (each.arm, each.grasp) if driver is not None]
@@ -27,7 +27,7 @@ def settings(rig: Rig, scene: str, overrides: tuple[str, ...]) -> Iterator[Attac
 
 
 def surface(duct: ReducedDuct) -> Attached:
-    """Return the duct's mesh and modes, for who wants nodes of the recorded coordinates."""
+    """Return the duct's mesh and modes, from which nodes follow by the recorded coordinates."""
     return "duct.npz", NPZ, duct_file(duct)
 
 

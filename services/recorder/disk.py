@@ -1,5 +1,5 @@
-"""The file of a recording: written by a thread of its own, so that a slow disk holds nobody up; ended in good order
-whatever happened, a full disk included.
+"""The file of a recording, written by a thread of its own so that a slow disk blocks nothing else, and ended in good
+order whatever happens, even on a full disk.
 """
 
 from __future__ import annotations
@@ -21,26 +21,25 @@ from services.recordings.errors import RecordingError
 from services.recordings.summary import MAGIC, StoredEntries, Summary, attachment_index, finish, record_bytes, write_at
 from services.trusted_path import fault_of_place
 
-#: Bytes that may wait for the disk: of a whole rig at full rate about a quarter of a minute.
+#: Most bytes pending for the disk, about a quarter of a minute of a whole rig at full rate.
 PENDING_MAX = 128 << 20
 
 
 class RecordingFile:
-    """An MCAP file being written. One thread hands over, another compresses and writes.
+    """An MCAP file being written. One thread queues data, another compresses and writes.
 
     Raises RecordingError if the file cannot be made.
 
     Args:
-        path: Of a file that does not exist.
-        shared: Whether other users may read it, as far as the umask lets them, and its folder be theirs, too; else it
-            is this user's alone.
+        path: Path of a file that does not exist yet.
+        shared: Whether other users may read it and its folder, as far as the umask permits; else only this user may.
     """
 
     def __init__(self, path: Path, *, shared: bool = False) -> None:
         self.path = path
         self._handed_over = 0  # by the one thread
         self._done = 0  # by the other
-        self._end = self._checksum = 0  # of the last group of records that was written whole, and of all up to it
+        self._end = self._checksum = 0  # end of the last complete group of records, and checksum up to it
         self._error: OSError | None = None
         self._queue: SimpleQueue[tuple[int, Callable[[], None]] | None] = SimpleQueue()
         try:
@@ -49,7 +48,7 @@ class RecordingFile:
                 raise RecordingError(f"{path}: cannot be written: {fault}; recorder.shared: true accepts that")
             flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
             self._file = os.open(path, flags, 0o666 if shared else 0o600)
-            fcntl.flock(self._file, fcntl.LOCK_EX)  # nobody repairs what is being written
+            fcntl.flock(self._file, fcntl.LOCK_EX)  # prevents repairs while it is being written
             try:
                 self._append(MAGIC + record_bytes(Header("", "trocar")))
                 self._entries = StoredEntries(path.parent)
@@ -60,12 +59,12 @@ class RecordingFile:
         except OSError as error:
             raise RecordingError(f"{path}: cannot be written: {_why(error)}") from None
         self._summary = Summary(self._entries)
-        self._write: _Write | None = None  # that goes on
+        self._write: _Write | None = None  # in progress
         self._thread = threading.Thread(target=self._run, name="disk", daemon=True)
         self._thread.start()
 
     def declare(self, record: Schema | Channel) -> None:
-        """Append a schema or a channel: before the first chunk with a message of it."""
+        """Append a schema or a channel; call this before the first chunk with a message of it."""
         self._hand_over(0, lambda: self._declare(record))
 
     def add_metadata(self, name: str, data: dict[str, str]) -> None:
@@ -77,18 +76,18 @@ class RecordingFile:
         self._hand_over(len(record.data), lambda: self._write_attachment(record))
 
     def add_chunk(self, chunk: OpenChunk) -> None:
-        """Append a chunk, which nobody fills any more."""
+        """Append a chunk, which must not be filled any further."""
         self._hand_over(chunk.size, lambda: self._write_chunk(chunk))
 
     def check(self) -> None:
-        """Raise RecordingError if what was handed over could not be written."""
+        """Raise RecordingError if queued data could not be written."""
         if self._error is not None:
             raise RecordingError(f"{self.path}: {_why(self._error)}")
 
     def close(self) -> None:
         """Write what is pending and the index, and close.
 
-        Raises RecordingError if not everything could be written: what was is there, and readable.
+        Raises RecordingError if not everything could be written; the written part is readable.
         """
         self._queue.put(None)
         self._thread.join()
@@ -104,13 +103,13 @@ class RecordingFile:
 
     @property
     def pending(self) -> int:
-        """Bytes handed over and not yet written, or given up."""
+        """Number of bytes queued and neither written nor given up yet."""
         return self._handed_over - self._done
 
     def held_s(self) -> float:
-        """Return for how long the disk has held the write that goes on, 0 for none.
+        """Return for how long the present write has been blocked by the disk, 0 for none.
 
-        Time in which the thread that writes waits for a processor is not the disk's.
+        Time in which the writing thread waits for a processor is not counted.
         """
         write = self._write
         return 0.0 if write is None else write.held_s()
@@ -120,7 +119,7 @@ class RecordingFile:
         self._queue.put((size, write))
 
     def _run(self) -> None:
-        """Do what is handed over; after an error nothing more, as the file would have a hole."""
+        """Write queued data; stop at the first error, as the file would have a gap."""
         while (task := self._queue.get()) is not None:
             size, write = task
             try:
@@ -152,7 +151,7 @@ class RecordingFile:
         self._append(data, lambda: self._summary.chunks.append(index))
 
     def _append(self, data: bytes, index: Callable[[], None] = lambda: None) -> None:
-        """Write `data`, and then its index: the file ends before what either was not written of."""
+        """Write `data`, and then its index; the file ends before a group of which either is missing."""
         self._write = _Write()
         try:
             write_at(self._file, data, self._end)
@@ -164,7 +163,7 @@ class RecordingFile:
 
 
 class _Write:
-    """A write of the calling thread, from now on."""
+    """A write of the calling thread that starts now."""
 
     def __init__(self) -> None:
         self._task = Path(f"/proc/self/task/{threading.get_native_id()}")
@@ -172,7 +171,7 @@ class _Write:
         self._began_s = time.monotonic()
 
     def held_s(self) -> float:
-        """Return how long it has lasted without the time that its thread was ready to run; 0 while it is."""
+        """Return its duration less the time in which its thread waited for a processor; 0 while it waits."""
         try:
             state = (self._task / "stat").read_bytes().rpartition(b")")[2].split(maxsplit=1)[0]
         except OSError:
@@ -182,7 +181,7 @@ class _Write:
         return time.monotonic() - self._began_s - (self._wait_s() - self._waited_s)
 
     def _wait_s(self) -> float:
-        """Return for how long the thread has waited for a processor, 0 where the kernel does not say."""
+        """Return for how long the thread has waited for a processor, 0 if the kernel does not report it."""
         try:
             return int((self._task / "schedstat").read_bytes().split()[1]) * 1e-9
         except OSError:

@@ -1,4 +1,4 @@
-"""What a recording lacks: how many frames of which topic, when, and why."""
+"""Frames missing in a recording: how many of which topic, when, and why."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from dataclasses import dataclass, replace
 
 import protocol.bodies as bodies
 
-#: Why frames are lost, where the bus does not name the reason for which it refused them.
+#: Reason of a loss if the bus gives no other.
 QUEUES = "the recorder was not run for longer than the queues hold"
 DISK = "the disk is too slow"
-#: What is lost again and again is said so often, with what has come together.
+#: Period of reports of continuing losses, with their sum.
 _SAY_EVERY_NS = 10_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
 class Loss:
-    """Frames that are missing. Times are of the monotonic clock: they were missed in between."""
+    """Missing frames, lost between two times of the monotonic clock."""
 
     topic: str
     frames: int
@@ -27,7 +27,7 @@ class Loss:
 
 
 class Losses:
-    """Compares counts, which only grow, with what was told before."""
+    """Compares counts, which only grow, with those already reported."""
 
     def __init__(self, now_ns: int) -> None:
         self.total: Counter[tuple[str, str]] = Counter()
@@ -36,16 +36,16 @@ class Losses:
         self._said_ns: dict[tuple[str, str], int] = {}
 
     def update(self, counts: Mapping[tuple[str, str], int], now_ns: int) -> list[Loss]:
-        """Return what was lost since the last call, given frames by topic and reason."""
+        """Return the losses since the last call, given counts of frames by topic and reason."""
         since_ns, self._looked_ns = self._looked_ns, now_ns
         new = Counter(counts) - self.total
         self.total += new
         return [Loss(topic, frames, why, since_ns, now_ns) for (topic, why), frames in new.items()]
 
-    def to_say(self, new: Iterable[Loss], now_ns: int) -> list[Loss]:
-        """Return what is to be said of what was lost: at once, and what goes on every ten seconds, together.
+    def due_reports(self, new: Iterable[Loss], now_ns: int) -> list[Loss]:
+        """Return the losses to report now: new ones at once, continuing ones every ten seconds, summed.
 
-        A line each second would leave room for nothing else in the rig's history.
+        A line each second would fill the rig's history.
         """
         for loss in new:
             key = loss.topic, loss.why
@@ -56,7 +56,7 @@ class Losses:
         return [self._unsaid.pop(key) for key in due]
 
     def sentence(self) -> str:
-        """Return what was lost altogether, empty for nothing."""
+        """Return a sentence on all losses, empty for none."""
         if not self.total:
             return ""
         parts = ", ".join(f"{frames} of {topic} ({why})" for (topic, why), frames in self.total.most_common())
@@ -64,12 +64,12 @@ class Losses:
 
 
 def counts(reports: Iterable[bodies.TopicReport], too_slow: Mapping[str, int]) -> dict[tuple[str, str], int]:
-    """Return frames lost by topic and reason: on the way and refused as the bus counts them, and for the disk."""
+    """Return counts of frames lost by topic and reason: in transit and refused, by the bus, and for the disk."""
     found = {(topic, DISK): frames for topic, frames in too_slow.items()}
     for report in reports:
         refused = sum(report.refused.values())
         found[report.topic, QUEUES] = max(
             0, report.dropped - refused
-        )  # what was refused is missing in the sequence, too
+        )  # refused frames are missing in the sequence, too
         found |= {(report.topic, f"refused: {reason}"): frames for reason, frames in report.refused.items()}
     return {key: frames for key, frames in found.items() if frames}

@@ -1,4 +1,4 @@
-"""The picture in a recording: scene, tools and log, ten times a second, as Foxglove and Rerun draw them."""
+"""The picture in a recording: scene, tools and log, ten times a second, for Foxglove and Rerun."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from collections.abc import Iterator
 from protocol import Frame
 from services.recordings.scene_update import LOG, SCENE, TRANSFORMS, SceneDrawing, log, transforms
 
-#: Ten a second are a film; each costs a few milliseconds.
+#: Ten a second look continuous; each costs a few milliseconds.
 _PERIOD_NS = 100_000_000
-#: Topic, time at which it was sent on the clock of the bus, content for a time of the wall clock.
+#: Topic, sending time on the bus' clock, content with times of the wall clock.
 Drawn = tuple[str, int, bytes]
 
 
 class PictureRecorder:
-    """Draws the newest frames when it is time; without a `drawing` only tools and log."""
+    """Draws the newest frames when due; without a `drawing` only tools and log."""
 
     def __init__(self, to_wall_ns: int) -> None:
         self.drawing: SceneDrawing | None = None
@@ -25,11 +25,11 @@ class PictureRecorder:
         self._said = ("", "")
 
     def see(self, frame: Frame) -> None:
-        """Take a frame of the bus."""
+        """Store a frame of the bus."""
         self._newest[frame.topic] = frame
 
     def draw(self, now_ns: int) -> Iterator[Drawn]:
-        """Yield what is new, if it is time."""
+        """Yield new drawings, if they are due."""
         if now_ns < self._due_ns:
             return
         self._due_ns = now_ns + _PERIOD_NS

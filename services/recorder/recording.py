@@ -1,4 +1,4 @@
-"""A recording on disk: written in chunks, so that a crash loses at most the last."""
+"""A recording on disk, written in chunks so that a crash loses at most the last one."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from services.recordings.scene_update import SCHEMAS, descriptor
 from services.recordings.schema import PACKAGE, file_descriptor
 from services.recordings.transcode import to_protobuf
 
-#: A chunk ends when it is this large or this old: what a crash takes with it.
+#: Size and age at which a chunk ends, the most that a crash loses.
 CHUNK_BYTES = 1 << 20
 CHUNK_NS = 500_000_000
 
@@ -26,13 +26,13 @@ CHUNK_NS = 500_000_000
 class RecordingWriter:
     """Writes frames to an MCAP file, with protobuf schemas inside.
 
-    Times in the file are wall clock: the monotonic clock of the bus is mapped once, at the start, and the mapping is
-    kept in the metadata, so a wall clock that steps during the recording does not matter.
+    Times in the file are wall clock. The monotonic clock of the bus is mapped to it once, at the start, and the mapping
+    is stored in the metadata, so a wall clock that steps during the recording does no harm.
 
     Attributes:
-        frames: Frames taken.
-        lost: Frames not taken because the disk is too slow, by topic.
-        to_wall_ns: What is added to a time of the bus; of one that was recorded before, what was added then.
+        frames: Number of frames written.
+        lost: Number of frames dropped because the disk is too slow, by topic.
+        to_wall_ns: Offset from bus time to wall clock; in a copy of a recording, that of the original.
     """
 
     def __init__(
@@ -50,15 +50,15 @@ class RecordingWriter:
 
     @property
     def pending_bytes(self) -> int:
-        """Bytes that wait for the disk."""
+        """Number of bytes pending for the disk."""
         return self._file.pending
 
     def held_s(self) -> float:
-        """Return for how long the disk has held the write that goes on, 0 for none."""
+        """Return for how long the present write has been blocked by the disk, 0 for none."""
         return self._file.held_s()
 
     def write(self, frame: Frame) -> None:
-        """Append one frame; one that comes while the disk is far behind is lost, and counted."""
+        """Append one frame; it is dropped and counted if the disk is too far behind."""
         topic = frame.topic
         if self._file.pending > PENDING_MAX:
             self.lost[topic] += 1
@@ -70,7 +70,7 @@ class RecordingWriter:
         self.frames += 1
 
     def draw(self, topic: str, sent_ns: int, data: bytes) -> None:
-        """Append what others draw, of a topic of `scene_update`; while the disk is far behind there is no picture."""
+        """Append a drawing of a topic of `scene_update`, unless the disk is too far behind."""
         if self._file.pending > PENDING_MAX:
             return
         name = SCHEMAS[topic].DESCRIPTOR.full_name
@@ -90,14 +90,14 @@ class RecordingWriter:
             self._end_chunk()
 
     def turn(self, now_ns: int) -> None:
-        """End a chunk that is old enough. Raises RecordingError if the disk does not take what is written."""
+        """End a chunk that is old enough. Raises RecordingError if writing has failed."""
         self._file.check()
         if now_ns - self._chunk_began_ns > CHUNK_NS:
             self._end_chunk()
             self._chunk_began_ns = now_ns
 
     def note(self, loss: Loss) -> None:
-        """Say in the file what is missing in it."""
+        """Record a loss in the file's metadata."""
         self._end_chunk()
         self._file.add_metadata(
             "trocar.lost",
@@ -111,9 +111,9 @@ class RecordingWriter:
         )
 
     def close(self) -> None:
-        """Write what is left and the index, and close the file.
+        """Write pending data and the index, and close the file.
 
-        Raises RecordingError if not everything could be written: what was is there, and readable.
+        Raises RecordingError if not everything could be written; the written part is readable.
         """
         self._end_chunk()
         self._file.close()
@@ -129,7 +129,7 @@ class RecordingWriter:
         return self._declare(topic, channel_name(topic), f"{PACKAGE}.{body.__name__}", schema)
 
     def _declare(self, topic: str, channel: str, schema: str, descriptors: bytes) -> int:
-        """Number a topic, and write what its messages are."""
+        """Return the channel of a new topic, after writing its schema."""
         number = len(self._channels) + 1
         self._file.declare(Schema(number, descriptors, "protobuf", schema))
         self._file.declare(Channel(number, channel, "protobuf", {}, number))

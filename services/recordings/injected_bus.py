@@ -52,7 +52,7 @@ class InjectedBus:
             return 0
         return self.through.publish(topic, body, origin_ns=origin_ns, valid=valid, at_once=at_once)
 
-    def say_again(self, topic: str) -> None:
+    def republish(self, topic: str) -> None:
         """Publish what was said last: whoever waits for it may have missed it."""
         if topic in self.said:
             last = self.said[topic]

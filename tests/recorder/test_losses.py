@@ -124,7 +124,7 @@ def test_what_goes_on_being_lost_is_said_at_once_and_then_every_ten_seconds_toge
     for second in range(25):
         lost = {(STATE, DISK): min(second + 1, 12)} | ({(STATE, QUEUES): 4} if second >= 3 else {})
         now_ns = second * 1_000_000_000
-        said += [(second, each.frames, each.why) for each in losses.to_say(losses.update(lost, now_ns), now_ns)]
+        said += [(second, each.frames, each.why) for each in losses.due_reports(losses.update(lost, now_ns), now_ns)]
     assert said == [(0, 1, DISK), (3, 4, QUEUES), (10, 10, DISK), (20, 1, DISK)]
 
 

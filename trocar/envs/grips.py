@@ -50,7 +50,7 @@ class Grips:
         self._instruments[:, :3], self._instruments[:, ROLL:HANDLE_RATE] = state[:, :3], state[:, 3:]
         self.hands = self._grasping.follow(self._n_tools)
         if newest is not None and self._grasping.closing:
-            self._grasping.take_shapes(newest())
+            self._grasping.update_shapes(newest())
         self.holds = self._grasping.update()
         return self.holds
 

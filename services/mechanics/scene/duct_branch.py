@@ -10,8 +10,8 @@ from typing import Literal
 class DuctBranch:
     """One branch; the trunk is the duct itself, seen from its mouth.
 
-    It leaves ``parent`` at ``at_m`` from the parent's near end, by default at its far end, which is then no opening.
-    Its axis starts at ``angle_rad`` to the parent's, towards the side ``azimuth_rad``: 0 is the side to which a positive
+    It leaves ``parent`` at ``at_m`` from the parent's near end, by default at its far end, then no opening. Its axis
+    starts at ``angle_rad`` to the parent's, towards the side ``azimuth_rad``: 0 is the side to which a positive
     curvature bends the parent, +y at the far end of the trunk. Its own curvature bends it further aside; ``taper`` is
     the fraction by which its radius falls along it. The far ``end`` is a held or free opening, or a blind end.
     """
