@@ -1,1 +1,1 @@
-"""Process: starts or attaches to the others, judges deadlines, enforces them, serves dashboard and metrics."""
+"""Process: starts or attaches to the others, judges and enforces deadlines, serves dashboard and metrics."""

@@ -1,4 +1,4 @@
-"""The supervisor as a process: ``python -m services.supervisor``. `trocar up` is the same and shows its status."""
+"""The supervisor as a process: ``python -m services.supervisor``. `trocar up` does the same and shows its status."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     start_up.end()
     try:
         options = parse("supervisor", arguments)
-        if options.prepare_only:  # there is nothing that takes long
+        if options.prepare_only:  # nothing to prepare
             return 0
         with closing(ForkServer()) as fork_server:
             process = open_session(options)
@@ -36,9 +36,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 class _Greeting:
-    """Tells where the page is, at first and when the rig runs: much is said in between.
+    """Prints the page's address at the start, and again when the rig runs, as many lines come in between.
 
-    Never an event: events are shown on the page, and the token is for its owner.
+    It is never an event, because events are shown on the page and the token is secret.
     """
 
     def __init__(self) -> None:

@@ -1,7 +1,7 @@
-"""What people ask of the supervisor: carried out while they wait for it, and answered by what came of it.
+"""Commands of people to the supervisor: executed while the sender waits, and answered with the outcome.
 
-A deadline is in the rig's own time (`t`, seconds since its supervisor's start), which who asks is told together with
-the `incarnation` that it counts for: no two clocks are compared.
+A deadline is in the rig's own time (`t`, seconds since its supervisor's start), which senders receive together with the
+`incarnation` that it belongs to, so that no two clocks are compared.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
 
 What = Literal["arm", "safe_stop", "attempt", "replay", "switch"]
 Reply = Callable[[bodies.Answer], object]
-#: So long before its sender gives up it is answered, whatever is known by then.
+#: A command is answered this long before its sender gives up, whatever is known by then.
 _EARLY_S = 0.6
-#: Processes in these states move no hand.
+#: Processes in these states apply no force.
 _AWAY = (MemberState.WAITING, MemberState.LOST, MemberState.FAILED)
 
 
 class Command(msgspec.Struct, frozen=True, kw_only=True):
-    """What a person asks for: of which run of the rig, and up to when, in its time.
+    """A person's command to a run of the rig, with a deadline in its time.
 
-    An `order` is for the attempt, a `line` for the recording that is shown, or names the scenario to switch to.
+    An `order` is for the attempt; a `line` is for the shown recording, or names the scenario to switch to.
     """
 
     what: What
@@ -40,14 +40,14 @@ class Command(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Commands:
-    """Carries out what is asked of a supervisor, and replies once what came of it is known."""
+    """Executes commands to a supervisor, and replies once their outcome is known."""
 
     def __init__(self, supervisor: Supervisor) -> None:
         self._rig = supervisor
         self._open: list[tuple[Command, float, Reply]] = []
 
     def take(self, command: Command, now_s: float, reply: Reply) -> None:
-        """Carry out a command, unless its sender has given it up or means another run of the rig."""
+        """Execute a command, unless its deadline has passed or it is for another run of the rig."""
         late_s = now_s - self._rig.started_s - command.before_s
         if command.incarnation != self._rig.incarnation:
             reply(_answer(False, "it was meant for another run of the rig: nothing was done"))
@@ -61,7 +61,7 @@ class Commands:
             self.turn(now_s)
 
     def turn(self, now_s: float) -> None:
-        """Answer what is done by now."""
+        """Answer commands that are done."""
         for each in tuple(self._open):
             command, asked_s, reply = each
             ends = now_s - self._rig.started_s > command.before_s - _EARLY_S
@@ -84,7 +84,7 @@ class Commands:
                 self._rig.switch(command.line, command.who)
 
     def _outcome(self, command: Command, asked_s: float, ends: bool) -> bodies.Answer | None:
-        """Return what came of a command, None as long as that may still change."""
+        """Return the outcome of a command, None while it is undecided."""
         if command.what in ("arm", "safe_stop"):
             return self._at_the_hands(command.what, asked_s, ends)
         if command.order is not None:

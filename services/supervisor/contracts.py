@@ -10,25 +10,25 @@ from services.runtime.histogram import quantile_ns
 from services.runtime.rig import PATH_OWNERS, Contracts, LoopContract, PathContract
 from services.supervisor.window import Window
 
-#: A budget is for a minute, and is only overdrawn while the last seconds still overdraw it.
+#: A budget is for a minute, and only counts as overdrawn while the last seconds still overdraw it.
 BUDGET_S, STILL_S = 60.0, 5.0
-#: A loop that spends it within the last seconds, and in the last one goes on at that rate, fails as suddenly as in a
-#: breakdown.
+#: A loop that spends it within the last seconds, and still does at that rate in the last one, fails as suddenly as in
+#: a breakdown.
 _SPENT_RATE = BUDGET_S / STILL_S
-#: A breakdown spends the budget so many times faster than it lasts, over a second and still.
+#: Burn rate of the budget that counts as a breakdown, over a second and still.
 BREAKDOWN_RATE = 50.0
 _BREAKDOWN_S, _BREAKDOWN_STILL_S = 1.0, 0.2
-#: With fewer samples there is no 99th percentile to speak of.
+#: With fewer samples the 99th percentile is meaningless.
 _SAMPLES = 100
 
 
 @dataclass(frozen=True, slots=True)
 class Breach:
-    """A contract that is not kept.
+    """A violated contract.
 
-    `excess` is how many times over the limit (1 is just at it); `severe` says that it is past the limit from which a
-    restart, then a safe stop, is worth its price; `sudden` that the budget is spent within seconds; `by_work` that it
-    is broken even without the ticks whose deadline passed whatever their work was: lower quality mends only that.
+    `excess` is the ratio to the limit (1 is just at it). `severe` means beyond the limit from which a restart, then a
+    safe stop, is justified; `sudden` that the budget is spent within seconds; `by_work` that it is violated even
+    without ticks that were late independently of their work, which a lower quality cannot help.
     """
 
     process: str
@@ -41,10 +41,10 @@ class Breach:
 
 
 def judge(windows: Mapping[str, Window], contracts: Contracts) -> list[Breach]:
-    """Return the contracts that the counts in `windows` (by process) break.
+    """Return the contracts violated by the counts in `windows` (by process).
 
     The contracts are error budgets with burn rates over a long and a short window (Site Reliability Workbook, chapter
-    5). A budget allows for a tick lost now and then; an overdrawn one is reported while it still is overdrawn.
+    5). A budget allows for occasional lost ticks; an overdrawn one is reported while it still is overdrawn.
     """
     found = [_judge_loop(name, windows[name], loop) for name, loop in contracts.loops.items() if name in windows]
     found += [_judge_path(name, windows, path, contracts) for name, path in contracts.paths.items()]
@@ -52,7 +52,7 @@ def judge(windows: Mapping[str, Window], contracts: Contracts) -> list[Breach]:
 
 
 def spent_s(windows: Mapping[str, Window], contracts: Contracts, of: Iterable[Breach]) -> float:
-    """Return what loops in breach have lost of late by their work, in seconds that a loop's budget is for: the largest.
+    """Return the largest recent loss by work of loops in breach, in seconds of the loop's budget.
 
     The losses are those of the last minute, or since the windows were cleared.
     """
@@ -67,7 +67,7 @@ def spent_s(windows: Mapping[str, Window], contracts: Contracts, of: Iterable[Br
 
 @dataclass(frozen=True, slots=True)
 class _Loss:
-    """Ticks of a loop that were late or never ran, of those due; `beyond_work` less work would not have spared."""
+    """Ticks of a loop that were late or never ran, of those due; `beyond_work` are those not caused by its work."""
 
     lost: float
     due: float
@@ -76,7 +76,7 @@ class _Loss:
 
     @property
     def by_work(self) -> _Loss:
-        """What is left without those."""
+        """The loss without those."""
         return _Loss(max(0.0, self.lost - self.beyond_work), self.due, self.seconds)
 
     @property
@@ -91,11 +91,11 @@ def _loss(window: Window, seconds: float, contract: LoopContract) -> _Loss | Non
     loop, counted_s = counted
     asked_hz = loop.target_hz if contract.follows_readers else contract.rate_hz
     due = min(contract.rate_hz, asked_hz) * counted_s
-    # A loop that runs faster than it must counts its misses of more ticks than are due; a stall that began before the
-    # window is counted when it ends.
+    # A loop faster than required counts misses of more ticks than are due; a stall that began before the window is
+    # counted when it ends.
     share = due / max(loop.target_hz * counted_s, due)
     missed = min(due, loop.misses * share)
-    # One tick is what a count over a window can be off by. What nobody has counted yet is no work's for now.
+    # A count over a window has an uncertainty of one tick. Ticks not reported yet are not attributed to work.
     lost = max(missed, due - loop.ticks - 1.0)
     return _Loss(lost, due, counted_s, loop.beyond_work * share + lost - missed)
 
@@ -143,7 +143,7 @@ def _judge_path(
 
 
 def path_limits_us(windows: Mapping[str, Window], contracts: Contracts) -> dict[str, float]:
-    """Return the limit, in us, against which each path is judged now: some depend on the pictures asked for."""
+    """Return the present limit of each path, in us; some depend on the requested picture rate."""
     limits = {name: contract.p99_us for name, contract in contracts.paths.items()}
     for process, window in windows.items():
         counted = [name for name in limits if window.path(name, STILL_S) is not None]
@@ -156,9 +156,9 @@ def _limit_us(contract: PathContract, process: str, window: Window, contracts: C
 
 
 def _stretch(window: Window, contract: LoopContract | None) -> float:
-    """Return how much longer the periods are that a loop was asked for of late than those of its contract, at least 1.
+    """Return the ratio of a loop's requested period to that of its contract, at least 1.
 
-    A reader that asks for 10 pictures a second in place of 30 sees each a fifteenth of a second later by choice.
+    A reader that requests 10 pictures a second instead of 30 sees each 1/15 s later by choice.
     """
     counted = window.loop(STILL_S) if contract is not None and contract.follows_readers else None
     if contract is None or counted is None or counted[0].target_hz <= 0:
@@ -167,7 +167,7 @@ def _stretch(window: Window, contract: LoopContract | None) -> float:
 
 
 def _p99_us(window: Window, seconds: float, path: str) -> float:
-    """Return the 99th percentile; 0 where too little was counted."""
+    """Return the 99th percentile, 0 with too few samples."""
     counted = window.path(path, seconds)
     if counted is None or counted.latency.total < _SAMPLES:
         return 0.0
@@ -180,7 +180,7 @@ def _over(value: float, limit: float) -> float:
 
 
 class Standing:
-    """Hysteresis: a breach stands once it was seen for `enter_s`, and until it was not seen for `leave_s`."""
+    """Hysteresis: a breach stands once it was seen for `enter_s`, until it was not seen for `leave_s`."""
 
     def __init__(self, enter_s: float, leave_s: float) -> None:
         self._enter_s = enter_s
@@ -189,7 +189,7 @@ class Standing:
         self._last: dict[str, tuple[float, Breach]] = {}
 
     def update(self, now_s: float, seen: list[Breach]) -> list[Breach]:
-        """Take what was seen at `now_s`; return the breaches that stand, newest figures, worst first."""
+        """Process the breaches seen at `now_s`; return the standing ones with their newest figures, worst first."""
         for breach in seen:
             self._first_s.setdefault(breach.key, now_s)
             self._last[breach.key] = (now_s, breach)
@@ -199,6 +199,6 @@ class Standing:
         return sorted(standing, key=lambda breach: -breach.excess)
 
     def clear(self) -> None:
-        """Forget everything: what follows is judged anew."""
+        """Clear the state."""
         self._first_s.clear()
         self._last.clear()

@@ -1,4 +1,4 @@
-"""The supervisor's own line: command line and page ask it there, and where it stands still, the gateway itself."""
+"""The supervisor's command socket for command line and page, with the gateway as a fallback for a safe stop."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ from services.supervisor.supervisor import Supervisor
 
 _PEERS = 8
 _HELLO_S = 1.0
-#: So long the answer to a command is waited for: it is not carried out after that.
+#: Timeout of a command, which is not executed afterwards.
 ANSWER_S = 2.5
 
 
 class RunTime(msgspec.Struct, frozen=True):
-    """What a caller is told first: which run of the rig this is, and its time."""
+    """First message to a client: the run of the rig, and its time."""
 
     incarnation: int
     t: float
 
 
 def control_path(transport: Transport) -> Path:
-    """Return the path of the line, in the directory that is this user's alone."""
+    """Return the path of the socket, in this user's private directory."""
     return endpoints.run_directory(transport) / "supervisor.control"
 
 
 class Control:
-    """The supervisor's end, while it is open. Nothing in it waits."""
+    """The supervisor's end of the socket; it never waits."""
 
     def __init__(self, supervisor: Supervisor) -> None:
         self._rig = supervisor
@@ -49,14 +49,14 @@ class Control:
         self._callers: list[Link] = []
 
     def close(self) -> None:
-        """Answer nobody any more."""
+        """Close the socket and all connections."""
         self._path.unlink(missing_ok=True)
         self._line.close()
         for caller in self._callers:
             caller.close()
 
     def turn(self, now_s: float) -> None:
-        """Greet who calls, and take what they ask for."""
+        """Accept clients and process their commands."""
         if len(self._callers) < _PEERS:
             with suppress(BlockingIOError):
                 caller = Link(self._line.accept()[0])
@@ -72,11 +72,10 @@ class Control:
 
 
 def ask(transport: Transport, command: Command, patience_s: float = ANSWER_S) -> bodies.Answer:
-    """Return what came of a command to the rig on this host.
+    """Send a command to the rig on this host and return the answer.
 
-    One that does not name its run of the rig is for the one that runs. Where the supervisor does not carry out a safe
-    stop, the gateway itself is asked to let go.
-    Raises BusError if there is no supervisor, or it does not answer.
+    A command without an incarnation is for the present run. If the supervisor does not execute a safe stop, it is sent
+    to the gateway directly. Raises BusError if there is no supervisor, or it does not answer.
     """
     try:
         answer = _ask_supervisor(transport, command, patience_s)

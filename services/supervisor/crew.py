@@ -1,4 +1,4 @@
-"""All processes of the rig together: started in order, heard, watched, started again, ended in order."""
+"""All processes of the rig: they are started in order, heard, watched, restarted, and ended in order."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ from services.supervisor.member import Fault, Member, MemberState
 
 #: How long a process may take to end by itself.
 END_S = 5.0
-#: A turn of the supervisor that came later than this was held up: the time does not count against any process.
+#: A turn of the supervisor later than this was delayed, and the time does not count against any process.
 _HELD_UP_S = 0.05
-#: A lost process is noticed within this, unless the supervisor itself is held up, which it then reports.
+#: A lost process is noticed within this time, unless the supervisor itself is delayed, which it then reports.
 _NOTICE_S = 0.1
-#: A busy machine holds it up many times a second: the worst delay is reported this often.
+#: Period of reports of the worst delay, as a busy machine delays it many times a second.
 _SAY_EVERY_S = 10.0
-#: This one ends last: it holds the arms, and lets go of them by itself when the others fall silent.
+#: This process ends last: it controls the arms, and removes forces by itself when the others fall silent.
 _LAST = "gateway"
-#: How long a 1 kHz stream is listened to in one turn: many of its periods, a fraction of the silence that is a hang.
+#: Time of listening to a 1 kHz stream in one turn: many periods, and a fraction of the silence that is a hang.
 PATIENCE_NS = 10_000_000
 
 
 @dataclass(frozen=True, slots=True)
 class Launch:
-    """How processes are started: their command line, where they write what they say, who forks them if anybody."""
+    """How processes are started: command line, directory of logs, and optionally a fork server."""
 
     arguments: tuple[str, ...]
     log_directory: Path
@@ -47,7 +47,7 @@ class Launch:
 
 @dataclass(slots=True)
 class Crew:
-    """The processes. `launch` None: they are somebody else's, to be watched only."""
+    """The processes; with `launch` None they are run by others and only watched."""
 
     members: dict[str, Member]
     bus: Bus
@@ -57,7 +57,7 @@ class Crew:
     on_report: Callable[[str, bodies.Health], None] = lambda _name, _health: None
     loop_progress: LoopProgress = field(default_factory=lambda: LoopProgress(None))
     has_heard_all: Callable[[], bool] = lambda: True
-    fatal: Fault | None = None  # of a process that could not even start: a retry would gain nothing
+    fatal: Fault | None = None  # of a process that could not even start, so that a retry is useless
     ended_by_person: bool = False
     stopping: bool = False
     _last_step_s: float | None = None
@@ -69,9 +69,9 @@ class Crew:
     _floods: Floods = field(default_factory=Floods)
 
     def step(self, now_s: float) -> None:
-        """Hear everyone, notice who ended or hangs, start whoever is due."""
+        """Hear all processes, notice those that ended or hang, and start those that are due."""
         self._forgive_own_delay(now_s)
-        hearing = self._is_hearing(now_s)  # before the reading: what arrives after this is heard in the next turn
+        hearing = self._is_hearing(now_s)  # before reading: later messages are heard in the next turn
         flowing = self._flowing()
         self._warn(self._floods.seen("supervisor", os.getpid(), self.bus.floods(), now_s))
         for member in self.members.values():
@@ -88,7 +88,7 @@ class Crew:
                 self._start_if_due(member, now_s)
 
     def wait(self, timeout_s: float) -> None:
-        """Sleep until a process of ours ends or `timeout_s` has passed."""
+        """Sleep until a child process ends or `timeout_s` has passed."""
         poll = select.poll()
         for member in self.members.values():
             if member.child is not None:
@@ -97,31 +97,31 @@ class Crew:
 
     @property
     def all_ready(self) -> bool:
-        """Whether every process is up, but for those given up that the rig can do without."""
+        """Whether every process is up, except for non-critical ones that were given up."""
         return all(m.up for m in self._awaited())
 
     @property
     def all_came_up(self) -> bool:
-        """Whether every process has been up since it was started, whatever it does now."""
+        """Whether every process has been up since it was started, regardless of its present state."""
         return all(m.came_up for m in self._awaited())
 
     def _awaited(self) -> list[Member]:
-        """Return all but those given up that the rig can do without."""
+        """Return all processes except non-critical ones that were given up."""
         return [m for m in self.members.values() if m.critical or m.state is not MemberState.FAILED]
 
     def troubles(self) -> list[str]:
-        """Return what is wrong with each process that should be up, critical ones first."""
+        """Return a sentence on each process that should be up and is not, critical ones first."""
         members = sorted(self.members.values(), key=lambda m: not m.critical)
         return [m.reason or f"{m.name}: {m.state}" for m in members if not m.up]
 
     def restart(self, name: str, reason: str) -> None:
-        """End a process of ours so that it is started again."""
+        """End a child process so that it is restarted."""
         member = self.members[name]
         member.reason = reason
         member.kill()
 
     def rearm(self, now_s: float) -> None:
-        """Forgive what happened before a person armed the rig: those given up are tried again."""
+        """Reset restart limits, as a person has armed the rig, and retry processes that were given up."""
         for member in self.members.values():
             member.restarts.forgive()
             if member.state is MemberState.FAILED:
@@ -129,7 +129,7 @@ class Crew:
                 member.due_s = now_s
 
     def stop_step(self, now_s: float) -> bool:
-        """Take one turn of ending the processes of ours; return whether all have ended."""
+        """Take one turn of ending the child processes; return whether all have ended."""
         self.stopping = True
         self.step(now_s)
         others = [m for m in self.members.values() if m.child is not None and m.name != _LAST]
@@ -158,7 +158,7 @@ class Crew:
         self._held_up_s = max(self._held_up_s, held_up_s)
         if self._held_up_s > _NOTICE_S and now_s - self._said_held_up_s >= _SAY_EVERY_S:
             worst_ms, self._held_up_s, self._said_held_up_s = self._held_up_s * 1e3, 0.0, now_s
-            level = "warning" if self.all_ready else "debug"  # while processes import and build, everyone is held up
+            level = "warning" if self.all_ready else "debug"  # starting processes delay everything
             self.say(level, f"supervisor: held up for {worst_ms:.0f} ms, limit {_NOTICE_S * 1e3:.0f} ms")
         for member in self.members.values():
             member.heard_s += held_up_s
@@ -168,10 +168,10 @@ class Crew:
                 member.stream_s += held_up_s
 
     def _flowing(self) -> set[str]:
-        """Return the names of the processes whose 1 kHz stream flows.
+        """Return the names of the processes with an active 1 kHz stream.
 
-        Their flight rings tell; the streams of processes without a ring are listened to, all together. Processes that
-        have not reported that they are ready are left out.
+        This is read from their flight rings; streams of processes without a ring are listened to, all at once.
+        Processes that have not reported ready are left out.
         """
         flowing, unknown = set(), {}
         for member in self.members.values():
@@ -195,7 +195,7 @@ class Crew:
                 for stall in member.new_stalls():
                     self.say("info", f"{member.name}: stalled for {stall.length_ns * 1e-6:.0f} ms, by its own measure")
                 self._warn(self._floods.told(health, now_s))
-                if member.child is None or member.name == "gateway":  # whose log is not read here, or that writes none
+                if member.child is None or member.name == "gateway":  # their log is not read here, or not written
                     self._warn(member.new_detail(now_s))
                 self.on_report(member.name, health)
                 if health.state != "starting":
@@ -218,9 +218,9 @@ class Crew:
             self.say(level_of(line, member.name), line)
 
     def _is_hearing(self, now_s: float) -> bool:
-        """Return whether silence may be judged; a bus that never rests must not hide it for ever.
+        """Return whether silence may be judged: all received messages are read, or the bus never becomes idle.
 
-        While no process has been silent for half the accepted time there is nothing to judge in this turn.
+        If no process has been silent for half of the accepted time, there is nothing to judge in this turn.
         """
         if (
             not any(hang_detection.may_be_silent(m, now_s, self.limits) for m in self.members.values())
@@ -231,7 +231,7 @@ class Crew:
         return now_s - self._heard_all_s >= self.limits.heartbeat_s
 
     def _watch(self, member: Member, now_s: float, hearing: bool, flows: bool) -> None:
-        stopped = member.child is not None and not flows and member.child.is_stopped()  # who has just ticked is not
+        stopped = member.child is not None and not flows and member.child.is_stopped()  # no check after a tick
         if hearing or stopped:
             wrong = hang_detection.hang(member, stopped, now_s, self.limits)
         else:
@@ -275,7 +275,7 @@ class Crew:
             self._start(member, now_s, self.launch)
 
     def _predecessors_prepared(self, member: Member) -> bool:
-        """Return whether the processes that it starts after have prepared; their streams may wait for this one."""
+        """Return whether the processes before it have prepared; their streams may wait for this one."""
         names = member.spec.starts_after
         return all(name in self._prepared for name in names if name in self.members)
 
@@ -287,7 +287,7 @@ class Crew:
         log_file = launch.log_directory / f"{member.name}.log"
         member.child = Child(member.spec, launch.arguments, log_file, fork_server=server)
         member.enter(MemberState.STARTING, now_s)
-        member.progress = ("loading", 0.0)  # until it says more itself
+        member.progress = ("loading", 0.0)  # until its own report
         self.say("debug", f"{member.name}: started as process {member.pid}")
 
     def _ended(self, member: Member, status: int, now_s: float) -> None:

@@ -1,7 +1,7 @@
-"""The rig as the dashboard shows it: one snapshot, made from what the supervisor judges and what processes said.
+"""The rig on the dashboard: a snapshot of the supervisor's judgement and the processes' reports.
 
-It is sent as JSON five times a second. Percentiles are over the last window. A number that is not known is null: NaN
-becomes null in msgspec's JSON.
+It is sent as JSON five times a second. Percentiles are over the last window. An unknown number is null, as msgspec
+encodes NaN.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class StageRow(msgspec.Struct, frozen=True):
 
 
 class FloorRow(msgspec.Struct, frozen=True):
-    """The machine on one core: of a thread above everybody, wake-ups over a millisecond late in the last minute."""
+    """The machine on one core: wake-ups, late by more than a millisecond, of a thread above all others, in a minute."""
 
     core: int
     wakeups: int
@@ -63,7 +63,7 @@ class FloorRow(msgspec.Struct, frozen=True):
 
 
 class JudgeRow(msgspec.Struct, frozen=True):
-    """The supervisor's own turns: how late they began lately, and the latest since it began."""
+    """Lateness of the supervisor's own turns, recently, and the maximum since its start."""
 
     rate_hz: float
     lateness_us: Quantiles
@@ -147,7 +147,7 @@ class Snapshot(msgspec.Struct, frozen=True):
 
 @dataclass
 class Heard:
-    """What one process said last, and what it counted lately."""
+    """The newest report of one process, and its recent counts."""
 
     health: bodies.Health | None
     window: Window
@@ -156,11 +156,11 @@ class Heard:
 
     @classmethod
     def nothing(cls, window_s: float) -> Heard:
-        """Nothing yet; figures will be of the last `window_s`."""
+        """Return an empty object, with figures over the last `window_s`."""
         return cls(None, Window(window_s), window_s)
 
     def take(self, health: bodies.Health) -> None:
-        """Take a report."""
+        """Add a report."""
         self.health = health
         self.window.add(health.pid, figures_of(health, stages=True))
         self._maxima.append((health.uptime_s, {stage.name: stage.max_us for stage in health.stages}))
@@ -168,7 +168,7 @@ class Heard:
             self._maxima.popleft()
 
     def stage_rows(self) -> tuple[StageRow, ...]:
-        """Return what stages cost lately; the maximum is of the reports that were heard."""
+        """Return the recent costs of stages; the maximum is over the received reports."""
         rows = []
         for name, stage in self.figures.stages.items():
             maximum = max((maxima.get(name, 0.0) for _, maxima in self._maxima), default=UNKNOWN)
@@ -178,7 +178,7 @@ class Heard:
 
     @property
     def figures(self) -> Figures:
-        """What was counted lately."""
+        """Recent counts."""
         return self.window.figures(self.window_s) or Figures(0.0)
 
 
@@ -190,7 +190,7 @@ def snapshot(
     observed: Report | None = None,
     attempt: bodies.Attempt | None = None,
 ) -> Snapshot:
-    """Return what the page shows of the rig now: as the supervisor judges it, and as the processes were heard."""
+    """Return the rig's state for the page, from the supervisor's judgement and the processes' reports."""
     state, observed = status.state, observed or Report()
     windows = {name: one.figures for name, one in heard.items()}
     broken = set(status.broken)
@@ -278,7 +278,7 @@ def loop_row(loop: Loop, seconds: float, kept: bool) -> LoopRow:
 
 
 def topic_rows(windows: Mapping[str, Figures]) -> tuple[TopicRow, ...]:
-    """Return a row for every topic that somebody sent or read in the windows of the processes."""
+    """Return a row for every topic sent or read in the windows of the processes."""
     together: dict[str, Traffic] = {}
     rates: dict[str, float] = {}
     for window in windows.values():

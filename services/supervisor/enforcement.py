@@ -1,11 +1,11 @@
-"""Decides what to do about a breach that stands: lower the quality, then restart, then stop safely. Pure.
+"""Decides on actions against standing breaches: lower the quality, then restart, then stop safely. Pure.
 
-Each step is given time to show its effect, and more than one window: a single stall of the machine fills one window
-and climbs nothing. A breach that is only slight stays on the last quality level as DEGRADED with its reason: a restart
-would cost the hand more than it could gain. So does one that is severe for a moment on top of a slight one that stands,
-as on a machine that is too slow and then stalls: for a restart, severity itself has to stand. Which rung of quality is
-given up, and when it is taken back, is the governor's. Where the host stood still, or somebody else had the processor,
-less work would have spared nothing, and no quality is given up.
+Each step gets time to show its effect, and more than one window, so that a single stall of the machine, which fills one
+window, triggers nothing. A slight breach at the last quality level remains DEGRADED with its reason, as a restart would
+cost the hand more than it gains. The same holds for a momentarily severe breach on top of a standing slight one, as on
+a slow machine that stalls: a restart requires standing severity. The governor chooses the quality level to take, and
+when to return. If the host was stopped or another process had the processor, less work would not have helped, and the
+quality is kept.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from services.supervisor.governor import Governor, Level
 
 
 class ActionKind(Enum):
-    """What to do."""
+    """Kinds of action."""
 
     LOWER = "lower the quality level"
     RAISE = "raise the quality level"
@@ -30,7 +30,7 @@ class ActionKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """One step of enforcement, and the process that it concerns, if it does."""
+    """One step of enforcement, and the process concerned, if any."""
 
     kind: ActionKind
     process: str
@@ -39,16 +39,16 @@ class Action:
 
 @dataclass(frozen=True, slots=True)
 class Ladder:
-    """How enforcement climbs.
+    """Parameters of the escalation.
 
     Args:
-        levels: The scene's quality ladder; one rung where there is nothing to lower.
+        levels: The scene's quality ladder; a single level if there is nothing to lower.
         patience_s: How long a breach stands before each step.
-        sudden_s: How long one of the fast window stands before quality is lowered, which is cheap and taken back:
-            longer than what a single stall leaves in that window.
-        try_s: The same while a better rung is tried, where the one to return to is known to hold: longer than a single
-            stall stands.
-        may_restart: False where another keeps the processes alive: judge and command only.
+        sudden_s: How long a breach of the fast window stands before quality is lowered, which is cheap and reversible:
+            longer than a single stall affects that window.
+        try_s: The same while a better level is tried, as the one to return to is known to hold: longer than the effect
+            of a single stall.
+        may_restart: False if others manage the processes, and this only judges and commands.
         hysteresis: How slowly quality comes back.
     """
 
@@ -61,32 +61,32 @@ class Ladder:
 
 
 class Severity:
-    """Since when breaches have been severe. Less than `LAPSE_S` without ends nothing: ticks are lost in bursts."""
+    """Durations of severe breaches; gaps below `LAPSE_S` do not end them, as ticks are lost in bursts."""
 
-    #: As long as the fast window is, which one tick more or less takes over the limit and back.
+    #: Length of the fast window, in which a single tick more or less can cross the limit.
     LAPSE_S = 1.0
 
     def __init__(self) -> None:
         self._spans: dict[str, tuple[float, float]] = {}
 
     def see(self, now_s: float, standing: Sequence[Breach]) -> None:
-        """Take note of those that are severe now."""
+        """Record the severe breaches of now."""
         self._spans = {key: span for key, span in self._spans.items() if now_s - span[1] < self.LAPSE_S}
         for breach in standing:
             if breach.severe:
                 self._spans[breach.key] = (self._spans.get(breach.key, (now_s,))[0], now_s)
 
     def stands(self, breach: Breach, now_s: float, for_s: float) -> bool:
-        """Return whether `breach` is severe and has been for so long."""
+        """Return whether `breach` is severe and has been for `for_s`."""
         return breach.severe and now_s - self._spans[breach.key][0] >= for_s
 
     def clear(self) -> None:
-        """Forget everything."""
+        """Clear the state."""
         self._spans.clear()
 
 
 class Enforcement:
-    """The memory of enforcement: quality in force, processes restarted already, since when the breaches stand."""
+    """State of enforcement: present quality, processes already restarted, and durations of the breaches."""
 
     def __init__(self, ladder: Ladder) -> None:
         self.ladder = ladder
@@ -97,13 +97,13 @@ class Enforcement:
 
     @property
     def level(self) -> int:
-        """The quality level in force."""
+        """The present quality level."""
         return self.governor.level
 
     def decide(self, now_s: float, standing: list[Breach], spent_s: float = 0.0) -> Action | None:
-        """Return what to do now about the `standing` breaches of critical processes, worst first; mostly nothing.
+        """Return the action against the `standing` breaches of critical processes, worst first; mostly None.
 
-        ``spent_s`` is what was lost since the rung in force was taken, see `Governor.burns`.
+        ``spent_s`` is the loss since the present level was taken, see `Governor.burns`.
         """
         self._severity.see(now_s, standing)
         if not standing:
@@ -121,7 +121,7 @@ class Enforcement:
         return self._give_up(by_work) if by_work and self.governor.can_lower else self._climb(now_s, standing)
 
     def reset(self) -> None:
-        """Begin at the first rung: a person has armed the rig anew. The quality level stays."""
+        """Restart the escalation, as a person has armed the rig; the quality level is kept."""
         self._restarted.clear()
         self._standing_since_s = None
         self._severity.clear()

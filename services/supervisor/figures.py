@@ -1,4 +1,4 @@
-"""What processes count, as differences: health bodies are cumulative, so a window or a run is newest minus oldest."""
+"""Counts of processes, as differences: health bodies are cumulative, so a window is newest minus oldest."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ import protocol.bodies as bodies
 from services.runtime import stage_times
 from services.runtime.histogram import BUCKETS, PER_OCTAVE, Quantiles, edges_ns, late, quantiles_us
 
-#: What a bucket is believed to hold at most: sums over all buckets then stay within 64 bits, whatever a peer sends.
+#: Limit of a bucket's count, so that sums over all buckets fit into 64 bits, whatever a peer sends.
 _COUNT_MAX = 1 << 50
 
 
 @dataclass(frozen=True, slots=True)
 class Latencies:
-    """Bucket counts of durations. `max_ns` bounds the maximum from above: it is the largest since the process began."""
+    """Bucket counts of durations; `max_ns`, the largest since the process began, is an upper bound of the maximum."""
 
     deadline_ns: int
     counts: NDArray[np.int64]
@@ -28,7 +28,7 @@ class Latencies:
 
     @classmethod
     def of(cls, body: bodies.Histogram) -> Latencies:
-        """Return the counts of a histogram body; one of another size counts as empty, as it comes from a stranger."""
+        """Return the counts of a histogram body; one of another size, from an unknown peer, counts as empty."""
         counts = body.counts.view()
         if len(counts) != BUCKETS:
             return cls(body.deadline_ns, np.zeros(BUCKETS, np.int64))
@@ -47,7 +47,7 @@ class Latencies:
     def coarse(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Return upper edges in microseconds and counts of two buckets per doubling; the last bucket is open.
 
-        The deadline stays an edge, so what is late stays exact.
+        The deadline is an edge, so the number of late durations is exact.
         """
         chosen = np.arange(0, BUCKETS - 1, PER_OCTAVE // 2)
         cumulative = np.cumsum(self.counts)
@@ -59,9 +59,9 @@ class Latencies:
         return quantiles_us(self.counts, self.deadline_ns, float(self.max_ns) if self.max_ns else np.inf)
 
     def __sub__(self, older: Latencies) -> Latencies:
-        if older.deadline_ns != self.deadline_ns:  # other edges: nothing to compare
+        if older.deadline_ns != self.deadline_ns:  # other edges: not comparable
             return self
-        # Counts only grow; where one fell the peer is confused, and less than nothing was not counted.
+        # Counts only grow; a fallen one is an error of the peer.
         counts = np.maximum(self.counts - older.counts, 0)
         return Latencies(self.deadline_ns, counts, self.sum_ns - older.sum_ns, self.max_ns)
 
@@ -70,7 +70,7 @@ class Latencies:
         return Latencies(self.deadline_ns, counts, total_ns, max(self.max_ns, other.max_ns))
 
 
-#: Of durations that were counted, but are of no interest.
+#: Placeholder for irrelevant durations.
 _NOTHING = Latencies(0, np.zeros(0, np.int64))
 
 
@@ -136,7 +136,7 @@ class Path:
 
 @dataclass(frozen=True, slots=True)
 class Traffic:
-    """Counts of one topic at one process, or of all its processes together."""
+    """Counts of one topic, at one process or summed over processes."""
 
     sent: int = 0
     received: int = 0
@@ -207,7 +207,7 @@ def _plus(a: Mapping[str, _V], b: Mapping[str, _V]) -> dict[str, _V]:
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """Everything one process counted in `seconds` of its life."""
+    """All counts of one process over `seconds`."""
 
     seconds: float
     loop: Loop | None = None
@@ -227,7 +227,7 @@ class Figures:
 
 
 def contracted(health: bodies.Health) -> Figures:
-    """Return what contracts are about, ticks and paths: to be judged ten times a second, without what is only shown."""
+    """Return the counts that contracts use, ticks and paths, for judging ten times a second."""
     loop, paths = health.loop, {path.name: Path.of(path) for path in health.paths}
     if loop is None:
         return Figures(health.uptime_s, None, paths)
@@ -236,7 +236,7 @@ def contracted(health: bodies.Health) -> Figures:
 
 
 def of(health: bodies.Health, *, stages: bool = False) -> Figures:
-    """Return what a process has counted since it began; its stages too, if asked: a report of a run has no use."""
+    """Return the counts of a process since it began, with those of its stages on request."""
     topics: dict[str, Traffic] = {}
     for report in health.topics:
         age = Latencies.of(report.age) if report.age else None

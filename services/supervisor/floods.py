@@ -1,4 +1,4 @@
-"""Events about publishers that flood a topic: readers count the excess; one event, repeated while it goes on."""
+"""Events about publishers that flood a topic, from readers' counts of the excess; repeated while it continues."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ _SAY_EVERY_S = 10.0
 
 
 class Floods:
-    """Compares the excess that each reader has counted of each topic with what it had counted before."""
+    """Compares each reader's count of the excess of each topic with the last one."""
 
     def __init__(self) -> None:
         self._counted: dict[tuple[str, str], tuple[int, float]] = {}
         self._said_s: dict[str, float] = {}
 
     def told(self, health: bodies.Health, now_s: float) -> list[str]:
-        """Return what there is to say of a reader's report."""
+        """Return messages about a reader's report."""
         gauges = health.gauges.items()
         found = {name.removeprefix(FLOOD): frames for name, frames in gauges if name.startswith(FLOOD)}
         return self.seen(health.process, health.pid, found, now_s)
 
     def seen(self, reader: str, pid: int, floods: Mapping[str, float], now_s: float) -> list[str]:
-        """Return what there is to say of the frames beyond the rate of each topic that a process has counted."""
+        """Return messages about a process' counts of frames beyond the rate of each topic."""
         sentences = []
         for topic, frames in floods.items():
             if topic not in TOPICS:

@@ -1,7 +1,7 @@
-"""The supervisor's end of the fork server, which starts the rig's processes with their imports made (`fork_server`).
+"""The supervisor's connection to the fork server, which forks processes with their imports done (`fork_server`).
 
-Only while the rig starts: who is started again later imports for itself. Where the server is gone or does not answer,
-processes are started as if there were none.
+It is used only while the rig starts; restarted processes import for themselves. Without an answering server processes
+are started normally.
 """
 
 from __future__ import annotations
@@ -21,33 +21,33 @@ import msgspec
 from services.supervisor.fork_server import ForkOrder
 from services.supervisor.processes import ENVIRONMENT
 
-#: How long its imports, and a fork, may take on a busy machine.
+#: Timeouts of its imports and of a fork on a busy machine.
 _IMPORTS_S, _FORK_S = 30.0, 5.0
-#: Room for the command line of a process that was forked.
+#: Padding for the command line of a forked process.
 _ROOM = "x" * 2048
 _PR_SET_CHILD_SUBREAPER = 36
 
 
 class ForkServer:
-    """A fork server, from its start to `close`."""
+    """A fork server."""
 
     def __init__(self) -> None:
         self._server: subprocess.Popen[bytes] | None = None
         self.begin()
 
     def begin(self) -> None:
-        """Start the server where there is none."""
+        """Start the server, if there is none."""
         if self._server is not None:
             return
         self._link, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._link.settimeout(_FORK_S)
         self._server = subprocess.Popen(
             [sys.executable, "-m", "services.supervisor.fork_server", str(other.fileno()), _ROOM],
-            # It holds nothing of whoever called us, who may wait for the end of our output.
+            # It inherits no descriptor of the caller, who may wait for the end of our output.
             stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
             env={**os.environ, **ENVIRONMENT},
             pass_fds=(other.fileno(),),
-            start_new_session=True,  # as those that it forks: a Ctrl-C at the terminal is the supervisor's
+            start_new_session=True,  # like its forks: a Ctrl-C at the terminal is for the supervisor
         )  # fmt: skip
         other.close()
         self._began_s = time.monotonic()
@@ -56,11 +56,11 @@ class ForkServer:
 
     @property
     def pid(self) -> int:
-        """Process id of the server, 0 where there is none any more."""
+        """Process id of the server, 0 if it has ended."""
         return self._server.pid if self._server is not None else 0
 
     def imports(self) -> bool:
-        """Return whether the server still imports; never waits."""
+        """Return whether the server is still importing; never waits."""
         if self._server is None or self._has_imported:
             return False
         if select.select([self._link], [], [], 0.0)[0]:
@@ -72,7 +72,7 @@ class ForkServer:
         return self._server is not None and not self._has_imported
 
     def fork(self, module: str, arguments: Sequence[str], environment: Mapping[str, str], sink: int) -> int:
-        """Return the process id of a child of ours that runs a module and writes into `sink`, 0 if there is none."""
+        """Fork a child that runs a module and writes into `sink`; return its process id, 0 on failure."""
         if self._server is None or self.imports():
             return 0
         order = msgspec.json.encode(ForkOrder(module, tuple(arguments), dict(environment)))
@@ -90,7 +90,7 @@ class ForkServer:
             return b""
 
     def close(self) -> None:
-        """End the server; what it has forked goes on."""
+        """End the server; its forks continue."""
         if self._server is None:
             return
         self._link.close()
@@ -101,5 +101,5 @@ class ForkServer:
 
 
 def _adopt_orphans(yes: bool) -> None:
-    """Let orphans of this process' children become its own, as forks of the server do; else they are the system's."""
+    """Make this process adopt orphans of its children, such as the server's forks, instead of the system."""
     ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, int(yes), 0, 0, 0)

@@ -1,8 +1,8 @@
-"""A process that has imported what those of the rig import, and forks each of them when it is told to.
+"""A process that imports the modules of the rig's processes once, and forks each process on request.
 
 ``python -m services.supervisor.fork_server LINK ROOM``, started by the supervisor only (`fork_link`), whose end of the
-link is its life. It runs no thread, opens nothing and writes nothing. ROOM is room for the command lines of those that
-it becomes. A fork is handed over to the supervisor: whoever stands between them ends at once.
+link decides its life. It runs no thread, opens nothing and writes nothing. ROOM pads its command line for those of its
+forks. A fork becomes a child of the supervisor, because the process between them ends at once.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pathlib import Path
 
 import msgspec
 
-#: What takes longest of the imports of the rig's processes. Whoever has no use for it shares its pages with the others.
+#: The slowest imports of the rig's processes; their pages are shared by all, also by processes that do not use them.
 IMPORTED = "services.scenes", "services.runtime.process", "services.kernel_progress"
 READY = b"ready"
 _ORDER_MAX = 1 << 16
@@ -28,7 +28,7 @@ _LOOK_S = 0.5e-3
 
 
 class ForkOrder(msgspec.Struct, frozen=True):
-    """What a fork is to become: ``python -m MODULE ARGUMENTS``."""
+    """Order to fork ``python -m MODULE ARGUMENTS``."""
 
     module: str
     arguments: tuple[str, ...]
@@ -36,8 +36,8 @@ class ForkOrder(msgspec.Struct, frozen=True):
 
 
 def main() -> None:
-    """Fork until the link ends; in each fork run what was ordered."""
-    gc.disable()  # each of them ends that: `start_up.end`
+    """Fork until the link ends, and run the ordered module in each fork."""
+    gc.disable()  # each fork enables it again: `start_up.end`
     link = socket.socket(fileno=int(sys.argv[1]))
     for name in IMPORTED:
         importlib.import_module(name)
@@ -55,13 +55,13 @@ def main() -> None:
 
 
 def _tell(link: socket.socket, what: bytes) -> None:
-    """Tell the supervisor, which may have ended meanwhile."""
+    """Send a message to the supervisor, which may have ended."""
     with suppress(BrokenPipeError, ConnectionResetError):
         link.send(what)
 
 
 def _fork() -> bool:
-    """Return whether this is a fork, a child of the supervisor by now, and not the server itself."""
+    """Fork; return True in the new child of the supervisor, False in the server."""
     if between := os.fork():
         os.waitpid(between, 0)
         return False
@@ -74,7 +74,7 @@ def _fork() -> bool:
 
 
 def _stand_alone(sink: int) -> None:
-    """Lead a session, and write into `sink`."""
+    """Start a session, and redirect the output to `sink`."""
     os.setsid()
     for target in (1, 2):
         os.dup2(sink, target)
@@ -92,7 +92,7 @@ def _become(order: ForkOrder) -> None:
 
 
 def _show(command: list[str]) -> None:
-    """Write a command line over that of this process, as far as there is room: who lists processes is told by it."""
+    """Overwrite this process' command line, as far as it fits, for process listings."""
     fields = Path("/proc/self/stat").read_text().rpartition(")")[2].split()
     begin, end = int(fields[45]), int(fields[46])
     text = b"\0".join(map(os.fsencode, command))[: end - begin - 1]

@@ -1,8 +1,7 @@
-"""The configuration that a rig runs with, as it was read when the rig began.
+"""The configuration of a running rig, frozen at its start.
 
-Processes that are started, or started again hours later, get copies of the files: rig and scene as one with all
-overrides, devices, scenarios and scores as they were. A file that has changed meanwhile is said, once, and changes
-nothing.
+Processes that are started, even hours later, get copies of the files: rig and scene merged with all overrides, and
+devices, scenarios and scores. A file that has changed meanwhile is reported once, and has no effect.
 """
 
 from __future__ import annotations
@@ -22,9 +21,9 @@ _LOOK_S = 1.0
 
 
 def freeze(process: Process) -> tuple[tuple[str, ...], dict[str, str]]:
-    """Copy the configuration into the rig's private directory; return arguments and environment that lead to it.
+    """Copy the configuration into the rig's private directory; return arguments and environment that refer to it.
 
-    A scene that was named stays named so; a scene, a rig or a device that was given as a file gets another place.
+    A scene given by name keeps its name; a scene, rig or device given as a file gets another path.
     """
     rig = process.rig
     folder = make_private(_folder(rig.transport))
@@ -52,7 +51,7 @@ def remove(transport: Transport) -> None:
 
 
 def files_of(rig: Rig, rig_name: str, scene: str) -> set[Path]:
-    """Return the files that were read: of the rig with what it is based on, of the scene and of the devices."""
+    """Return the files that were read, of the rig and its bases, the scene and the devices."""
     rig_files = {Path(origin) for origin in config.load(Rig, config.find("rig", rig_name))[1].values()}
     drivers = [driver for row in rig.gateway.instruments for driver in (row.arm, row.grasp) if driver is not None]
     devices = {config.find("device", driver.device) for driver in drivers if driver.device is not None}
@@ -60,7 +59,7 @@ def files_of(rig: Rig, rig_name: str, scene: str) -> set[Path]:
 
 
 class ChangedFiles:
-    """Says once of each file that its content is not what was read."""
+    """Reports once for each file that its content has changed."""
 
     def __init__(self, files: Iterable[Path], say: Callable[[str, str], None]) -> None:
         self._read = {path: _content(path) for path in files}
@@ -68,7 +67,7 @@ class ChangedFiles:
         self._look_s = 0.0
 
     def turn(self, now_s: float) -> None:
-        """Look, if it is time to."""
+        """Check the files, if due."""
         if now_s < self._look_s:
             return
         self._look_s = now_s + _LOOK_S
@@ -83,7 +82,7 @@ def _folder(transport: Transport) -> Path:
 
 
 def _is_file(name: str | None) -> bool:
-    """Return whether a configuration is given by its file, and not by its name."""
+    """Return whether a configuration is given as a file and not by name."""
     return name is not None and Path(name).suffix in (".yaml", ".yml")
 
 

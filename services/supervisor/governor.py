@@ -1,8 +1,7 @@
-"""The governor of the scene's quality ladder: which rung to give up. When, and when to return, is `QualityGovernor`'s.
+"""The governor of the scene's quality ladder: it chooses the level; `QualityGovernor` decides when to change it.
 
-Down, it takes the rung that frees most time for least error; where a loop is as good as gone, the one that frees most
-time. What a try that failed has lost is paid off before the next one: so much of the time lies between two tries that
-they never spend more than `TRY_SHARE` of any loop's budget.
+Downwards it takes the level with the most time saved per error, or, in a breakdown of a loop, with the most time saved.
+Tries of better levels are spaced so that failed ones never spend more than `TRY_SHARE` of any loop's budget.
 """
 
 from __future__ import annotations
@@ -13,14 +12,14 @@ from dataclasses import dataclass
 from services.runtime.quality_governor import Hysteresis, QualityGovernor
 
 LEAST_ERROR_PERCENT = 0.02
-"""Errors below are rounding, and what frees time for less is free."""
+"""Smaller errors are rounding, and count as none."""
 TRY_SHARE = 0.25
-"""Of the budget of the loop that loses most: more is not spent on tries that fail."""
+"""Largest share of the budget of the worst loop spent on failed tries."""
 
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """One rung as the scene file tells it; None where nobody has measured it.
+    """One level of the scene file; None for values that are not measured.
 
     ``cost_us`` is that of a tick of physics; errors are against the converged reference of `trocar tune`.
     """
@@ -32,11 +31,11 @@ class Level:
 
     @property
     def error_percent(self) -> float:
-        """The larger error, 0 where nobody has measured."""
+        """The larger error, 0 if not measured."""
         return max(self.force_error_percent or 0.0, self.motion_error_percent or 0.0)
 
     def against(self, better: Level) -> str:
-        """Return in words what this rung frees and costs, seen from another; empty where nobody has measured."""
+        """Return a description of the time saved and the error against a better level; empty if not measured."""
         if self.cost_us is None or better.cost_us is None:
             return ""
         force, motion = self.force_error_percent or 0.0, self.motion_error_percent or 0.0
@@ -44,7 +43,7 @@ class Level:
 
 
 class Governor(QualityGovernor):
-    """A `QualityGovernor` that knows what each rung costs and frees."""
+    """A `QualityGovernor` with the measured cost and error of each level."""
 
     def __init__(self, levels: Sequence[Level] = (Level(),), hysteresis: Hysteresis | None = None) -> None:
         super().__init__(len(levels), hysteresis or Hysteresis())
@@ -52,21 +51,20 @@ class Governor(QualityGovernor):
 
     @property
     def rung(self) -> Level:
-        """The rung in force, as the scene tells it."""
+        """The present level of the scene."""
         return self.levels[self.level]
 
     def burns(self, now_s: float, spent_s: float = 0.0) -> None:
-        """Take note that a breach has stood for too long: a try may have failed.
+        """Record that a breach has stood for too long; a try may have failed.
 
-        ``spent_s`` is what has been lost since the last change of the rung, in seconds that the budget of the loop that
-        lost most is for.
+        ``spent_s`` is the loss since the last change of level, in seconds of the budget of the worst loop.
         """
         self.overdrawn(now_s, spent_s / TRY_SHARE)
 
     def lower(self, *, by_far: bool = False) -> None:
-        """Take the rung below that frees most time for least error; the next one where nobody has measured.
+        """Take the lower level with the most time saved per error, or the next one if not measured.
 
-        With ``by_far`` it is the one that frees most, from which the way back leads by all between.
+        With ``by_far`` it is the one with the most time saved; the return passes all levels between.
         """
         below = range(self.level + 1, self.n_levels)
         freeing = [k for k in below if self._freed_us(k) > 0.0]
@@ -76,11 +74,11 @@ class Governor(QualityGovernor):
             self.descend(max(below, key=lambda k: (self._worth(k), -k)))
 
     def _freed_us(self, k: int) -> float:
-        """Return microseconds freed, 0 where nobody has measured."""
+        """Return the microseconds saved by level k, 0 if not measured."""
         here, there = self.rung, self.levels[k]
         return 0.0 if here.cost_us is None or there.cost_us is None else here.cost_us - there.cost_us
 
     def _worth(self, k: int) -> float:
-        """Return microseconds freed for each per cent of error added."""
+        """Return the microseconds saved per per cent of added error."""
         added = max(self.levels[k].error_percent - self.rung.error_percent, LEAST_ERROR_PERCENT)
         return self._freed_us(k) / added

@@ -1,9 +1,8 @@
-"""What the kernel says of a process: that a signal holds it, or that it would run if others let it.
+"""State of a process by the kernel: stopped by a signal, or runnable and waiting for a processor.
 
-Both look like a hang from outside. A process that is stopped is in state T; but one that others starve stays runnable
-after SIGSTOP until it gets a processor to take the signal on, and the time that it waits enters its statistics only
-when the wait is over. So of a runnable process it is also asked which signals it has yet to take, and since when it has
-not run.
+Both look like a hang from outside. A stopped process is in state T. But a starved one remains runnable after SIGSTOP
+until it gets a processor on which to handle the signal, and its waits enter its statistics only when they end. So for a
+runnable process the pending signals, and the time since it last ran, are read as well.
 """
 
 from __future__ import annotations
@@ -19,10 +18,10 @@ _PENDING = (b"SigPnd:", b"ShdPnd:")
 
 
 class Waits(NamedTuple):
-    """For how long a process has waited for a processor, s: its loop, and the threads that send for it.
+    """Waits for a processor, in s, of a process' loop and of the threads that send for it.
 
-    A heartbeat waits with the one, then with the others. Where they wait at the same time, both together are more than
-    the silence that they explain.
+    A heartbeat waits first with the loop, then with the others. If they wait simultaneously, the sum exceeds the
+    silence that it explains.
     """
 
     loop_s: float = 0.0
@@ -30,16 +29,16 @@ class Waits(NamedTuple):
 
     @property
     def total_s(self) -> float:
-        """Both together."""
+        """Sum of both."""
         return self.loop_s + self.bus_s
 
     def since(self, earlier: Waits) -> Waits:
-        """Return what has been waited since."""
+        """Return the waits since an earlier state."""
         return Waits(self.loop_s - earlier.loop_s, self.bus_s - earlier.bus_s)
 
 
 class KernelWord:
-    """Files of the kernel about the process `pid`, kept open: they never speak of another that takes its number."""
+    """The kernel's files about the process `pid`, kept open so that they never refer to a later one of the same id."""
 
     def __init__(self, pid: int) -> None:
         self._tasks = os.open(f"/proc/{pid}/task", os.O_RDONLY | os.O_DIRECTORY)
@@ -48,13 +47,13 @@ class KernelWord:
         self._bus = BusWaits(self._tasks)
 
     def is_stopped(self) -> bool:
-        """Return whether a signal or a debugger holds the process (SIGSTOP), or will when it is next run."""
+        """Return whether a signal or a debugger stops the process (SIGSTOP), or will when it next runs."""
         state = self._state()
         self._main.look(state)
         return state in (b"T", b"t") or (state == b"R" and self._is_to_stop())
 
     def waits(self) -> Waits:
-        """Return for how long its loop and its bus have waited for a processor since their start, 0 where unknown."""
+        """Return the waits of its loop and its bus for a processor since their start, 0 if unknown."""
         state = self._state()
         if not state:
             return Waits()
@@ -62,7 +61,7 @@ class KernelWord:
         return Waits(self._main.waited_s(), self._bus.waited_s())
 
     def close(self) -> None:
-        """Let go of the files."""
+        """Close the files."""
         self._main.close()
         self._bus.close()
         os.close(self._status)
@@ -72,6 +71,6 @@ class KernelWord:
         return self._main.state()
 
     def _is_to_stop(self) -> bool:
-        """Return whether a stop signal is pending, for its main thread or for whichever is run first."""
+        """Return whether a stop signal is pending, for its main thread or for the process."""
         lines = (line.split() for line in read(self._status).splitlines() if line.startswith(_PENDING))
         return any(int(line[1], 16) & _STOPPING for line in lines)

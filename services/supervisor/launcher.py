@@ -1,7 +1,7 @@
-"""Starts a process and follows it: its end, whether it is stopped, the lines that it writes.
+"""Starts a process and monitors it: its end, whether it is stopped, and its output.
 
-A child writes to a file, never to a pipe. A supervisor that is stopped or dead can then neither block it (a full pipe
-would stall a 1 kHz loop on its next warning) nor break its writes.
+A child writes to a file, not to a pipe, so that a stopped or dead supervisor neither blocks it (a full pipe would stall
+a 1 kHz loop at its next warning) nor breaks its writes.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from services.supervisor.fork_link import ForkServer
 from services.supervisor.kernel_word import KernelWord, Waits
 from services.supervisor.processes import ProcessSpec
 
-#: Beyond this a line is cut: nothing a child writes takes memory without bound.
+#: Longest line kept, to bound the memory for a child's output.
 _LINE_MAX = 2000
 _READ_BYTES = 1 << 16
-#: What some libraries mark their lines with, for a terminal.
+#: Colour codes of some libraries' output.
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 
 
 def _start(spec: ProcessSpec, arguments: Sequence[str], sink: IO[bytes], pass_fds: Collection[int]) -> int:
-    """Return the process id of a process of its own."""
+    """Start a process in a session of its own and return its id."""
     popen = subprocess.Popen(
         [sys.executable, "-m", spec.module, *arguments],
         stdin=subprocess.DEVNULL,
@@ -38,7 +38,8 @@ def _start(spec: ProcessSpec, arguments: Sequence[str], sink: IO[bytes], pass_fd
         stderr=sink,
         env={**os.environ, **spec.environment},
         pass_fds=pass_fds,
-        # A Ctrl-C at the terminal is ours alone, children are ended in order; and `services.runtime.autogroup`.
+        # A Ctrl-C at the terminal is only for us, as children are ended in order; also for
+        # `services.runtime.autogroup`.
         start_new_session=True,
     )
     popen.returncode = 0  # `Child.end` waits for it
@@ -46,7 +47,7 @@ def _start(spec: ProcessSpec, arguments: Sequence[str], sink: IO[bytes], pass_fd
 
 
 class Child:
-    """A process that is started when this is made, with a descriptor that becomes readable when it ends."""
+    """A process, started by construction, with a descriptor that becomes readable when it ends."""
 
     def __init__(
         self,
@@ -67,11 +68,11 @@ class Child:
         self._rest = b""
 
     def end(self) -> int | None:
-        """Return the exit status once the process has ended (negative: the signal), and end what it had started."""
+        """Return the exit status once the process has ended (negative: the signal), and end its own children."""
         if self._status is None:
             if os.waitid(os.P_PIDFD, self.descriptor, os.WEXITED | os.WNOHANG | os.WNOWAIT) is None:
                 return None
-            # Still a zombie, so its group id cannot be anybody else's: helpers that it left behind go with it.
+            # It is still a zombie, so its group id is not reused: helpers that it left behind are ended with it.
             with suppress(ProcessLookupError):
                 os.killpg(self.pid, signal.SIGKILL)
             self._status = os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
@@ -83,27 +84,27 @@ class Child:
         return self.end()
 
     def kill(self) -> int:
-        """End the process at once; return its exit status, that of before if it had ended."""
+        """Kill the process and return its exit status."""
         self.send(signal.SIGKILL)
         while (status := self.wait(1.0)) is None:
             pass
         return status
 
     def is_stopped(self) -> bool:
-        """Return whether a signal or a debugger holds the process (SIGSTOP)."""
+        """Return whether a signal or a debugger stops the process (SIGSTOP)."""
         return self._kernel.is_stopped()
 
     def waits(self) -> Waits:
-        """Return for how long its loop and its bus have waited for a processor since their start, 0 where unknown."""
+        """Return the waits of its loop and its bus for a processor since their start, 0 if unknown."""
         return self._kernel.waits()
 
     def send(self, number: signal.Signals) -> None:
-        """Send a signal; one to a process that has ended is nothing."""
+        """Send a signal, without effect on a process that has ended."""
         if self.end() is None:
             signal.pidfd_send_signal(self.descriptor, number)
 
     def lines(self) -> list[str]:
-        """Return the complete lines written since the last call; everything, once the process has ended."""
+        """Return the complete lines since the last call, and all output once the process has ended."""
         data = self._rest + self._log.read(_READ_BYTES)
         *whole, self._rest = data.split(b"\n")
         if self._status is not None or len(self._rest) > _LINE_MAX:
@@ -113,7 +114,7 @@ class Child:
         return [text for text in texts if text]
 
     def close(self) -> None:
-        """Let go of the descriptors of a process that has ended."""
+        """Close the descriptors of a process that has ended."""
         os.close(self.descriptor)
         self._kernel.close()
         self._log.close()

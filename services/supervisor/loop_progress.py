@@ -1,7 +1,7 @@
-"""Whether the 1 kHz loops tick, read from the row counts of their flight rings.
+"""Progress of the 1 kHz loops, read from the row counts of their flight rings.
 
-Reading a count costs the loop nothing. Sampling each stream fifty times a second would cost its publisher a frame to
-one more reader, both bus threads their wake-ups, and the supervisor 5 % of a core.
+Reading a count costs the loop nothing. Sampling each stream fifty times a second would cost its publisher a further
+reader, both bus threads their wake-ups, and the supervisor 5 % of a core.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from services.runtime.flights import open_ring, rows_written
 
 
 class _Ring:
-    """The ring of one process; `descriptor` is None where there is none that can be read."""
+    """The ring of one process; `descriptor` is None if it cannot be read."""
 
     def __init__(self, path: Path, pid: int) -> None:
         self.pid = pid
@@ -23,7 +23,7 @@ class _Ring:
         self._seen: int | None = None
 
     def is_replaced(self) -> bool:
-        """Return whether another ring has its name: of a new process with the same id, as containers have them."""
+        """Return whether another ring has its name, of a new process with the same id, as happens in containers."""
         assert self.descriptor is not None
         try:
             return os.stat(self._path).st_ino != os.fstat(self.descriptor).st_ino
@@ -42,16 +42,16 @@ class _Ring:
 
 
 class LoopProgress:
-    """The rings in `directory`; None where no ring can be seen, as of processes of another container."""
+    """The rings in `directory`; None if rings are invisible, as those of another container."""
 
     def __init__(self, directory: Path | None) -> None:
         self._directory = directory
         self._rings: dict[str, _Ring] = {}
 
     def ticked(self, name: str, pid: int) -> bool | None:
-        """Return whether the loop of process `name` has ticked since this was last asked; None if it has no ring.
+        """Return whether the loop of process `name` has ticked since the last call; None without a ring.
 
-        To be called for a process that has reported ready: its ring is there by then, or never.
+        Call it only for processes that have reported ready, whose ring exists by then, or never.
         """
         if self._directory is None:
             return None
@@ -73,7 +73,7 @@ class LoopProgress:
         return ring
 
     def close(self) -> None:
-        """Let go of the files."""
+        """Close the files."""
         for ring in self._rings.values():
             ring.close()
         self._rings.clear()

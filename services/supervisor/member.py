@@ -1,4 +1,4 @@
-"""One process as the supervisor knows it: its state, its child, its newest report, when it may be started again."""
+"""One process in the supervisor: its state, its child, its newest report, and its restarts."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from services.supervisor.launcher import Child
 from services.supervisor.processes import ProcessSpec
 from services.supervisor.window import Window
 
-#: The gateway's report is made in pieces: one that comes sooner may be older than a command.
+#: The gateway's report is made in parts, so that an earlier one may precede a command.
 _REPORT_S = 0.2
-#: What a process says is wrong with it is told again so late where nothing but its numbers has changed.
+#: Pause before a process' fault is reported again if only its numbers have changed.
 _AGAIN_S = 10.0
 _MINUTE_S = 60.0
 
 
 class RestartPolicy:
-    """Delays that grow with the restarts of the last minute, and an end to them.
+    """Delays of restarts, which grow with the restarts of the last minute, and their limit.
 
     Args:
         backoff_s: Delay before the first, second, ... restart within a minute; the last holds for all further ones.
@@ -39,7 +39,7 @@ class RestartPolicy:
         self.count = 0
 
     def delay_s(self, now_s: float) -> float | None:
-        """Count a restart at `now_s` and return how long to wait for it; None when the limit is reached."""
+        """Count a restart at `now_s` and return its delay; None at the limit."""
         while self._times_s and now_s - self._times_s[0] > _MINUTE_S:
             self._times_s.popleft()
         if len(self._times_s) >= self._max:
@@ -50,25 +50,25 @@ class RestartPolicy:
         return delay
 
     def forgive(self) -> None:
-        """Forget the minute: a person has armed the rig anew."""
+        """Reset the count, as a person has armed the rig."""
         self._times_s.clear()
 
 
 class MemberState(StrEnum):
-    """What a process is in."""
+    """States of a process."""
 
     WAITING = "waiting"  # not started, or waiting for its back-off
     STARTING = "starting"
     READY = "ready"
     HUNG = "hung"  # alive, but silent or stopped
-    LOST = "lost"  # died or vanished; waits to be started again, or for whoever owns it
-    FAILED = "failed"  # given up: only arming the rig tries again
+    LOST = "lost"  # died or vanished; waits for a restart, by us or its owner
+    FAILED = "failed"  # given up until the rig is armed
     STOPPING = "stopping"
 
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """What a process said when it ended by itself and in error, and its exit code."""
+    """Error message and exit code of a process that ended by itself in error."""
 
     sentence: str
     exit_code: int
@@ -76,7 +76,7 @@ class Fault:
 
 @dataclass(slots=True)
 class Member:
-    """A process of the rig. Times are seconds of the monotonic clock."""
+    """A process of the rig; times are seconds of the monotonic clock."""
 
     spec: ProcessSpec
     critical: bool
@@ -90,18 +90,18 @@ class Member:
     since_s: float = 0.0
     health: bodies.Health | None = None
     heard_s: float = 0.0
-    waited: Waits = field(default_factory=Waits)  # for a processor, up to when it was heard
+    waited: Waits = field(default_factory=Waits)  # for a processor, up to the last report
     stream_s: float | None = None
     last_lines: list[str] = field(default_factory=list)
     progress: tuple[str, float] | None = None
-    advanced_s: float = 0.0  # when it last said something else of its progress
+    advanced_s: float = 0.0  # time of the last change of its progress
     waited_before_s: float = 0.0  # for a processor, up to then
     killed: bool = False
-    status: int = 0  # with which it last ended
-    fault: Fault | None = None  # the last of all: one that was started again may have left a hole
+    status: int = 0  # its last exit status
+    fault: Fault | None = None  # the last one, kept over restarts
     came_up: bool = False  # was ready since it was started
-    stalls_s: list[float] = field(default_factory=list)  # when silences ended that it came back from by itself
-    _stalls_told: int = 0  # index of the loop's last stall that was
+    stalls_s: list[float] = field(default_factory=list)  # ends of silences from which it recovered by itself
+    _stalls_told: int = 0  # index of the last reported stall of the loop
     _detail_told: str = ""
     _detail_told_s: float = 0.0
     _detail_ended: bool = True
@@ -113,7 +113,7 @@ class Member:
 
     @property
     def pid(self) -> int:
-        """Process id: of our child, else as it says itself."""
+        """Process id of our child, or by its own report."""
         if self.child is not None:
             return self.child.pid
         return self.health.pid if self.health else 0
@@ -124,11 +124,11 @@ class Member:
         return self.state is MemberState.READY
 
     def enter(self, state: MemberState, now_s: float, reason: str = "") -> None:
-        """Take another state."""
+        """Change the state."""
         self.state, self.since_s, self.reason = state, now_s, reason
 
     def hear(self, health: bodies.Health, now_s: float) -> bool:
-        """Take a heartbeat; return whether it is from the process we own."""
+        """Process a heartbeat; return whether it is from our process."""
         if self.child is not None and health.pid != self.child.pid:
             return False
         self.health, self.heard_s = health, now_s
@@ -138,12 +138,12 @@ class Member:
         return True
 
     def safe_stop_said(self, asked_s: float) -> float | None:
-        """Return what the gateway says of its safe stop, None where it may not have heard of `asked_s` yet."""
+        """Return the gateway's report of its safe stop, None if it may precede the command of `asked_s`."""
         is_newer = self.health is not None and self.heard_s >= asked_s + _REPORT_S
         return self.health.gauges.get("safe_stop") if self.health is not None and is_newer else None
 
     def new_stalls(self) -> list[bodies.Stall]:
-        """Return the stalls that its loop measured and that were not returned before; none of its time of starting."""
+        """Return the new stalls measured by its loop, without those of its start."""
         loop = self.health.loop if self.health is not None else None
         if loop is None:
             return []
@@ -152,10 +152,10 @@ class Member:
         return new if self.came_up else []
 
     def new_detail(self, now_s: float) -> list[str]:
-        """Return what it says is wrong with it, where that was not returned before.
+        """Return its new reports of faults.
 
-        The same words with other numbers, of a count that goes on, are new after ten seconds only: a line each second
-        would leave room for nothing else in the history.
+        The same words with other numbers, as of a growing count, are new only after ten seconds, because a line each
+        second would fill the history.
         """
         detail = self.health.detail if self.health is not None and self.health.state == "degraded" else ""
         if not detail:
@@ -169,17 +169,17 @@ class Member:
         return [f"{self.name}: {detail}"]
 
     def starved(self) -> Waits:
-        """Return for how long our child has waited for a processor since it was last heard, or started."""
+        """Return our child's waits for a processor since it was last heard, or started."""
         return self.child.waits().since(self.waited) if self.child is not None else Waits()
 
     def advance(self, progress: tuple[str, float], now_s: float) -> None:
-        """Take what a starting process says of its progress; saying the same again is none."""
+        """Process the progress reported by a starting process; a repetition is none."""
         if progress != self.progress:
             self.progress, self.advanced_s = progress, now_s
             self.waited_before_s = self.child.waits().total_s if self.child is not None else 0.0
 
     def forget(self) -> None:
-        """Drop what the ended process said: the next one speaks for itself."""
+        """Clear the reports of the ended process."""
         self.health = None
         self.stream_s = None
         self.progress = None
@@ -190,13 +190,13 @@ class Member:
         self.waited = Waits()
 
     def kill(self) -> None:
-        """End the process at once: hung processes do not answer anything gentler."""
+        """Kill the process, as hung processes do not react to other signals."""
         if self.child is not None:
             self.killed = True
             self.child.send(signal.SIGKILL)
 
     def body(self) -> bodies.ProcessReport:
-        """Return the process as it is reported."""
+        """Return the process' report for the wire."""
         return bodies.ProcessReport(
             name=self.name, state=self.state, pid=self.pid, restarts=self.restarts.count, reason=self.reason[:256]
         )
@@ -220,5 +220,5 @@ def build_members(rig: Rig, table: Sequence[ProcessSpec]) -> dict[str, Member]:
 
 
 def _words(detail: str) -> list[str]:
-    """Return what is said beside numbers, in any order."""
+    """Return the words of a message without numbers, sorted."""
     return sorted(re.findall(r"[^\W\d]+", detail))

@@ -1,6 +1,6 @@
-"""Prometheus metrics of the whole rig, from the counts that the processes send: no loop is ever scraped itself.
+"""Prometheus metrics of the whole rig, from the counts reported by the processes; loops are never scraped themselves.
 
-Two levels: the summary is what alerts and dashboards need of many rigs, at most 200 series; in full, every histogram.
+There are two levels: a summary for alerts and dashboards of many rigs, with at most 200 series, and all histograms.
 """
 
 from __future__ import annotations
@@ -25,26 +25,26 @@ from services.supervisor.state_machine import RigState
 
 Level = Literal["summary", "full"]
 _Family = TypeVar("_Family", CounterMetricFamily, GaugeMetricFamily)
-#: Gauges ``device_link_up.<device>`` of a process are a metric of their own.
+#: Prefix of gauges ``device_link_up.<device>``, which are a metric of their own.
 LINK = "device_link_up"
-#: Gauges of the recorder that are metrics of their own: what each is called, whether it counts, and what it is.
+#: Gauges of the recorder that are metrics of their own: name, whether it is a counter, and description.
 _RECORDER = {
     "recorded_frames": ("trocar_recorder_frames", CounterMetricFamily, "Frames in the recording"),
     "lost_frames": ("trocar_recorder_lost_frames", CounterMetricFamily, "Frames that the recording lacks"),
     "waiting_for_disk_bytes": ("trocar_recorder_waiting_bytes", GaugeMetricFamily, "Bytes not yet written to the disk"),
     "disk_free_bytes": ("trocar_recorder_disk_free_bytes", GaugeMetricFamily, "Free space where recordings are kept"),
 }
-#: Buckets of stages come two to a doubling, not four.
+#: Buckets of stages are two to a doubling, not four.
 _EVERY = 2
-#: Edges of paths in the summary, as parts of what the path is judged against.
+#: Edges of paths in the summary, as fractions of the path's limit.
 _PARTS = (0.25, 0.5, 0.71, 1.0, 1.42, 2.0, 4.0)
 
 
 @dataclass(frozen=True, slots=True)
 class RigSource:
-    """The rig as it is exported: as it is judged, the newest report of each process, and what was observed.
+    """The exported rig: its judgement, the newest report of each process, and the observers' rows.
 
-    `is_judged` tells whether the supervisor itself is up; `task` what was seen of attempts.
+    `is_judged` tells whether the supervisor itself is up; `task` has the metrics of attempts.
     """
 
     state: bodies.SupervisorState
@@ -56,7 +56,7 @@ class RigSource:
 
 
 class RigCollector:
-    """Turns the newest reports into metric families at each scrape. Counts fall back to 0 when a process restarts."""
+    """Converts the newest reports to metric families at each scrape. Counts restart at 0 with a process."""
 
     def __init__(self, source: Callable[[], RigSource], level: Level = "full") -> None:
         self._source = source
@@ -83,7 +83,7 @@ class RigCollector:
 
 
 def registry(source: Callable[[], RigSource], level: Level = "full") -> prometheus_client.CollectorRegistry:
-    """Return a registry with the rig's metrics of a level and nothing else."""
+    """Return a registry with only the rig's metrics of a level."""
     made = prometheus_client.CollectorRegistry()
     made.register(RigCollector(source, level))
     return made
@@ -100,7 +100,7 @@ def _rig(rig: bodies.SupervisorState) -> Iterator[Metric]:
 
 
 def _quality(quality: bodies.QualityReport) -> Iterator[Metric]:
-    """Yield what the rung in force costs, where that was measured, and how often it was changed."""
+    """Yield the measured cost of the present quality level, and the number of its changes."""
     if quality.cost_us is not None:
         yield GaugeMetricFamily(
             "trocar_quality_cost_seconds", "A tick of the rung in force", value=1e-6 * quality.cost_us
@@ -155,7 +155,7 @@ def _loops(heard: Iterable[bodies.Health], full: bool) -> Iterator[Metric]:
 
 
 def _limits(contracts: Contracts) -> Iterator[Metric]:
-    """Yield what the rig file asks for: alerts hold a rig to its own contracts."""
+    """Yield the limits of the rig file, by which alerts apply a rig's own contracts."""
     lost = {name: loop.miss_ratio for name, loop in contracts.loops.items()}
     p99 = {name: path.p99_us / 1e6 for name, path in contracts.paths.items()}
     yield _by("loop", GaugeMetricFamily, "trocar_loop_miss_ratio_limit", "Share of ticks that may be lost", lost)
@@ -220,7 +220,7 @@ def _stages(heard: Iterable[bodies.Health]) -> Iterator[Metric]:
             counts = [*cumulative[_EVERY - 1 : -1 : _EVERY], cumulative[-1]]
             buckets = [(bound, int(count)) for bound, count in zip(bounds, counts, strict=True)]
             family.add_metric([health.process, body.name], buckets, stage.sum_us / 1e6)
-            if cumulative[-1]:  # to the edge of its bucket: the exact one is known of the last report's time only
+            if cumulative[-1]:  # the bucket's edge, as the exact maximum is known only for the last report's time
                 longest.add_metric([health.process, body.name], stage.quantiles().max / 1e6)
     yield from (family, longest)
 

@@ -1,7 +1,7 @@
-"""The page's process, as the supervisor starts it, informs it and starts it again.
+"""The supervisor's handling of the page's process: start, messages, restart.
 
-It is of the ordinary class and shares no interpreter with the loop that judges, so that it holds up nothing when it is
-busy or not run. It hears the processes for itself; its end of a socket pair is its life.
+The process is not real-time and shares no interpreter with the judging loop, so that it delays nothing when it is busy
+or not run. It receives the processes' reports itself, and ends with its socket pair.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from services.supervisor.supervisor import Supervisor
 
 _PAGE = ProcessSpec("page", "services.supervisor.page_server")
 _TELL_S = 0.2
-#: One that ended is started again after so long, so often.
+#: Delay and number of restarts.
 _RETRY_S, _RETRIES = 2.0, 5
 _END_S = 3.0
-#: Silence of a page that is a hang, and of one that starts: less the time for which it waited for a processor.
+#: Silence that is a hang, of a running and of a starting page, not counting waits for a processor.
 _SILENT_S, _SILENT_AT_FIRST_S = 5.0, 60.0
 
 
 class Page:
-    """Serves while it is open."""
+    """The page's process."""
 
     def __init__(self, sock: socket.socket, supervisor: Supervisor, setup: PageSetup, log_directory: Path) -> None:
         self._supervisor = supervisor
@@ -46,9 +46,9 @@ class Page:
         self._start(supervisor.started_s)
 
     def close(self) -> None:
-        """End the process, and give the address up."""
+        """End the process, and release the address."""
         if self._link is not None:
-            self._link.close()  # which it sees, and ends
+            self._link.close()  # ends it
         if self._child is not None:
             self._child.wait(_END_S)
             self._child.kill()
@@ -57,7 +57,7 @@ class Page:
         self._file.unlink(missing_ok=True)
 
     def turn(self, now_s: float) -> None:
-        """Send the status when it is due; start the process again where it ended or hangs."""
+        """Send the status when due; restart the process if it ended or hangs."""
         if self._link is None or self._child is None:
             if now_s >= self._retry_s and self._starts <= _RETRIES:
                 self._start(now_s)

@@ -1,4 +1,4 @@
-"""Messages of the supervisor over Unix sockets: to its page's process, and with whoever commands it."""
+"""Messages of the supervisor over Unix sockets, with its page's process and with senders of commands."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ import protocol.bodies as bodies
 from services.supervisor.shown_recording import ReplayStatus
 from services.supervisor.supervisor import Event, Supervisor
 
-#: More than the largest status: two hundred events of a few hundred characters.
+#: More than the largest status, two hundred events of a few hundred characters.
 _MESSAGE_MAX = 1 << 18
 _WAIT_S = 10.0
 
 
 class PageSetup(msgspec.Struct, frozen=True):
-    """The first message: what the page is to be. `rig` is the rig as JSON, defaults and overrides in it.
+    """The first message to the page. `rig` is the rig as JSON, with defaults and overrides.
 
-    `switches` tells whether who runs the rig begins another scenario when it is asked to.
+    `switches` tells whether the session can switch to another scenario.
     """
 
     rig: str
@@ -29,10 +29,10 @@ class PageSetup(msgspec.Struct, frozen=True):
 
 
 class RigStatus(msgspec.Struct, frozen=True):
-    """The rig as the supervisor judges it. Times are seconds of the monotonic clock; `broken` are keys of breaches.
+    """The supervisor's judgement of the rig. Times are seconds of the monotonic clock; `broken` are keys of breaches.
 
-    `path_limits_us` are what the paths are judged against just now: no less than what the rig file says. `replay` is
-    the recording whose pictures are shown, None in a rig that works.
+    `path_limits_us` are the present limits of the paths, at least those of the rig file. `replay` is the shown
+    recording, None in a working rig.
     """
 
     said_s: float
@@ -56,7 +56,7 @@ class RigStatus(msgspec.Struct, frozen=True):
 
 
 class Heartbeat(msgspec.Struct, frozen=True):
-    """What the page's process says while it lives; `fault` is what is wrong with what it has started."""
+    """Sign of life of the page's process; `fault` is a fault of its own child processes."""
 
     fault: str = ""
 
@@ -65,14 +65,14 @@ _T = TypeVar("_T", bound=msgspec.Struct)
 
 
 class Link:
-    """One end of the socket pair. Nothing in it waits but `wait`."""
+    """One end of the socket pair; only `wait` blocks."""
 
     def __init__(self, end: socket.socket) -> None:
         self._end = end
 
     @classmethod
     def pair(cls) -> tuple[Link, Link]:
-        """Return both ends; messages keep their boundaries, and an end that is gone is seen at the other."""
+        """Return both ends of a pair that keeps message boundaries; each end detects the loss of the other."""
         one, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         for end in (one, other):
             end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 2 * _MESSAGE_MAX)
@@ -83,15 +83,15 @@ class Link:
         return self._end.fileno()
 
     def send(self, message: msgspec.Struct) -> bool:
-        """Send a message unless the other end is slow or gone; return whether it was."""
+        """Send a message unless the other end is slow or gone; return whether it was sent."""
         try:
             self._end.send(msgspec.json.encode(message), socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL)
-        except OSError:  # also of an end that is closed here
+        except OSError:  # also if this end is closed
             return False
         return True
 
     def receive(self, kind: type[_T]) -> _T | None:
-        """Return the next message, None where there is none. Raises ConnectionError if the other end is gone."""
+        """Return the next message, None without one. Raises ConnectionError if the other end is gone."""
         try:
             data = self._end.recv(_MESSAGE_MAX, socket.MSG_DONTWAIT)
         except BlockingIOError:
@@ -101,14 +101,14 @@ class Link:
         return msgspec.json.decode(data, type=kind)
 
     def newest(self, kind: type[_T]) -> _T | None:
-        """Return the last of the messages that have come, None where none has; raises as `receive` does."""
+        """Return the last received message, None without one; raises as `receive` does."""
         newest = None
         while (message := self.receive(kind)) is not None:
             newest = message
         return newest
 
     def wait(self, kind: type[_T], timeout_s: float = _WAIT_S) -> _T | None:
-        """Return the next message, None where none came within `timeout_s`; raises as `receive` does."""
+        """Return the next message, None without one within `timeout_s`; raises as `receive` does."""
         self._end.settimeout(timeout_s)
         try:
             self._end.recv(1, socket.MSG_PEEK)
@@ -119,5 +119,5 @@ class Link:
         return self.receive(kind)
 
     def close(self) -> None:
-        """Let go of this end."""
+        """Close this end."""
         self._end.close()

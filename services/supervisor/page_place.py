@@ -1,4 +1,4 @@
-"""The page's place: its files, and the file with its address and token. Needs no web package."""
+"""Paths of the page: its files, and the file with its address and token. Needs no web package."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from services.runtime import endpoints
 from services.runtime.private_directory import open_text
 from services.runtime.rig import Transport
 
-#: The built page: made of services/visualization/web, whose process does not serve it.
+#: The built page, from services/visualization/web.
 DIST = Path(services.__file__).parent / "visualization" / "web" / "dist"
 
 

@@ -1,7 +1,7 @@
 """The page's process: ``python -m services.supervisor.page_server LINK SOCKET``, started by the supervisor only.
 
-It hears the processes' reports on the bus as any observer, and the supervisor's judgement over the link. Its end of the
-link is its life: when the supervisor goes, it goes.
+It receives the processes' reports on the bus, and the supervisor's judgement over the link. It ends with the link, that
+is with the supervisor.
 """
 
 from __future__ import annotations
@@ -33,18 +33,18 @@ from services.supervisor.task_metrics import Task
 from services.supervisor.web import EVENT_PERIOD_S, PageContext, build_app
 
 _HEALTHY = (RigState.READY, RigState.RUNNING, RigState.DEGRADED)
-#: A supervisor that has said nothing for so long does not run: what is shown is old.
+#: Silence of the supervisor after which the page is marked as outdated.
 SILENT_S = 2.0
-#: It needs a twentieth of a core and answers a person: of the ordinary class, it is served before what computes.
+#: It needs a twentieth of a core and answers a person, so it precedes computing processes of the ordinary class.
 _NICE = -10
-#: Whose page this is: no member of the crew, but its turns are measured as everybody's.
+#: Name of the supervisor, whose turns are measured like those of other processes.
 OURS = "supervisor"
 _encoder = msgspec.json.Encoder()
 
 
 @dataclass
 class Knowledge:
-    """What the page's process has heard and seen of the rig."""
+    """The page's data on the rig."""
 
     rig: Rig
     observers: Observers
@@ -53,7 +53,7 @@ class Knowledge:
     heard: dict[str, dashboard.Heard] = field(default_factory=dict)
 
     def hear(self, bus: Bus) -> None:
-        """Take the newest report of every process."""
+        """Receive the newest report of every process."""
         if self.status is None:
             return
         if self.status.replay is not None and self.status.replay.attempt is not None:
@@ -67,7 +67,7 @@ class Knowledge:
                 heard.take(frame.body)
 
     def healthy(self) -> tuple[bool, str]:
-        """Return whether the rig does what it is for, and in which words."""
+        """Return whether the rig works, with a description."""
         if self.status is None:
             return False, "the supervisor has said nothing yet"
         silent_s, state = time.monotonic() - self.status.said_s, self.status.state
@@ -77,7 +77,7 @@ class Knowledge:
         return state.state in _HEALTHY, f"{state.state}{reason}"
 
     def source(self) -> RigSource:
-        """Return what is exported to Prometheus."""
+        """Return the data exported to Prometheus."""
         if self.status is None:
             return RigSource(bodies.SupervisorState(state=RigState.OFF))
         is_judged = time.monotonic() - self.status.said_s < SILENT_S
@@ -85,18 +85,18 @@ class Knowledge:
         return RigSource(self.status.state, self.reports(), self.observers.report(), is_judged, contracts, self.task)
 
     def reports(self) -> dict[str, bodies.Health]:
-        """Return the newest report of every process that was heard."""
+        """Return the newest report of every process."""
         return {name: one.health for name, one in self.heard.items() if one.health is not None}
 
     def view_port(self) -> int:
-        """Return where the picture is served: as its process says, where it was left to choose."""
+        """Return the port of the picture, reported by its process if it was not configured."""
         heard = self.heard.get("visualization")
         said = heard.health.gauges.get("view_port") if heard is not None and heard.health is not None else None
         return int(said) if said else self.rig.visualization.port
 
 
 def main(link_descriptor: int, socket_descriptor: int) -> int:
-    """Serve until the supervisor goes; return the exit code."""
+    """Serve until the supervisor ends; return the exit code."""
     with contextlib.suppress(PermissionError):
         os.setpriority(os.PRIO_PROCESS, 0, _NICE)
         set_group_niceness(_NICE)
@@ -112,7 +112,7 @@ def main(link_descriptor: int, socket_descriptor: int) -> int:
 
 
 def _run(knowledge: Knowledge, setup: PageSetup, link: Link, sock: socket.socket) -> None:
-    """Serve until the supervisor goes."""
+    """Serve until the supervisor ends."""
     context = PageContext(
         rig=knowledge.rig,
         scene=setup.scene,
@@ -139,7 +139,7 @@ async def _serve(context: PageContext, knowledge: Knowledge, bus: Bus, link: Lin
 
 
 async def _follow(context: PageContext, knowledge: Knowledge, bus: Bus, link: Link, server: uvicorn.Server) -> None:
-    """Replace what the page shows, five times a second, until the supervisor is gone."""
+    """Update the page's data five times a second, until the supervisor ends."""
     while True:
         try:
             knowledge.status = link.newest(RigStatus) or knowledge.status

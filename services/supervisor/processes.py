@@ -1,11 +1,11 @@
-"""The process table: every process of the rig, what it needs to start, what tells that it hangs."""
+"""The table of the rig's processes: how each is started, and how a hang of it is detected."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-#: One thread each: a pool of BLAS or numba threads beside a 1 kHz loop costs it its deadlines.
+#: One thread each, because a pool of BLAS or numba threads would cost a 1 kHz loop its deadlines.
 ENVIRONMENT = {
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
@@ -22,11 +22,10 @@ class ProcessSpec:
     """One process.
 
     Args:
-        name, module: Name on the bus, and what ``python -m`` runs.
-        critical: Whether the rig is safe-stopped when it cannot be kept alive. The rig file may lower this, not raise
-            it.
-        starts_after: Processes that must have said that they are ready first.
-        stream: A 1 kHz topic it publishes: the silence of which is noticed much sooner than that of the heartbeat.
+        name, module: Name on the bus, and module run by ``python -m``.
+        critical: Whether the rig is safe-stopped when it cannot be kept alive. The rig file may only lower this.
+        starts_after: Processes that must have reported ready first.
+        stream: A 1 kHz topic that it publishes, whose silence is noticed much sooner than the heartbeat's.
     """
 
     name: str
@@ -37,8 +36,8 @@ class ProcessSpec:
     environment: Mapping[str, str] = field(default_factory=lambda: ENVIRONMENT)
 
 
-#: Visualization and training need the modal basis that haptics builds; beside it they would wait for it. The gateway
-#: ticks from its first second: on two cores it would take a quarter of the time in which physics and haptics compile.
+#: Visualization and training need the modal basis that haptics builds, and would only wait for it. The gateway ticks
+#: from its first second: on two cores it would take a quarter of the time while physics and haptics compile.
 TABLE = (
     ProcessSpec("gateway", "services.gateway", starts_after=("haptics",), stream="gateway.state"),
     ProcessSpec("physics", "services.physics", stream="physics.state"),

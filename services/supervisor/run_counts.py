@@ -1,7 +1,7 @@
-"""What every process counted in a run, over each interval in which one rung of the quality ladder was in force.
+"""Counts of every process in a run, over each interval of one quality level.
 
-What was lost before the governor acted says how slow the machine is, what was lost after it how much that helped.
-Reports come a tenth of a second apart, so a change of rung is known as exactly.
+The losses before the governor acted show how slow the machine is, those after it how much that helped. Reports are a
+tenth of a second apart, so the time of a change of level is known to that accuracy.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from services.supervisor.figures import of as figures_of
 
 
 class Tally:
-    """What one process has counted since a moment, over its restarts; only its newest report is looked into, if asked.
+    """Counts of one process since a time, over its restarts, evaluated only on request.
 
     Args:
-        before: Its last report before that moment, None where it had made none.
+        before: Its last report before that time, None without one.
     """
 
     def __init__(self, before: bodies.Health | None) -> None:
         self._first = before
         self._newest: bodies.Health | None = before
-        self._earlier = Figures(0.0)  # of incarnations before the newest
+        self._earlier = Figures(0.0)  # of earlier incarnations
 
     def add(self, health: bodies.Health) -> None:
-        """Take a report."""
+        """Add a report."""
         last = self._newest
         if last is not None and (health.pid != last.pid or health.uptime_s < last.uptime_s):
             self._earlier = self.counts()
@@ -36,7 +36,7 @@ class Tally:
         self._newest = health
 
     def counts(self) -> Figures:
-        """Return everything that was counted."""
+        """Return the total counts."""
         if self._newest is None:
             return self._earlier
         counted = figures_of(self._newest)
@@ -45,7 +45,7 @@ class Tally:
 
 @dataclass(slots=True)
 class _Interval:
-    """The time for which one rung was in force, and what every loop counted in it, once it is over."""
+    """An interval of one quality level, with the counts of every loop once it is over."""
 
     level: int
     name: str
@@ -54,7 +54,7 @@ class _Interval:
     loops: dict[str, dict[str, int]] = field(default_factory=dict)
 
     def close(self, counts: dict[str, Figures]) -> None:
-        """Keep what is reported of it: histograms of every interval would be a megabyte each."""
+        """Store only the reported counts, as the histograms of an interval are a megabyte."""
         self.loops = {
             name: {"ticks": loop.ticks, "misses": loop.misses, "skipped": loop.skipped}
             for name, each in counts.items()
@@ -72,30 +72,30 @@ class _Interval:
 
 
 class RunCounts:
-    """The counts of a run. A rung that is taken twice has two intervals."""
+    """The counts of a run; a level that is taken twice has two intervals."""
 
     def __init__(self) -> None:
         self._intervals: list[_Interval] = []
-        self._tallies: dict[str, Tally] = {}  # of the newest interval
-        self._earlier: dict[str, Figures] = {}  # of all others
+        self._tallies: dict[str, Tally] = {}  # of the present interval
+        self._earlier: dict[str, Figures] = {}  # of earlier ones
         self._newest: dict[str, bodies.Health] = {}
 
     @property
     def has_begun(self) -> bool:
-        """Whether anything is counted yet."""
+        """Whether counting has begun."""
         return bool(self._intervals)
 
     @property
     def seconds(self) -> float:
-        """How long has been counted."""
+        """Duration of counting."""
         return self._intervals[-1].end_s - self._intervals[0].start_s if self._intervals else 0.0
 
     def begin(self, reports: Iterable[bodies.Health]) -> None:
-        """Count from after these reports on; to be followed by `turn`."""
+        """Start counting after these reports; call `turn` next."""
         self._newest = {health.process: health for health in reports}
 
     def turn(self, now_s: float, level: int, name: str) -> None:
-        """Take note of the rung in force."""
+        """Record the present quality level."""
         if self._intervals:
             self._intervals[-1].end_s = now_s
         if not self._intervals or self._intervals[-1].level != level:
@@ -109,19 +109,19 @@ class RunCounts:
             self._intervals[-1].close({name: tally.counts() for name, tally in self._tallies.items()})
 
     def add(self, health: bodies.Health) -> None:
-        """Take a process' report."""
+        """Add a process' report."""
         self._newest[health.process] = health
         if self._intervals:
             self._tallies.setdefault(health.process, Tally(None)).add(health)
 
     def totals(self) -> dict[str, Figures]:
-        """Return what each process counted in the whole run."""
+        """Return the counts of each process in the whole run."""
         sums = dict(self._earlier)
         for name, tally in self._tallies.items():
             sums[name] = sums.get(name, Figures(0.0)) + tally.counts()
         return sums
 
     def rungs(self) -> list[dict[str, Any]]:
-        """Return the intervals as they are reported, from the start of the first one on."""
+        """Return the intervals for the report, with times from the start of the first."""
         self._close()
         return [interval.body(self._intervals[0].start_s) for interval in self._intervals]

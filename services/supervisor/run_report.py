@@ -1,7 +1,7 @@
-"""What a run of a given length did: the object that ``trocar up --seconds N --json FILE`` writes.
+"""Report of a run of a given length, the object that ``trocar up --seconds N --json FILE`` writes.
 
-Only the time in which the rig was RUNNING and had settled counts: what processes counted between then and the moment
-in which it was asked to end. While it ends, hands are let go one process after the other, and nothing is late.
+It covers the time from when the rig is RUNNING and settled until it is told to end. While it ends, forces are removed
+and processes end one after the other, and nothing counts as late.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from services.supervisor.run_counts import RunCounts
 from services.supervisor.state_machine import RigState
 from services.supervisor.supervisor import Supervisor
 
-#: After RUNNING: start-up tails out of queues and caches.
+#: Time after RUNNING that is left out, for effects of the start in queues and caches.
 SETTLE_S = 1.0
 _PACKAGES = ("trocar", "numpy", "scipy", "numba", "pyzmq", "msgspec")
 
@@ -45,11 +45,11 @@ class RunReport:
 
     @property
     def measured_s(self) -> float:
-        """Seconds that count so far."""
+        """Counted seconds so far."""
         return self._counts.seconds
 
     def turn(self, now_s: float) -> None:
-        """Follow the supervisor; to be called after every turn of it."""
+        """Follow the supervisor; call this after each of its turns."""
         if self._running_s is None and self._supervisor.state is RigState.RUNNING:
             self._running_s = now_s
         has_settled = self._running_s is not None and now_s - self._running_s >= SETTLE_S
@@ -68,7 +68,7 @@ class RunReport:
                     self._recorder = member.health
 
     def result(self) -> dict[str, Any]:
-        """Return the object, every number finite or None."""
+        """Return the report, with every number finite or None."""
         counts = self._counts.totals()
         paths = {name: path for figures in counts.values() for name, path in figures.paths.items()}
         model = paths.get("device_model")
@@ -92,7 +92,7 @@ class RunReport:
             "events": list(self._supervisor.events),
             "machine": machine(),
         }
-        plain: dict[str, Any] = json.loads(msgspec.json.encode(result))  # in which NaN and infinity are null
+        plain: dict[str, Any] = json.loads(msgspec.json.encode(result))  # encodes NaN and infinity as null
         return plain
 
     def _own_lateness(self) -> Latencies | None:
@@ -100,7 +100,7 @@ class RunReport:
         return None if meter is None else Latencies.of(meter.lateness.body())
 
     def _own(self) -> dict[str, Any] | None:
-        """Return how late the supervisor's own turns were."""
+        """Return the lateness of the supervisor's own turns."""
         now, before = self._own_lateness(), self._own_before
         return {"lateness_us": (now - before).quantiles()} if now is not None and before is not None else None
 
@@ -113,7 +113,7 @@ class RunReport:
 
 
 def _recording(health: bodies.Health | None) -> dict[str, Any] | None:
-    """Return how many frames were recorded and how many lost since the recorder began, and why, as it said last."""
+    """Return the recorder's newest counts of recorded and lost frames, with reasons."""
     if health is None or "recorded_frames" not in health.gauges:
         return None
     frames, lost = health.gauges["recorded_frames"], health.gauges["lost_frames"]
@@ -122,7 +122,7 @@ def _recording(health: bodies.Health | None) -> dict[str, Any] | None:
 
 def _loop(loop: Loop, seconds: float) -> dict[str, Any]:
     row = msgspec.structs.asdict(loop_row(loop, seconds, kept=True))
-    del row["contract_ok"]  # which is judged from minute to minute
+    del row["contract_ok"]  # holds only for the last minute
     return row
 
 
@@ -132,7 +132,7 @@ def _topic(row: TopicRow) -> dict[str, Any]:
 
 
 def machine() -> dict[str, Any]:
-    """Return what the figures were measured on."""
+    """Return a description of the machine."""
     return {
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "cpu": processor_name(),
@@ -152,5 +152,5 @@ def _installed(name: str) -> bool:
 
 
 def as_text(result: Mapping[str, Any]) -> str:
-    """Return `result` as the JSON of a file."""
+    """Return `result` as JSON text."""
     return json.dumps(result, indent=1, allow_nan=False) + "\n"

@@ -38,13 +38,13 @@ from services.supervisor.state_machine import RigState
 from services.supervisor.supervisor import Event, Setup, Supervisor
 
 _TURN_S = 0.02
-#: Files that a process of a rig has open at once, at most; the supervisor had 98 with a rig that ran.
+#: Most open files of a process; the supervisor of a running rig had 98.
 _FILES = 256
 STAGES = ("judge", "report", "page")
 
 
 class StartError(UserError):
-    """A process of the rig could not start; what it said, and its exit code."""
+    """A process of the rig could not start; with its message and exit code."""
 
     def __init__(self, sentence: str, exit_code: int) -> None:
         super().__init__(sentence)
@@ -52,28 +52,28 @@ class StartError(UserError):
 
 
 class GivenUpError(StartError):
-    """A process of the rig ended in error, and the rig went on all the same: a recorder whose disk is full."""
+    """A process of the rig ended in error while the rig continued, such as a recorder with a full disk."""
 
 
 class InterruptedStartError(UserError):
-    """A person, or a service's stop, has ended the rig before it ran: a script must not take it for a run."""
+    """A person, or a service's stop, has ended the rig before it ran, which scripts must not take for a run."""
 
     exit_code = 8
 
 
 @dataclass(slots=True)
 class SessionOptions:
-    """What a session is to do, and its callbacks.
+    """Settings and callbacks of a session.
 
     Args:
-        options: As given on the command line; the processes get the same.
+        options: Options of the command line, also for the processes.
         table: The processes.
         on_event: Called with every event.
         on_turn: Called after every turn, fifty times a second; True ends the session.
-        remarks: Warnings that are events from the beginning, so that the page shows them too.
-        fork_server: What starts the processes while the rig starts; without one, each imports for itself.
-        switches: Whether `on_turn` ends the session when the supervisor has a `next_scenario`, and that is run next.
-        token: What commands of the page must carry.
+        remarks: Warnings that become events at the start, so that the page shows them too.
+        fork_server: Starts the processes while the rig starts; without one, each imports for itself.
+        switches: Whether `on_turn` ends the session when the supervisor has a `next_scenario`, which is then run.
+        token: Secret that commands of the page must contain.
     """
 
     options: Options
@@ -89,8 +89,8 @@ class SessionOptions:
 def open_session(options: Options) -> Process:
     """Return the open supervisor process.
 
-    Raises UserError if the configuration cannot be used, a rig is running on this transport already, or too few files
-    may be open.
+    Raises UserError if the configuration is invalid, a rig is already running on this transport, or the limit of open
+    files is too low.
     """
     _make_room()
     _refuse_second_rig(options)
@@ -100,7 +100,7 @@ def open_session(options: Options) -> Process:
 
 
 def _make_room() -> None:
-    """Raise the limit of open files as far as is needed, beside those that whoever started us has left open."""
+    """Raise the limit of open files as far as needed, in addition to inherited ones."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     needed = _FILES + len(os.listdir("/proc/self/fd"))
     if soft >= needed or soft == resource.RLIM_INFINITY:
@@ -121,16 +121,16 @@ def _refuse_second_rig(options: Options) -> None:
 
 
 def run_session(process: Process, session: SessionOptions) -> None:
-    """Run the rig until the process is asked to stop or `session.on_turn` ends it.
+    """Run the rig until the process is told to stop or `session.on_turn` ends it.
 
-    Raises UserError if a process cannot start, was given up on the way, or a person ended the rig before it ran;
-    everything started is ended before.
+    Raises UserError if a process cannot start, was given up, or a person ended the rig before it ran, after ending all
+    processes.
     """
     setup = _setup(process, session)
     web = process.rig.supervisor.web
     sock = listen(
         web.host, web.port, "--set supervisor.web.port=N"
-    )  # before anything is started: a taken port is told at once
+    )  # before anything is started, to report a used port at once
     supervisor = Supervisor(setup, process.bus, time.monotonic(), session.on_event)
     for remark in session.remarks:
         supervisor.say("warning", remark)
@@ -150,7 +150,7 @@ def run_session(process: Process, session: SessionOptions) -> None:
     ):
         meter = supervisor.meter = LoopMeter(1.0 / _TURN_S, STAGES)
         process.ready(meter, starts_others=True)
-        gc.enable()  # what is alive now is frozen; in a session of days a supervisor makes some garbage
+        gc.enable()  # present objects are frozen; a session of days produces some garbage
         try:
             interrupted = not _watch(process, supervisor, (page, control, changed), session, meter) and process.stop()
         finally:
@@ -171,7 +171,7 @@ def run_session(process: Process, session: SessionOptions) -> None:
 
 
 def _rings(rig: Rig) -> Path | None:
-    """Return where the flight rings are, None where there can be none."""
+    """Return the directory of the flight rings, None if there is none."""
     try:
         return flight_directory(endpoints.run_directory(rig.transport))
     except (BusError, OSError):
@@ -185,11 +185,11 @@ def _watch(
     session: SessionOptions,
     meter: LoopMeter,
 ) -> bool:
-    """Watch the rig until it is to end; return whether it ever ran."""
+    """Supervise the rig until it is to end; return whether it ever ran."""
     due_ns, ran = time.monotonic_ns(), False
     while not process.stop() and supervisor.crew.fatal is None and not supervisor.crew.ended_by_person:
         began_ns = time.monotonic_ns()
-        meter.start(min(due_ns, began_ns), began_ns)  # the end of a process wakes it before its time
+        meter.start(min(due_ns, began_ns), began_ns)  # the end of a process wakes it early
         supervisor.step(began_ns * 1e-9)
         ran = ran or supervisor.state in (RigState.RUNNING, RigState.DEGRADED)
         if ran and session.fork_server is not None:
@@ -214,7 +214,7 @@ def _setup(process: Process, session: SessionOptions) -> Setup:
     levels = quality_levels(process.scene_name, process.scene_overrides)
     if rig.supervisor.mode == "attach":
         if session.fork_server is not None:
-            session.fork_server.close()  # the processes are somebody else's
+            session.fork_server.close()  # the processes are run by others
         memory = endpoints.run_directory(rig.transport) / "safe_stop"
         return Setup(rig, session.table, None, levels, safe_stop_file=memory)
     arguments, environment = frozen_configuration.freeze(process)
@@ -223,9 +223,9 @@ def _setup(process: Process, session: SessionOptions) -> Setup:
 
 
 def quality_levels(scene: str, overrides: Sequence[str] = ()) -> tuple[Level, ...]:
-    """Return the quality ladder of a scene file, best rung first. The processes that use the scene check what is in it.
+    """Return the quality ladder of a scene file, best level first; other processes check its values.
 
-    Raises ConfigError if there is no such scene, or the file is not YAML.
+    Raises ConfigError if there is no such scene, or it is not YAML.
     """
     ladder = config.read_scene(scene, overrides).get("quality")
     rungs = [each for each in ladder if isinstance(each, dict)] if isinstance(ladder, list) else []
@@ -239,5 +239,5 @@ def _level(rung: Mapping[str, object]) -> Level:
 
 
 def log_directory(rig: Rig) -> Path:
-    """Return where the processes' output is kept until the next start."""
+    """Return the directory of the processes' output, kept until the next start."""
     return make_private(endpoints.run_directory(rig.transport) / "log")

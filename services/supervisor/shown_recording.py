@@ -1,4 +1,4 @@
-"""A recording whose pictures are shown again: what the page is told of it, and what the page may ask."""
+"""Interface between the page and a recording whose pictures are shown."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import protocol.bodies as bodies
 
 
 class ReplayStatus(msgspec.Struct, frozen=True, kw_only=True):
-    """Where a recording stands: seconds since its first frame; `attempt` is what was told of it then."""
+    """State of a replay: seconds since the first frame; `attempt` is the attempt's report of that time."""
 
     file: str
     place_s: float
@@ -22,10 +22,10 @@ class ReplayStatus(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ShownRecording(Protocol):
-    """Who shows it."""
+    """A player of the recording."""
 
     def obey(self, line: str) -> None:
-        """Do what a person has typed, or asked for at the page."""
+        """Execute a command typed or sent by the page."""
 
     def status(self) -> ReplayStatus:
-        """Return where it stands."""
+        """Return the state of the replay."""

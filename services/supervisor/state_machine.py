@@ -1,4 +1,4 @@
-"""States of the rig and what moves it between them. Pure: a situation in, a state out."""
+"""States of the rig and their transitions, as a pure function of facts."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from enum import StrEnum
 
 
 class RigState(StrEnum):
-    """What the rig is in."""
+    """States of the rig."""
 
     OFF = "off"
     STARTING = "starting"
@@ -19,16 +19,16 @@ class RigState(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class RigFacts:
-    """What the supervisor sees.
+    """Facts that decide on the state.
 
     Args:
-        all_ready: Every process that the rig waits for is ready.
+        all_ready: Every awaited process is ready.
         trouble: Something is lost, hung, or breaks its contract.
         settled: `all_ready` has held for the settling time.
         calm: There was no `trouble` for the settling time.
-        safe_stop: A safe stop is in force: commanded, or nothing else is left. Only arming the rig clears it.
-        stalling: All have been ready, but again and again some fall silent for a moment: the machine is too slow for
-            the scene, and waiting for it to settle would be in vain.
+        safe_stop: A safe stop is in force, by command or as the last resort. Only arming the rig clears it.
+        stalling: All have been ready, but some repeatedly fall silent: the machine is too slow for the scene, and will
+            not settle.
     """
 
     all_ready: bool = False
@@ -42,9 +42,9 @@ class RigFacts:
 def next_state(state: RigState, now: RigFacts) -> RigState:
     """Return the state that follows `state`.
 
-    A safe stop wins over everything. It is left only through STARTING, so a rig that is armed
-    anew passes READY again. READY becomes RUNNING when it has settled; contracts are judged from then on. A rig that
-    cannot settle is DEGRADED, where enforcement may still help it.
+    A safe stop overrides everything. It is left only through STARTING, so a rig that is armed again passes READY. READY
+    becomes RUNNING when it has settled; contracts are judged from then on. A rig that cannot settle is DEGRADED, where
+    enforcement may still help.
     """
     if now.safe_stop:
         return RigState.SAFE_STOP

@@ -1,4 +1,4 @@
-"""The supervisor: judges the state of the rig and what is wrong, acts on it, and publishes it."""
+"""The supervisor: judges the state of the rig, acts on faults, and publishes the state."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ from services.supervisor.processes import ProcessSpec
 from services.supervisor.shown_recording import ShownRecording
 from services.supervisor.state_machine import RigFacts, RigState, next_state
 
-#: How long everything must be well before the rig counts as RUNNING (again).
+#: How long the rig must be without faults before it counts as RUNNING (again).
 SETTLE_S = 1.0
-#: Orders of the attempt are passed on for so long; then who asked has given them up.
+#: How long orders of the attempt are repeated; their senders give up then.
 ORDERS_S = 2.0
 _JUDGE_S = 0.1
 _TELL_S = 0.1
-#: A breach seen this long stands: two reports of a process.
+#: A breach seen for this long, two reports of a process, stands.
 _ENTER_S = 0.2
 
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """A line for people: seconds since the supervisor's start, level, text."""
+    """A message for people: seconds since the supervisor's start, level, text."""
 
     t: float
     level: str
@@ -46,7 +46,7 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """What a supervisor is given. `safe_stop_file` remembers a safe stop across its own restart, where one is named."""
+    """Arguments of a supervisor; `safe_stop_file`, if given, keeps a safe stop across its own restart."""
 
     rig: Rig
     table: tuple[ProcessSpec, ...]
@@ -56,7 +56,7 @@ class Setup:
 
 
 class Supervisor:
-    """State of the rig. `step` is called about fifty times a second; nothing in it waits."""
+    """State of the rig. `step` is called about fifty times a second and never waits."""
 
     def __init__(self, setup: Setup, bus: Bus, now_s: float, on_event: Callable[[Event], None] | None = None) -> None:
         settings = setup.rig.supervisor
@@ -69,11 +69,11 @@ class Supervisor:
         self.page_address = self.next_scenario = ""
         self.token_sha256 = ""
         self.shown: ShownRecording | None = None
-        self.meter: LoopMeter | None = None  # of its own turns
+        self.meter: LoopMeter | None = None  # measures its own turns
         self.events: deque[Event] = deque(maxlen=200)
         limits = hang_detection.Limits(heartbeat_s=settings.heartbeat_timeout_s, ready_s=settings.ready_timeout_s)
         self.crew = Crew(build_members(setup.rig, setup.table), bus, limits, setup.launch, self.say)
-        patience_s = contracts.STILL_S + 2.0 * SETTLE_S  # what one stall leaves in windows and hysteresis has passed
+        patience_s = contracts.STILL_S + 2.0 * SETTLE_S  # outlasts a stall's effect on windows and hysteresis
         ladder = Ladder(levels=setup.levels, patience_s=patience_s, may_restart=setup.launch is not None)
         self.enforcement = Enforcement(ladder)
         self.breaches: list[contracts.Breach] = []
@@ -93,7 +93,7 @@ class Supervisor:
         self._up: set[str] = set()
 
     def arm(self, who: str) -> None:
-        """End a safe stop, and try again what is at fault; `who` is the person who asked for it."""
+        """End a safe stop, and retry whatever has a fault; `who` requested it."""
         self.say("info", f"supervisor: armed by {who}")
         self._armed, self._armed_s = self._armed + 1, self._now_s
         self._safe_stop = ""
@@ -103,22 +103,22 @@ class Supervisor:
         self.enforcement.reset()
 
     def safe_stop(self, who: str) -> None:
-        """Stop the rig safely; `who` is the person who asked for it."""
+        """Stop the rig safely; `who` requested it."""
         self._stop_safely(f"commanded by {who}")
 
     def order(self, order: bodies.Order, before_s: float, who: str) -> None:
-        """Pass on what somebody asked of the attempt, until `before_s` of the rig's time."""
+        """Pass on an order for the attempt, until `before_s` of the rig's time."""
         self.say("info", f"supervisor: attempt: {order.what} asked for by {who}")
         self._orders.append((order, self._now_s, self.started_s + before_s))
 
     def attempt_answers(self) -> tuple[bodies.Answer, ...]:
-        """Return what the training process has answered last."""
+        """Return the training process' last answers."""
         if (frame := self._bus.latest("training.attempt")) is not None:
             self._attempt_answers = frame.body.answers
         return self._attempt_answers
 
     def switch(self, scenario: str, who: str) -> None:
-        """Let whoever runs this session end it and begin one with another scenario; `who` asked for it."""
+        """Request the end of this session and a new one with another scenario; `who` requested it."""
         self.say("info", f"supervisor: scenario {scenario} asked for by {who}")
         self.next_scenario = scenario
 
@@ -137,14 +137,14 @@ class Supervisor:
         self.commands.turn(now_s)
 
     def stop_step(self, now_s: float) -> bool:
-        """Take one turn of ending the rig; return whether everything of ours has ended."""
+        """Take one turn of ending the rig; return whether all child processes have ended."""
         self._now_s = now_s
         self._enter(RigState.OFF, "the rig is asked to end")
         self._tell()
         return self.crew.stop_step(now_s)
 
     def say(self, level: str, text: str) -> None:
-        """Note an event; "debug" ones are passed on but not kept."""
+        """Add an event; "debug" ones are passed on but not stored."""
         event = Event(round(self._now_s - self.started_s, 3), level, text)
         if level != "debug":
             self.events.append(event)
@@ -152,7 +152,7 @@ class Supervisor:
             self._on_event(event)
 
     def body(self) -> bodies.SupervisorState:
-        """Return the state as it is published."""
+        """Return the published state."""
         ending = self.state is RigState.OFF and self.crew.stopping and self.crew.launch is not None
         return bodies.SupervisorState(
             state=self.state,
@@ -190,7 +190,7 @@ class Supervisor:
 
     def _judge_anew_after_a_start(self) -> None:
         up = {name for name, member in self.crew.members.items() if member.up}
-        if up - self._up:  # its start disturbed the others as well
+        if up - self._up:  # its start has disturbed the others as well
             self._judge_anew()
         self._up = up
 
@@ -200,8 +200,8 @@ class Supervisor:
         self._standing.clear()
 
     def _judge(self) -> None:
-        # A process that follows one that is down cannot keep its rate, through no fault of its own. It counts what it
-        # lost when the first tick comes again, and reports it after that.
+        # A process after one that is down cannot keep its rate, and is not at fault. It counts its losses when the
+        # first tick arrives again, and reports them after that.
         if not self.crew.all_ready or self._now_s - self._not_ready_s < SETTLE_S:
             self._judge_anew()
         seen = []
@@ -217,12 +217,12 @@ class Supervisor:
             self._act(action)
 
     def path_limits_us(self) -> dict[str, float]:
-        """Return the limit against which each path is judged now."""
+        """Return the present limit of each path."""
         windows = {name: member.window for name, member in self.crew.members.items()}
         return contracts.path_limits_us(windows, self.rig.contracts)
 
     def _stalls(self) -> list[contracts.Breach]:
-        """Return breaches of processes that keep falling silent: a reason to lower the quality, not to stop."""
+        """Return breaches of processes with repeated silences, a reason to lower the quality, not to stop."""
         said = {name: hang_detection.stalling(member, self._now_s) for name, member in self.crew.members.items()}
         return [
             contracts.Breach(name, f"{name} stalls", text, 1.0, severe=False) for name, text in said.items() if text
@@ -277,7 +277,7 @@ class Supervisor:
 
     def _tell(self) -> None:
         body = self.body()
-        # The reason holds figures that change all the time; ten times a second is enough for them.
+        # The reason contains figures that change all the time; ten updates a second are enough for them.
         changed = self._told is None or _gist(body) != _gist(self._told)
         if changed or self._now_s - self._told_s >= _TELL_S:
             self._told, self._told_s = body, self._now_s

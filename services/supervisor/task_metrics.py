@@ -1,4 +1,4 @@
-"""Metrics of the task: how far the catheter is, what went wrong, how attempts ended. From what the training says."""
+"""Metrics of the task from the training's reports: depth of the catheter, errors, and outcomes of attempts."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _OUTCOMES = ("success", "failure", "abandoned")
 
 
 def _phase(attempt: bodies.Attempt) -> float:
-    """Return the number of a phase P0 to P7; 0 before there is one."""
+    """Return the number of a phase P0 to P7; 0 before the first."""
     digits = attempt.phase.removeprefix("P")
     return float(digits) if digits.isdigit() else 0.0
 
@@ -32,14 +32,14 @@ _GAUGES: dict[str, tuple[str, Callable[[bodies.Attempt], float]]] = {
 
 @dataclass(slots=True)
 class Task:
-    """What was seen of the attempts of a rig: the newest report, how attempts ended, and their errors by code."""
+    """Attempts of a rig: the newest report, outcomes, and errors by code."""
 
     attempt: bodies.Attempt | None = None
     ended: Counter[str] = field(default_factory=Counter)
     errors: Counter[str] = field(default_factory=Counter)
 
     def see(self, attempt: bodies.Attempt) -> None:
-        """Take a report; some are not seen, so that one which ran and is gone was abandoned."""
+        """Add a report. Some may be missed, so an attempt that ran and has vanished counts as abandoned."""
         last, self.attempt = self.attempt, attempt
         is_same = last is not None and last.attempt_id == attempt.attempt_id
         before = last.errors if last is not None and is_same else {}
@@ -53,7 +53,7 @@ class Task:
 
 
 def families(task: Task) -> Iterator[Metric]:
-    """Yield the families; those of the attempt that is being made hold nothing where nobody follows attempts."""
+    """Yield the families; those of the present attempt are empty without a training process."""
     now = task.attempt
     state = GaugeMetricFamily("trocar_attempt_state", "1 for the state that the attempt is in", labels=["state"])
     for name in _STATES if now is not None else ():

@@ -1,4 +1,4 @@
-"""The page's server: static files, events, commands, metrics. Made of what `PageContext` offers; knows no socket."""
+"""The page's web application: static files, events, commands, metrics, from a `PageContext`; it uses no socket."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ EVENT_PERIOD_S = 0.2
 _ORDER_BYTES, _LINE_BYTES = 1024, 32
 _REPLAY_HEADER = "X-Trocar-Replay"
 _BEFORE_HEADER, _BEFORE = "X-Trocar-Before", re.compile(r"([0-9]{1,15}) ([0-9]{1,9}(?:\.[0-9]{1,9})?)")
-#: Where the page says who the rig is; as it is built it does not know.
+#: Place of the rig's data in the built page.
 _UNTOLD = '<script id="rig" type="application/json">null'
 _NOT_KEPT = {"Cache-Control": "no-store"}
 _NOT_BUILT = """<!doctype html><title>Trocar</title><h1>The page is not built</h1>
@@ -45,11 +45,11 @@ _NOT_BUILT = """<!doctype html><title>Trocar</title><h1>The page is not built</h
 
 @dataclass(slots=True)
 class PageContext:
-    """What the page's thread may see and ask. `latest` is replaced whole by the supervisor's loop, five times a second.
+    """Data and functions for the page. `latest` is replaced as a whole five times a second.
 
-    `registries` are the metrics by level; `healthy` tells whether the rig does what it is for, and in which words;
-    `view_port` where the picture is served; `replays` whether a recording is shown that does what is asked of it;
-    `switches` whether another scenario can be begun; `ask` waits for what came of a command.
+    `registries` are the metrics by level; `healthy` tells whether the rig works, with a description; `view_port` the
+    port of the picture; `replays` whether a recording is shown that can be controlled; `switches` whether scenarios can
+    be switched; `ask` sends a command and waits for its outcome.
     """
 
     rig: Rig
@@ -67,7 +67,7 @@ class PageContext:
 
 
 class _BuiltFiles(StaticFiles):
-    """Files of a folder that may come to be there later."""
+    """Static files of a folder that may be created later."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__(directory=folder, check_dir=False)
@@ -94,7 +94,7 @@ def build_app(context: PageContext) -> Starlette:
         Route("/api/scenario", page.scenario, methods=["POST"]),
         Route("/metrics", page.metrics),
         Route("/healthz", page.healthz),
-        # Whether the page is built is looked at when it is asked for: it may be built while the rig runs.
+        # The page is looked up at each request, as it may be built while the rig runs.
         Route("/", page.index),
         Route("/index.html", page.index),
         Mount("/", _BuiltFiles(context.dist)),
@@ -112,13 +112,13 @@ def _who(request: Request) -> str:
 
 
 def _before(request: Request) -> tuple[int, float] | None:
-    """Return incarnation and time of the rig up to which its sender waits for a command, None where it does not say."""
+    """Return incarnation and deadline of a command in the rig's time, None if not given."""
     said = _BEFORE.fullmatch(request.headers.get(_BEFORE_HEADER, ""))
     return (int(said[1]), float(said[2])) if said else None
 
 
 async def _short(request: Request) -> bytes:
-    """Return the body of a request as far as an order may be long."""
+    """Return the body of a request up to the longest order."""
     data = b""
     async for part in request.stream():
         data += part
@@ -131,17 +131,17 @@ class _Endpoints:
     def __init__(self, context: PageContext) -> None:
         self._context = context
         self._scenario: str | None = None
-        with contextlib.suppress(ConfigError):  # the training process says what is wrong with it
+        with contextlib.suppress(ConfigError):  # reported by the training process
             made_of = scenario_of(context.scene, context.rig.training.scenario)
             self._scenario = made_of.name if made_of else None
 
     async def index(self, request: Request) -> Response:
-        """Return the page with the rig in it: what it would ask for first, and wait for before it draws."""
+        """Return the page with the rig's data in it, which saves its first request."""
         try:
             text = (self._context.dist / "index.html").read_text(encoding="utf-8")
         except (FileNotFoundError, NotADirectoryError):
             return HTMLResponse(_NOT_BUILT, 503)
-        told = json.dumps(self._told(request)).replace("<", "\\u003c")  # no name may end the script it stands in
+        told = json.dumps(self._told(request)).replace("<", "\\u003c")  # so that no name ends the script element
         return HTMLResponse(text.replace(_UNTOLD, f"{_UNTOLD[: -len('null')]}{told}", 1), headers=_NOT_KEPT)
 
     async def state(self, _request: Request) -> Response:
@@ -151,7 +151,7 @@ class _Endpoints:
         return StreamingResponse(self._stream(), media_type="text/event-stream", headers=_NOT_KEPT)
 
     async def _stream(self) -> AsyncIterator[bytes]:
-        # A client that reads slowly is awaited here, alone; it then gets the newest state, never a queue of old ones.
+        # A slow client only delays itself here; it then gets the newest state, never a queue of old ones.
         yield b"retry: 1000\n\n"
         while not self._context.closing:
             yield b"event: state\ndata: " + self._context.latest + b"\n\n"
@@ -161,7 +161,7 @@ class _Endpoints:
         return JSONResponse(self._told(request))
 
     def _told(self, request: Request) -> dict[str, object]:
-        """Return who the rig is, for whoever sees it under the name that was asked for."""
+        """Return the rig's data for the page, for a request under the given host name."""
         rig, host = self._context.rig, host_of(request.headers.get("host"))
         host = f"[{host}]" if ":" in host else host
         return {
@@ -184,7 +184,7 @@ class _Endpoints:
         return self._refusal(request) or await self._ask(request, "safe_stop")
 
     async def attempt(self, request: Request) -> Response:
-        """Pass on an order, ``{"what": "slow", "value": 0.25}``, and wait for what the training process answers."""
+        """Pass on an order, ``{"what": "slow", "value": 0.25}``, and wait for the training process' answer."""
         if (refusal := self._refusal(request)) is not None:
             return refusal
         try:
@@ -195,9 +195,9 @@ class _Endpoints:
         return await self._ask(request, "attempt", order)
 
     async def replay(self, request: Request) -> Response:
-        """Pass on a line of `trocar replay --pictures`: it moves no arm, so that it wants no token.
+        """Pass on a command for `trocar replay --pictures`; it moves no arm and needs no token.
 
-        The header is one that pages of other sites cannot send.
+        It requires a header that pages of other sites cannot send.
         """
         if _REPLAY_HEADER not in request.headers:
             return JSONResponse({"error": f"the header {_REPLAY_HEADER} is missing"}, 403)
@@ -207,7 +207,7 @@ class _Endpoints:
         return await self._asked(Command(what="replay", who=_who(request), line=line))
 
     async def scenario(self, request: Request) -> Response:
-        """End what runs and begin the scenario that the body names, at this address."""
+        """End the present run and start the scenario named in the body, at this address."""
         if (refusal := self._refusal(request)) is not None:
             return refusal
         if not self._context.switches:
@@ -218,7 +218,7 @@ class _Endpoints:
         return await self._ask(request, "switch", line=name)
 
     async def _ask(self, request: Request, what: What, order: bodies.Order | None = None, line: str = "") -> Response:
-        """Pass on a command, and wait for what came of it."""
+        """Pass on a command, and wait for its outcome."""
         if (before := _before(request)) is None:
             text = f"the header {_BEFORE_HEADER} must say of which run of the rig, and up to when: /api/state has both"
             return JSONResponse({"error": text}, 400)
@@ -228,7 +228,7 @@ class _Endpoints:
         )
 
     async def _asked(self, command: Command) -> Response:
-        """Return what came of a command."""
+        """Return the outcome of a command."""
         try:
             answer = await asyncio.to_thread(self._context.ask, command)
         except BusError as error:

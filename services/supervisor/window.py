@@ -1,4 +1,4 @@
-"""Counts over the last seconds, and since a moment: of reports that hold what was counted since a process began."""
+"""Counts over the last seconds, and since a time, from reports with counts since a process began."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from itertools import chain, islice
 
 from services.supervisor.figures import Figures, Loop, Path
 
-#: How long reports are kept as they came, and how far apart after that.
+#: How long all reports are kept, and the spacing of those kept after that.
 _FINE_S, _COARSE_STEP_S = 6.0, 1.0
-#: Reports come a tenth of a second apart, not to the microsecond.
+#: Tolerance of the spacing, as reports are only about a tenth of a second apart.
 _SLACK_S = 0.02
 
 
@@ -18,10 +18,10 @@ def _rate(figures: Figures) -> float | None:
 
 
 class Window:
-    """The counts of one process over the last `seconds_max`, forgotten when it is restarted, or runs at another rate.
+    """The counts of one process over the last `seconds_max`, cleared when it restarts or changes its rate.
 
-    Reports of the last seconds are kept as they came, older ones a second apart: figures over a minute need no more,
-    and every report holds some ten histograms.
+    All reports of the last seconds are kept, and older ones a second apart: figures over a minute need no more, and
+    every report contains about ten histograms.
     """
 
     def __init__(self, seconds_max: float) -> None:
@@ -31,7 +31,7 @@ class Window:
         self._fine: deque[Figures] = deque()
 
     def add(self, pid: int, figures: Figures) -> None:
-        """Take the cumulative `figures` of a report."""
+        """Add the cumulative `figures` of a report."""
         last = self._fine[-1] if self._fine else None
         if last is None or pid != self._pid or figures.seconds < last.seconds or _rate(figures) != _rate(last):
             self._fine.clear()
@@ -49,22 +49,22 @@ class Window:
             self._coarse.popleft()
 
     def __len__(self) -> int:
-        """Return how many reports are kept."""
+        """Return the number of stored reports."""
         return len(self._coarse) + len(self._fine)
 
     def forget(self) -> None:
-        """Begin anew with the newest report: what lies before it no longer counts."""
+        """Discard all but the newest report."""
         self._coarse.clear()
         while len(self._fine) > 1:
             self._fine.popleft()
 
     def figures(self, seconds: float) -> Figures | None:
-        """Return the counts of about the last `seconds`, less where less is known; None before the second report."""
+        """Return the counts of about the last `seconds`, or of a shorter known time; None before the second report."""
         ends = self._ends(seconds)
         return None if ends is None else ends[0] - ends[1]
 
     def loop(self, seconds: float) -> tuple[Loop, float] | None:
-        """Return the loop's part of `figures` and how many seconds it is of; None where there is no loop either."""
+        """Return the loop's part of `figures` and its duration; None also without a loop."""
         ends = self._ends(seconds)
         loop = None if ends is None else ends[0].loop
         if ends is None or loop is None:
@@ -73,7 +73,7 @@ class Window:
         return loop - before if before else loop, ends[0].seconds - ends[1].seconds
 
     def path(self, name: str, seconds: float) -> Path | None:
-        """Return one path's part of `figures`; None where there is no such path either."""
+        """Return one path's part of `figures`; None also without such a path."""
         ends = self._ends(seconds)
         if ends is None or name not in ends[0].paths:
             return None
@@ -81,7 +81,7 @@ class Window:
         return newest if oldest is None else newest - oldest
 
     def _ends(self, seconds: float) -> tuple[Figures, Figures] | None:
-        """Return the newest report and the one of `seconds` before it, or the oldest there is."""
+        """Return the newest report and the one of `seconds` before it, or the oldest."""
         if len(self._fine) < 2:
             return None
         newest, enough_s = self._fine[-1], seconds - _SLACK_S

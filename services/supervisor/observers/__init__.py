@@ -1,4 +1,4 @@
-"""Observers of a running rig: what the page's process sees beside the reports that the processes send.
+"""Observers of a running rig: data that the page's process collects beside the processes' reports.
 
 ========================  ==========================================================================================
 observer                  line that it feeds
@@ -12,6 +12,6 @@ observer                  line that it feeds
 `incident_files`          page "last incident" (``flight``); `trocar latency` without a running rig, or with a FILE
 ========================  ==========================================================================================
 
-Each is an `Observer`: it samples, and reports rows. What the judging loop asks before it calls a process silent
-(`loop_progress`, `runqueue_waits`, `kernel_word`) decides and shows nothing, so it is no observer.
+Each is an `Observer`: it samples, and reports rows. The modules that the judging loop uses to detect hangs
+(`loop_progress`, `runqueue_waits`, `kernel_word`) decide and show nothing, so they are no observers.
 """

@@ -1,14 +1,14 @@
-"""One thread a core that only sleeps: ``python -m services.supervisor.observers.core_sleepers DIRECTORY``.
+"""One sleeping thread a core: ``python -m services.supervisor.observers.core_sleepers DIRECTORY``.
 
-The thread sleeps to a grid, above every process of the rig: where it wakes late, no process of the rig could have run.
-It writes when it was due and when it woke into a flight ring (`floor0`, `floor1`, ...), so that misses of the rig and
-of the machine lie on one time line. The time for which it was runnable and waited, as the kernel counts it, was taken
-by whoever had the core; only the rest is the machine's. Where SCHED_FIFO is refused, that time is subtracted from the
-wake-up; where it has a priority, before which only loops with SCHED_DEADLINE come, it is written as the run time.
+The thread sleeps to a grid, with a priority above every process of the rig: when it wakes late, no process of the rig
+could have run. It writes due and wake-up times into a flight ring (`floor0`, `floor1`, ...), so that misses of the rig
+and of the machine are on one time line. The time for which it was runnable and waited, by the kernel's count, was used
+by another process; only the rest is the machine's. Without SCHED_FIFO, that time is subtracted from the wake-up; with a
+priority, exceeded only by loops with SCHED_DEADLINE, it is written as the run time.
 
-`LatenessFloor`, which starts this process, tells it where in a millisecond to wake (`Phases`, one number a core): a
-wake-up takes 75 us, so it belongs where no loop works (`wakeup_phase`). The process ends with the one that started it.
-It imports neither numpy nor the bus.
+`LatenessFloor`, which starts this process, sets the phase of the wake-up in a millisecond (`Phases`, one number a
+core). A wake-up takes 75 us, so it is placed where no loop works (`wakeup_phase`). The process ends with its parent. It
+imports neither numpy nor the bus.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ from pathlib import Path
 from services.runtime.flight import SUFFIX, FlightRing
 from services.runtime.private_directory import open_private
 
-#: The phases are within a period of the rig's loops.
+#: Period of the rig's loops, for the phases.
 PERIOD_NS = 1_000_000
 
-#: A wake-up of each costs about 75 us of its core: this often, 0.8 % of it.
+#: Rate of wake-ups; at about 75 us each, 0.8 % of a core.
 RATE_HZ = 100.0
-#: Above all that a rig file can ask for.
+#: Above all priorities that a rig file can set.
 PRIORITY = 95
 NAME = "floor"
 PHASES = "floor.phases"
 
 
 class Phases:
-    """When in a millisecond the thread of each core wakes, in ns; -1: whenever. Memory that two processes look at.
+    """Phase of the wake-up on each core, in ns of a millisecond, -1 for any, in memory shared by two processes.
 
     Args:
-        path: Of the file, in a private directory; `create` makes it anew.
+        path: Path of the file, in a private directory; `create` replaces it.
     """
 
     def __init__(self, path: Path, *, create: bool = False) -> None:
@@ -61,20 +61,20 @@ class Phases:
 
 
 def pin_above_all(core: int) -> bool:
-    """Give the calling thread `core`, and there the highest priority that it can have; return whether it has one."""
+    """Pin the calling thread to `core` with the highest possible priority; return whether it has one."""
     os.sched_setaffinity(0, {core})
     limit = resource.getrlimit(resource.RLIMIT_RTPRIO)[0]
     for priority in (PRIORITY, min(PRIORITY, limit)):
         try:
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
-        except OSError:  # the next: what the limit of an ordinary user allows, or none
+        except OSError:  # try the limit of an ordinary user, then none
             continue
         return True
     return False
 
 
 class Waiting:
-    """Counts for how long the calling thread was runnable and waited for its core, as the kernel has it."""
+    """Time for which the calling thread was runnable and waited for its core, by the kernel."""
 
     def __init__(self) -> None:
         path = Path(f"/proc/self/task/{threading.get_native_id()}/schedstat")
@@ -85,16 +85,16 @@ class Waiting:
         return 0 if self._file is None else int(os.pread(self._file, 128, 0).split()[1])
 
     def since_ns(self) -> int:
-        """Return what was added since this was last asked; 0 where the kernel does not count."""
+        """Return the increase since the last call, 0 if the kernel does not count it."""
         before, self._seen_ns = self._seen_ns, self._counted()
         return self._seen_ns - before
 
 
 def watch(core: int, ring: FlightRing, parent: int, phases: Phases) -> None:
-    """Sleep and note, on `core`, until the parent is another."""
+    """Sleep and record wake-ups on `core`, until the parent has ended."""
     is_above_all, waiting = pin_above_all(core), Waiting()
     period_ns = round(1e9 / ring.rate_hz)
-    due_ns = time.monotonic_ns() + period_ns + core * period_ns // (os.cpu_count() or 1)  # not both at once
+    due_ns = time.monotonic_ns() + period_ns + core * period_ns // (os.cpu_count() or 1)  # staggers the cores
     tick, phase_ns = 0, -1
     while os.getppid() == parent:
         if phases[core] != phase_ns:
@@ -118,7 +118,7 @@ def main(directory: Path) -> None:
     phases = Phases(directory / PHASES)
     threads = []
     for core in sorted(os.sched_getaffinity(0)):
-        os.sched_setaffinity(0, {core})  # which the ring's header says
+        os.sched_setaffinity(0, {core})  # for the ring's header
         ring = FlightRing(RATE_HZ)
         ring.share(directory / f"{NAME}{core}{SUFFIX}")
         threads.append(threading.Thread(target=watch, args=(core, ring, parent, phases), daemon=True))

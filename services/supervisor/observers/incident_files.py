@@ -15,19 +15,19 @@ from services.runtime.flights import FAST_HZ, FILE_SUFFIX, Flights, ThreadTime, 
 from services.runtime.private_directory import make_private, open_private
 from services.supervisor.observers.observer import RigSight, Row
 
-#: What follows a miss is waited for this long: rings hold two seconds.
+#: Delay of writing after a miss, to include what follows; rings hold two seconds.
 _AFTERMATH_S = 0.5
-#: Files are this far apart, and of all of a rig these are kept: the newest, and those with the worst ticks.
+#: Shortest time between files. Of all files of a rig the newest are kept, and those with the worst ticks.
 APART_S = 10.0
 NEWEST, WORST = 10, 10
 
 
 class IncidentFiles:
-    """Decides when to write, and writes in a thread: a disk may take its time.
+    """Decides when to write, and writes in a thread, as disks may be slow.
 
     Args:
-        rings, directory: Where the flight rings are, and where files are kept.
-        busiest: Returns which threads ran of late.
+        rings, directory: Directories of the flight rings and of the files.
+        busiest: Returns the threads that ran recently.
     """
 
     def __init__(
@@ -36,7 +36,7 @@ class IncidentFiles:
         self._rings = rings
         self.directory = make_private(directory)
         self._busiest = busiest
-        self._written: deque[Path] = deque(maxlen=NEWEST)  # newest whatever their names say: a clock may be set back
+        self._written: deque[Path] = deque(maxlen=NEWEST)  # by order of writing, as clocks may be set back
         self._n_written = 0
         self._writing: threading.Thread | None = None
         self._misses: dict[tuple[str, int], int] = {}
@@ -45,7 +45,7 @@ class IncidentFiles:
         self._written_s = float("-inf")
 
     def sample(self, sight: RigSight) -> None:
-        """Write a file if there is a reason to."""
+        """Write a file if there is a reason."""
         if self._writing is not None and self._writing.is_alive():
             return
         reason = self.reason_to_write(sight.now_s, sight.heard, sight.down)
@@ -54,11 +54,11 @@ class IncidentFiles:
             self._writing.start()
 
     def report(self) -> dict[str, Row[int, str]]:
-        """Return how many files were written and the name of the last, nothing before the first."""
+        """Return the number of files and the name of the last; empty before the first."""
         return {"files": Row(self._n_written, self._written[-1].name)} if self._written else {}
 
     def reason_to_write(self, now_s: float, heard: Mapping[str, bodies.Health], down: Mapping[str, str]) -> str:
-        """Take what the processes report, and which are down and why; return why to write a file now, or ""."""
+        """Process reports and processes that are down; return the reason to write a file now, or ""."""
         for name, health in heard.items():
             loop = health.loop
             if loop is None or loop.rate_hz < FAST_HZ:
@@ -79,7 +79,7 @@ class IncidentFiles:
             self._reason, self._wanted_s = reason, now_s
 
     def write(self, reason: str, threads: tuple[ThreadTime, ...]) -> Path:
-        """Write the rings as they are now; return the file. Its name says how late the worst tick was."""
+        """Write the present rings into a file and return it. Its name contains the lateness of the worst tick."""
         now = datetime.now(UTC)
         flights = read_rings(self._rings)
         data = to_bytes(Flights(flights, time.monotonic_ns(), now.isoformat(timespec="seconds"), reason, threads))
@@ -93,7 +93,7 @@ class IncidentFiles:
         return path
 
     def close(self) -> None:
-        """Wait for the file that is being written."""
+        """Wait for the file being written."""
         if self._writing is not None:
             self._writing.join()
 

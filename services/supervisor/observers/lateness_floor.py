@@ -1,4 +1,4 @@
-"""The lateness floor: how late the machine itself wakes a thread above all others, on each core."""
+"""The lateness floor: lateness of the machine's wake-ups of a thread above all others, on each core."""
 
 from __future__ import annotations
 
@@ -21,30 +21,29 @@ from services.supervisor.observers.core_sleepers import NAME, PHASES, Phases
 from services.supervisor.observers.observer import RigSight, Row
 from services.supervisor.observers.wakeup_phase import idle_phase_ns
 
-#: A wake-up so late would have cost a loop of 1 kHz its tick.
+#: A wake-up this late would have cost a 1 kHz loop its tick.
 LATE_NS = 1_000_000
-#: Over which shares are shown: at a hundred wake-ups a second, fewer seconds say little.
+#: Averaging time of shares; at a hundred wake-ups a second, fewer seconds mean little.
 WINDOW_S = 60.0
 _END_S = 1.0
-#: It writes a hundred times a second; started again so often at most.
+#: Silence after which the process, which writes a hundred times a second, is restarted, and most restarts.
 _SILENT_S, _STARTS = 10.0, 5
-#: A gateway that was started anew has another grid.
+#: Period of choosing phases, as a restarted gateway has another grid.
 _CHOOSE_EVERY_S = 2.0
 
 
 @dataclass(slots=True)
 class CoreLateness:
-    """How late wake-ups were on one core."""
+    """Lateness of wake-ups on one core."""
 
     counts: LatencyHistogram = field(default_factory=lambda: LatencyHistogram(LATE_NS))
     kept: deque[tuple[float, Latencies]] = field(default_factory=deque)
     seen_ns: int = 0
 
     def take(self, path: Path, now_s: float, *, below_loops: bool = False) -> None:
-        """Count what the ring at `path` has that was not seen.
+        """Count the new rows of the ring at `path`.
 
-        With `below_loops` the time in which a sleeper with a priority waited for its core does not count: the rig's
-        loops had it.
+        With `below_loops` the wait of a sleeper with a priority does not count, as the rig's loops used its core.
         """
         flight = read_ring(path)
         if flight is None:
@@ -84,7 +83,7 @@ class LatenessFloor:
         return subprocess.Popen(command, stdin=subprocess.DEVNULL)
 
     def sample(self, sight: RigSight) -> None:
-        """Count what has come; now and then find out when a wake-up costs the rig least."""
+        """Count new rows; now and then choose the phases of wake-ups that disturb the rig least."""
         if sight.now_s >= self._choose_s:
             self._choose_s = sight.now_s + _CHOOSE_EVERY_S
             self._choose_phases()
@@ -95,7 +94,7 @@ class LatenessFloor:
         self._watch(sight.now_s)
 
     def _watch(self, now_s: float) -> None:
-        """Start the process again where it has ended or writes no more."""
+        """Restart the process if it has ended or writes no more."""
         seen = [core.seen_ns for core in self._cores.values()]
         if seen != self._seen or not self._seen_s:
             self._seen, self._seen_s = seen, now_s
@@ -107,7 +106,7 @@ class LatenessFloor:
             self._process, self._seen_s = self._started(), now_s
 
     def report(self) -> dict[int, Row[Latencies, Latencies]]:
-        """Return how late wake-ups were, by core."""
+        """Return the lateness of wake-ups, by core."""
         return {number: core.row() for number, core in sorted(self._cores.items())}
 
     def _choose_phases(self) -> None:
@@ -126,6 +125,6 @@ class LatenessFloor:
 
 
 def has_deadline_loops(heard: Mapping[str, bodies.Health]) -> bool:
-    """Return whether loops of the rig have SCHED_DEADLINE, which comes before every priority."""
+    """Return whether loops of the rig have SCHED_DEADLINE, which precedes every priority."""
     facts = (fact for health in heard.values() for fact in health.realtime)
     return any(fact.name == "scheduling" and fact.had.startswith("DEADLINE") for fact in facts)

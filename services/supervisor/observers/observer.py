@@ -1,4 +1,4 @@
-"""What an observer is: it samples something beside the rig's own reports, and reports rows."""
+"""Interface of observers, which sample data beside the rig's own reports, and report rows."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ L = TypeVar("L")
 
 @dataclass(frozen=True, slots=True)
 class RigSight:
-    """What observers are shown of the rig: process ids and newest reports by process, and why a process is down."""
+    """The rig's state for observers: process ids and newest reports by process, and why a process is down."""
 
     now_s: float
     pids: Mapping[str, int] = field(default_factory=dict)
@@ -24,7 +24,7 @@ class RigSight:
 
 @dataclass(frozen=True, slots=True)
 class Row(Generic[T, L]):
-    """One reported row: counts since the start, as /metrics exports them, and lately, as the page shows them."""
+    """One reported row: counts since the start, for /metrics, and recent ones, for the page."""
 
     since_start: T
     lately: L
@@ -34,10 +34,10 @@ class Observer(Protocol):
     """Samples a few times a second and never waits."""
 
     def sample(self, sight: RigSight) -> None:
-        """Look, if it is time to."""
+        """Sample, if due."""
 
     def report(self) -> Mapping[Any, Row[Any, Any]]:
-        """Return the rows, each under the core, the process or the file that it is about."""
+        """Return the rows by core, process or file."""
 
     def close(self) -> None:
-        """End what was started."""
+        """End whatever was started."""

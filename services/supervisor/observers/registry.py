@@ -1,4 +1,4 @@
-"""All observers of a rig in one table, which the page, /metrics and incident files are made of."""
+"""All observers of a rig in one table, for the page, /metrics and incident files."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from services.supervisor.observers.observer import Observer, RigSight, Row
 from services.supervisor.observers.thread_usage import Counts, ThreadUsage, Usage
 from services.supervisor.page_link import RigStatus
 
-#: Only while the rig is at work is a process that is down an incident.
+#: States of the rig in which a process that is down is an incident.
 _AT_WORK = ("running", "degraded")
 
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """The rows of all observers; an observer that cannot work here has none."""
+    """The rows of all observers; one that cannot work on this host has none."""
 
     floor: Mapping[int, Row[Latencies, Latencies]] = field(default_factory=dict)
     threads: Mapping[str, Row[Counts, Usage | None]] = field(default_factory=dict)
@@ -50,7 +50,7 @@ class Observers:
             print(f"neither incident files nor the machine's lateness: {error}", file=sys.stderr)  # noqa: T201
 
     def sample(self, status: RigStatus, heard: Mapping[str, bodies.Health]) -> None:
-        """Let each observer look at the rig as the supervisor judges it and as its processes were heard."""
+        """Pass the rig's judgement and its processes' reports to each observer."""
         processes = status.state.processes
         at_work = status.state.state in _AT_WORK
         pids = {process.name: process.pid for process in processes} | {"supervisor": os.getppid()}
@@ -60,7 +60,7 @@ class Observers:
             observer.sample(sight)
 
     def said(self) -> str:
-        """Return what is wrong with what they have started, once; mostly nothing."""
+        """Return a fault of the observers' processes, once; mostly empty."""
         if self._floor is None:
             return ""
         said, self._floor.said = self._floor.said, ""
@@ -71,6 +71,6 @@ class Observers:
         return Report(**{name: observer.report() for name, observer in self._table.items()})
 
     def close(self) -> None:
-        """End what the observers have started."""
+        """Close all observers."""
         for observer in self._table.values():
             observer.close()

@@ -1,4 +1,4 @@
-"""What the kernel counts of the rig's threads: wake-ups, context switches, time on a processor and waiting for one."""
+"""The kernel's counts of the rig's threads: wake-ups, context switches, time on a processor and waiting for one."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _GONE = (FileNotFoundError, ProcessLookupError, PermissionError, ValueError, Ind
 
 
 class Counts(NamedTuple):
-    """Of one thread since it began. A thread that gave up its processor was woken again: `woken` are its wake-ups."""
+    """Counts of one thread since it began; `woken` are its wake-ups, equal to its voluntary context switches."""
 
     process: str
     thread: str
@@ -26,13 +26,13 @@ class Counts(NamedTuple):
     waited_ns: int
 
     def since(self, older: Counts) -> Counts:
-        """Return what was counted since `older`."""
+        """Return the difference from `older`."""
         return Counts(self.process, self.thread, *(b - a for a, b in zip(older[2:], self[2:], strict=True)))
 
 
 @dataclass(frozen=True, slots=True)
 class Usage:
-    """Of one process, with all that it has started, a second; `seconds` is what it was counted over."""
+    """Rates of one process with its children, measured over `seconds`."""
 
     wakeups_per_s: float
     switches_per_s: float
@@ -47,13 +47,13 @@ class _Sample(NamedTuple):
 
 
 class ThreadUsage:
-    """Looks at the threads of the rig's processes once a second; of processes of another container it sees none."""
+    """Samples the threads of the rig's processes once a second, except in other containers."""
 
     def __init__(self) -> None:
         self._samples: deque[_Sample] = deque(maxlen=3)
 
     def sample(self, sight: RigSight) -> None:
-        """Look, if it is time to."""
+        """Sample, if due."""
         if self._samples and sight.now_s - self._samples[-1].at_s < _PERIOD_S:
             return
         known = set(sight.pids.values())
@@ -61,7 +61,7 @@ class ThreadUsage:
         self._samples.append(_Sample(sight.now_s, found))
 
     def report(self) -> dict[str, Row[Counts, Usage | None]]:
-        """Return what the threads of each process that live now have counted, and rates between the last two looks."""
+        """Return the counts of the living threads of each process, and rates between the last two samples."""
         totals = _by_process(self._samples[-1].threads.values()) if self._samples else {}
         rates: dict[str, Usage] = {}
         if len(self._samples) >= 2:
@@ -73,7 +73,7 @@ class ThreadUsage:
         return {name: Row(total, rates.get(name)) for name, total in totals.items()}
 
     def busiest(self) -> tuple[ThreadTime, ...]:
-        """Return which threads ran and waited between the first and the last look that are kept, most first."""
+        """Return the threads that ran and waited between the first and the last stored sample, busiest first."""
         if len(self._samples) < 2:
             return ()
         s, counted = self._since(0)
@@ -84,10 +84,10 @@ class ThreadUsage:
         return tuple(sorted(times, key=lambda each: -each.ran_s))
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Do nothing: there are no resources."""
 
     def _since(self, index: int) -> tuple[float, list[Counts]]:
-        """Return the seconds since a sample that is kept, and what each thread that lives now has counted in them."""
+        """Return the seconds since a stored sample, and the counts of each living thread in them."""
         older, newer = self._samples[index], self._samples[-1]
         both = newer.threads.keys() & older.threads.keys()
         return newer.at_s - older.at_s, [newer.threads[tid].since(older.threads[tid]) for tid in both]
@@ -102,7 +102,7 @@ def _by_process(counts: Iterable[Counts]) -> dict[str, Counts]:
 
 
 def threads_of(name: str, pid: int, known: Collection[int]) -> Iterator[tuple[int, Counts]]:
-    """Yield the threads of a process and of what it has started, as far as that has no name of its own."""
+    """Yield the threads of a process and of its children without a name of their own."""
     try:
         tasks = list(Path(f"/proc/{pid}/task").iterdir())
     except _GONE:

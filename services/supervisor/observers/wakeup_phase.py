@@ -1,8 +1,8 @@
-"""When in a millisecond no loop works on a core: the moment at which a core sleeper disturbs nothing.
+"""Phase within a millisecond at which no loop works on a core, so that a core sleeper disturbs nothing.
 
-All loops keep to the grid of the gateway, so of each millisecond the same parts are busy. A Python thread that wakes
-above all others takes 75 us of its core. Amid a tick that cost haptics 80 us and physics 120, in every tenth tick, for
-as long as the rig ran, or nothing, depending on where the sleeper's own grid happened to start.
+All loops keep to the grid of the gateway, so the same parts of each millisecond are busy. A Python thread that wakes
+above all others takes 75 us of its core. In the middle of a tick that delayed haptics by 80 us and physics by 120 in
+every tenth tick, or not at all, depending on the start of the sleeper's own grid.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ from numpy.typing import NDArray
 from services.runtime.flights import Flight
 from services.supervisor.observers.core_sleepers import PERIOD_NS
 
-#: The grid of the loops is cut into slots.
+#: Length of the slots that the loops' grid is divided into.
 SLOT_NS = 20_000
 _SLOTS = PERIOD_NS // SLOT_NS
-#: Before a tick is due its loop may be at what is in no tick, and must be let alone: the gateway serves its handles.
+#: Time before a tick is due that is left free, because the gateway then serves its handles.
 LEAD_NS = 300_000
-#: For how long a look takes the core, with what comes of it; and how far round it quiet is still preferred, a little.
+#: Slots taken by a wake-up with its effects; slots around it that are preferably idle, too; and their weight.
 _LOOK_SLOTS, _ROUND_SLOTS, _LITTLE = 6, 6, 0.01
 _FAST_HZ = 1e9 / PERIOD_NS
 
 
 def idle_phase_ns(flights: Iterable[Flight], core: int) -> int | None:
-    """Return the time of the monotonic clock within a millisecond at which loops on `core` are the least often busy.
+    """Return the phase of the monotonic clock, in ns of a millisecond, at which loops on `core` are least often busy.
 
-    None if no loop of 1 kHz has that core for itself.
+    Return None if no 1 kHz loop is pinned to that core.
     """
     busy = np.zeros(_SLOTS)
     there = [f for f in flights if f.cores == (core,) and f.rate_hz == _FAST_HZ and len(f.rows)]
@@ -43,7 +43,7 @@ def idle_phase_ns(flights: Iterable[Flight], core: int) -> int | None:
 
 
 def _busy(flight: Flight) -> NDArray[np.float64]:
-    """Return the share of ticks in which each slot is taken, (slots,); a tick over a millisecond takes them all."""
+    """Return the share of ticks in which each slot is busy, (slots,); a tick over a millisecond occupies all."""
     first = (flight.column("due_ns") - LEAD_NS) // SLOT_NS
     last = np.minimum(flight.column("ended_ns") // SLOT_NS, first + _SLOTS - 1)
     taken = np.bincount(first % _SLOTS, minlength=_SLOTS) - np.bincount((last + 1) % _SLOTS, minlength=_SLOTS)
