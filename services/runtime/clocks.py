@@ -1,8 +1,8 @@
-"""Clocks of other hosts: what theirs is ahead of ours, by round trips, between two bounds that hold it for certain.
+"""Clocks of other hosts: their offset from ours with certain bounds, measured by round trips.
 
-A monotonic clock begins with its host's boot: those of two are never compared. Each process asks the publishers that it
-hears from other hosts for their time. The answer was made after the question left and before it came: these are the
-bounds, whichever way took how long. The best trip holds, widened by what clocks drift since.
+A monotonic clock begins with its host's boot, so two of them cannot be compared. Each process requests the time of the
+publishers on other hosts that it reads. The answer was made after the request left and before it arrived; these are the
+bounds, however long each way took. The best round trip is used, widened by the drift since.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from services.runtime.frame_batches import is_readable
 from services.runtime.keys import ZapAuthenticator
 from services.runtime.rig import LOOPBACK, Transport
 
-#: Two clocks that NTP slews, each by up to 500 ppm, drift apart so fast at most.
+#: Largest relative drift of two clocks slewed by NTP, each by up to 500 ppm.
 DRIFT = 1e-3
 _ASK_EVERY_NS = 100_000_000
 _ANSWER = struct.Struct("<qq16s")  # asked_ns as it came, told_ns, whose clock
 _ANSWERS = 16
-#: What tells the clock of this process from all others: the host's boot, and the time namespace.
+#: Identity of this process' clock: the host's boot, and the time namespace.
 _OURS = hashlib.blake2b(Path("/proc/sys/kernel/random/boot_id").read_bytes(), digest_size=16)
 with suppress(FileNotFoundError):
     _OURS.update(os.readlink("/proc/self/ns/time").encode())
@@ -35,24 +35,24 @@ _WHOSE = _OURS.digest()
 
 
 class ClockOffset:
-    """How far the clock of another host is ahead of ours."""
+    """Offset of another host's clock from ours."""
 
     def __init__(self) -> None:
         self._low_ns = self._high_ns = self._at_ns = 0
         self.known = self.ours = False
 
     def take(self, asked_ns: int, told_ns: int, heard_ns: int) -> None:
-        """Take an answer: they had `told_ns` between our `asked_ns` and `heard_ns`."""
+        """Process an answer: their clock was at `told_ns` between our `asked_ns` and `heard_ns`."""
         low_ns, high_ns = told_ns - heard_ns, told_ns - asked_ns + round(DRIFT * (heard_ns - asked_ns))
         if self.known:
             drift_ns = round(DRIFT * (heard_ns - self._at_ns))
             best = max(low_ns, self._low_ns - drift_ns), min(high_ns, self._high_ns + drift_ns)
-            if best[0] <= best[1]:  # else it is another clock now: its host has booted
+            if best[0] <= best[1]:  # otherwise it is another clock, as its host has rebooted
                 low_ns, high_ns = best
         self._low_ns, self._high_ns, self._at_ns, self.known = low_ns, high_ns, heard_ns, True
 
     def hear(self, answer: bytes, heard_ns: int) -> None:
-        """Take an answer as it came; what is none is nothing."""
+        """Process a received answer; invalid ones are ignored."""
         if len(answer) == _ANSWER.size:
             asked_ns, told_ns, whose = _ANSWER.unpack(answer)
             self.ours = whose == _WHOSE
@@ -61,20 +61,20 @@ class ClockOffset:
 
     @property
     def ahead_ns(self) -> int:
-        """By how much it is ahead: the middle of what may be."""
+        """Its offset: the middle between the bounds."""
         return 0 if self.ours else (self._low_ns + self._high_ns) // 2
 
     def here_ns(self, there_ns: int) -> int:
-        """Return what our clock has when theirs has `there_ns`; never less than 1."""
+        """Return our time when theirs is `there_ns`, at least 1."""
         return max(1, there_ns - self.ahead_ns)
 
     def uncertainty_ns(self, now_ns: int) -> int:
-        """Return how far `here_ns` may be off."""
+        """Return the largest error of `here_ns`."""
         return 0 if self.ours else (self._high_ns - self._low_ns + 1) // 2 + round(DRIFT * (now_ns - self._at_ns))
 
 
 class Clocks:
-    """The clocks of `publishers` on other hosts, and answers to who asks for that of `process`, if it has a name."""
+    """The clocks of `publishers` on other hosts, and answers to requests for that of `process`, if it has a name."""
 
     def __init__(
         self,
@@ -98,7 +98,7 @@ class Clocks:
         for name in publishers:
             if transport.address(name) not in LOOPBACK and not transport.shares_host(process, name):
                 self._asking[name] = asking = _socket(context, zmq.DEALER)
-                asking.setsockopt(zmq.IMMEDIATE, 1)  # a question does not wait for who is not there
+                asking.setsockopt(zmq.IMMEDIATE, 1)  # requests to absent peers are not queued
                 where = endpoint(transport, f"{name}.clock")
                 if doorkeeper:
                     doorkeeper.guard_reader(asking, where)
@@ -106,7 +106,7 @@ class Clocks:
                 self.offsets[name] = ClockOffset()
 
     def turn(self) -> None:
-        """Answer who asks, ask, and take answers. Never blocks; on one host there is nothing to do."""
+        """Answer requests, send requests, and process answers. Never blocks; does nothing on a single host."""
         if self._answering is None and not self._asking:
             return
         self._answer()
@@ -122,7 +122,7 @@ class Clocks:
         self._due_ns = now_ns + _ASK_EVERY_NS if asks else self._due_ns
 
     def gauges(self) -> dict[str, float]:
-        """Return by how much each clock is ahead, and by how much that may be off, in s: of those that are known."""
+        """Return offset and uncertainty, in s, of each known clock."""
         now_ns = time.monotonic_ns()
         known = {name: offset for name, offset in self.offsets.items() if offset.known}
         ahead = {f"clock_ahead_s.{name}": 1e-9 * each.ahead_ns for name, each in known.items()}

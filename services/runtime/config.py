@@ -1,4 +1,4 @@
-"""Configuration from YAML files and ``--set`` options: typed, unknown keys refused, every value's origin known."""
+"""Configuration from YAML files and ``--set`` options: typed, without unknown keys, with every value's origin."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from services.runtime.rig import Rig
 T = TypeVar("T")
 Origins = dict[str, str]
 
-#: Of a file, which may be a device without an end.
+#: Largest size of a file, as it may be an endless device.
 _LONGEST = 1_000_000
 _ROOT = Path(__file__).resolve().parents[2]
 _INSTALLED = _ROOT / "trocar" / "configs"
 
 
 def config_directory() -> Path:
-    """Return the folder of rigs, scenes and devices: ``$TROCAR_CONFIG_DIR``, else that of the wheel or of the clone.
+    """Return the folder of rigs, scenes and devices: ``$TROCAR_CONFIG_DIR``, or that of the wheel or the clone.
 
-    Raises ConfigError where the variable names no folder.
+    Raises ConfigError if the variable names no folder.
     """
     if named := os.environ.get("TROCAR_CONFIG_DIR"):
         if not os.path.isdir(named):
@@ -59,7 +59,7 @@ def find(kind: str, name: str | Path) -> Path:
 
 
 def _is_there(path: Path) -> bool:
-    """Return whether `path` is a file, or one of which only reading it says why it is none (a closed folder)."""
+    """Return whether `path` is a file, or inaccessible so that only reading it gives the reason."""
     try:
         return path.is_file()
     except OSError:
@@ -93,9 +93,9 @@ def read_yaml(path: Path) -> dict[str, Any]:
 
 
 def apply_overrides(data: dict[str, Any], overrides: Iterable[str], origins: Origins) -> None:
-    """Put each ``a.b=c`` of `overrides` into `data`; values are YAML, list items are addressed by number.
+    """Apply each ``a.b=c`` of `overrides` to `data`; values are YAML, list items are addressed by number.
 
-    Raises ConfigError naming the option that cannot be applied.
+    Raises ConfigError naming an invalid option.
     """
     for override in overrides:
         key, equals, text = override.partition("=")
@@ -123,17 +123,17 @@ def _put(data: Any, path: list[str], value: Any, override: str) -> None:
 
 
 def _place(number: str) -> int:
-    """Return the place in a list that an option names, counted from 0."""
+    """Return the list index, from 0, in an option."""
     if not number.isdecimal():
         raise ValueError(number)
     return int(number)
 
 
 def read_scene(scene: str | Path, overrides: Iterable[str] = (), origins: Origins | None = None) -> dict[str, Any]:
-    """Return what a scene file, or one's name in configs/scenes, says with overrides on top, unchecked.
+    """Return the unchecked content of a scene, by path or by name in configs/scenes, with overrides.
 
-    Another file of that is the same scene, wherever it lies: the path of a surface file does not count from anywhere.
-    Raises ConfigError if there is no such scene, or the file is not YAML.
+    The path of a surface file is made absolute, so that the content may be saved anywhere.
+    Raises ConfigError if there is no such scene, or it is not YAML.
     """
     path = find("scene", scene)
     data = read_yaml(path)
@@ -146,24 +146,24 @@ def read_scene(scene: str | Path, overrides: Iterable[str] = (), origins: Origin
 
 
 def _anchor_mesh_file(data: dict[str, Any], folder: Path) -> None:
-    """Make a relative surface file count from `folder`: that of the scene, or for an override the present one."""
+    """Make the path of a surface file absolute, relative to the scene's folder, or for an override the present one."""
     duct = data.get("duct")
     if isinstance(duct, dict) and isinstance(duct.get("mesh_file"), str):
         duct["mesh_file"] = str(folder.absolute() / duct["mesh_file"])
 
 
 def build(kind: type[T], data: Mapping[str, Any], where: str) -> T:
-    """Return `data` as a checked `kind` (a pydantic model or a dataclass).
+    """Return `data` validated as `kind` (a pydantic model or a dataclass).
 
-    It is checked as JSON: what is strict there takes no string for a number, but still a list for a tuple.
-    Raises ConfigError: one sentence: file, path of the key, what is wrong, and for an unknown key the known ones.
+    It is validated as JSON, so that strict types accept no string for a number, but a list for a tuple.
+    Raises ConfigError: one sentence with file, path of the key, the error, and for an unknown key the known ones.
     """
     try:
         return TypeAdapter(kind).validate_json(json.dumps(data, default=str))
     except ValidationError as error:
         empty = "" if data else "; nothing is in the file"
         raise ConfigError(f"{where}: {_sentence(error, kind)}{empty}") from None
-    except (TypeError, ValueError) as error:  # a key that is a date, an anchor within itself
+    except (TypeError, ValueError) as error:  # such as a date as a key, or a recursive anchor
         raise ConfigError(f"{where}: {error}") from None
 
 
@@ -174,11 +174,11 @@ _BOUNDS = ("greater_than", "greater_than_equal", "less_than", "less_than_equal")
 
 
 def _sentence(error: ValidationError, kind: type[Any]) -> str:
-    """Return what is wrong: an unknown key before all else, as a misspelt key is also one that is missing."""
+    """Return the error message; an unknown key comes first, as a misspelt key also causes a missing one."""
     errors = error.errors(include_url=False)
     first = next((each for each in errors if each["type"] in _UNKNOWN), errors[0])
     unknown = _unknown(first, kind)
-    path = ".".join(str(part) for part in unknown or first["loc"] if part != "[key]")  # of a key that is wrong itself
+    path = ".".join(str(part) for part in unknown or first["loc"] if part != "[key]")  # marks an invalid key
     more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
     if unknown:
         known = known_keys(kind, unknown[:-1])
@@ -198,7 +198,7 @@ def _sentence(error: ValidationError, kind: type[Any]) -> str:
 
 
 def _unknown(error: ErrorDetails, kind: Any) -> tuple[int | str, ...]:
-    """Return where an unknown key is, empty for none: one may stand where the key that chooses a type is missing."""
+    """Return the path of an unknown key, empty for none; it may be a misspelt key that selects a type."""
     if error["type"] in _UNKNOWN:
         return error["loc"]
     if error["type"] == _NO_KIND and isinstance(error["input"], Mapping):
@@ -208,17 +208,17 @@ def _unknown(error: ErrorDetails, kind: Any) -> tuple[int | str, ...]:
 
 
 def known_keys(kind: Any, location: tuple[int | str, ...]) -> list[str]:
-    """Return the keys that a configuration type knows at `location`, as pydantic's errors give it."""
+    """Return the known keys of a configuration type at `location`, in pydantic's format."""
     schema = TypeAdapter(kind).json_schema()
     nodes = _alternatives(schema, schema)
     for part in location:
         below = [each for node in nodes for each in _below(node, part, schema)]
-        nodes = below or [node for node in nodes if _is_called(node, part)]  # where types choose, by which was chosen
+        nodes = below or [node for node in nodes if _is_called(node, part)]  # the selected type of a union
     return sorted({key for node in nodes for key in node.get("properties", {})})
 
 
 def _alternatives(node: Any, schema: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return the schemas that `node` stands for: itself, what it refers to, or each that a value may choose."""
+    """Return the schemas of `node`: itself, its reference, or each member of a union."""
     if not isinstance(node, dict):
         return []
     if "$ref" in node:
@@ -228,7 +228,7 @@ def _alternatives(node: Any, schema: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _below(node: dict[str, Any], part: int | str, schema: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return what may stand in `node` under a key, or at a place of a list."""
+    """Return the schemas in `node` at a key or list index."""
     if isinstance(part, int):
         places = node.get("prefixItems", ())
         return _alternatives(places[part] if part < len(places) else node.get("items"), schema)
@@ -236,12 +236,12 @@ def _below(node: dict[str, Any], part: int | str, schema: dict[str, Any]) -> lis
 
 
 def _is_called(node: dict[str, Any], name: int | str) -> bool:
-    """Return whether pydantic calls a choice so: by its type, or by the value of the key that decides."""
+    """Return whether `name` is pydantic's name of a union's member: its type, or the value of the discriminator."""
     return name == node.get("title") or any(name == key.get("const") for key in node.get("properties", {}).values())
 
 
 def origins_of(data: Mapping[str, Any], where: str, prefix: str = "") -> Origins:
-    """Return for every leaf of `data` that it came from `where`."""
+    """Return the origin `where` for every leaf of `data`."""
     found: Origins = {}
     for key, value in data.items():
         path = f"{prefix}{key}"
@@ -253,9 +253,9 @@ def origins_of(data: Mapping[str, Any], where: str, prefix: str = "") -> Origins
 
 
 def load(kind: type[T], path: Path, overrides: Iterable[str] = ()) -> tuple[T, Origins]:
-    """Return the configuration in `path` with `overrides` on top, and where each given value came from.
+    """Return the configuration in `path` with `overrides`, and the origin of each given value.
 
-    A rig file may name another as its `base`: then it holds only what differs.
+    A rig file may name another as its `base`, and then contains only the differences.
     """
     data, origins = _read_on_base(path) if kind is Rig else _read_alone(path)
     apply_overrides(data, overrides, origins)
@@ -271,10 +271,10 @@ def _read_alone(path: Path) -> tuple[dict[str, Any], Origins]:
 
 
 def _read_on_base(path: Path, above: tuple[Path, ...] = ()) -> tuple[dict[str, Any], Origins]:
-    """Return what a rig file says on top of what its base says: mappings are merged, lists and values replaced.
+    """Return the content of a rig file merged into that of its base: mappings are merged, lists and values replaced.
 
-    Of a list of things with names, such as the instruments, the file says which there are; each takes what is not said
-    of it from the one of that name below. `settings` belong to one driver: they are replaced as a whole.
+    In a list of named items, such as instruments, the file defines which exist; each takes missing keys from the item
+    of the same name in the base. `settings` belong to one driver and are replaced as a whole.
     """
     data, origins = _read_alone(path)
     base = data.get("base")
@@ -313,7 +313,7 @@ def _are_named(value: Any) -> bool:
 
 
 def split_overrides(overrides: Iterable[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the overrides of the rig file (told by their first key), and those of the scene: all others."""
+    """Return the overrides of the rig file (recognised by their first key), and all others, of the scene."""
     rig: list[str] = []
     scene: list[str] = []
     for override in overrides:
@@ -322,5 +322,5 @@ def split_overrides(overrides: Iterable[str]) -> tuple[tuple[str, ...], tuple[st
 
 
 def load_rig(name: str | Path, overrides: Iterable[str] = ()) -> Rig:
-    """Return the rig of a file or bare name; of `overrides`, those that are the rig's are put on top."""
+    """Return the rig of a file or bare name, with those of `overrides` that are for the rig."""
     return load(Rig, find("rig", name), split_overrides(overrides)[0])[0]

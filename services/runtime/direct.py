@@ -1,9 +1,9 @@
-"""Publisher and subscriber of the fast topics on one host, without a thread: the loops themselves send and receive.
+"""Publisher and subscriber of the fast topics on one host, without threads: the loops send and receive themselves.
 
-libzmq sends and receives in a thread of its own. One frame from loop to loop then wakes three threads: the sender's,
-the reader's, the reader itself. These ends speak the same protocol (`services.runtime.zmtp`) on the same sockets, so
-that any ZeroMQ program can connect to them, but write when the loop sends and read when the loop looks: one thread is
-woken, and by a topic that nobody waits for, none.
+libzmq sends and receives in a thread of its own, so one frame from loop to loop wakes three threads: the sender's, the
+reader's, and the reader itself. These ends use the same protocol (`services.runtime.zmtp`) on the same sockets, so that
+any ZeroMQ program can connect to them, but write when the loop sends and read when the loop reads: only the waiting
+thread is woken, or none.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from pathlib import Path
 from protocol.frame import MAX_FRAME_BYTES
 from services.runtime import zmtp
 
-#: Connections at one socket: a rig has at most half a dozen.
+#: Most connections at one socket; a rig has at most half a dozen.
 MAX_PEERS = 64
 _LONGEST_SUBSCRIPTION = 1024
-#: More than the system holds for one connection, so that one read empties it.
+#: More than the system's buffer of a connection, so that one read empties it.
 _READ_BYTES = 1 << 18
 _RECONNECT_S = 2e-3
 _ROUNDING_S = 30e-6  # select() may return this much early; the rest is slept
@@ -29,7 +29,7 @@ _GONE = (ConnectionError, zmtp.ProtocolError)
 
 
 class _Peer:
-    """A connection to a publisher, as that sees it."""
+    """A connection in the publisher."""
 
     def __init__(self, connection: socket.socket) -> None:
         connection.setblocking(False)
@@ -39,7 +39,7 @@ class _Peer:
         self._rest = zmtp.GREETING + zmtp.ready(b"PUB")
 
     def hear(self) -> None:
-        """Take what the peer says of what it wants."""
+        """Process the peer's subscriptions."""
         with suppress(BlockingIOError):
             n_read = self.connection.recv_into(self._incoming.room)
             if n_read == 0:
@@ -52,7 +52,7 @@ class _Peer:
         self._send_rest()
 
     def send(self, message: bytes) -> None:
-        """Send `message`, or nothing of it if the peer has not taken what was sent before."""
+        """Send `message`, or drop it if the peer has not read earlier data."""
         if self._rest:
             self._send_rest()
             if self._rest:
@@ -69,16 +69,16 @@ class _Peer:
 
 
 class DirectSender:
-    """Publishes at a path: each frame to all who have subscribed and can take it; never waits.
+    """Publishes at a path each frame to all subscribers that can receive it; never waits.
 
     Raises OSError if the path cannot be bound.
 
     Attributes:
-        path: Of the socket.
-        sends: Frames sent, counted for each reader.
+        path: Path of the socket.
+        sends: Number of frames sent, counted for each reader.
 
     Args:
-        path: Of the socket; what is there is replaced, so the caller holds the lock of the endpoint.
+        path: Path of the socket, which is replaced, so the caller must hold the lock of the endpoint.
     """
 
     def __init__(self, path: str) -> None:
@@ -97,11 +97,11 @@ class DirectSender:
 
     @property
     def readers(self) -> int:
-        """How many have subscribed."""
+        """Number of subscribers."""
         return len(self._subscribed)
 
     def look(self) -> None:
-        """Find out who has come, gone, subscribed or cancelled."""
+        """Process new and closed connections and subscriptions."""
         events = self._poll.poll(0)
         if not events:
             return
@@ -117,7 +117,7 @@ class DirectSender:
         self._subscribed = [peer for peer in self._peers.values() if peer.subscriptions]
 
     def send(self, data: bytes) -> None:
-        """Send a frame; who cannot take it loses it."""
+        """Send a frame; subscribers with a full buffer lose it."""
         self.look()
         if not self._subscribed:
             return
@@ -131,7 +131,7 @@ class DirectSender:
                 self._subscribed = [each for each in self._subscribed if each is not peer]
 
     def close(self) -> None:
-        """Close every connection and remove the socket, unless it is another's by now."""
+        """Close every connection and remove the socket, unless another process has replaced it."""
         for peer in list(self._peers.values()):
             self._drop(peer)
         self._poll.close()
@@ -162,11 +162,11 @@ class DirectSender:
 
 
 class DirectReader:
-    """Subscribes at a path and keeps the newest frame; connects anew when its publisher is gone.
+    """Subscribes at a path and keeps the newest frame; reconnects after a loss of the publisher.
 
     Attributes:
-        path: Of the socket.
-        violations: How often the publisher said what is not ZMTP, or longer than a frame may be.
+        path: Path of the socket.
+        violations: Number of messages that were not ZMTP, or too long for a frame.
     """
 
     def __init__(self, path: str) -> None:
@@ -180,7 +180,7 @@ class DirectReader:
         self._connect()
 
     def newest(self) -> bytes | None:
-        """Return the newest frame that was not returned before, or None. Never waits."""
+        """Return the newest frame if it is new, or None. Never waits."""
         if self._frame is None:
             self._read()
         frame, self._frame = self._frame, None
@@ -189,7 +189,7 @@ class DirectReader:
     def wait(self, until_ns: int) -> bool:
         """Sleep until there is a frame (True) or the monotonic clock reaches `until_ns` (False).
 
-        It sleeps before it looks: what lies there wakes it at once, and mostly nothing does.
+        It sleeps before it reads: available data wakes it at once, and mostly there is none.
         """
         while self._frame is None:
             remaining_s = (until_ns - time.monotonic_ns()) * 1e-9
@@ -218,7 +218,7 @@ class DirectReader:
         try:
             connection.connect(self.path)
             connection.send(zmtp.GREETING + zmtp.ready(b"SUB"))
-        except OSError:  # nobody there, or nobody who takes us now
+        except OSError:  # no publisher, or none that accepts now
             connection.close()
             return
         self._incoming.begin()
@@ -226,7 +226,7 @@ class DirectReader:
         self._connection = connection
 
     def _read(self) -> None:
-        """Take what has arrived."""
+        """Read the received data."""
         if self._connection is None:
             self._connect()
             return

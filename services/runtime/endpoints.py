@@ -1,7 +1,7 @@
-"""Where a topic is bound: derived from its name and the rig's transport, held by a lock.
+"""Endpoints of topics, derived from their names and the rig's transport, each guarded by a lock.
 
-A second bind on an ipc path succeeds and silently steals it, so whoever publishes holds an exclusive lock on
-``<endpoint>.lock`` for as long as it lives; the kernel releases it when the process dies, however it dies.
+A second bind on an ipc path succeeds and silently takes it over, so a publisher holds an exclusive lock on
+``<endpoint>.lock`` as long as it lives; the kernel releases it when the process ends in any way.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from services.runtime.rig import Transport
 
 _MAX_IPC_PATH = 107
 _PORTS = 8192
-#: Ends the name of the endpoint of a topic's batches, see `services.runtime.frame_batches`.
+#: Suffix of the endpoint of a topic's batches, see `services.runtime.frame_batches`.
 _BATCHES = ".whole"
 
 
@@ -28,20 +28,20 @@ def run_directory(transport: Transport) -> Path:
     """Return the directory of the rig's sockets and locks, private to this user.
 
     That is ``transport.directory``, else one in ``$XDG_RUNTIME_DIR``, else one in ``/tmp``.
-    Raises BusError if it cannot be had, or others could have their hands in it.
+    Raises BusError if it cannot be created, or is accessible to others.
     """
     directory = transport.directory
     if directory is None:
         named = Path(os.environ.get("XDG_RUNTIME_DIR", ""))
-        # One that is not absolute is none (XDG Base Directory Specification): each folder would have a rig of its own.
+        # A relative path is invalid (XDG Base Directory Specification); each folder would have a rig of its own.
         directory = (named if named.is_absolute() else Path("/tmp")) / f"trocar-{os.getuid()}"
     return make_private(directory)
 
 
 def endpoint(transport: Transport, topic: str, host: str | None = None) -> str:
-    """Return the ZeroMQ endpoint of `topic`; for tcp at `host`, by default the publisher's of the rig file.
+    """Return the ZeroMQ endpoint of `topic`, for tcp at `host`, by default the publisher's in the rig file.
 
-    Raises BusError if an ipc path would be longer than the system allows.
+    Raises BusError if an ipc path is longer than the system allows.
     """
     if transport.kind == "tcp":
         port = transport.base_port + zlib.crc32(topic.encode()) % _PORTS
@@ -56,9 +56,9 @@ def ipc_path(transport: Transport, topic: str) -> str:
 
 
 def check(transport: Transport) -> None:
-    """Refuse a directory that is too deep for sockets; makes nothing.
+    """Check that a directory is not too deep for sockets, without creating anything.
 
-    Raises BusError naming the path that would be longer than the system allows.
+    Raises BusError naming a path that is longer than the system allows.
     """
     if transport.kind == "ipc" and transport.directory is not None:
         for topic in TOPICS:
@@ -73,9 +73,9 @@ def _ipc_path(directory: Path, topic: str) -> str:
 
 
 def claim(transport: Transport, topic: str) -> IO[str]:
-    """Take the lock of `topic`'s endpoint and return it; closing it, or dying, gives it up.
+    """Acquire and return the lock of `topic`'s endpoint, which is released by closing it or by the end of the process.
 
-    Raises BusError naming the process that has it.
+    Raises BusError naming the process that holds it.
     """
     path = run_directory(transport) / f"{topic}.lock"
     lock = open_text(path, os.O_RDWR | os.O_CREAT)
@@ -92,7 +92,7 @@ def claim(transport: Transport, topic: str) -> IO[str]:
 
 
 def lock_holders(transport: Transport) -> dict[str, int]:
-    """Return by process name the process that holds a lock of its endpoints, supervised or not."""
+    """Return by name the ids of processes that hold a lock of their endpoints, supervised or not."""
     directory = run_directory(transport)
     found: dict[str, int] = {}
     for process in PROCESSES:
@@ -118,7 +118,7 @@ def _holder(path: Path) -> int | None:
 
 
 def remove_stale(transport: Transport) -> list[str]:
-    """Remove the sockets of publishers that are no more (one that is killed leaves them) and return their names."""
+    """Remove the sockets of publishers that have ended (killed ones leave them) and return their names."""
     removed = []
     for path in sorted(run_directory(transport).glob("*.ipc")):
         with suppress(BusError, FileNotFoundError), claim(transport, path.stem.removesuffix(_BATCHES)):

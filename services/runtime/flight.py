@@ -1,9 +1,9 @@
-"""The flight recorder of a loop: its last two seconds, tick by tick, in memory that others may look at.
+"""The flight recorder of a loop: its last two seconds, tick by tick, in shared memory.
 
-A process writes one row a tick: which tick of the rig, when it was due, began and ended, for how long its thread was
-run since the last one, and what each stage took. Writing is one copy into memory that was there before: nothing is
-allocated, nobody is asked. The memory is a file that never touches a disk, so whoever wants to know reads it without a
-word to the loop: the page's process after a miss, ``trocar latency`` at any time, of a process that hangs or died too.
+A process writes one row a tick: the tick of the rig, its due, start and end times, the processor time of its thread
+since the last one, and the duration of each stage. Writing is one copy into existing memory, without allocation or
+locks. The memory is a file that never touches a disk, which others read without involving the loop: the page's process
+after a miss, ``trocar latency`` at any time, even of a process that hangs or has died.
 """
 
 from __future__ import annotations
@@ -22,11 +22,12 @@ from typing import Any
 from services.runtime.private_directory import make_private, open_private
 
 MAGIC = b"TROCARF1"
-#: A row begins with these, in ns of the monotonic clock or of time, and goes on with the stages.
+#: First columns of a row, in ns; the stages follow.
 COLUMNS = ("tick", "due_ns", "began_ns", "ended_ns", "ran_ns")
 SECONDS = 2.0
 SUFFIX = ".flight"
-#: Header: magic, length of a JSON object, the object; then the number of rows ever written; then the rows in a ring.
+#: Size of the header (magic, length of a JSON object, the object, number of rows ever written), before the ring of
+#: rows.
 HEADER_BYTES = 4096
 _COUNT_BYTES = 64
 ROWS_AT = HEADER_BYTES + _COUNT_BYTES
@@ -34,11 +35,11 @@ _MEMORY = Path("/dev/shm")
 
 
 class FlightRing:
-    """The last ticks of one loop. One thread writes.
+    """The last ticks of one loop, written by one thread.
 
     Attributes:
-        stages: Names of what a tick is made of, in order.
-        written: Rows since the start; the ring keeps the newest `capacity`.
+        stages: Names of a tick's stages, in order.
+        written: Number of rows since the start; the ring keeps the newest `capacity`.
     """
 
     def __init__(self, rate_hz: float, stages: Sequence[str] = ()) -> None:
@@ -66,17 +67,17 @@ class FlightRing:
         self._count[0] = self.written
 
     def share(self, path: Path) -> None:
-        """Go on in the file `path`, a new one in a private directory; to be called before there is anything to lose.
+        """Move the ring to the new file `path` in a private directory, discarding its rows.
 
-        Raises BusError or OSError if it cannot be made.
+        Raises BusError or OSError if it cannot be created.
         """
         temporary = path.with_name(f".{path.name}.{os.getpid()}")
         descriptor = open_private(temporary, os.O_RDWR | os.O_CREAT | os.O_TRUNC)
         try:
             size = ROWS_AT + self.capacity * self.row_bytes
-            os.posix_fallocate(descriptor, 0, size)  # here, where it can be refused, and not by a signal in a tick
+            os.posix_fallocate(descriptor, 0, size)  # a lack of memory fails here, not by a signal in a tick
             memory = mmap.mmap(descriptor, size)
-            memory[:] = bytes(size)  # every page is there before the first tick
+            memory[:] = bytes(size)  # touches every page before the first tick
             header = json.dumps(self._header(path.name.removesuffix(SUFFIX))).encode()
             struct.pack_into(f"<8sI{len(header)}s", memory, 0, MAGIC, len(header), header)
             os.replace(temporary, path)
@@ -100,10 +101,10 @@ class FlightRing:
 
 
 def flight_directory(run_directory: Path) -> Path:
-    """Return where the rings of the rig of `run_directory` are: there, where that is memory, else in ``/dev/shm``.
+    """Return the directory of a rig's rings: `run_directory` if it is in memory, else one in ``/dev/shm``.
 
-    A page of a file on a disk is taken away to be written, and who writes to it then waits for the disk.
-    Raises BusError if it cannot be had, or others could have their hands in it.
+    Pages of a file on a disk are locked while they are written back, and a writer then waits for the disk.
+    Raises BusError if it cannot be created, or is accessible to others.
     """
     if is_memory(run_directory) or not _MEMORY.is_dir():
         return run_directory
@@ -112,7 +113,7 @@ def flight_directory(run_directory: Path) -> Path:
 
 
 def is_memory(directory: Path) -> bool:
-    """Return whether a directory is on a file system that has no disk."""
+    """Return whether a directory is on a memory file system."""
     device = directory.stat().st_dev
     wanted = f"{os.major(device)}:{os.minor(device)}"
     for line in Path("/proc/self/mountinfo").read_text().splitlines():
@@ -128,5 +129,5 @@ def remove_rings(run_directory: Path) -> None:
     for path in (*directory.glob(f"*{SUFFIX}"), *directory.glob("*.phases")):
         path.unlink(missing_ok=True)
     if directory != run_directory:
-        with suppress(OSError):  # not empty: somebody is still writing
+        with suppress(OSError):  # not empty: a process is still writing
             directory.rmdir()

@@ -1,4 +1,4 @@
-"""Reading flight rings, of a rig that runs or of one that died, and keeping what was read in files."""
+"""Reading flight rings of a running or dead rig, and saving them in files."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from services.runtime.errors import BusError, UserError
 from services.runtime.flight import COLUMNS, HEADER_BYTES, MAGIC, ROWS_AT, SUFFIX
 from services.runtime.private_directory import open_private
 
-#: Of a file with flights; the format is numpy's.
+#: Suffix of files with flights, in numpy's format.
 FILE_SUFFIX = ".npz"
-#: Loops that the hand feels tick faster; a picture that is late is no accident.
+#: Loops faster than this affect the hand; a late picture is no incident.
 FAST_HZ = 500.0
 _META = "about"
 _PREFIX = len(MAGIC) + 4
-#: What comes of reading a file that is no ring as one.
+#: Exceptions of reading a file that is no ring.
 _NO_RING = (OSError, ValueError, KeyError, TypeError, struct.error)
-#: What comes of reading a file that is none of flights, or is broken; the last of a zip file of another kind.
+#: Exceptions of reading a file without flights, or a damaged one; the last is of another kind of zip file.
 _NO_FLIGHTS = (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError)
 
 
@@ -37,8 +37,7 @@ class Flight:
     """The last ticks of one loop.
 
     Attributes:
-        rows: (ticks, 5 + stages) int64. Columns as `services.runtime.flight.COLUMNS` has them, then the stages; oldest
-            first.
+        rows: (ticks, 5 + stages) int64. Columns are `services.runtime.flight.COLUMNS`, then the stages; oldest first.
     """
 
     name: str
@@ -50,18 +49,18 @@ class Flight:
 
     @property
     def period_ns(self) -> float:
-        """Time from tick to tick."""
+        """Period of the ticks."""
         return 1e9 / self.rate_hz
 
     def column(self, name: str) -> NDArray[np.int64]:
-        """Return one of `COLUMNS`, of all ticks."""
+        """Return one of `COLUMNS` for all ticks."""
         found: NDArray[np.int64] = self.rows[:, COLUMNS.index(name)]
         return found
 
 
 @dataclass(frozen=True, slots=True)
 class ThreadTime:
-    """What the kernel says of one thread over the last `seconds`: for how long it ran, and waited for a processor."""
+    """The kernel's times of one thread over the last `seconds`: on a processor, and waiting for one."""
 
     process: str
     thread: str
@@ -73,7 +72,7 @@ class ThreadTime:
 
 @dataclass(frozen=True, slots=True)
 class Flights:
-    """The flights of a rig, taken at one time. `reason` says why; `threads` is empty where the kernel does not tell."""
+    """The flights of a rig at one time, with the reason of saving; `threads` is empty if the kernel reports none."""
 
     flights: tuple[Flight, ...]
     taken_ns: int
@@ -83,13 +82,13 @@ class Flights:
 
 
 def read_rings(directory: Path) -> tuple[Flight, ...]:
-    """Return what lies in a directory of rings; one that is no ring, or of another version, is left out."""
+    """Return the flights in a directory of rings, except those of another version."""
     found = (read_ring(path) for path in sorted(directory.glob(f"[!.]*{SUFFIX}")))
     return tuple(flight for flight in found if flight is not None)
 
 
 def read_ring(path: Path) -> Flight | None:
-    """Return the rows of a ring, however fast it is written to meanwhile; None of what is no ring."""
+    """Return the rows of a ring, also while it is being written; None for another file."""
     try:
         descriptor = open_private(path, os.O_RDONLY)
     except (FileNotFoundError, BusError):
@@ -103,7 +102,7 @@ def read_ring(path: Path) -> Flight | None:
 
 
 def open_ring(path: Path, pid: int) -> int | None:
-    """Return a descriptor of the ring at `path`, for `rows_written`; None if process `pid` has not made it."""
+    """Return a descriptor of the ring at `path`, for `rows_written`; None if it is not of process `pid`."""
     try:
         descriptor = open_private(path, os.O_RDONLY)
     except (FileNotFoundError, BusError):
@@ -119,13 +118,13 @@ def open_ring(path: Path, pid: int) -> int | None:
 
 
 def rows_written(descriptor: int) -> int:
-    """Return how many rows a ring was ever given."""
+    """Return the number of rows ever written to a ring."""
     (count,) = struct.unpack("<q", os.pread(descriptor, 8, HEADER_BYTES))
     return int(count)
 
 
 def _about(descriptor: int) -> dict[str, Any] | None:
-    """Return what the header of a ring says, None of what is no ring."""
+    """Return the header of a ring, None for another file."""
     head = os.pread(descriptor, HEADER_BYTES, 0)
     if head[: len(MAGIC)] != MAGIC:
         return None
@@ -143,7 +142,7 @@ def _read(descriptor: int) -> Flight | None:
     data = os.pread(descriptor, 8 * capacity * columns, ROWS_AT)
     after = rows_written(descriptor)
     rows = np.frombuffer(data, np.int64).reshape(capacity, columns)
-    # The writer may have been in the row after the last that it counted, in the place of the oldest.
+    # The writer may have been writing the row after the last counted one, over the oldest.
     whole = np.arange(max(0, after - capacity + 1), before)
     cores, stages = tuple(map(int, about["cores"])), tuple(map(str, about["stages"]))
     return Flight(str(about["name"]), int(about["pid"]), float(about["rate_hz"]), cores, stages, rows[whole % capacity])
@@ -169,7 +168,7 @@ def to_bytes(flights: Flights) -> bytes:
 
 
 def read_file(path: Path) -> Flights:
-    """Return the flights of a file. Raises UserError if it is none, or cannot be read."""
+    """Return the flights of a file. Raises UserError if it is invalid or unreadable."""
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
             about = json.loads(bytes(data[_META]))
@@ -191,11 +190,11 @@ def _flight(about: dict[str, Any], rows: NDArray[Any]) -> Flight:
 
 
 def overrun_ns(flight: Flight) -> NDArray[np.float64]:
-    """Return by how much each tick ended after its deadline, (ticks,); negative for one in time."""
+    """Return the time from its deadline to the end of each tick, (ticks,); negative if in time."""
     return np.asarray(flight.column("ended_ns") - flight.column("due_ns") - flight.period_ns, np.float64)
 
 
 def worst_ns(flights: Iterable[Flight], min_rate_hz: float = 0.0) -> float:
-    """Return the largest overrun of loops of at least `min_rate_hz`, 0 where all were in time."""
+    """Return the largest overrun of loops of at least `min_rate_hz`, 0 if all were in time."""
     late = (overrun_ns(f).max(initial=0.0) for f in flights if f.rate_hz >= min_rate_hz and len(f.rows))
     return float(max(late, default=0.0))

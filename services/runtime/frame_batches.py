@@ -1,10 +1,10 @@
-"""Every frame of a fast topic for observers: in batches, from a socket of their own.
+"""Batches of all frames of a fast topic for observers, on a socket of their own.
 
-A process that acts on a topic reads it from the topic's socket, and each such reader costs the publisher some
-microseconds a frame. An observer that wants every frame but waits for none (a recorder, `trocar sniff`) subscribes
-here: a frame is then one entry in a list, and at most `SENDS_PER_S` times a second the list is sent as one message,
-between two ticks. Without a subscriber nothing is sent, and nothing but the first frames is kept: who has subscribed
-is known at the first look only, and a recording without its first frames cannot be run again.
+A process that acts on a topic reads the topic's own socket, and each such reader costs the publisher some microseconds
+a frame. Observers of every frame that are not urgent (a recorder, `trocar sniff`) subscribe here: a frame is then one
+entry in a list, which is sent as one message at most `SENDS_PER_S` times a second, between two ticks. Without a
+subscriber nothing is sent, and only the first frames are kept, since subscribers are known only at the first check, and
+a recording without its first frames cannot be replayed.
 """
 
 from __future__ import annotations
@@ -18,33 +18,33 @@ import zmq
 from protocol import Topic, topic
 
 SENDS_PER_S = 60
-#: Frames kept for the next batch, whatever a publisher does; readers count those beyond as lost.
+#: Most frames of a batch; readers count further ones as lost.
 _LONGEST = 1000
-#: Frames that wait for the first reader: its socket asks for a publisher that was not there every 50 ms.
+#: Frames kept for the first reader, whose socket tries to connect every 50 ms.
 _FIRST = 64
 _GAP_NS = 1_000_000_000 // SENDS_PER_S
-#: A publisher that does not say when it has time sends a batch that is so late with the next frame.
+#: Age of a batch at which it is sent with the next frame, if the publisher does not call `send_if_due`.
 _LATE_NS = 2 * _GAP_NS
-#: How long a process that ends in good order waits for its last batches to leave.
+#: How long a process waits for its last batches to be sent at its end.
 _LINGER_MS = 20
 
 Socket = zmq.Socket[bytes]
 
 
 def has_batches(row: Topic) -> bool:
-    """Return whether a topic is so fast that observers get its frames in batches."""
+    """Return whether a topic is fast enough for batches."""
     return row.rate_hz > SENDS_PER_S
 
 
 def batch_endpoint(name: str) -> str:
-    """Return the name of the endpoint from which every frame of topic `name` is read."""
+    """Return the name of the endpoint of the batches of topic `name`."""
     return f"{name}.whole" if has_batches(topic(name)) else name
 
 
 def join(frames: Sequence[bytes]) -> tuple[bytes, bytes]:
     """Return the two parts of a batch: the lengths of its frames as 32-bit integers, and the frames one after another.
 
-    Seventeen frames of physics take 34 us to send so, 55 as a part each.
+    Sending 17 frames of physics takes 34 us in this form, and 55 us as a part each.
     """
     return array("I", map(len, frames)).tobytes(), b"".join(frames)
 
@@ -55,7 +55,7 @@ def split(lengths: bytes, data: bytes) -> list[bytes]:
 
 
 def lengths_and_frames(parts: list[bytes]) -> tuple[bytes, bytes]:
-    """Return the two parts of a batch as `join` makes them; what is none is a batch of what came, to be refused."""
+    """Return the two parts of a batch; another message becomes a batch of it, which is then refused."""
     if len(parts) == 2 and len(parts[0]) % 4 == 0 and 0 < len(parts[0]) <= 4 * _LONGEST:
         lengths, data = parts
         if sum(array("I", lengths)) == len(data):
@@ -64,22 +64,22 @@ def lengths_and_frames(parts: list[bytes]) -> tuple[bytes, bytes]:
 
 
 def is_readable(socket: Socket) -> bool:
-    """Return whether something has arrived at `socket`: a third of what an exception costs."""
+    """Return whether `socket` has a message; this costs a third of an exception."""
     return bool(int(socket.getsockopt(zmq.EVENTS)) & zmq.POLLIN)
 
 
 def count_readers(socket: Socket, before: int) -> int:
-    """Return how many have subscribed to the XPUB `socket` and not gone since, `before` of whom were known."""
+    """Return the present number of subscribers of the XPUB `socket`, which was `before` at the last call."""
     while is_readable(socket):
         before += 1 if socket.recv(zmq.NOBLOCK)[:1] == b"\x01" else -1
     return before
 
 
 class BatchSender:
-    """The frames of one topic for its observers.
+    """Sends the frames of one topic to its observers.
 
     Attributes:
-        readers: How many had subscribed at the last look.
+        readers: Number of subscribers at the last `look`.
     """
 
     def __init__(self, socket: Socket) -> None:
@@ -90,13 +90,13 @@ class BatchSender:
         self.readers = 0
 
     def look(self) -> None:
-        """Find out who has come and gone; with the last reader goes what was kept."""
+        """Update the number of subscribers; without any, discard the frames."""
         self.readers = count_readers(self._socket, self.readers)
         if not (self.readers or self._first_left):
             self._frames.clear()
 
     def add(self, data: bytes, now_ns: int) -> None:
-        """Keep a frame for the next batch; send it only where nobody has for long."""
+        """Add a frame to the next batch, and send that if it is late."""
         if self._first_left:
             self._first_left -= 1
         elif not self.readers:
@@ -107,13 +107,13 @@ class BatchSender:
         self.send_if_due(now_ns - _LATE_NS)
 
     def send_if_due(self, now_ns: int) -> None:
-        """Send what is kept if the last batch is long enough ago: for moments in which nobody waits."""
+        """Send the batch if the last one is long enough ago; call this while no other process waits."""
         if self._frames and self.readers and now_ns >= self._due_ns:
             self._due_ns = now_ns + _GAP_NS
             self._send()
 
     def close(self) -> None:
-        """Send what is kept and close the socket: how a force went to zero is in the last frames."""
+        """Send the last frames, which contain the removal of forces, and close the socket."""
         if self._frames and self.readers:
             self._send()
         self._socket.close(linger=_LINGER_MS)

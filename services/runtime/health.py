@@ -1,4 +1,4 @@
-"""What a process reports of itself, ten times a second, from inside its own loop: no second thread."""
+"""Reports of a process on itself, ten times a second, from its own loop without a second thread."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from services.runtime.scheduling import step_aside
 from services.runtime.stage_times import StageTimes
 
 _PERIOD_NS = 100_000_000
-#: What cannot wait for the next report is told at once, so often at most.
+#: Shortest time between reports that are urgent.
 _URGENT_EVERY_NS = 1_000_000_000
-#: Gauges of topics that are flooded, each the frames beyond what its rate allows: whose name follows.
+#: Prefix of gauges of flooded topics, with the number of frames beyond the rate.
 FLOOD = "flood."
 _DONE = object()
 
 
 @dataclass(slots=True)
 class LatencyPath:
-    """Latency of a named path, and of how many samples an answer came in time."""
+    """Latency of a named path, and the number of samples with an answer in time."""
 
     latency: LatencyHistogram
     answered: int = 0
@@ -34,12 +34,12 @@ class LatencyPath:
 
 
 class HealthReporter:
-    """Collects a process' figures and sends them when they are due.
+    """Collects a process' figures and sends them when due.
 
     Attributes:
-        gauges: Figures that the process writes when they change.
-        counts: Returns further ones: asked when a report is made, not in every tick.
-        before: Called before each report, as a piece of its own.
+        gauges: Figures that the process writes on changes.
+        counts: Returns further ones, called once per report.
+        before: Called before each report, as a part of its own.
     """
 
     def __init__(self, process: str, bus: Bus, meter: LoopMeter | None = None) -> None:
@@ -49,7 +49,7 @@ class HealthReporter:
         self.meter = meter
         self.paths: dict[str, LatencyPath] = {}
         self._stages: StageTimes | None = None
-        self._pieces: Iterator[None] | None = None  # of the report that is being made
+        self._pieces: Iterator[None] | None = None  # parts of the report in progress
         self.gauges: dict[str, float] = {}
         self.counts: Callable[[], Mapping[str, float]] = dict
         self.before: Callable[[], None] | None = None
@@ -62,13 +62,13 @@ class HealthReporter:
         bus.on_flood = self._make_urgent
 
     def path(self, name: str, deadline_ns: int) -> LatencyPath:
-        """Return (and from now on report) a path of `PATH_OWNERS` whose latency is judged against `deadline_ns`."""
+        """Return a path of `PATH_OWNERS` with the deadline `deadline_ns`, which is reported from now on."""
         if name not in PATH_OWNERS:
             raise KeyError(f"{name!r} is no path of PATH_OWNERS: a rig file could not say what it must keep")
         return self.paths.setdefault(name, LatencyPath(LatencyHistogram(deadline_ns)))
 
     def change(self, state: str, detail: str = "") -> None:
-        """Take another state and say so at once."""
+        """Change the state and report it at once."""
         if (state, detail) != (self.state, self.detail):
             self.state, self.detail = state, detail
             self._due_ns = 0
@@ -84,11 +84,11 @@ class HealthReporter:
         return time.monotonic_ns() >= self._due_ns
 
     def do_a_piece(self) -> bool:
-        """Do the next piece of a report that is due; return whether there was one to do. The last sends it.
+        """Do the next part of a due report; return whether there was one. The last part sends it.
 
-        For a loop that has no room for a whole one between two ticks: a third of a millisecond with cold caches, a
-        piece is a fifth of that. What SCHED_DEADLINE grants is a budget for each tick: a loop that spends it on a
-        report stands still until the next one is due, and late.
+        This is for loops without time for a whole report between two ticks: it takes a third of a millisecond with cold
+        caches, a part a fifth of that. SCHED_DEADLINE grants a budget for each tick: a loop that spends it on a report
+        is not run until the next one is due, and is then late.
         """
         if self._pieces is None:
             if not self.is_due():
@@ -99,15 +99,15 @@ class HealthReporter:
         return True
 
     def send_if_due(self) -> None:
-        """Send a report if it is due, or what is left of one: best spent where nobody waits for this process.
+        """Send a report if it is due, or finish one; call this while no other process waits.
 
-        What was published before leaves first.
+        Frames published before are sent first.
         """
         while self.is_due():
             self.do_a_piece()
 
     def _make(self) -> Iterator[None]:
-        """Make and send a report, pausing after each piece that is about as long as the others."""
+        """Make and send a report in parts of about equal duration."""
         began_ns = time.monotonic_ns()
         if self.before is not None:
             self.before()
@@ -120,7 +120,7 @@ class HealthReporter:
     def _compose(self) -> Generator[None, None, bodies.Health]:
         stages = self._stage_costs()
         yield
-        counted_ns = time.monotonic_ns()  # when its ticks were: rates are their differences
+        counted_ns = time.monotonic_ns()  # time of the counts, for rates
         loop = self.meter.body() if self.meter else None
         yield
         topics = self._bus.reports()

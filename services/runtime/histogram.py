@@ -1,4 +1,4 @@
-"""Latency histogram in fixed log buckets, one of whose edges is the deadline: quantiles to 2 %, miss ratios exact."""
+"""Latency histogram with logarithmic buckets and an edge at the deadline: quantiles to 2 %, exact miss ratios."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import protocol.bodies as bodies
 from protocol.arrays import pack
 
-#: Buckets per doubling: neighbouring edges are 4.4 % apart, so a bucket's middle is within 2.2 % of what fell in it.
+#: Buckets per doubling: edges are 4.4 % apart, so a bucket's middle is within 2.2 % of its durations.
 PER_OCTAVE = 16
 #: Doublings below and above the deadline: 1 ms reaches from 1 us to 1 s.
 OCTAVES_BELOW = 10
@@ -22,21 +22,21 @@ BUCKETS = PER_OCTAVE * (OCTAVES_BELOW + OCTAVES_ABOVE) + 2
 _OFFSET = PER_OCTAVE * OCTAVES_BELOW + 1
 
 
-@lru_cache(maxsize=64)  # of a rig a handful; what others say their deadline is must not fill the memory
+@lru_cache(maxsize=64)  # a rig has a handful; bounded because peers report deadlines
 def edges_ns(deadline_ns: int) -> NDArray[np.float64]:
     """Return the upper edges of all buckets but the last, open one: ``deadline * 2**(k / PER_OCTAVE)``, exact at 0.
 
-    A value on an edge counts below it: "at most the deadline" is in time.
+    A value on an edge counts below it, so a duration equal to the deadline is in time.
     """
     k = np.arange(BUCKETS - 1) - (_OFFSET - 1)
     edges: NDArray[np.float64] = deadline_ns * np.exp2(k / PER_OCTAVE)
-    edges.flags.writeable = False  # one for all who ask
+    edges.flags.writeable = False  # shared by all callers
     return edges
 
 
 @cache
 def _whole_edges_ns(deadline_ns: int) -> tuple[int, ...]:
-    """Return the edges as whole nanoseconds: a duration that is one is below the same ones."""
+    """Return the edges in whole nanoseconds, equivalent for whole durations."""
     return tuple(np.floor(edges_ns(deadline_ns)).astype(np.int64).tolist())
 
 
@@ -52,7 +52,7 @@ class LatencyHistogram:
     def __init__(self, deadline_ns: int) -> None:
         self.deadline_ns = deadline_ns
         self._edges_ns = _whole_edges_ns(deadline_ns)
-        self._cells = array("q", bytes(8 * BUCKETS))  # adding to one costs a third of adding to a numpy array's
+        self._cells = array("q", bytes(8 * BUCKETS))  # incrementing costs a third of that of a numpy array
         self.counts: NDArray[np.int64] = np.frombuffer(self._cells, np.int64)
         self.sum_ns = 0
         self.max_ns = 0
@@ -71,7 +71,7 @@ class LatencyHistogram:
                 self.max_ns = duration_ns
 
     def body(self) -> bodies.Histogram:
-        """Return the histogram as it travels."""
+        """Return the histogram for the wire."""
         return bodies.Histogram(
             deadline_ns=self.deadline_ns,
             counts=pack(self.counts, "<i8"),
@@ -83,7 +83,7 @@ class LatencyHistogram:
 
 @dataclass(frozen=True, slots=True)
 class Quantiles:
-    """What a table shows of a histogram, in microseconds; NaN where nothing was counted."""
+    """Quantiles of a histogram, in microseconds; NaN if it is empty."""
 
     p50: float = float("nan")
     p99: float = float("nan")
@@ -97,7 +97,7 @@ def quantile_ns(counts: NDArray[np.int64], deadline_ns: int, q: float, max_ns: f
 
 
 def quantile(counts: NDArray[np.int64], edges: NDArray[np.float64], q: float, maximum: float = np.inf) -> float:
-    """Return the `q` quantile of `counts` of buckets with upper `edges`, the last one open; NaN where all are empty."""
+    """Return the `q` quantile of `counts` of buckets with upper `edges`, the last one open; NaN if all are empty."""
     total = int(counts.sum())
     if total == 0:
         return float("nan")
@@ -117,5 +117,5 @@ def quantiles_us(counts: NDArray[np.int64], deadline_ns: int, max_ns: float = np
 
 
 def late(counts: NDArray[np.int64]) -> int:
-    """Return how many of `counts` lie above the deadline; exact, as the deadline is an edge."""
+    """Return the exact number of `counts` above the deadline, which is an edge."""
     return int(counts[_OFFSET:].sum())

@@ -1,4 +1,4 @@
-"""The journal of a loop: what it took in, so that a recording can be run again (`protocol.bodies.Journal`)."""
+"""The journal of a loop: its inputs, so that a recording can be replayed (`protocol.bodies.Journal`)."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from protocol.arrays import pack
 from protocol.bodies.journal import RUN_COLUMNS, Journal
 from services.runtime.bus import Bus
 
-#: A journal is sent after so many ticks.
+#: Number of ticks in a journal.
 _TICKS = 128
 
 
 class JournalWriter:
-    """Gathers ticks to runs. To note one that is like the last costs a comparison."""
+    """Run-length encodes ticks; a tick like the last costs one comparison."""
 
     def __init__(self, topic: str, bus: Bus) -> None:
         self._topic, self._bus = topic, bus
@@ -22,7 +22,7 @@ class JournalWriter:
         self._tick = self._sent = self._waiting = 0
 
     def note(self, tick: int, facts: tuple[int, int, int]) -> None:
-        """Note a tick of the rig's clock, and what was taken in; where the clock stands, of one tick the first only."""
+        """Record a tick of the rig's clock and its inputs; repetitions of a tick are ignored."""
         if self._facts is not None and tick == self._tick:
             return
         step, self._tick = tick - self._tick, tick
@@ -38,14 +38,14 @@ class JournalWriter:
         self._runs.append([tick, 1, 1, *facts])
 
     def send_if_due(self) -> bool:
-        """Send what was noted, if there is enough of it; return whether there was."""
+        """Send the journal if it is complete; return whether it was."""
         if self._waiting < _TICKS:
             return False
         self.send()
         return True
 
     def send(self) -> None:
-        """Send what was noted."""
+        """Send the journal."""
         runs = pack(np.array(self._runs, np.int64).reshape(-1, RUN_COLUMNS), "<i8")
         self._bus.publish(self._topic, Journal(noted=self._sent, runs=runs))
         self._sent += self._waiting

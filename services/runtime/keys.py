@@ -1,8 +1,8 @@
-"""Keys of a rig whose frames cross hosts: CurveZMQ, one key pair for all processes of one rig.
+"""Keys of a rig on several hosts: CurveZMQ, with one key pair for all processes of a rig.
 
-Every process proves that it has the pair, as publisher and as reader, and every frame is encrypted. Whom to let in is
-asked by libzmq of a ZAP socket of the same context (rfc.zeromq.org/spec/27). pyzmq's own answer to that is a thread;
-a 1 kHz loop has none to spare, so the bus answers when it sends.
+Every process proves that it has the pair, as publisher and as reader, and every frame is encrypted. libzmq sends
+authentication requests to a ZAP socket of the same context (rfc.zeromq.org/spec/27). pyzmq answers them in a thread,
+which a 1 kHz loop cannot afford, so the bus answers when it sends.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from services.runtime.errors import ConfigError
 _NAME = "rig"
 _ZAP = "inproc://zeromq.zap.01"
 _DOMAIN = b"trocar"
-#: Requests answered at one look: whoever knocks in a storm waits for the next.
+#: Most requests answered at once; others wait for the next call.
 _ANSWERS = 16
 _BREACHES_KEPT = 100_000  # between two looks, ten times a second
 
@@ -34,20 +34,20 @@ class Keys:
     secret: bytes
 
     def guard_publisher(self, socket: zmq.Socket[bytes]) -> None:
-        """Let `socket`, before it binds, speak only to holders of the keys."""
+        """Restrict `socket`, before it binds, to holders of the keys."""
         socket.setsockopt(zmq.CURVE_SERVER, 1)
         socket.setsockopt(zmq.CURVE_SECRETKEY, self.secret)
         socket.setsockopt(zmq.ZAP_DOMAIN, _DOMAIN)
 
     def guard_reader(self, socket: zmq.Socket[bytes]) -> None:
-        """Let `socket`, before it connects, speak only to a publisher with the keys."""
+        """Restrict `socket`, before it connects, to a publisher with the keys."""
         socket.setsockopt(zmq.CURVE_SERVERKEY, self.public)
         socket.setsockopt(zmq.CURVE_PUBLICKEY, self.public)
         socket.setsockopt(zmq.CURVE_SECRETKEY, self.secret)
 
 
 class ZapAuthenticator:
-    """Answers who may read from the publishers of a context; must exist before they bind."""
+    """Authenticates readers of the publishers of a context; must exist before they bind."""
 
     def __init__(self, context: zmq.Context[zmq.Socket[bytes]], keys: Keys) -> None:
         self._keys = keys
@@ -59,27 +59,27 @@ class ZapAuthenticator:
         self._breaches = self.refused = 0
 
     def guard_publisher(self, socket: zmq.Socket[bytes]) -> None:
-        """Let `socket`, before it binds, speak only to holders of the keys, and count who else came."""
+        """Restrict `socket`, before it binds, to holders of the keys, and count other peers."""
         self._keys.guard_publisher(socket)
-        # Of a reader without keys it may see no more than that it has gone.
+        # For a reader without keys it may only see a disconnection.
         self._watch(socket, zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL | zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL)
 
     def guard_reader(self, socket: zmq.Socket[bytes], where: str) -> None:
-        """Let `socket`, before it connects to `where`, speak only to a publisher with the keys, and count others."""
+        """Restrict `socket`, before it connects to `where`, to a publisher with the keys, and count others."""
         self._keys.guard_reader(socket)
         self._watch(socket, zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL, where)
 
     def _watch(self, socket: zmq.Socket[bytes], events: int, where: str = "") -> None:
-        """Hear what breaks off: strangers' keys, bytes repeated or changed."""
+        """Monitor failed handshakes and connections: wrong keys, repeated or changed bytes."""
         name = f"inproc://watched-{len(self._watched)}"
         socket.monitor(name, events)
         watched = self._context.socket(zmq.PAIR)
-        watched.rcvhwm = _BREACHES_KEPT  # libzmq waits where there is no room
+        watched.rcvhwm = _BREACHES_KEPT  # libzmq blocks when the queue is full
         watched.connect(name)
         self._watched.append((watched, socket, where))
 
     def breaches(self) -> int:
-        """Return how many of these there were. A reader that met one tries again here: libzmq never would."""
+        """Return the number of these. A reader with one reconnects here, as libzmq never would."""
         for watched, socket, where in self._watched:
             before = self._breaches
             with suppress(zmq.Again):
@@ -91,7 +91,7 @@ class ZapAuthenticator:
         return self._breaches
 
     def answer(self) -> None:
-        """Answer who has knocked. Never blocks."""
+        """Answer pending requests. Never blocks."""
         for _ in range(_ANSWERS):
             try:
                 parts = self._socket.recv_multipart(zmq.NOBLOCK)
@@ -108,19 +108,19 @@ class ZapAuthenticator:
 
 
 def make(directory: Path) -> Path:
-    """Make the keys of a rig in `directory`, readable by this user only, and return the secret's file.
+    """Create the keys of a rig in `directory`, readable by this user only, and return the secret's file.
 
-    Raises ConfigError if keys are there already, or the directory cannot be written.
+    Raises ConfigError if keys exist already, or the directory is not writable.
     """
     file = directory / f"{_NAME}.key_secret"
     if file.exists():
         raise ConfigError(f"{file} is there already: a rig whose keys change must restart on every host")
-    mask = os.umask(0o077)  # nobody else reads the secret, not even while it is written
+    mask = os.umask(0o077)  # the secret is private even while it is written
     try:
         directory.mkdir(parents=True, exist_ok=True)
         zmq.auth.create_certificates(directory, _NAME)
     except OSError as error:
-        file.unlink(missing_ok=True)  # half of one would be "there already" the next time
+        file.unlink(missing_ok=True)  # otherwise an incomplete one would "exist already" the next time
         raise ConfigError(f"{directory}: keys cannot be written: {error.strerror}") from None
     finally:
         os.umask(mask)
@@ -128,7 +128,7 @@ def make(directory: Path) -> Path:
 
 
 def load(directory: Path) -> Keys:
-    """Return the keys in `directory`. Raises ConfigError naming the file that is missing, open to others, or no key."""
+    """Return the keys in `directory`. Raises ConfigError naming a missing, public or invalid file."""
     file = directory / f"{_NAME}.key_secret"
     try:
         if file.stat().st_mode & 0o077:

@@ -1,11 +1,11 @@
-"""Logging and progress of a process: lines on stderr for whoever started it. Never from inside a 1 kHz tick."""
+"""Logging and progress of a process as lines on stderr; never from inside a 1 kHz tick."""
 
 from __future__ import annotations
 
 import logging
 import sys
 
-#: A line that begins with this says how far a long piece of the start has come: ``PROGRESS <fraction> <stage>``.
+#: Prefix of lines on the progress of a long stage of the start: ``PROGRESS <fraction> <stage>``.
 PROGRESS = "PROGRESS"
 
 
@@ -21,7 +21,7 @@ def set_up(process: str) -> logging.Logger:
 
 
 def progress(stage: str, fraction: float) -> None:
-    """Say how far `stage` has come, 0 to 1."""
+    """Report the progress of `stage`, 0 to 1."""
     print(f"{PROGRESS} {fraction:.3f} {stage}", file=sys.stderr, flush=True)  # noqa: T201
 
 

@@ -1,4 +1,4 @@
-"""The deadline loop: an absolute grid, no catching up by bursts, every tick accounted for."""
+"""The deadline loop: an absolute grid, no bursts, every tick accounted for."""
 
 from __future__ import annotations
 
@@ -23,22 +23,21 @@ class Tick:
     started_ns: int
 
 
-#: A gap of so many periods between two ticks is a stall, told with its length by the loop that had it.
+#: Gap between two ticks, in periods, that is reported as a stall.
 STALL_PERIODS = 10
 _STALLS_KEPT = 8
 
 
 class LoopMeter:
-    """Counts of a loop: lateness of the start, work, period, misses. A tick that never ran is a miss too.
+    """Counts of a loop: lateness of the start, work, period, misses, which include ticks that never ran.
 
     Attributes:
-        tick: Which one of the rig's is being worked on: written by the process in each.
-        stages_ns: What each of `stages` took in this one, in ns: likewise; nothing, unless it is said.
-        flight: The last ticks, one by one.
-        periods_allowed: In how many periods after it was due a tick must be done: more than one where it does the work
-            of several.
-        beyond_work: Of the misses those that less work would not have spared: their deadline passed while the thread
-            was not run, by the host or for somebody else, or while it had nothing to do yet.
+        tick: The present tick of the rig, written by the process in each.
+        stages_ns: Duration of each of `stages` in this tick, in ns, likewise; zero by default.
+        flight: The last ticks.
+        periods_allowed: Periods within which a tick must be done, more than one where it does the work of several.
+        beyond_work: Misses that less work would not have avoided: the deadline passed while the thread was not run, by
+            the host or for another process, or had nothing to do yet.
     """
 
     def __init__(self, rate_hz: float, stages: Sequence[str] = ()) -> None:
@@ -63,11 +62,11 @@ class LoopMeter:
         self._scheduled_ns = 0
         self._started_ns = 0
         self._alive_ns = 0
-        self._worked_ns = 0  # on a processor, from the end of the tick before the last to that of the last
-        self._away_ns = 0  # of what has passed lately, the time in which it was on none
+        self._worked_ns = 0  # time on a processor, from the end of the tick before the last to that of the last
+        self._away_ns = 0  # recent time on no processor
 
     def change_rate(self, rate_hz: float) -> None:
-        """Go on at another rate: from the next tick, that is the period which its work must keep."""
+        """Change the rate, from the next tick on."""
         if rate_hz != self.rate_hz:
             self.rate_hz = rate_hz
             self.period_ns = round(1e9 / rate_hz)
@@ -88,7 +87,7 @@ class LoopMeter:
         self.stages_ns = self._no_stages
 
     def finish(self, now_ns: int) -> None:
-        """Count the end of the tick: finished after the periods that it is allowed is a miss."""
+        """Count the end of the tick, which is a miss after the allowed periods."""
         self.ticks += 1
         self.work.record(now_ns - self._started_ns)
         ran_ns = time.thread_time_ns()
@@ -99,7 +98,7 @@ class LoopMeter:
         self.flight.write(self.tick, self._scheduled_ns, self._started_ns, now_ns, self._worked_ns, self.stages_ns)
 
     def idle(self, now_ns: int) -> None:
-        """Note that the loop ran at `now_ns` with nothing to do: of a gap between ticks that part is not its own."""
+        """Record that the loop ran at `now_ns` with nothing to do, so that this part of a gap is not its own fault."""
         if self._started_ns and now_ns - max(self._started_ns, self._alive_ns) > self._stall_ns:
             self._stalled(now_ns)
         self._alive_ns = now_ns
@@ -116,17 +115,17 @@ class LoopMeter:
         self._miss(ticks, self._away_ns // self.period_ns)
 
     def catch_up(self, ticks: int) -> None:
-        """Count ticks that ran together with a later one: those beyond what it may do the work of ran only now."""
+        """Count ticks that ran together with a later one; those beyond the allowed periods are late."""
         self.ticks += ticks
         self._miss(max(ticks + 1 - self.periods_allowed, 0), self._away_ns // self.period_ns)
 
     def _miss(self, ticks: int, passed: int) -> None:
-        """Count misses; the deadlines of `passed` ticks went by whatever the work was."""
+        """Count misses, of which `passed` were independent of the work."""
         self.misses += ticks
         self.beyond_work += max(0, min(ticks, passed))
 
     def body(self) -> bodies.LoopReport:
-        """Return the counts as they travel."""
+        """Return the counts for the wire."""
         return bodies.LoopReport(
             rate_hz=self.rate_hz,
             ticks=self.ticks,
@@ -150,16 +149,16 @@ def sleep_until(deadline_ns: int) -> None:
 def ticks(
     meter: LoopMeter, stop: Callable[[], bool], wait_until: Callable[[int], None] = sleep_until
 ) -> Iterator[Tick]:
-    """Yield a tick per period on an absolute grid until `stop` says so.
+    """Yield a tick per period on an absolute grid until `stop` returns True.
 
-    The body of the ``for`` is the work of the tick. Work that overruns whole periods loses those ticks: they are
-    counted as skipped and the loop goes on at the next point of the grid, never in a burst.
+    The body of the ``for`` is the work of the tick. Work that overruns whole periods loses those ticks: they count as
+    skipped and the loop continues at the next point of the grid, never in a burst.
 
     Args:
         meter: Rate and counts of the loop.
-        stop: Asked before every tick.
-        wait_until: What to do until the next point of the grid; it must return at that time (a bus may listen
-            meanwhile).
+        stop: Called before every tick.
+        wait_until: Called to wait for the next point of the grid; it must return at that time (a bus may listen
+        meanwhile).
     """
     index = 0
     scheduled = time.monotonic_ns() + meter.period_ns
@@ -171,22 +170,22 @@ def ticks(
         yield Tick(index, scheduled, now)
         now = time.monotonic_ns()
         meter.finish(now)
-        behind = max(0, now - scheduled - 1) // meter.period_ns  # work that ends on the next deadline is in time
+        behind = max(0, now - scheduled - 1) // meter.period_ns  # work that ends at the next deadline is in time
         if behind > 0:
             meter.skip(behind)
         index += behind + 1
         scheduled += (behind + 1) * meter.period_ns
 
 
-#: A jump of the rig's clock by up to this many ticks, or times what one does the work of, is caught up; a larger one is
-#: skipped and counted.
+#: A jump of the rig's clock by up to this many ticks (times the allowed periods) is caught up; a larger one is skipped
+#: and counted.
 CATCH_UP = 3
 
 
 class TickClock:
-    """Turns tick indices of received frames into steps to take: the rig has one clock, the gateway's.
+    """Converts tick indices of received frames to steps, as the rig has one clock, the gateway's.
 
-    The same sequence of indices always gives the same steps, whatever the time between them was.
+    The same sequence of indices always gives the same steps, independently of times.
     """
 
     def __init__(self, meter: LoopMeter) -> None:
@@ -194,9 +193,9 @@ class TickClock:
         self._last: int | None = None
 
     def steps(self, index: int) -> int:
-        """Return how many steps of one period bring this process to `index`: 0 for one that was seen.
+        """Return the number of steps of one period to `index`, 0 if it was seen before.
 
-        An index that goes back means that the gateway has started anew: one step, and its count goes on from there.
+        A smaller index means that the gateway has restarted: one step, and counting continues from there.
         """
         last, self._last = self._last, index
         if last is None or index < last:
@@ -210,16 +209,16 @@ class TickClock:
         return jump
 
 
-#: Of its core a following loop takes this share at most, once it has taken more by `_AHEAD_NS`. The kernel takes a core
-#: from real-time threads that leave it no twentieth of a second: for 50 ms, from all of them, and each second anew.
+#: Largest share of its core that a following loop takes, once it has exceeded it by `_AHEAD_NS`. The kernel throttles
+#: all real-time threads that leave less than 5 % of a core for 50 ms in every second.
 SHARE = 0.8
 _AHEAD_NS = 50_000_000
-#: A longer tick was not work: the process was stopped, or waited for its core.
+#: A longer tick was not only work: the process was stopped, or waited for its core.
 _WORK_NS = 20_000_000
 
 
 class DutyCycleLimiter:
-    """How long a loop must rest between ticks: not at all if it keeps its rate or falls behind but once."""
+    """Rest of a loop between ticks, zero if it keeps its rate or only falls behind once."""
 
     def __init__(self) -> None:
         self._ahead_ns = 0.0
@@ -236,17 +235,16 @@ class DutyCycleLimiter:
 def follow(
     bus: Bus, topic: str, meter: LoopMeter, stop: Callable[[], bool], slack: Callable[[], object] = lambda: None
 ) -> Iterator[Frame | None]:
-    """Yield each new frame of `topic`, newest only; None when none came for two periods.
+    """Yield each new frame of `topic`, only the newest; None if none came for two periods.
 
-    After each, when the tick is done and counted, the bus sends what nobody waits for, and `slack` is called, for what
-    is no tick's work either: reports.
+    After each tick is done and counted, the bus sends frames that are not urgent, and `slack` is called for background
+    work such as reports.
 
-    The tick is due when its frame was sent, one of another host's when it is taken, and must be done one period later.
-    Frames that come faster than the rate (a publisher that floods) are answered at no more than three times the rate,
-    and a loop whose ticks take longer than their period rests between them (`DutyCycleLimiter`): the rest of the core
-    stays free.
+    The tick is due when its frame was sent (or received, from another host), and must be done one period later. Frames
+    faster than the rate (a flooding publisher) are answered at no more than three times the rate, and a loop whose
+    ticks take longer than their period rests between them (`DutyCycleLimiter`), to leave a part of the core free.
     """
-    apart_ns = -(-meter.period_ns // 3)  # no more than readers of what it says accept: it does not flood them in turn
+    apart_ns = -(-meter.period_ns // 3)  # the rate that its own readers accept, so that it does not flood them in turn
     last_ns = 0
     limiter = DutyCycleLimiter()
     while not stop():
@@ -258,7 +256,7 @@ def follow(
             continue
         sleep_until(last_ns + apart_ns)
         frame = bus.latest(topic)
-        if frame is None:  # refused, or a socket that is readable without a frame, as one of a dead publisher may be
+        if frame is None:  # refused, or a socket readable without a frame, as of a dead publisher
             sleep_until(time.monotonic_ns() + meter.period_ns)
             yield None
             continue

@@ -1,4 +1,4 @@
-"""The machine that figures belong to."""
+"""Description of the machine."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ _CPUINFO = Path("/proc/cpuinfo")
 
 
 def processor_name(cpuinfo: Path = _CPUINFO) -> str:
-    """Return the processor as the kernel names it; its architecture where it has no name (so on ARM)."""
+    """Return the processor's name by the kernel, or its architecture if it has none (as on ARM)."""
     try:
         lines = cpuinfo.read_text(encoding="utf-8").splitlines()
     except OSError:

@@ -1,4 +1,4 @@
-"""A ring of recent states that is written to a file when a number stops being one."""
+"""A ring of recent states that is written to a file when a value becomes NaN or infinite."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from services.runtime.flat_view import flat_view
 
 
 class NanGuard:
-    """Watches named arrays; keeps their last `depth` values so that the moment before a NaN can be looked at.
+    """Checks named arrays, and keeps their last `depth` values to show the steps before a NaN.
 
     Args:
         arrays: The live arrays by name. They must be changed in place, never replaced.
-        directory: Where a dump goes: ``nan-<name>-<monotonic ns>.npz``, one array (depth, ...) per name, oldest first.
-        depth: How many ticks back the dump reaches.
+        directory: Directory of dumps ``nan-<name>-<monotonic ns>.npz``: one array (depth, ...) per name, oldest first.
+        depth: Number of ticks in the dump.
     """
 
     def __init__(self, name: str, arrays: dict[str, NDArray[np.float64]], directory: Path, depth: int = 100) -> None:
@@ -37,12 +37,12 @@ class NanGuard:
         self.dumps: list[Path] = []
 
     def watch(self) -> bool:
-        """Keep the present values; return False, after writing the dump, if one of them is NaN or infinite."""
+        """Store the present values; if one is NaN or infinite, write the dump and return False."""
         row = self._next % self._depth
         self._next += 1
         for kept, value in zip(self._rows[row], self._live, strict=True):
             kept[:] = value
-        # A norm is finite only if every number is: far cheaper than a mask, and an overflow is as bad as a NaN.
+        # A norm is finite only if every number is; it is much cheaper than a mask, and an overflow is as bad as a NaN.
         numbers = self._of_tick[row]
         finite = math.isfinite(np.vdot(numbers, numbers))
         if not finite:

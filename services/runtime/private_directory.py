@@ -1,8 +1,8 @@
-"""A directory that is this user's alone: made so, or refused. Files in it are opened without following links.
+"""Private directories of this user, created or checked. Files in them are opened without following links.
 
-Whoever may write into the directory of a rig can have its files replaced, its sockets taken and its token read; whoever
-makes it first, in a folder for everybody such as ``/tmp``, owns it. So owner, mode and kind are looked at through one
-descriptor, and files are opened relative to it: what was checked is what is used.
+Anyone who can write into the directory of a rig can replace its files, take over its sockets and read its token; and
+anyone can create it first in a public folder such as ``/tmp``. So owner, mode and type are checked through one
+descriptor, and files are opened relative to it: the checked directory is the used one.
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ from services.runtime.errors import BusError
 from services.trusted_path import fault_of_place
 
 _OTHERS = 0o077
-#: What a link points to is not opened, and a pipe that nobody writes into is not waited for.
+#: Flags that open neither the target of a link nor wait for the writer of a pipe.
 _AS_IT_IS = os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK
 
 
 def make_private(path: Path) -> Path:
-    """Return `path` as a directory that nobody else can enter; made with mode 0700 where it is missing.
+    """Return `path` as a directory that no other user can enter, created with mode 0700 if missing.
 
-    Raises BusError if it is a link, somebody else's, open to others, or in a folder where others may replace it.
+    Raises BusError if it is a link, of another owner, accessible to others, or in a folder where others may replace it.
     """
     with _opened(path):
         return path
 
 
 def open_private(path: Path, flags: int) -> int:
-    """Return a descriptor of the file `path` in a private directory, never of what a link there points to.
+    """Return a descriptor of the file `path` in a private directory, without following links.
 
-    A file that this makes can be read by this user only.
-    Raises BusError if the directory is not private, or the file is a link, or no file at all. Raises FileNotFoundError
-    if it is not there and `flags` do not make it.
+    A new file is readable by this user only.
+    Raises BusError if the directory is not private, or the file is a link or no regular file. Raises FileNotFoundError
+    if it is missing and `flags` do not create it.
     """
     with _opened(path.parent) as directory:
         try:
@@ -59,7 +59,7 @@ def open_text(path: Path, flags: int = os.O_RDONLY) -> IO[str]:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[int]:
-    """Yield a descriptor of the directory `path`, which is private."""
+    """Yield a descriptor of the private directory `path`."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         path.mkdir(exist_ok=True, mode=0o700)
@@ -80,7 +80,7 @@ _INSTEAD = "remove it, or name another as transport.directory"
 
 
 def _fault(found: os.stat_result) -> str:
-    """Return what keeps a directory from being private, empty for nothing."""
+    """Return the reason why a directory is not private, empty if it is."""
     if found.st_uid != os.geteuid():
         return f"it belongs to user {found.st_uid}"
     if found.st_mode & _OTHERS:

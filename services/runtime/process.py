@@ -1,4 +1,4 @@
-"""Opening a process: options, configuration, real-time set-up, bus, signals; and one clear sentence when that fails."""
+"""Opening a process: options, configuration, real-time set-up, bus, signals; a failure is one clear sentence."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from services.runtime.zmq_bus import ZmqBus
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What every process is told on its command line."""
+    """Options of every process' command line."""
 
     rig: str
     scene: str | None
@@ -38,7 +38,7 @@ class Options:
 
 @dataclass(slots=True, kw_only=True)
 class ProcessConfig:
-    """What a process is to be."""
+    """Configuration of a process."""
 
     name: str
     rig: Rig
@@ -51,7 +51,7 @@ class ProcessConfig:
 
 @dataclass(slots=True, kw_only=True)
 class Process(ProcessConfig):
-    """An open process. Ends through `stop`, never by exit inside a loop."""
+    """An open process. It ends through `stop`, never by an exit inside a loop."""
 
     facts: list[realtime.Fact]
     bus: ZmqBus
@@ -60,13 +60,13 @@ class Process(ProcessConfig):
     _stopping: list[bool] = field(default_factory=lambda: [False])
 
     def stop(self) -> bool:
-        """Return whether the process was asked to end."""
+        """Return whether the process was told to end."""
         return self._stopping[0]
 
     def ready(self, meter: LoopMeter | None = None, *, starts_others: bool = False) -> None:
-        """Say that everything is built and warm; the loop begins now, and real time with it.
+        """Report that everything is built and compiled, and start real-time operation for the loop.
 
-        With `starts_others`, processes that this one starts are ordinary, whatever it is itself.
+        With `starts_others`, child processes are not real-time, whatever this one is.
         """
         self.health.meter = meter
         if meter is not None:
@@ -74,7 +74,7 @@ class Process(ProcessConfig):
         if self._scheduling is not None:
             self._scheduling.resume(alone=starts_others, period_ns=meter.period_ns if meter is not None else 0)
             had = realtime.scheduling_fact(self._scheduling)
-            if had not in self.facts:  # others have reserved since what it was promised
+            if had not in self.facts:  # others have used up the granted reservation
                 _warn_of(had, self.log)
             self._tell(had)
             if meter is not None and self._scheduling.may_reserve:
@@ -82,7 +82,7 @@ class Process(ProcessConfig):
         self.facts.extend((realtime.freeze_garbage_collector(), realtime.read_back()))
         self.health.realtime = self.facts
         self.health.change("ready")
-        if not starts_others:  # who starts others speaks for them
+        if not starts_others:  # a supervisor reports for them
             self.log.info("ready")
 
     def _keep(self, keeper: ReservationKeeper) -> Callable[[], None]:
@@ -97,7 +97,7 @@ class Process(ProcessConfig):
         self.facts[:] = [had if fact.name == had.name else fact for fact in self.facts]
 
     def _share(self, ring: FlightRing) -> None:
-        """Let others look at the last ticks; without that a rig runs as well."""
+        """Share the flight ring, which a rig can run without."""
         try:
             directory = flight_directory(endpoints.run_directory(self.rig.transport))
             ring.share(directory / f"{self.name}{SUFFIX}")
@@ -108,8 +108,8 @@ class Process(ProcessConfig):
 def parse(process: str, arguments: Sequence[str] | None) -> Options:
     """Return the options of a process' command line.
 
-    ``TROCAR_RIG``, ``TROCAR_SCENE`` and ``TROCAR_SET`` (overrides, separated by spaces) stand in for options that are
-    not given: so one environment configures all containers of a rig.
+    ``TROCAR_RIG``, ``TROCAR_SCENE`` and ``TROCAR_SET`` (overrides, separated by spaces) are the defaults of options, so
+    that one environment configures all containers of a rig.
     """
     environment = os.environ
     parser = argparse.ArgumentParser(prog=f"python -m services.{process}")
@@ -129,9 +129,9 @@ def parse(process: str, arguments: Sequence[str] | None) -> Options:
 
 
 def load_process_config(name: str, options: Options) -> ProcessConfig:
-    """Return what a process is to be, before anything of it is real-time or on the bus.
+    """Return the configuration of a process, before it is real-time or on the bus.
 
-    Raises ConfigError if the rig file cannot be used, or there is no such scene.
+    Raises ConfigError if the rig file is invalid, or there is no such scene.
     """
     rig = config.load_rig(options.rig, options.overrides)
     scene, scene_overrides = options.scene or rig.scene, config.split_overrides(options.overrides)[1]
@@ -143,14 +143,13 @@ def load_process_config(name: str, options: Options) -> ProcessConfig:
 
 
 def open_process(process_config: ProcessConfig, whole: Collection[str] = ()) -> Process:
-    """Return the open process, with a socket for each topic that the table gives it and no other.
+    """Return the open process, with sockets for exactly the topics that the table assigns to it.
 
-    For what nobody says, as its publisher has nothing to do in the scene, there is none.
-    Of topics that are named in `whole` it gets every frame.
+    Topics without a publisher in this scene are left out. Of topics named in `whole` it receives every frame.
 
-    The order is the point: scheduling first, then the ZeroMQ context, whose thread inherits it. From then until `ready`
-    the process itself is an ordinary one, so that opening devices starves nobody.
-    Raises UserError if an endpoint cannot be used.
+    The order matters: scheduling first, then the ZeroMQ context, whose thread inherits it. From then until `ready` the
+    process itself is an ordinary one, so that opening devices starves no other.
+    Raises UserError if an endpoint is unavailable.
     """
     name, rig, logger = process_config.name, process_config.rig, process_config.log
     settings = rig.process(name)
@@ -187,9 +186,9 @@ def _warn_of(fact: realtime.Fact, logger: logging.Logger) -> None:
 
 
 def listen_as(name: str, rig: Rig) -> ZmqBus:
-    """Return a bus that hears what the table gives a process to read, and its health; it says nothing: a helper's.
+    """Return a read-only bus for a helper, with the topics that the table lets a process read, and all health reports.
 
-    Processes that the rig does not run say nothing.
+    Processes that the rig does not run are left out.
     """
     said = [each for each in read_by(name) if rig.process(topic(each).publisher).enabled]
     return ZmqBus(rig.transport, reads=(*said, f"{name}.health"))
@@ -213,17 +212,16 @@ def main(
     prepare: Callable[[ProcessConfig], Any] | None = None,
     whole: Callable[[ProcessConfig], Collection[str]] | None = None,
 ) -> int:
-    """Run a process from its command line; return the exit code. What a person can mend is one sentence.
+    """Run a process from its command line; return the exit code. User errors are printed as one sentence.
 
     Args:
-        name: Of the process.
-        run: Called with the open process, and with what `prepare` returned where there is one.
-        prepare: What takes long (bases, compiling kernels): done before the process is real-time, so that it starves
-            nobody.
-        whole: Returns the topics of which the process gets every frame, whatever the table says.
+        name: Name of the process.
+        run: Called with the open process, and with the result of `prepare`, if any.
+        prepare: Does slow work (bases, compiling kernels) before the process is real-time, so that it starves no other.
+        whole: Returns the topics of which the process receives every frame, regardless of the table.
     """
     start_up.end()
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # until there is a loop to end in good order, just end
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # until there is a loop to end in good order
     try:
         options = parse(name, arguments)
         process_config = load_process_config(name, options)

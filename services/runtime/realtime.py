@@ -1,4 +1,4 @@
-"""Real-time set-up of a process: what was asked for, what was had. To be called before the ZeroMQ context is made.
+"""Real-time set-up of a process, requested and granted; call it before the ZeroMQ context is made.
 
 The order matters: threads inherit scheduling when they start, so a context made first keeps its I/O thread in the
 ordinary class and the loaded p99 of a round trip goes from 86 to 1987 us.
@@ -25,16 +25,16 @@ _PR_SET_TIMERSLACK = 29
 _MCL_CURRENT, _MCL_FUTURE = 1, 2
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
 _LARGEST_MMAP_THRESHOLD = 32 << 20
-#: What a process may lock must be twice what the largest takes: physics 983 MB with the default scene.
+#: Memory that a process must be allowed to lock: twice that of the largest, physics with 983 MB in the default scene.
 LOCKED_BYTES = 2 << 30
-#: Longest time in us that a core may take to wake, asked for by who holds this open.
+#: File that limits the wake-up latency of cores, in us, while a process holds it open.
 DMA_LATENCY = Path("/dev/cpu_dma_latency")
 _libc = ctypes.CDLL(None, use_errno=True)
 
 
 @dataclass(frozen=True, slots=True)
 class Fact:
-    """One property: asked for, and had."""
+    """One property, requested and granted."""
 
     name: str
     asked: str
@@ -42,7 +42,7 @@ class Fact:
     ok: bool
 
     def body(self) -> bodies.RealtimeFact:
-        """Return the fact as it travels."""
+        """Return the fact for the wire."""
         return bodies.RealtimeFact(name=self.name, asked=self.asked[:128], had=self.had[:256], ok=self.ok)
 
 
@@ -55,15 +55,15 @@ def set_up(
     *,
     awake: bool = False,
 ) -> tuple[list[Fact], Scheduling | None]:
-    """Pin the process, take its scheduling class, tighten its timers; return what was had, and its place on the ladder.
+    """Pin the process, set its scheduling class and timer slack; return granted properties and place on the ladder.
 
     Args:
         core: Processor to run on, None for any.
         priority: SCHED_FIFO priority 1..89, None for the ordinary class.
         nice: Niceness of an ordinary process.
-        share: Of a core, that is reserved where SCHED_FIFO is refused and SCHED_DEADLINE granted.
+        share: Share of a core to reserve, if SCHED_FIFO is refused and SCHED_DEADLINE granted.
         rungs: Scheduling classes to try, see `services.runtime.scheduling`.
-        awake: Whether the cores shall not sleep while a process with a priority lives, see `keep_awake`.
+        awake: Whether cores must not sleep while a process with a priority lives, see `keep_awake`.
     """
     scheduling = None if priority is None else Scheduling.ask(Wish(priority, share, core, rungs))
     facts = [
@@ -79,27 +79,27 @@ def set_up(
 
 
 def scheduling_fact(scheduling: Scheduling) -> Fact:
-    """Return what was asked for and had on the ladder; only its first rung is what was asked for."""
+    """Return the requested (first) and granted rung of the ladder."""
     why = "".join(f"; {refusal}" for refusal in scheduling.refused)
     return Fact("scheduling", f"FIFO {scheduling.wish.priority}", scheduling.had + why, scheduling.is_fifo)
 
 
 def keep_heap() -> Fact:
-    """Let the heap keep what is given back to it: memory that a tick frees is there for the next tick.
+    """Make the heap keep freed memory for the next tick.
 
-    Locked memory is populated when it is mapped. A heap that is trimmed and grown again in every call (a packer's
-    buffer of 256 kB at an unlucky place, huge pages) costs a millisecond a call, for as long as the process lives.
+    Locked memory is populated when it is mapped. A heap that is trimmed and grown in every call (a packer's buffer of
+    256 kB at an unlucky address, huge pages) costs a millisecond a call, as long as the process lives.
     """
     ok = _libc.mallopt(_M_TRIM_THRESHOLD, 2**31 - 1) and _libc.mallopt(_M_MMAP_THRESHOLD, _LARGEST_MMAP_THRESHOLD)
     return Fact("heap", "never trimmed", "never trimmed" if ok else "trimmed: mallopt refused", bool(ok))
 
 
 def keep_awake(path: Path = DMA_LATENCY) -> Fact:
-    """Ask the kernel to let no core sleep while this process lives: one that waits for work polls for it.
+    """Request that no core sleeps while this process lives; idle cores then poll for work.
 
-    A core that slept wakes some 10 to 100 us late, and what that costs is time of the thread that is woken; in a
-    virtual machine, whose sleep is the host's, as on metal. The kernel takes the request back when the file is closed,
-    by whatever end (Documentation/power/pm_qos_interface.rst).
+    A sleeping core wakes 10 to 100 us late, which is lost for the woken thread; also in a virtual machine, whose sleep
+    is the host's. The request ends when the file is closed, by any end of the process
+    (Documentation/power/pm_qos_interface.rst).
     """
     asked, said = "no core sleeps", ""
     try:
@@ -111,9 +111,9 @@ def keep_awake(path: Path = DMA_LATENCY) -> Fact:
 
 
 def freeze_garbage_collector() -> Fact:
-    """Freeze what is alive and switch the collector off: to be called when a loop is warm and about to run.
+    """Freeze present objects and switch the collector off; call this when a loop is compiled and about to run.
 
-    Who switches it on again has Python's thresholds, not those of a start.
+    Enabling it again uses Python's thresholds, not those of a start.
     """
     gc.collect()
     gc.freeze()
@@ -123,7 +123,7 @@ def freeze_garbage_collector() -> Fact:
 
 
 def read_back() -> Fact:
-    """Return the scheduling class of every thread of this process, as the kernel has it now."""
+    """Return the present scheduling class of every thread of this process, by the kernel."""
     had = [_class_of(thread) for thread in own_threads()]
     return Fact("threads", "one class for all", ", ".join(had), len({each.split()[0] for each in had}) == 1)
 
@@ -155,7 +155,7 @@ def _pin(core: int | None, scheduling: Scheduling | None) -> Fact:
 def _ordinary(nice: int | None) -> Fact:
     asked = nice or 0
     if asked:
-        with contextlib.suppress(PermissionError):  # below 0 it is a right that a user may lack
+        with contextlib.suppress(PermissionError):  # values below 0 need a permission
             os.setpriority(os.PRIO_PROCESS, 0, asked)
             set_group_niceness(asked)
     had = os.getpriority(os.PRIO_PROCESS, 0)
@@ -168,9 +168,9 @@ def _timer_slack() -> Fact:
 
 
 def lockable_bytes() -> int | None:
-    """Return how much memory this process may lock, None for as much as there is.
+    """Return the memory that this process may lock, None for all.
 
-    Who is privileged is found out by locking a page under a limit of none: root in a container mostly is not.
+    The privilege is tested by locking a page under a limit of zero, as root in a container mostly lacks it.
     """
     soft, hard = resource.getrlimit(resource.RLIMIT_MEMLOCK)
     if soft == resource.RLIM_INFINITY:
@@ -184,7 +184,7 @@ def lockable_bytes() -> int | None:
 
 
 def _lock_memory() -> Fact:
-    # MCL_FUTURE under a small memlock limit makes later allocations fail, so it is asked for only where there is room.
+    # MCL_FUTURE under a small memlock limit makes later allocations fail, so it is requested only with enough room.
     asked, limit = "all pages locked", lockable_bytes()
     if limit is not None and limit < LOCKED_BYTES:
         had = f"not locked: the memlock limit is {limit >> 20} MiB, {LOCKED_BYTES >> 20} are wanted"

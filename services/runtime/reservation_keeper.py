@@ -1,4 +1,4 @@
-"""Keeps what a loop reserves at what it needs: its work as measured, the decision, the kernel's answer, a sentence."""
+"""Adapts a loop's reservation to its measured work, and reports shortages."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from services.runtime.loop import LoopMeter
 from services.runtime.reservation import Need, Reservation, need_of
 from services.runtime.scheduling import PERIOD_NS, Scheduling
 
-#: Oftener in its first seconds, when every loop holds a guess, and while it is short.
+#: Periods of the adaptation, normally, and in the first seconds or while it is short; and the number of the first ones.
 _LOOK_EVERY_NS, _LOOK_SOON_NS, _FIRST_LOOKS = 1_000_000_000, 250_000_000, 20
 _RAN = COLUMNS.index("ran_ns")
-#: The same sentence is said again after so long.
+#: Time after which the same message is repeated.
 _AGAIN_S = 60.0
-#: Fewer periods say nothing of what one in twenty takes.
+#: Fewest periods for an estimate of the 95th percentile.
 _LEAST_PERIODS = 50
 
 
 class ReservationKeeper:
-    """Looks now and then at the ring of a loop whose class is SCHED_DEADLINE, or was refused it for want of room."""
+    """Adapts the reservation of a loop that has SCHED_DEADLINE, or was refused it for lack of room."""
 
     def __init__(self, scheduling: Scheduling, meter: LoopMeter, logger: logging.Logger) -> None:
         self._scheduling, self._meter, self._log = scheduling, meter, logger
@@ -34,7 +34,7 @@ class ReservationKeeper:
         self._said, self._again_s = "", 0.0
 
     def keep(self) -> bool:
-        """Set the reservation to what the work of the last seconds needs, if it is time; return whether it changed."""
+        """Set the reservation by the work of the last seconds, if due; return whether it changed."""
         now_ns = time.monotonic_ns()
         if now_ns < self._due_ns:
             return False
@@ -58,7 +58,7 @@ class ReservationKeeper:
             self._tell(now_s, need)
 
     def _tell(self, now_s: float, need: Need) -> None:
-        """Say what does not fit, once for each class, and again after a while."""
+        """Report a shortage, once for each class, and again after a while."""
         had = self._scheduling.had
         if had.split()[0] != self._said or now_s >= self._again_s:
             self._log.warning("scheduling: %s", shortage(need, had))
@@ -66,7 +66,7 @@ class ReservationKeeper:
 
 
 def shortage(need: Need, had: str) -> str:
-    """Return what does not fit, what is had instead, and what to do about it."""
+    """Return a message on a shortage, the present class, and the remedy."""
     return (
         f"no room for {100 * need.share:.0f} % of a core beside what others reserve on {os.cpu_count()} cores: "
         f"has {had}; give the rig more cores, or choose a lower rung of the scene's quality"
@@ -74,7 +74,7 @@ def shortage(need: Need, had: str) -> str:
 
 
 def work_per_period(ring: FlightRing, ticks: int) -> NDArray[np.int64]:
-    """Return the processor time of the ring's periods of so many ticks, in ns."""
+    """Return the processor times of the ring's periods of `ticks` ticks, in ns."""
     rows = np.frombuffer(ring.memory, np.int64, offset=ROWS_AT).reshape(ring.capacity, -1)
     kept = rows[: min(ring.written, ring.capacity), _RAN]
     whole: NDArray[np.int64] = kept[: len(kept) // ticks * ticks].reshape(-1, ticks).sum(axis=1)

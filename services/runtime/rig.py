@@ -1,4 +1,4 @@
-"""The rig file: which processes run where, how they talk, which devices they drive, what they must keep."""
+"""The rig file: processes and their hosts, transport, devices, and contracts."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
 class Settings(BaseModel):
-    """Base of every configuration model: unknown keys and wrong types are refused, nothing changes after loading."""
+    """Base of every configuration model: unknown keys and wrong types are rejected; immutable."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
 def _not_nothing(path: Any) -> Any:
-    if path == "":  # as a path it would be the present folder
+    if path == "":  # would be the present folder
         raise ValueError("is empty; the present folder is called '.'")
     return path
 
@@ -33,7 +33,7 @@ def _a_file_can_have_it(name: str) -> str:
 
 
 def _not_every_interface(host: str) -> str:
-    if not host.strip():  # as an address to bind it is every interface of the machine
+    if not host.strip():  # would bind every interface of the machine
         raise ValueError("is empty; all addresses of this host are called 0.0.0.0")
     return host
 
@@ -50,7 +50,7 @@ def _one_of(kind: str, known: Iterable[str]) -> AfterValidator:
 
 
 def at_most(most: float, unit: str, why: str) -> AfterValidator:
-    """Return a check of a number that may be None; it tells the unit and why there is a limit."""
+    """Return a validator of a number or None, whose message has the unit and the reason of the limit."""
     name = f" {unit}" if unit else ""
 
     def check(value: Any) -> Any:
@@ -103,11 +103,11 @@ class Transport(Settings):
         return self
 
     def address(self, process: str) -> str:
-        """Return where a process is reached over tcp."""
+        """Return the tcp address of a process."""
         return self.hosts.get(process, self.host)
 
     def shares_host(self, one: str, other: str) -> bool:
-        """Return whether two processes reach each other without tcp; one without a name is anywhere."""
+        """Return whether two processes are on one host; one without a name may be anywhere."""
         near = bool(one) and self.address(one) == self.address(other) not in LOOPBACK
         return near or self.kind == "ipc"
 
@@ -119,7 +119,7 @@ PATH_OWNERS = {
     "device_force": "haptics",
     "device_pixel": "visualization",
 }
-"""Every path that is measured, and whose work decides it: the process to act on when it is too slow."""
+"""All measured paths, each with the process that dominates it and is acted on when it is too slow."""
 
 
 PathName = Annotated[str, _one_of("path", PATH_OWNERS)]
@@ -184,7 +184,7 @@ class GatewaySettings(Settings):
     def _are_told_apart(cls, instruments: tuple[InstrumentSettings, ...]) -> tuple[InstrumentSettings, ...]:
         names = [each.name for each in instruments]
         twice = next((name for name in names if names.count(name) > 1), None)
-        if twice is not None:  # what is told of one would hide what is told of the other: a lost link, a hot motor
+        if twice is not None:  # their gauges, such as a lost link or a hot motor, would collide
             raise ValueError(f"two instruments are called {twice!r}")
         return instruments
 
@@ -325,15 +325,15 @@ class Rig(Settings):
     def _has_a_port_for_each(self) -> Self:
         port, page = self.visualization.port, self.supervisor.web.port
         is_served = self.process("visualization").enabled and self.visualization.viewer in ("web", "auto")
-        beside = is_served and self.supervisor.mode == "launch"  # else each has its own host
+        beside = is_served and self.supervisor.mode == "launch"  # otherwise each may have its own host
         if beside and port == page != 0:
             raise ValueError(f"visualization.port: {port} is the page's already (supervisor.web.port)")
         return self
 
     def process(self, name: str) -> ProcessSettings:
-        """Return the settings of a process, defaults where the file names none."""
+        """Return the settings of a process, by default those of the model."""
         return self.processes.get(name, ProcessSettings())
 
     def page_hands(self) -> tuple[str, ...]:
-        """Return the names of the instruments that people at the page hold."""
+        """Return the names of the instruments that are controlled at the page."""
         return tuple(each.name for each in self.gateway.instruments if each.arm.driver == "web")

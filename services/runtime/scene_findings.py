@@ -1,7 +1,6 @@
-"""What a module finds in a scene, in a process of its own, and kept: who asks for it runs none of the mechanics.
+"""Cached results of modules that analyse a scene in a process of their own, so that callers need no mechanics.
 
-To import what it takes costs most of a second of a processor and a hundred megabytes, and a scene is found as it was at
-almost every start.
+The imports would cost most of a second and a hundred megabytes, and the scene is unchanged at almost every start.
 """
 
 from __future__ import annotations
@@ -25,17 +24,17 @@ T = TypeVar("T")
 
 
 def find_in_scene(module: str, scene: str, overrides: Sequence[str], read: Callable[[bytes], T]) -> T:
-    """Return what ``python -m MODULE SCENE [KEY=VALUE ...]`` prints, as `read` understands it.
+    """Return the output of ``python -m MODULE SCENE [KEY=VALUE ...]``, parsed by `read`.
 
-    It is kept by what scene and surface file say and by the code that finds it. What is kept is found anew where `read`
-    refuses it with a ValueError or ConfigError; of what was found just now these go to the caller.
-    Raises ConfigError: the module's one sentence, if the scene cannot be used.
+    It is cached by the contents of scene, surface file and code. A cached output is computed again if `read` rejects it
+    with a ValueError or ConfigError; for a new output these errors are passed on.
+    Raises ConfigError: the module's error message, if the scene is invalid.
     """
     file = cache_directory() / "scenes" / _name(module, config.read_scene(scene, overrides))
-    with contextlib.suppress(OSError, ValueError, ConfigError):  # not there, or cut short by a crash
+    with contextlib.suppress(OSError, ValueError, ConfigError):  # missing, or truncated by a crash
         return read(file.read_bytes())
     found = _found(module, scene, overrides)
-    with contextlib.suppress(OSError):  # a cache that cannot be written costs the next start a second
+    with contextlib.suppress(OSError):  # without a cache the next start takes a second longer
         file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         with atomic_file(file) as half:
             half.write_bytes(found)
@@ -43,7 +42,7 @@ def find_in_scene(module: str, scene: str, overrides: Sequence[str], read: Calla
 
 
 def print_finding(find: Callable[[str, Sequence[str]], bytes]) -> None:
-    """Print what `find` returns for the scene and overrides on the command line: the main of what is asked above."""
+    """Print the result of `find` for the command line's scene and overrides; the main function of such a module."""
     if len(sys.argv) < 2:
         sys.exit(f"usage: {sys.argv[0]} SCENE [KEY=VALUE ...]")
     try:
@@ -59,7 +58,7 @@ def _name(module: str, data: dict[str, Any]) -> str:
 
 
 def _surface_digest(data: dict[str, Any]) -> str:
-    """Return a hash of the surface file that a scene names, empty where it names none or there is no such file."""
+    """Return a hash of a scene's surface file, empty without one."""
     duct = data.get("duct")
     path = Path(str(duct.get("mesh_file") or "")) if isinstance(duct, dict) else Path()
     if not path.is_file():

@@ -1,7 +1,7 @@
-"""What a scene requires of a rig: which processes, instruments and topics it needs.
+"""A scene's requirements of a rig: processes, instruments and topics.
 
-It is read off the scene file without the mechanics, so that a process which runs none of them need not load them; only
-the table of instruments, which says which have a handle, is used. The processes that use the scene check the rest.
+They are read from the scene file without the mechanics, so that processes without mechanics need not load them; only
+the table of instruments is used, for handles. The processes that use the scene check the rest.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from services.mechanics.scene.instruments import TOOLS, USUAL
 from services.runtime import config
 from services.runtime.rig import InstrumentSettings, Rig
 
-#: Processes that only serve tools and catheter; physics keeps its own time without them.
+#: Processes that only serve tools and catheter; physics has its own clock without them.
 OF_CONTACT = ("gateway", "haptics", "training")
 
 
@@ -24,8 +24,8 @@ class SceneRequirements:
     """The requirements of one scene.
 
     Attributes:
-        duct_alone: Whether there is nothing that could touch the duct.
-        tools: The kinds of the tools that are named, None where the file leaves that to the default.
+        duct_alone: Whether the scene has only a duct.
+        tools: The kinds of the tools, None for the default.
     """
 
     duct_alone: bool = False
@@ -33,7 +33,7 @@ class SceneRequirements:
 
     @property
     def idle(self) -> tuple[str, ...]:
-        """The processes that have nothing to do."""
+        """The processes that are not needed."""
         return OF_CONTACT if self.duct_alone else ()
 
     def is_published(self, topic: str) -> bool:
@@ -46,7 +46,7 @@ class SceneRequirements:
         return any(process not in self.idle for process in (*row.readers, *row.observers))
 
     def fitted(self, rig: Rig) -> Rig:
-        """Return the rig without processes, instruments, handles and contracts that have nothing to do in the scene."""
+        """Return the rig without processes, instruments, handles and contracts that the scene does not need."""
         if self.duct_alone:
             return _without_contact(rig)
         if self.tools is None:
@@ -57,11 +57,11 @@ class SceneRequirements:
 
 EVERYTHING = SceneRequirements()
 BESIDE_THE_DUCT = {"catheter", "forceps", "contact"}
-"""Keys of a scene: one that names none of them is a duct alone."""
+"""Keys of a scene of which one of only a duct has none."""
 
 
 def _fitted(row: InstrumentSettings, kind: str) -> InstrumentSettings:
-    """Return an instrument without its handle's drive where the tool has no handle."""
+    """Return an instrument, without its handle's drive if the tool has no handle."""
     has_handle = kind not in TOOLS or TOOLS[kind].has_handle
     return row if has_handle or row.grasp is None else row.model_copy(update={"grasp": None})
 
@@ -75,14 +75,14 @@ def _without_contact(rig: Rig) -> Rig:
 
 
 def has_duct_alone(data: Mapping[str, Any]) -> bool:
-    """Return whether a scene's data name a duct and nothing that could touch it."""
+    """Return whether a scene has only a duct."""
     return "duct" in data and not BESIDE_THE_DUCT & data.keys()
 
 
 def scene_requirements(scene: str, overrides: Iterable[str] = ()) -> SceneRequirements:
-    """Return the requirements of a scene file, or of one's name in configs/scenes.
+    """Return the requirements of a scene, by path or by name in configs/scenes.
 
-    Raises ConfigError if there is no such scene, or the file is not YAML.
+    Raises ConfigError if there is no such scene, or it is not YAML.
     """
     data = config.read_scene(scene, overrides)
     named = data.get("forceps")

@@ -1,14 +1,13 @@
-"""The ladder of scheduling classes: a loop takes the best that the machine grants, and says which and why.
+"""The ladder of scheduling classes: a loop takes the best one that the machine grants, and reports it with reasons.
 
 1. **FIFO**, on its core. Refused without CAP_SYS_NICE or an rtprio limit. Where the kernel groups real-time tasks
    (containers on cgroup v1) it is not taken either if the group's budget is smaller than the loop's share: beyond it
-   the whole group stands still for the rest of each second.
-2. **DEADLINE** for every thread: a share of a core, guaranteed by admission; no group's budget binds it. The loop's is
-   set anew when its need changes (`reservation_keeper`). Such a thread may not be pinned (the kernel admits it to all
-   cores of its root domain or to none) and does not fork, so its children are ordinary (`sched(7)`,
-   Documentation/scheduler/sched-deadline.rst).
-3. **nice -20** with a slice of 0.1 ms (Linux 6.12; before, the slice is the kernel's): it is put before all others soon
-   after it wakes, but has to share. A group that the kernel made of its session gets that niceness too.
+   the whole group is throttled for the rest of each second.
+2. **DEADLINE** for every thread: a share of a core, guaranteed by admission, without any group's budget. The loop's is
+   adapted to its need (`reservation_keeper`). Such a thread cannot be pinned (the kernel admits it to all cores of its
+   root domain or to none), and its forks are ordinary (`sched(7)`, Documentation/scheduler/sched-deadline.rst).
+3. **nice -20** with a slice of 0.1 ms (Linux 6.12; before, the slice is the kernel's): it precedes all others soon
+   after it wakes, but has to share. The automatic group of its session gets that niceness too.
 4. **plain**.
 """
 
@@ -26,20 +25,19 @@ from pathlib import Path
 
 from services.runtime.autogroup import set_group_niceness
 
-#: Of `struct sched_attr` (linux/sched/types.h), first version: size, policy, flags, nice, priority, runtime, deadline,
+#: `struct sched_attr` (linux/sched/types.h), first version: size, policy, flags, nice, priority, runtime, deadline,
 #: period.
 _ATTRIBUTES = struct.Struct("=IIQiIQQQ")
 _SET_ATTRIBUTES = {"x86_64": (314, 315), "aarch64": (274, 275)}
 DEADLINE = 6
-_RESET_ON_FORK, _RECLAIM = 1, 2  # RECLAIM: a tick that takes longer has what others leave
-#: A share is of this period, or of its loop's where that is longer: who turns fifty times a second needs its time in
-#: one piece, and after those who are due sooner. With longer ones for all, the earliest deadline is often another
-#: loop's.
+_RESET_ON_FORK, _RECLAIM = 1, 2  # RECLAIM: a long tick may use time that others leave
+#: Period of a share, unless the loop's is longer: a loop at 50 Hz needs its time in one piece, and after loops with
+#: earlier deadlines. With longer periods for all, the earliest deadline is often another loop's.
 PERIOD_NS = 1_000_000
-#: Of each of the threads beside the loop's own: ZeroMQ's two.
+#: Share of each of the other threads, ZeroMQ's two.
 BESIDE = 0.01
-#: Of each core, for all that reserve together: 95 %, less the 5 % that the kernel reserves since Linux 6.12 so that
-#: ordinary threads are never starved (its fair server). What comes last and does not fit gets the next rung.
+#: Share of each core for all reservations: 95 %, less the 5 % that the kernel reserves since Linux 6.12 for ordinary
+#: threads (its fair server). A later loop that does not fit gets the next rung.
 ADMITTED = 0.9
 _NICE, _SLICE_NS = -20, 100_000
 RUNGS = ("fifo", "deadline", "nice")
@@ -48,7 +46,7 @@ _libc = ctypes.CDLL(None, use_errno=True)
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """What a loop asks for: FIFO `priority`; first a `share` of a core, where that is given; a core; which rungs."""
+    """Request of a loop: FIFO `priority`, initial `share` of a core for DEADLINE, core, and rungs to try."""
 
     priority: int
     share: float
@@ -58,11 +56,11 @@ class Wish:
 
 @dataclass(slots=True)
 class Scheduling:
-    """The place of this process on the ladder.
+    """The rung of this process on the ladder.
 
     Attributes:
-        had: str. What was granted.
-        refused: list of str. What was not, and why.
+        had: str. The granted rung.
+        refused: list of str. Refused rungs with reasons.
     """
 
     wish: Wish
@@ -76,7 +74,7 @@ class Scheduling:
 
     @classmethod
     def ask(cls, wish: Wish) -> Scheduling:
-        """Find out what is granted. The calling thread keeps FIFO, which later threads inherit, and nothing else."""
+        """Determine what is granted. The calling thread keeps only FIFO, which later threads inherit."""
         found = cls(wish, _cores=frozenset(os.sched_getaffinity(0)), _niceness=os.getpriority(os.PRIO_PROCESS, 0))
         found._climb(reset=False)
         if not found.is_fifo:
@@ -90,7 +88,7 @@ class Scheduling:
 
     @property
     def is_pinned(self) -> bool:
-        """Whether the process may keep to one core."""
+        """Whether the process may be pinned to one core."""
         return self._name != "deadline"
 
     @property
@@ -98,36 +96,35 @@ class Scheduling:
         return (*self.wish.rungs, "plain")[self._rung]
 
     def relax(self) -> None:
-        """Make the calling thread, and it alone, an ordinary one: what it does before its loop may wait."""
+        """Make only the calling thread an ordinary one, for work before its loop."""
         if self.is_fifo:
             os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
     def resume(self, *, alone: bool = False, period_ns: int = PERIOD_NS) -> None:
-        """Take for the loop what was granted: for all threads, or with `alone` for none that this one starts.
+        """Apply the granted rung for the loop, to all threads, or with `alone` not to threads that this one starts.
 
-        `period_ns` is the loop's; what DEADLINE grants is a share of it, of a millisecond at least.
-        What was granted before may be given to others by now (DEADLINE is admitted while there is room): then it is
-        what comes next.
+        `period_ns` is the loop's; DEADLINE grants a share of it, or of a millisecond if that is longer. A granted share
+        may have been taken by others meanwhile; the next rung is then used.
         """
         self._period_ns, self._alone = max(PERIOD_NS, period_ns), alone
         self._climb(reset=alone)
 
     @property
     def reserves(self) -> bool:
-        """Whether what was granted is a share of a core."""
+        """Whether a share of a core was granted."""
         return self._name == "deadline"
 
     @property
     def may_reserve(self) -> bool:
-        """Whether a share is granted where there is room."""
+        """Whether a share can be granted if there is room."""
         return "deadline" in self.wish.rungs[: self._rung + 1] and not any(
             refusal.startswith("deadline") and _WHY[errno.EBUSY] not in refusal for refusal in self.refused
         )
 
     def reserve(self, share: float, period_ns: int) -> bool:
-        """Reserve this share of a core for the calling thread, from a class below, too; return whether it was admitted.
+        """Reserve this share of a core for the calling thread, also from a lower class; return whether it was admitted.
 
-        The reserved time is had in each `period_ns`, or in the millisecond where that is longer.
+        The reserved time is granted in each `period_ns`, or each millisecond if that is longer.
         """
         before, self.wish = self.wish, replace(self.wish, share=share)
         niceness = os.getpriority(os.PRIO_PROCESS, 0)
@@ -141,14 +138,14 @@ class Scheduling:
                 self._rung = self.wish.rungs.index("deadline")
         except OSError:
             self.wish = before
-            if not self.reserves and os.getpriority(os.PRIO_PROCESS, 0) != niceness:  # the threads beside found none
+            if not self.reserves and os.getpriority(os.PRIO_PROCESS, 0) != niceness:  # no room for the other threads
                 self._climb(reset=self._alone)
             return False
         self.refused = [refusal for refusal in self.refused if not refusal.startswith("deadline")]
         return True
 
     def _look_for_room(self, share: float) -> None:
-        """Take it for this thread alone: where it is refused, that costs little, and nothing has changed."""
+        """Reserve it for this thread alone; a refusal is cheap and changes nothing."""
         pinned = os.sched_getaffinity(0)
         os.sched_setaffinity(0, self._cores)
         try:
@@ -158,7 +155,7 @@ class Scheduling:
             raise
 
     def step_down(self) -> None:
-        """Take the class after DEADLINE: the share that there is does not hold."""
+        """Take the class after DEADLINE, as the available share is too small."""
         self.refused.append(f"deadline: {_WHY[errno.EBUSY]}")
         self._rung += 1
         _make_ordinary(self._niceness)
@@ -220,11 +217,10 @@ class Scheduling:
 
 
 def step_aside() -> None:
-    """Let threads of the caller's priority run first: ZeroMQ's, which inherited it and has something to send.
+    """Yield to threads of the caller's priority: ZeroMQ's, which inherited it and has something to send.
 
-    With SCHED_DEADLINE nothing is done. There `sched_yield(2)` gives up what is left of the budget, and the thread
-    stands still until its next period: a tick was lost with every report, ten a second of each loop. The others have
-    budgets of their own.
+    With SCHED_DEADLINE this does nothing, as `sched_yield(2)` there gives up the rest of the budget until the next
+    period: each report lost a tick, ten a second of each loop. Other threads have budgets of their own.
     """
     if os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK != DEADLINE:
         os.sched_yield()
@@ -237,12 +233,12 @@ def _own_thread() -> int:
 
 
 def own_threads() -> list[int]:
-    """Return the numbers of this process' threads."""
+    """Return the ids of this process' threads."""
     return sorted(int(task.name) for task in Path("/proc/self/task").iterdir())
 
 
 def _of_each(do: Callable[[int], object]) -> None:
-    """Do something to each of this process' threads that has not ended meanwhile."""
+    """Call a function for each of this process' threads, ignoring those that end meanwhile."""
     for thread in own_threads():
         with contextlib.suppress(ProcessLookupError):
             do(thread)
@@ -267,9 +263,9 @@ def set_attributes(
     period_ns: int = PERIOD_NS,
     deadline_ns: int = 0,
 ) -> None:
-    """Call ``sched_setattr(2)``, which neither Python nor every C library has; the period is DEADLINE's alone.
+    """Call ``sched_setattr(2)``, which neither Python nor every C library has; the period is only for DEADLINE.
 
-    `deadline_ns` is how soon in each period the work is to be done; 0 for at its end.
+    `deadline_ns` is the deadline within each period, 0 for its end.
     Raises OSError if the kernel refuses.
     """
     period_ns = period_ns if policy == DEADLINE else 0
@@ -279,7 +275,7 @@ def set_attributes(
 
 
 def get_attributes(thread: int) -> tuple[int, ...]:
-    """Return size, policy, flags, nice, priority, runtime, deadline and period of a thread, as the kernel has them."""
+    """Return size, policy, flags, nice, priority, runtime, deadline and period of a thread, by the kernel."""
     attributes = ctypes.create_string_buffer(_ATTRIBUTES.size)
     _call(1, thread, attributes, _ATTRIBUTES.size, 0)
     return _ATTRIBUTES.unpack(attributes.raw)
@@ -301,7 +297,7 @@ _WHY = {
 
 
 def group_budget() -> float | None:
-    """Return the share of a core that this process' group has in real time; None where there are no such groups."""
+    """Return the real-time budget of this process' group, as a share of a core; None without such groups."""
     for folder in _group_folders():
         runtime, period = folder / "cpu.rt_runtime_us", folder / "cpu.rt_period_us"
         if runtime.is_file():
@@ -311,14 +307,14 @@ def group_budget() -> float | None:
 
 
 def _group_folders(mount: Path = Path("/sys/fs/cgroup/cpu"), of: Path = Path("/proc/self/cgroup")) -> list[Path]:
-    """Return where the group may be seen: under its own name, or, in a container, as the root of what is mounted."""
+    """Return the possible paths of the group: by its own name, or, in a container, the root of the mount."""
     lines = of.read_text().splitlines() if of.is_file() else []
     names = [line.split(":", 2)[2] for line in lines if "cpu" in line.split(":")[1].split(",")]
     return [*(mount / name.lstrip("/") for name in names), mount]
 
 
 def rungs_granted(wish: Wish) -> dict[str, str]:
-    """Return each rung and what it gives or why it is refused; to be called in a process that may be spoilt by it."""
+    """Return each rung with its result or the reason of refusal; this changes the process' scheduling."""
     found: dict[str, str] = {}
     for name in RUNGS:
         asked = Scheduling.ask(replace(wish, rungs=(name,)))

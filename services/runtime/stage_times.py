@@ -1,6 +1,6 @@
-"""What the stages of a tick took: counts in buckets, a quarter of a doubling each, taken from the flight ring's rows.
+"""Durations of a tick's stages, counted in buckets of a quarter of a doubling, from the flight ring's rows.
 
-Nothing is counted in a tick: all rows since the last report are, at once, when a report is made.
+Nothing is counted in a tick: all rows since the last report are counted at once when a report is made.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from protocol.arrays import Array
 from services.runtime.flight import COLUMNS, ROWS_AT, FlightRing
 from services.runtime.histogram import quantile
 
-#: Buckets reach from 128 ns to 134 ms, four to a doubling, equally wide within it; one more below and above.
+#: Buckets reach from 128 ns to 134 ms, four to a doubling and equally wide within it, plus one below and above.
 _FIRST_OCTAVE, _OCTAVES, _PER_OCTAVE = 7, 20, 4
 BUCKETS = _OCTAVES * _PER_OCTAVE + 2
 _MANTISSA_BITS = 23
@@ -30,7 +30,7 @@ def edges_ns() -> NDArray[np.float64]:
 
 
 def buckets_of(durations_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the bucket of each duration: the leading bits of a floating-point number are its exponent, and more."""
+    """Return the bucket of each duration, from exponent and leading mantissa bits of its floating-point value."""
     bits = durations_ns.astype(np.float32).view(np.int32)
     found: NDArray[np.int64] = np.clip((bits >> _SHIFT) - _OFFSET, 0, BUCKETS - 1).astype(np.int64)
     return found
@@ -44,18 +44,18 @@ class StageTimes:
         self._seen = 0
         self._counts = np.zeros((len(ring.stages), BUCKETS), np.int64)
         self._sum_ns = np.zeros(len(ring.stages), np.int64)
-        self._first = BUCKETS * np.arange(len(ring.stages))  # the first bucket of each among those of all
+        self._first = BUCKETS * np.arange(len(ring.stages))  # index of each stage's first bucket
 
     def take(self) -> tuple[bodies.StageCost, ...]:
-        """Count the ticks since the last call; return the figures as they travel.
+        """Count the ticks since the last call; return the figures for the wire.
 
-        Ticks that the ring has lost meanwhile do not count. A stage that took no time did not run.
+        Ticks that the ring has overwritten do not count. A stage that took no time did not run.
         """
         if not self._ring.stages:
             return ()
         durations = self._new_rows()[:, len(COLUMNS) :]
         ran = durations > 0
-        cells = (buckets_of(durations) + self._first)[ran]  # of all stages at once: a call of numpy's is what costs
+        cells = (buckets_of(durations) + self._first)[ran]  # all stages at once, as calls of numpy dominate the cost
         self._counts += np.bincount(cells, minlength=self._counts.size).reshape(self._counts.shape)
         total_ns, runs = durations.sum(axis=0), np.maximum(1, ran.sum(axis=0))
         self._sum_ns += total_ns
@@ -71,7 +71,7 @@ class StageTimes:
 
     def _new_rows(self) -> NDArray[np.int64]:
         ring = self._ring
-        if ring.written < self._seen:  # it was shared, and began anew
+        if ring.written < self._seen:  # it was shared, and restarted
             self._seen = 0
         first = max(self._seen, ring.written - ring.capacity)
         self._seen = ring.written
@@ -80,5 +80,5 @@ class StageTimes:
 
 
 def quantile_us(counts: NDArray[np.int64], q: float, max_us: float = np.inf) -> float:
-    """Return the `q` quantile of bucket `counts` in microseconds, interpolated inside its bucket; NaN of nothing."""
+    """Return the `q` quantile of bucket `counts` in microseconds, interpolated inside its bucket; NaN if empty."""
     return 1e-3 * quantile(counts, edges_ns(), q, 1e3 * max_us)

@@ -1,4 +1,4 @@
-"""The gateway's own line: whatever comes there lets every hand go. It needs neither a page nor a supervisor."""
+"""The gateway's stop socket: any message removes all forces, without a page or a supervisor."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def _path(transport: Transport) -> Path:
 
 
 class StopLine:
-    """The gateway's end. Whoever holds the lock of the gateway's topics may open it."""
+    """The gateway's end, opened by the process that holds the lock of the gateway's topics."""
 
     def __init__(self, transport: Transport) -> None:
         path = _path(transport)
@@ -26,24 +26,24 @@ class StopLine:
         self._line.bind(str(path))
 
     def is_asked(self) -> bool:
-        """Return whether somebody has asked since the last call, and tell one of them that it is done."""
+        """Return whether a stop was requested since the last call, and confirm it to one sender."""
         try:
             _, sender = self._line.recvfrom(1)
         except BlockingIOError:
             return False
-        with suppress(OSError, TypeError):  # of another container, or without a name
+        with suppress(OSError, TypeError):  # a sender in another container, or without an address
             self._line.sendto(b"done", sender)
         return True
 
     def close(self) -> None:
-        """Listen no more."""
+        """Close the socket."""
         self._line.close()
 
 
 def stop_gateway(transport: Transport) -> bool:
-    """Let every hand of the rig on this host go; return whether its gateway says that it has."""
+    """Remove all forces of the rig on this host; return whether its gateway confirms it."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as line:
-        line.bind("")  # a name of the system's choice, for the answer
+        line.bind("")  # an automatic address, for the answer
         line.settimeout(_PATIENCE_S)
         try:
             line.sendto(b"", str(_path(transport)))

@@ -1,4 +1,4 @@
-"""What the rig's web servers share: a bound socket, and whose name this host answers to."""
+"""Common parts of the rig's web servers: binding a socket, and checking the Host header."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from services.runtime.errors import BusError
 
 
 def host_of(header: str | None) -> str:
-    """Return the host's name in a Host header, without port and brackets; empty for none that can be read."""
+    """Return the host name in a Host header, without port and brackets; empty if invalid."""
     try:
         return urlsplit(f"//{header or ''}").hostname or ""
     except ValueError:
@@ -20,9 +20,9 @@ def host_of(header: str | None) -> str:
 
 
 def is_this_host(name: str) -> bool:
-    """Return whether a name is surely this host's: loopback, its own, or a plain address, which cannot be rebound.
+    """Return whether a name is certainly this host's: loopback, its own, or an address, which cannot be rebound.
 
-    Any other may be that of a web page somewhere, made to point here.
+    Any other may be another site's name that resolves to this host.
     """
     if name in ("localhost", socket.gethostname().lower()) or name.endswith(".localhost"):
         return True
@@ -34,9 +34,9 @@ def is_this_host(name: str) -> bool:
 
 
 class KnownHost:
-    """Refuse requests whose Host is not this machine: another site's name that was made to point here (rebinding).
+    """ASGI middleware that rejects requests with another site's Host header (DNS rebinding).
 
-    Around an application of ASGI, whose scope, receive and send it passes on.
+    It passes scope, receive and send on to the wrapped application.
     """
 
     _WORDS = b"this name is not known here: use localhost or an address"
@@ -45,7 +45,7 @@ class KnownHost:
         self._app = app
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
-        """Pass the request on or answer 421."""
+        """Pass the request on, or answer 421."""
         header = next((value for name, value in scope.get("headers", ()) if name == b"host"), b"")
         if scope["type"] != "http" or is_this_host(host_of(header.decode("latin-1"))):
             await self._app(scope, receive, send)
@@ -55,9 +55,9 @@ class KnownHost:
 
 
 def listen(host: str, port: int, option: str) -> socket.socket:
-    """Return a socket that listens at an address; `option` is how a person chooses another.
+    """Return a socket that listens at an address; `option` is the setting to change it.
 
-    Raises BusError if the address cannot be had.
+    Raises BusError if the address is unavailable.
     """
     made = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_STREAM)
     made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -1,4 +1,4 @@
-"""YAML text as people write it: the safe subset, with the numbers of YAML 1.2, and every key given once."""
+"""YAML text in the safe subset, with the numbers of YAML 1.2 and without duplicate keys."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Any
 import yaml
 
 MOST_VALUES = 1_000_000
-"""Of a file with its aliases written out: a few lines of them can stand for more than any memory holds."""
+"""Limit of the values of a file with expanded aliases, a few lines of which can exceed any memory."""
 LARGEST_WHOLE = 2**63
-"""Of whole numbers: what is counted fits the machine's own; a larger quantity is written as 1e20 is."""
+"""Limit of whole numbers, which must fit machine integers; larger quantities are written like 1e20."""
 
 _STRANGE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff]")
 
@@ -18,11 +18,11 @@ _STRANGE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff]")
 class _Loader(yaml.SafeLoader):
     """PyYAML reads YAML 1.1, where 3e-4 is a string, 012 is ten and 1:30 ninety.
 
-    It also takes the last of two equal keys without a word, which YAML forbids.
+    It also silently takes the last of two equal keys, which YAML forbids.
     """
 
     def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
-        """Refuse a key that is given twice; one merged from elsewhere with ``<<`` may be given again."""
+        """Reject a duplicate key, except one merged with ``<<``."""
         node: yaml.MappingNode = super().compose_mapping_node(anchor)
         lines: dict[str, int] = {}
         for key, _ in node.value:
@@ -35,7 +35,7 @@ class _Loader(yaml.SafeLoader):
         return node
 
     def construct_scalar(self, node: Any) -> Any:
-        """Refuse what only an escape can write: half a character, a null, a code that steers a terminal."""
+        """Reject characters that only escapes can write: surrogates, nulls, control codes."""
         value = super().construct_scalar(node)
         strange = _STRANGE.search(value)
         if strange:
@@ -44,7 +44,7 @@ class _Loader(yaml.SafeLoader):
         return value
 
     def construct_object(self, node: Any, deep: bool = False) -> Any:
-        """Make what PyYAML's conversions raise (the 45th of a month, a tag that does not fit) an error with a place."""
+        """Convert exceptions of PyYAML's conversions (the 45th of a month, a wrong tag) to errors with a position."""
         try:
             return super().construct_object(node, deep)
         except (ValueError, LookupError, AttributeError) as error:
@@ -64,7 +64,7 @@ _Loader.add_implicit_resolver(_NUMBERS[1], re.compile(_FLOAT), list("-+.01234567
 
 
 def _int(loader: _Loader, node: yaml.ScalarNode) -> int:
-    """Decimal whatever it begins with, octal and hexadecimal by their prefix."""
+    """Return the value of an integer: decimal even with leading zeros, octal and hexadecimal by their prefix."""
     text = loader.construct_scalar(node)
     value = int(text, 0) if text[:2] in ("0o", "0x") else int(text)
     if abs(value) >= LARGEST_WHOLE:
@@ -76,7 +76,7 @@ _Loader.add_constructor(_NUMBERS[0], _int)
 
 
 def read(text: str) -> Any:
-    """Return what `text` says; raises yaml.YAMLError where it is not YAML."""
+    """Return the data of `text`; raises yaml.YAMLError if it is not YAML."""
     try:
         value = yaml.load(text, _Loader)
         if _written_out(value, {}) > MOST_VALUES:
@@ -90,7 +90,7 @@ _BEGUN = -1
 
 
 def _written_out(value: Any, known: dict[int, int]) -> int:
-    """Return how many values there are when each alias is what it stands for."""
+    """Return the number of values with expanded aliases."""
     if not isinstance(value, dict | list):
         return 1
     if known.get(id(value)) == _BEGUN:

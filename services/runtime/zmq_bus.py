@@ -1,7 +1,8 @@
-"""The bus over ZeroMQ: no broker, one PUB socket per topic and one for batches of a fast one, single-part frames.
+"""The bus over ZeroMQ: no broker, one PUB socket per topic and one for batches of a fast topic, single-part frames.
 
-On one host the loops send and receive the fast topics themselves (`services.runtime.direct`); all else goes by libzmq.
-Of a rig on several hosts, processes that the rig file names at one address are on one, and share its run directory.
+On one host the loops send and receive the fast topics themselves (`services.runtime.direct`); libzmq handles all
+others. In a rig on several hosts, processes with the same address in the rig file are on one host, and share its run
+directory.
 """
 
 from __future__ import annotations
@@ -34,31 +35,32 @@ from services.runtime.frame_batches import (
 from services.runtime.rig import Transport
 from services.runtime.scheduling import step_aside
 
-#: Frames that a slow reader may fall behind before frames are lost (and counted).
+#: Frames that a slow reader may fall behind before frames are lost and counted.
 _HIGH_WATER_MARK = 1000
-#: Batches that a publisher keeps for a process that is not run at all: of three seconds. One that is run, but has no
-#: time for its frames, keeps those of `bus.BACKLOG_S` itself.
+#: Batches that a publisher keeps for a process that is not run at all, of three seconds. A process that runs, but has
+#: no time for its frames, keeps those of `bus.BACKLOG_S` itself.
 _BATCHES_KEPT = 3 * SENDS_PER_S
 _RECONNECT_MS = 2
-#: For a publisher that is not there, less and less often: a topic whose process the rig does not have would be asked
-#: for 500 times a second, by a thread of its reader's priority.
+#: Longest interval of reconnecting to a missing publisher; otherwise a thread of the reader's priority would try 500
+#: times a second for a topic whose process the rig does not have.
 _RECONNECT_MAX_MS = 50
-#: Frames between two looks at who has come and gone: readers that sample say so often, and what they say adds up.
+#: Frames between two updates of the number of readers, since subscriptions of sampling readers accumulate.
 _COUNT_READERS_EVERY = 16
 _ROUNDING_NS = 30_000  # select() may return this much early; the rest is slept
 
 
 class ZmqBus:
-    """ZeroMQ sockets of one process. Make it after the real-time set-up: its I/O thread inherits core and priority.
+    """ZeroMQ sockets of one process. Create it after the real-time set-up, as its I/O thread inherits core and
+    priority.
 
-    Raises BusError if an endpoint is taken.
+    Raises BusError if an endpoint is in use.
 
     Args:
-        transport: Of the rig file.
-        publishes, reads: Topic names. State topics are read newest-only.
-        reads_every: Topics of which every frame is wanted, whatever the table says: for recorders and sniffers. Those
-            of a fast topic come in batches, so that nobody waits for such a reader (`services.runtime.frame_batches`).
-        samples: Topics of which a frame is wanted now and then: see `sample`.
+        transport: Settings of the rig file.
+        publishes, reads: Topic names. Of state topics only the newest frame is read.
+        reads_every: Topics of which every frame is read, regardless of the table, for recorders and sniffers. Fast ones
+            come in batches, so that no publisher waits for such a reader (`services.runtime.frame_batches`).
+        samples: Topics of which a frame is read now and then, see `sample`.
     """
 
     def __init__(
@@ -72,14 +74,14 @@ class ZmqBus:
         self._context = zmq.Context()
         self._context.linger = 0
         self._locks: list[IO[str]] = []
-        self._paths: list[Path] = []  # of sockets that libzmq has bound, and leaves behind
+        self._paths: list[Path] = []  # of sockets bound by libzmq, which does not remove them
         self._direct_senders: dict[str, DirectSender] = {}
         self._direct_readers: dict[str, DirectReader] = {}
         self._senders: dict[str, zmq.Socket[bytes]] = {}
         self._receivers: dict[str, zmq.Socket[bytes]] = {}
         self._descriptors: dict[str, int] = {}
         self._subscribed: dict[str, int] = {}
-        self._standing: set[str] = set()  # of topics to be sampled
+        self._standing: set[str] = set()  # sampled topics with a permanent subscription
         self._batches: dict[str, BatchSender] = {}
         self._out: dict[str, bus.Outbox] = {}
         self._in: dict[str, bus.Inbox] = {}
@@ -119,11 +121,11 @@ class ZmqBus:
             self._batches[name] = BatchSender(self._bound(transport, name, batch_endpoint(name), _BATCHES_KEPT))
 
     def _bound(self, transport: Transport, name: str, endpoint_name: str, most: int) -> zmq.Socket[bytes]:
-        """Return a socket that sends topic `name` and keeps `most` messages for a reader that is slow."""
+        """Return a socket that sends topic `name` and keeps `most` messages for a slow reader."""
         host = None if transport.kind == "ipc" else transport.bind_host
         where = endpoints.endpoint(transport, endpoint_name, host)
-        socket = self._context.socket(zmq.XPUB)  # XPUB tells when a reader has subscribed: readiness without sleeping
-        socket.setsockopt(zmq.XPUB_VERBOSER, 1)  # of every reader, not of the first and the last only
+        socket = self._context.socket(zmq.XPUB)  # XPUB reports subscriptions, for readiness without sleeping
+        socket.setsockopt(zmq.XPUB_VERBOSER, 1)  # for every reader, not only for the first and the last
         socket.sndhwm = most
         if self._authenticator:
             self._authenticator.guard_publisher(socket)
@@ -153,9 +155,9 @@ class ZmqBus:
         if box.every:
             socket.rcvhwm = _HIGH_WATER_MARK if batch_endpoint(name) == name else round(bus.BACKLOG_S * SENDS_PER_S)
         else:
-            socket.conflate = True  # keeps the newest; one topic and one part per socket, else frames vanish unseen
+            socket.conflate = True  # keeps the newest; needs one topic and one part per socket
         socket.reconnect_ivl = _RECONNECT_MS
-        if samples or box.every or not has_batches(box.row):  # but the hand waits for a fast one over tcp
+        if samples or box.every or not has_batches(box.row):  # over tcp the hand waits for a fast topic
             socket.reconnect_ivl_max = _RECONNECT_MAX_MS
         where = endpoints.endpoint(transport, batch_endpoint(name) if every else name)
         if self._authenticator:
@@ -169,10 +171,10 @@ class ZmqBus:
     def publish(
         self, name: str, body: msgspec.Struct, *, origin_ns: int = 0, valid: bool = True, at_once: bool = False
     ) -> int:
-        """Send `body`; a reader that cannot keep up loses frames, the sender never waits.
+        """Send `body` without waiting; a slow reader loses frames.
 
-        A fast topic on one host is sent here and now. What libzmq sends leaves when the process sleeps, all of a tick
-        together, for its thread has the priority of the process; ``at_once`` lets that thread run first.
+        A fast topic on one host is sent immediately. Frames of libzmq leave when the process sleeps, all of a tick
+        together, as its thread has the priority of the process; ``at_once`` lets that thread run first.
         """
         box, batches = self._out[name], self._batches.get(name)
         data = box.seal(body, origin_ns, valid)
@@ -189,12 +191,12 @@ class ZmqBus:
             self.has_reader(name)
         if self._authenticator:
             self._authenticator.answer()
-        if batches is None:  # whoever sends nothing fast does not flush
+        if batches is None:  # processes without fast topics do not flush
             self._clocks.turn()
         return box.sent - 1
 
     def flush(self) -> None:
-        """Send the batches that are due, for those who only look on; look after the clocks of other hosts."""
+        """Send the batches that are due for observers, and update the clocks of other hosts."""
         self._clocks.turn()
         if self._batches:
             now_ns = time.monotonic_ns()
@@ -227,11 +229,11 @@ class ZmqBus:
         return frames
 
     def batch(self, name: str) -> bus.Batch | None:
-        """Return the next unread message of `name`, whose frames nobody has looked at; a frame alone is one of one."""
+        """Return the next unread message of `name`, unchecked; a single frame is a batch of one."""
         socket, box = self._receivers[name], self._in[name]
         if not box.is_near:
             self._clocks.turn()
-        if not is_readable(socket):  # nearly always, and asking costs a third of an exception
+        if not is_readable(socket):  # the usual case, at a third of the cost of an exception
             return None
         try:
             return bus.Batch(*lengths_and_frames(socket.recv_multipart(zmq.NOBLOCK)), box)
@@ -239,9 +241,9 @@ class ZmqBus:
             return None
 
     def sample(self, names: Iterable[str], until_ns: int) -> dict[str, Frame]:
-        """Subscribe, take the next frame of each of `names`, unsubscribe; what has not come in time is left out.
+        """Subscribe, read the next frame of each of `names`, unsubscribe; missing frames are left out.
 
-        Of a host that is too far away for that, the subscription stands: the newest frame is taken, whenever it came.
+        If the host is too far away for that, the subscription is permanent and the newest frame is returned.
         """
         names, frames = tuple(names), dict[str, Frame]()
         for name in names:
@@ -260,13 +262,13 @@ class ZmqBus:
 
     @staticmethod
     def _forget(socket: zmq.Socket[bytes]) -> None:
-        """Throw away what still came after the last sample: it is old by now."""
+        """Discard frames that arrived after the last sample, which are old."""
         with suppress(zmq.Again):
             while True:
                 socket.recv(zmq.NOBLOCK)
 
     def wait(self, name: str, until_ns: int) -> bool:
-        """Sleep until `name` may have a frame or the clock reaches `until_ns`: finer than zmq_poll's milliseconds."""
+        """Sleep until `name` may have a frame or the clock reaches `until_ns`, finer than zmq_poll's milliseconds."""
         direct = self._direct_readers.get(name)
         if direct is not None:
             return direct.wait(until_ns)
@@ -279,7 +281,7 @@ class ZmqBus:
             if remaining_ns < _ROUNDING_NS:
                 time.sleep(remaining_ns * 1e-9)
                 continue
-            # Edge triggered: EVENTS was read just before, so whatever comes from now on makes it readable.
+            # It is edge triggered: EVENTS was read just before, so any later message makes it readable.
             select.select((descriptor,), (), (), remaining_ns * 1e-9)
         return True
 
@@ -289,7 +291,7 @@ class ZmqBus:
         return all(self._in[name].is_fresh(now) for name in names)
 
     def has_reader(self, name: str) -> bool:
-        """Return whether somebody has subscribed to `name` and not gone since."""
+        """Return whether `name` has a subscriber now."""
         if self._authenticator:
             self._authenticator.answer()
         readers, direct, sender = 0, self._direct_senders.get(name), self._senders.get(name)
@@ -306,11 +308,11 @@ class ZmqBus:
         return readers > 0
 
     def is_near(self, name: str) -> bool:
-        """Return whether `name` is published by the clock of this host."""
+        """Return whether the publisher of `name` uses this host's clock."""
         return self._in[name].is_near
 
     def gauges(self) -> dict[str, float]:
-        """Return who was refused for want of the rig's keys, and what is known of other hosts' clocks."""
+        """Return the number of peers refused without the rig's keys, and the offsets of other hosts' clocks."""
         doorkeeper = self._authenticator
         refused = doorkeeper.refused + doorkeeper.breaches() if doorkeeper else 0
         return {"refused_readers": float(refused), **self._clocks.gauges()}
@@ -324,14 +326,14 @@ class ZmqBus:
         return bus.summarise(self._out, self._in)
 
     def floods(self) -> dict[str, int]:
-        """Return the frames beyond the rate of each topic that was flooded."""
+        """Return the number of frames beyond the rate of each flooded topic."""
         return bus.floods(self._in)
 
     def _flooded(self) -> None:
         self.on_flood()
 
     def close(self) -> None:
-        """Close everything: nothing lingers but the last batches, for some milliseconds."""
+        """Close all sockets; only the last batches linger, for some milliseconds."""
         for batches in self._batches.values():
             batches.close()
         self._batches.clear()
@@ -340,7 +342,7 @@ class ZmqBus:
         for reader in self._direct_readers.values():
             reader.close()
         self._context.destroy(linger=0)
-        for path in self._paths:  # while their locks are ours: the next who publishes has not bound its own
+        for path in self._paths:  # while the locks are held, so that no other publisher has bound them
             path.unlink(missing_ok=True)
         self._paths.clear()
         for lock in self._locks:

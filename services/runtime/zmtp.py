@@ -1,12 +1,12 @@
-"""ZeroMQ's wire protocol, as far as a publisher or a subscriber without keys needs it: ZMTP 3.0, mechanism NULL.
+"""ZeroMQ's wire protocol for a publisher or a subscriber without keys: ZMTP 3.0, mechanism NULL.
 
-After https://rfc.zeromq.org/spec/23/. Both ends say a greeting of 64 bytes and a command ``READY``; then a subscriber
-says messages that begin with 1 (subscribe) or 0 (cancel), a publisher its frames.
+See https://rfc.zeromq.org/spec/23/. Both ends send a greeting of 64 bytes and a command ``READY``; then a subscriber
+sends messages that begin with 1 (subscribe) or 0 (cancel), a publisher its frames.
 """
 
 from __future__ import annotations
 
-_LONG, _COMMAND = 2, 4  # flags of a part; one that says that more follow is none of ours
+_LONG, _COMMAND = 2, 4  # flags of a part; multi-part messages are not used
 _NULL = b"NULL".ljust(20, b"\0")
 _READY = b"\x05READY"
 GREETING = b"\xff\0\0\0\0\0\0\0\x01\x7f" + b"\x03\0" + _NULL + bytes(32)
@@ -14,11 +14,11 @@ SUBSCRIBE = b"\0\x01\x01"  # to everything
 
 
 class ProtocolError(Exception):
-    """What was received is not ZMTP 3, or longer than it may be."""
+    """A received message is not ZMTP 3, or too long."""
 
 
 def ready(kind: bytes) -> bytes:
-    """Return the command with which a socket of `kind`, ``PUB`` or ``SUB``, ends its handshake."""
+    """Return the command that ends the handshake of a socket of `kind`, ``PUB`` or ``SUB``."""
     body = _READY + b"\x0bSocket-Type" + len(kind).to_bytes(4, "big") + kind
     return bytes((_COMMAND, len(body))) + body
 
@@ -31,20 +31,20 @@ def framed(data: bytes) -> bytes:
 
 
 def check_greeting(data: memoryview) -> None:
-    """Accept the 64 bytes that a peer begins with. Raises ProtocolError if it does not speak ZMTP 3 without keys."""
+    """Check the first 64 bytes of a peer. Raises ProtocolError if they are not ZMTP 3 without keys."""
     if data[0] != 0xFF or data[9] != 0x7F or data[10] < 3 or data[12:32] != _NULL:
         raise ProtocolError("a peer that does not speak ZMTP 3, or wants keys")
 
 
 class Incoming:
-    """What a peer says, cut into messages. Put bytes into `room`, then take what is complete.
+    """Splits a peer's bytes into messages. Write bytes into `room`, then call `messages`.
 
     Attributes:
-        is_ready: Whether the peer has ended its handshake: libzmq takes no message before.
+        is_ready: Whether the peer has ended its handshake, before which libzmq accepts no message.
 
     Args:
-        n_bytes: Held at first; a longer message makes it grow.
-        longest: Length that no message may pass.
+        n_bytes: Initial size of the buffer, which grows for longer messages.
+        longest: Largest length of a message.
     """
 
     def __init__(self, n_bytes: int, longest: int) -> None:
@@ -56,7 +56,7 @@ class Incoming:
         self.is_ready = False
 
     def begin(self) -> None:
-        """Forget what was said: another peer begins."""
+        """Reset for another peer."""
         self._end = 0
         self._greeted = self.is_ready = False
 
@@ -66,9 +66,9 @@ class Incoming:
         return self._view[self._end :]
 
     def messages(self, n_read: int) -> list[bytes]:
-        """Return the messages that are complete now that `n_read` bytes were put into `room`.
+        """Return the messages that are complete after `n_read` bytes were written into `room`.
 
-        Raises ProtocolError if that is not ZMTP, or a message is too long; nothing can be taken from then on.
+        Raises ProtocolError if they are not ZMTP, or a message is too long; the object is unusable afterwards.
         """
         found: list[bytes] = []
         self._end += n_read
@@ -90,7 +90,7 @@ class Incoming:
         return found
 
     def _part(self, start: int) -> tuple[int, int] | None:
-        """Return begin and end of the body whose header is at `start`; None if it has not come whole."""
+        """Return begin and end of the body whose header is at `start`; None if it is incomplete."""
         view, there = self._view, self._end - start
         if there < 2:
             return None
@@ -110,14 +110,14 @@ class Incoming:
         return begin, end
 
     def _keep(self, start: int) -> None:
-        """Move what is not complete to the beginning."""
+        """Move an incomplete message to the beginning."""
         left = self._end - start
         if start and left:
             self._buffer[:left] = self._buffer[start : self._end]
         self._end = left
 
     def _hold(self, n_bytes: int) -> None:
-        """Make room for a part of `n_bytes`."""
+        """Enlarge the buffer for a part of `n_bytes`."""
         if n_bytes >= len(self._buffer):
             grown = bytearray(n_bytes + len(self._buffer))
             grown[: self._end] = self._view[: self._end]
