@@ -1,1 +1,1 @@
-"""Library: what the messages of a recording look like, and files of them read back as the bodies of the bus."""
+"""Library: message formats of recordings, and reading recordings back as bodies of the bus."""

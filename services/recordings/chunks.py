@@ -1,4 +1,4 @@
-"""Frames gathered to a chunk of an MCAP file. The library writes a message in five times the time, field by field."""
+"""Writing chunks of an MCAP file; the library, which writes field by field, takes five times as long a message."""
 
 from __future__ import annotations
 
@@ -16,18 +16,17 @@ from mcap.records import Chunk, ChunkIndex
 _MESSAGE = struct.Struct("<BQHIQQ")
 _MESSAGE_INDEX = struct.Struct("<BQHI")
 _AFTER_LENGTH = _MESSAGE.size - 9
-#: A tenth of the library's effort for nearly the same size: most of a frame are the low bits of doubles.
+#: A tenth of the library's effort for nearly the same size, as most of a frame are the low bits of doubles.
 _LEVEL = -5
 
 
 @dataclass(slots=True)
 class OpenChunk:
-    """A chunk that is being filled.
+    """A chunk being filled.
 
     Attributes:
-        size: Bytes in it so far, before compression.
-        index: By channel: log time and offset of each message, one after the other, as the file's message indexes hold
-            them.
+        size: Number of bytes so far, before compression.
+        index: By channel, log time and offset of each message, alternating as in the file's message indexes.
     """
 
     size: int = 0
@@ -77,7 +76,7 @@ class OpenChunk:
 
 
 def message_indexes(index: dict[int, array[int]], offset: int) -> tuple[bytes, dict[int, int]]:
-    """Return the message indexes of a chunk, to be written at `offset`, and by channel where each is."""
+    """Return the message indexes of a chunk, to be written at `offset`, and the offset of each by channel."""
     records, offsets = b"", {}
     for channel, entries in index.items():
         offsets[channel] = offset + len(records)

@@ -1,4 +1,4 @@
-"""Parts of protobuf messages made without the library: many alike, of one length, copied into a template."""
+"""Encoding of many alike protobuf messages of one length without the library, by filling a template."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ def field(number: int, content: bytes) -> bytes:
 
 
 def varint(value: int) -> bytes:
-    """Return an integer of 0 or more as it is written."""
+    """Return the encoding of a non-negative integer."""
     low, rest = value & 0x7F, value >> 7
     return bytes([low | 0x80]) + varint(rest) if rest else bytes([low])
 
 
 def rows(numbers: npt.NDArray[np.float64], layout: Layout, number: int) -> bytes:
-    """Return what a message holds in its repeated field `number`: a message of doubles for each row of (n, columns)."""
+    """Return the encoding of the repeated field `number`: a message of doubles for each row of (n, columns)."""
     template, slots = _template(layout, number)
     messages = np.tile(template, (len(numbers), 1))
     messages[:, slots] = np.ascontiguousarray(numbers).view(np.uint8).reshape(len(numbers), len(slots))
@@ -36,7 +36,7 @@ def rows(numbers: npt.NDArray[np.float64], layout: Layout, number: int) -> bytes
 
 @cache
 def _template(layout: Layout, number: int) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.intp]]:
-    """Return a message with its tag and length, and the place of each byte of a row in it."""
+    """Return a message with its tag and length, and the position of each byte of a row in it."""
     message, slots = b"", list[int]()
     for place, count in layout:
         message += varint(place << 3 | (LENGTH if count > 1 else _FIXED64))
@@ -48,5 +48,5 @@ def _template(layout: Layout, number: int) -> tuple[npt.NDArray[np.uint8], npt.N
 
 
 def joined(parts: Iterable[bytes]) -> bytes:
-    """Return messages of one type that follow one another: they are one (…/encoding/#last-one-wins)."""
+    """Return the concatenation of messages of one type, which is one message (…/encoding/#last-one-wins)."""
     return b"".join(parts)

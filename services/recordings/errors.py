@@ -1,4 +1,4 @@
-"""What is said of a recording that cannot be used."""
+"""Errors about recordings."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from services.runtime.errors import UserError
 
 
 class RecordingError(UserError):
-    """A recording that cannot be written, or read."""
+    """A recording cannot be written or read."""
 
     exit_code = 5
 
 
 class HoleError(RecordingError):
-    """A recording of which a part in the middle cannot be read."""
+    """A part in the middle of a recording cannot be read."""
 
     exit_code = 7

@@ -1,4 +1,4 @@
-"""What a recording says of the inputs of its simulation, tick by tick: all that it takes to run it again to the bit."""
+"""Inputs of a recorded simulation, tick by tick, with which it can be repeated to the bit."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ _DEVICES = "gateway.state"
 _JOURNALS = ("haptics.journal", "physics.journal")
 #: A journal is sent every 128 ticks.
 _LONGEST_RUN = 1 << 12
-#: Of an instrument: what physics is told.
+#: Fields of an instrument that physics receives.
 _TOLD = ("position_m", "orientation_wxyz", "roll_rad", "handle_angle_rad")
 _SOLVED = ("physics.state", "haptics.contacts")
 
 
 @dataclass(frozen=True, slots=True)
 class Intake:
-    """What haptics and physics took in at one tick of the rig's clock.
+    """Inputs of haptics and physics at one tick of the rig's clock.
 
     Attributes:
         devices: The device frame.
-        seen_tick: Of the newest state that haptics knew, -1 for none; `is_fresh`: whether it was fit to act on.
-        ticks: By how many ticks physics was to go on with the answer of haptics, 0 if it did not see that.
-        level: Rung of the quality ladder.
+        seen_tick: Tick of the newest state known to haptics, -1 for none; `is_fresh`: whether it was fresh.
+        ticks: Number of ticks that physics advanced with the answer of haptics, 0 if it missed that.
+        level: Quality level.
     """
 
     tick: int
@@ -45,14 +45,14 @@ class Intake:
 
 @dataclass(slots=True)
 class RecordedInputs:
-    """Inputs and, where they were kept, results of a recorded simulation.
+    """Inputs and, if recorded, results of a simulation.
 
     Attributes:
-        intakes: In the order of the clock, from the beginning of the simulation.
-        states, contacts: By tick: what was kept of what physics and haptics said.
-        ended: Why they end before the file does, empty where they do not.
-        guessed: Ticks at the beginning whose device frames are missing, with hands that move: taken where they were
-            seen first.
+        intakes: Inputs in the order of ticks, from the start of the simulation.
+        states, contacts: Recorded messages of physics and haptics, by tick.
+        ended: Why the inputs end before the file does, empty otherwise.
+        guessed: Number of ticks at the start without device frames, for which moving hands are assumed at their first
+            recorded position.
     """
 
     path: Path
@@ -66,11 +66,11 @@ class RecordedInputs:
 
     @property
     def machine_differs(self) -> bool:
-        """Whether it was recorded on another kind of machine: then the last bits may differ."""
+        """Whether it was recorded on another kind of machine, so that the last bits may differ."""
         return self.metadata.get("machine") != machine()
 
     def check_mechanics(self) -> None:
-        """Raise RecordingError if other mechanics than these made it, or its scene is not in it."""
+        """Raise RecordingError if it was made by another version of the mechanics, or lacks its scene."""
         theirs = self.metadata.get("mechanics", "")
         if theirs != mechanics_digest():
             raise RecordingError(
@@ -82,9 +82,9 @@ class RecordedInputs:
 
 
 def read_inputs(path: Path) -> RecordedInputs:
-    """Return what a recording holds of its simulation's inputs, up to where a process was restarted.
+    """Return the inputs in a recording, up to the restart of a process.
 
-    Raises RecordingError if it is no recording, or does not hold the inputs from the simulation's beginning.
+    Raises RecordingError if it is no recording, or lacks the inputs from the simulation's start.
     """
     metadata, attachments = read_extras(path)
     inputs = RecordedInputs(path, metadata.get("trocar", {}), attachments)
@@ -105,7 +105,7 @@ def read_inputs(path: Path) -> RecordedInputs:
 
 
 class _OneLife:
-    """Whether a frame is of the processes that spoke first: a process that starts anew begins with another memory."""
+    """Tells whether a frame is of the first incarnation of its process, as a restart loses the state."""
 
     def __init__(self, inputs: RecordedInputs) -> None:
         self._inputs = inputs
@@ -120,7 +120,7 @@ class _OneLife:
 
 
 def _ticks(inputs: RecordedInputs, name: str, journals: list[Journal]) -> dict[int, tuple[int, ...]]:
-    """Return the facts of each tick of a journal, up to where a part of it is missing."""
+    """Return the facts of each tick of a journal, up to its first gap."""
     found: dict[int, tuple[int, ...]] = {}
     if not journals or journals[0].noted:
         why = f"begins {journals[0].noted} ticks after it" if journals else "is not in it"
@@ -162,7 +162,7 @@ def _intakes(
 
 
 def _rests(devices: dict[int, Frame], first: int) -> bool:
-    """Return whether the hands are where they were a frame before: so they were when the rig began."""
+    """Return whether the hands have not moved since the previous frame, and so probably not since the start."""
     later = devices.get(first + 1)
     if later is None:
         return False

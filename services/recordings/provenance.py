@@ -1,4 +1,4 @@
-"""What a simulation's numbers depend on besides scene and hands: the sources of the mechanics, and the machine."""
+"""Dependencies of a simulation's numbers besides scene and hands: sources of the mechanics, and machine."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 
 from services.runtime.machine import processor_name
 
-#: Whose sources decide what a step makes of its inputs.
+#: Packages that determine the result of a step.
 _PACKAGES = ("mechanics", "physics", "haptics")
 _LIBRARIES = ("numpy", "scipy", "numba", "llvmlite")
 

@@ -1,4 +1,4 @@
-"""Recordings read back: the bodies of the bus, in the order in which they were sent."""
+"""Reading recordings: the bodies of the bus, in the order of sending."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from services.recordings.errors import HoleError, RecordingError
 from services.recordings.summary import has_sound_index, is_closed, is_sound, record_stream, records
 from services.recordings.transcode import to_frame
 
-#: What the libraries raise for a record that is cut, or does not hold what it says.
+#: Exceptions of the libraries for truncated or inconsistent records.
 BROKEN = (McapError, EOFError, ValueError, OverflowError, struct.error, zstandard.ZstdError, zlib.error)
 
 _DAMAGED = "{}: is damaged; `trocar repair` says how much of it cannot be read"
@@ -32,7 +32,7 @@ _DAMAGED = "{}: is damaged; `trocar repair` says how much of it cannot be read"
 
 @dataclass(frozen=True, slots=True)
 class RecordedFrame:
-    """A frame of the bus, and the wall-clock time at which it was sent."""
+    """A frame of the bus, and its wall-clock time of sending."""
 
     time_ns: int
     frame: Frame
@@ -41,32 +41,32 @@ class RecordedFrame:
 def read_messages(path: Path, topics: Collection[str] = ()) -> Iterator[tuple[str, int, Any]]:
     """Yield ``(topic, time_ns, body)`` of the messages of a recording by time, as `read_frames` does.
 
-    `body` is the same type as on the bus, so what computes with it works live and on a file.
+    `body` has the same type as on the bus, so the same code works live and on files.
     """
     for each in read_frames(path, topics):
         yield each.frame.topic, each.time_ns, each.frame.body
 
 
 def read_frames(path: Path, topics: Collection[str] = (), from_ns: int = 0) -> Iterator[RecordedFrame]:
-    """Yield the frames of a recording by the time at which they were sent.
+    """Yield the frames of a recording by their time of sending.
 
-    A file that was cut ends after its last whole chunk. Bodies of former versions are lifted to today's.
-    Raises RecordingError: one sentence, if it is no recording, or holds a message that is not what its topic declares;
-    HoleError, once what comes before was yielded, where it does not hold what was written.
+    A truncated file ends after its last whole chunk. Bodies of former versions are converted to the present one.
+    Raises RecordingError: one sentence, if it is no recording, or a message does not fit its topic; HoleError at a
+    damaged part, after yielding the frames before it.
 
     Args:
-        path: Of the file.
-        topics: Names of bus topics that are wanted; all of them where it is empty.
-        from_ns: Wall-clock time before which nothing is wanted.
+        path: Path of the file.
+        topics: Names of the bus topics to read; empty for all.
+        from_ns: Wall-clock time of the first frame to read.
     """
     for topic, message in _messages(path, topics or TOPICS, from_ns):
         yield RecordedFrame(message.log_time, _frame(path, topic, message.data))
 
 
 def read_moments(path: Path, topics: Sequence[str]) -> Iterator[tuple[Any, ...]]:
-    """Yield the newest body of each topic at each message of the last one, from where there is one of each.
+    """Yield the newest body of each topic at each message of the last topic, once there is one of each.
 
-    Only what is seen then is decoded: reading devices that spoke between two states costs next to nothing.
+    Only yielded bodies are decoded, so that messages between two of the last topic cost next to nothing.
     Raises as `read_frames` does.
     """
     newest: dict[str, bytes] = {}
@@ -84,13 +84,13 @@ def _frame(path: Path, topic: str, data: bytes) -> Frame:
 
 
 def channel_name(topic: str) -> str:
-    """Return what a topic of the bus is called in a file: viewers want paths."""
+    """Return the name of a bus topic in a file, a path for viewers."""
     return f"/{topic.replace('.', '/')}"
 
 
 @contextmanager
 def opened(path: Path) -> Iterator[IO[bytes]]:
-    """Open a recording to be read. Raises RecordingError if there is no such file, or it is no MCAP file."""
+    """Open a recording for reading. Raises RecordingError if there is no such file, or it is no MCAP file."""
     try:
         with path.open("rb") as file:
             if file.read(6) != b"\x89MCAP0":
@@ -102,14 +102,14 @@ def opened(path: Path) -> Iterator[IO[bytes]]:
 
 
 def last_ns(path: Path, topics: Collection[str]) -> int:
-    """Return the time of the last message of some topics, 0 where there is none; raises as `read_frames` does."""
+    """Return the time of the last message of some topics, 0 without one; raises as `read_frames` does."""
     return max((message.log_time for _, message in _messages(path, topics)), default=0)
 
 
 def _messages(path: Path, topics: Collection[str], from_ns: int = 0) -> Iterator[tuple[str, Message]]:
-    """Yield topics and messages by time: by the index where there is a sound one, else all are read first.
+    """Yield topics and messages by time, using a valid index or else reading all messages first.
 
-    Raises HoleError where a file that was closed does not hold what was written.
+    Raises HoleError at a damaged part of a closed file.
     """
     wanted = {channel_name(name): name for name in topics}
     with opened(path) as file:
@@ -140,9 +140,9 @@ def _records(file: IO[bytes]) -> Iterator[tuple[str, Message]]:
 
 
 def read_extras(path: Path) -> tuple[dict[str, dict[str, str]], dict[str, bytes]]:
-    """Return metadata and attachments of a recording by name; of two with one name the last.
+    """Return metadata and attachments of a recording by name, the last of two with one name.
 
-    Raises RecordingError if it is no recording, HoleError if an attachment is not what was written.
+    Raises RecordingError if it is no recording, HoleError if an attachment is damaged.
     """
     metadata: dict[str, dict[str, str]] = {}
     attachments: dict[str, bytes] = {}

@@ -1,7 +1,7 @@
-"""Recordings whose recorder was killed, or whose disk was full: cut after the last whole chunk, and indexed.
+"""Repair of recordings after a killed recorder or a full disk: truncation after the last whole chunk, and indexing.
 
-To mend one, only the heads of records are read, so a long recording takes a moment. What its last chunk holds is looked
-at in full: it may be torn. Whether all is what was written (the checksums) is a question of its own.
+Only the headers of records are read, so even a long recording is quick. The last chunk, which may be incomplete, is
+read in full. The check of all checksums is separate.
 """
 
 from __future__ import annotations
@@ -44,17 +44,17 @@ _CHANNEL, _BLOCK = struct.Struct("<H"), 1 << 20
 
 @dataclass(frozen=True, slots=True)
 class RepairedRecording:
-    """What was made of a recording."""
+    """Result of a repair."""
 
     frames: int
     cut_bytes: int
 
 
 def repair(path: Path, every_chunk: bool = True) -> RepairedRecording | None:
-    """Mend the end of the recording `path` in place; None if there is nothing to mend. Then look into `every_chunk`.
+    """Repair the end of the recording `path` in place; return None if that is not needed. Then check `every_chunk`.
 
-    Raises HoleError if what is in it is not what was written; that stays as it is, the end is mended. Raises
-    RecordingError if it is no recording, is being written, or is broken within: then it stays as it is.
+    Raises HoleError if a part is damaged, which is kept, with the end repaired. Raises RecordingError if it is no
+    recording, is being written, or has a damaged structure; it is then unchanged.
     """
     with _opened(path) as file:
         is_whole = is_closed(file)
@@ -75,7 +75,7 @@ def _scan(path: Path, file: int, mend: bool = True) -> _Scan:
     scan = _Scan(file, os.fstat(file).st_size)
     try:
         is_recording = scan.read()
-        if is_recording and scan.checksum is None and not mend:  # the walk went astray before its end
+        if is_recording and scan.checksum is None and not mend:  # the structure is damaged before the end
             raise EOFError
     except BROKEN:
         raise RecordingError(f"{path}: is broken within, the record at byte {scan.end} cannot be read") from None
@@ -87,7 +87,7 @@ def _scan(path: Path, file: int, mend: bool = True) -> _Scan:
 
 
 def repair_all(directory: Path) -> dict[Path, RepairedRecording]:
-    """Mend all recordings of this user in `directory` that nobody is writing; return what was mended."""
+    """Repair all recordings of this user in `directory` that are not being written; return the repaired ones."""
     mended = {}
     for path in sorted(directory.glob("*.mcap")):
         try:
@@ -116,13 +116,13 @@ def _opened(path: Path) -> Iterator[int]:
 
 @dataclass(slots=True)
 class _Scan:
-    """A walk over the records of a file, up to where it is torn.
+    """A scan of a file's records, up to a truncated one.
 
     Attributes:
-        end: Of the last whole record of the data section.
-        checksum: Of all up to there, as the file has it, 0 for unknown; None where the file is torn.
-        damaged: Names of attachments that are not what was written.
-        chunks: Those of the summary.
+        end: End of the last whole record of the data section.
+        checksum: The file's checksum up to there, 0 for unknown; None if the file is truncated.
+        damaged: Names of damaged attachments.
+        chunks: Chunks of the summary.
     """
 
     file: int
@@ -137,7 +137,7 @@ class _Scan:
         self.summary = Summary(self.chunks)
 
     def read(self) -> bool:
-        """Walk; return whether the file is an MCAP file at all."""
+        """Scan the file; return whether it is an MCAP file at all."""
         if os.pread(self.file, len(MAGIC), 0) != MAGIC:
             return False
         self.end = len(MAGIC)
@@ -150,7 +150,7 @@ class _Scan:
         return True
 
     def _take_record(self, opcode: int, start: int, after: int) -> None:
-        """Take a record into the summary."""
+        """Add a record to the summary."""
         match opcode:
             case Opcode.CHUNK:
                 self._take_chunk(start, after)
@@ -194,7 +194,7 @@ class _Scan:
             self._look_into(chunk)
 
     def mend_last_chunk(self) -> None:
-        """Index the last chunk anew if its indexes are not all there; drop it if it is torn itself."""
+        """Index the last chunk again if its indexes are incomplete; drop it if it is truncated itself."""
         if not self.chunks:
             return
         chunk = self.chunks[-1]
@@ -214,7 +214,7 @@ class _Scan:
         self.summary.cut(chunk.chunk_start_offset)
 
     def holes(self) -> str:
-        """Return what is not what was written, empty for nothing."""
+        """Return a description of damaged parts, empty for none."""
         bad = [chunk for chunk in self.chunks if messages_of(chunk) and not self._look_into(chunk)]
         found = [f"the attachment {name!r} is damaged" for name in self.damaged]
         if bad:
@@ -233,7 +233,7 @@ class _Scan:
         return found
 
     def _look_into(self, chunk: ChunkIndex) -> dict[int, array[int]]:
-        """Return the message index of a chunk, empty if it cannot be read; take what it declares."""
+        """Return the message index of a chunk, empty if it is unreadable, and add its declarations to the summary."""
         data = os.pread(self.file, chunk.chunk_length - HEAD.size, chunk.chunk_start_offset + HEAD.size)
         index: dict[int, array[int]] = {}
         try:

@@ -1,7 +1,6 @@
-"""The scene as others draw it: Foxglove's SceneUpdate, FrameTransforms and Log, of duct, catheter and tools.
+"""The scene for viewers: Foxglove's SceneUpdate, FrameTransforms and Log, of duct, catheter and tools.
 
-Points are rounded to 2^-17 m, an eighth of a hundredth of a millimetre: what is only looked at then takes a third of
-the room.
+Points are rounded to 2^-17 m (8 um), with which they take a third of the space.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ from services.scenes.drawn_surface import DrawnSurface
 
 WORLD = "world"
 SCENE, TRANSFORMS, LOG = "/scene", "/tf", "/log"
-#: What each topic of the picture holds.
+#: Message type of each topic of the picture.
 SCHEMAS: dict[str, type[Message]] = {SCENE: SceneUpdate, TRANSFORMS: FrameTransforms, LOG: Log}
 _ROUNDED = 2.0**17
 _REACH_M = 4e-3
@@ -44,7 +43,7 @@ _LINE_POINTS, _TRIANGLE_POINTS = 5, 2
 
 
 def descriptor(topic: str) -> bytes:
-    """Return the serialised descriptors of what a topic of the picture holds."""
+    """Return the serialised descriptors of a picture topic's messages."""
     data: bytes = build_file_descriptor_set(SCHEMAS[topic]).SerializeToString()
     return data
 
@@ -56,7 +55,7 @@ class _Line:
 
 
 class SceneDrawing:
-    """Makes messages of the newest states."""
+    """Makes messages from the newest states."""
 
     def __init__(self, scene: SceneModel, duct: ReducedDuct) -> None:
         self._scene = scene
@@ -65,11 +64,11 @@ class SceneDrawing:
         self._triangles: bytes = TriangleListPrimitive(color=_DUCT, indices=indices).SerializeToString()
 
     def warm_up(self) -> None:
-        """Compile what drawing calls."""
+        """Compile the kernels of drawing."""
         self._surface.warm_up()
 
     def scene_update(self, physics: PhysicsState, gateway: GatewayState | None, time_ns: int) -> bytes:
-        """Return the SceneUpdate of a state of physics, and of the tools where the devices are known."""
+        """Return the SceneUpdate of a state of physics, with the tools if the devices are known."""
         entities = [self._duct(physics, time_ns)]
         catheter_m = physics.catheter.position_m.view()
         if len(catheter_m):
@@ -96,7 +95,7 @@ class SceneDrawing:
                 yield tool, felt or ToolReaction()
 
     def _tool(self, number: int, tool: InstrumentState, felt: ToolReaction) -> Iterator[_Line]:
-        """Yield shaft and jaws, where what they touch holds them."""
+        """Yield shaft and jaws at the proxy's pose."""
         kind = self._scene.forceps[number]
         is_held = felt.contacts > 0 or felt.holds > 0
         junction = np.array(felt.proxy_position_m if is_held else tool.position_m)
@@ -113,7 +112,7 @@ class SceneDrawing:
 
 
 def transforms(gateway: GatewayState, time_ns: int) -> bytes:
-    """Return where the tools are: +x along the shaft, +y where jaw A opens."""
+    """Return the poses of the tools: +x along the shaft, +y where jaw A opens."""
     message = FrameTransforms()
     for tool in gateway.instruments:
         w, x, y, z = tool.orientation_wxyz
@@ -127,7 +126,7 @@ def transforms(gateway: GatewayState, time_ns: int) -> bytes:
 
 
 def log(state: SupervisorState, time_ns: int) -> bytes:
-    """Return what the supervisor says of the rig as a line of a log."""
+    """Return the supervisor's state of the rig as a line of a log."""
     level = {"degraded": Log.WARNING, "safe_stop": Log.ERROR}.get(state.state, Log.INFO)
     message = Log(level=level, name="supervisor", message=": ".join(filter(None, (state.state, state.reason))))
     message.timestamp.FromNanoseconds(time_ns)

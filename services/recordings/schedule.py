@@ -1,7 +1,6 @@
-"""The order in which haptics and physics took what they took, for processes that repeat it over the bus.
+"""The order of inputs of haptics and physics, for processes that repeat it over the bus.
 
-Each waits for what it took when the recording was made, and takes nothing else. So whatever is late makes the replay
-late, and changes nothing in it.
+Each waits for the inputs of the recording, and uses no others. So delays only delay the replay, and do not change it.
 """
 
 from __future__ import annotations
@@ -12,15 +11,15 @@ from protocol.topics import TICK_S
 from services.recordings.inputs import Intake, RecordedInputs, read_inputs
 from services.runtime.rig import ReplaySettings
 
-#: Who waits for an answer asks again after so long: a process that has just started has not heard the question.
+#: Period of repeating an unanswered frame, which a process that has just started may have missed.
 ASK_AGAIN_NS = 20_000_000
 
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """What was taken in at each tick, and the last tick before whose contacts physics took.
+    """Inputs at each tick, and the last tick before it whose contacts physics used.
 
-    Ticks that are not in it are new: from then on hands are followed as they come.
+    Ticks that are not in it are new, and follow the hands live.
     """
 
     intakes: dict[int, Intake]
@@ -28,9 +27,9 @@ class Schedule:
 
 
 def read_schedule(settings: ReplaySettings) -> Schedule:
-    """Return the schedule of a recording, up to where the replay is to end.
+    """Return the schedule of a recording, up to the end of the replay.
 
-    Raises RecordingError if it cannot be run again.
+    Raises RecordingError if it cannot be replayed.
     """
     inputs = read_inputs(settings.file)
     inputs.check_mechanics()

@@ -1,8 +1,7 @@
-"""Protobuf schemas of the bodies, made from what the wire contract declares: nothing to keep in step by hand.
+"""Protobuf schemas of the bodies, generated from the wire contract.
 
-Position p of a body is field number p + 1, so a body that only grows keeps its numbers. Vectors and arrays are packed
-repeated numbers in C order; a table is a message a row, with the names of its columns. The envelope travels as field
-1000.
+Position p of a body is field number p + 1, so appending fields keeps the numbers. Vectors and arrays are packed
+repeated numbers in C order; a table is a message per row, with the names of its columns. The envelope is field 1000.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ ENVELOPE_FIELD = 1000
 
 _Field = descriptor_pb2.FieldDescriptorProto
 _SCALARS = {int: _Field.TYPE_INT64, float: _Field.TYPE_DOUBLE, str: _Field.TYPE_STRING, bool: _Field.TYPE_BOOL}
-#: Of arrays: what they hold is copied as it is. A number of one byte is its own varint unless it is negative.
+#: Item types of arrays that are copied unchanged. A non-negative number of one byte is its own varint.
 _ITEMS = {
     "<f8": _Field.TYPE_DOUBLE,
     "<i4": _Field.TYPE_SFIXED32,
@@ -29,7 +28,7 @@ _ITEMS = {
 
 
 class Envelope(msgspec.Struct, array_like=True):
-    """What a recording keeps of a frame's envelope."""
+    """The recorded part of a frame's envelope."""
 
     version: int
     incarnation: int
@@ -40,7 +39,7 @@ class Envelope(msgspec.Struct, array_like=True):
 
 
 def is_copied(field: Field) -> bool:
-    """Return whether a field is an array whose bytes stand in a message as they are: its numbers have a fixed size."""
+    """Return whether a field is an array of numbers of fixed size, whose bytes are copied into a message."""
     return field.spec is not None and field.spec.dtype != "|i1" and field.spec.row is None
 
 
@@ -50,8 +49,7 @@ def file_descriptor(body: type[msgspec.Struct], *, arrays_as_bytes: bool = False
 
     Args:
         body: A body type of the wire.
-        arrays_as_bytes: Whether to declare arrays whose bytes are copied as `bytes`, which serialise alike: for whoever
-            writes them.
+        arrays_as_bytes: Whether to declare copied arrays as `bytes`, which serialise alike, for writing.
     """
     file = descriptor_pb2.FileDescriptorProto(name=f"{PACKAGE}/{body.__name__}.proto", package=PACKAGE, syntax="proto3")
     rows = {field.spec.row for field in fields(body) if field.spec is not None and field.spec.row is not None}
@@ -68,7 +66,7 @@ def file_descriptor(body: type[msgspec.Struct], *, arrays_as_bytes: bool = False
 
 
 def _add_row(file: descriptor_pb2.FileDescriptorProto, row: type[msgspec.Struct]) -> None:
-    """Declare a row of a table: its columns are doubles, whatever they count."""
+    """Declare a row of a table, whose columns are all doubles."""
     message = file.message_type.add(name=row.__name__)
     for number, field in enumerate(fields(row), start=1):
         label = _Field.LABEL_REPEATED if field.count > 1 else _Field.LABEL_OPTIONAL
@@ -98,7 +96,7 @@ def _add_field(message: descriptor_pb2.DescriptorProto, field: Field, number: in
         added.type = _ITEMS[field.spec.dtype]
     else:
         added.type = _SCALARS[field.item]
-    if field.form is Form.OPTIONAL and of is None:  # so that nothing is told from zero
+    if field.form is Form.OPTIONAL and of is None:  # distinguishes a missing value from zero
         added.proto3_optional, added.oneof_index = True, len(message.oneof_decl)
         message.oneof_decl.add(name=f"_{field.name}")
 

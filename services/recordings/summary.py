@@ -1,4 +1,4 @@
-"""The end of an MCAP file: what readers that seek by index look at first. Made while writing, or from a torn file."""
+"""The summary at the end of an MCAP file, for readers that seek by index; made while writing, or by a repair."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ from mcap.records import (
 )
 
 MAGIC = b"\x89MCAP0\r\n"
-#: Opcode and length of a record; what a message index says before its entries; what follows a stored entry.
+#: Opcode and length of a record; bytes of a message index before its entries; size after a stored entry.
 HEAD, _INDEX_HEAD, _SIZE = struct.Struct("<BQ"), 15, struct.Struct("<I")
 _FOOTER_LENGTH = 20
-#: The last record, whose last field is the checksum of the index and of what comes before it in the record.
+#: The last record, whose last field is the checksum of the summary and of the record's other fields.
 _FOOTER = struct.Struct("<BQQQI")
 _TAIL = _FOOTER.size + len(MAGIC)
 
 
 class StoredEntries:
-    """Entries of chunks in a file without a name, in `folder`.
+    """Entries of chunks in an unnamed file in `folder`.
 
-    An entry is 1.6 kB of objects for 16 channels: with two chunks a second 11 MB an hour.
+    An entry of 16 channels is 1.6 kB of objects, which is 11 MB an hour with two chunks a second.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -50,11 +50,11 @@ class StoredEntries:
         self._size = self._count = 0
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         os.close(self._file)
 
     def append(self, chunk: ChunkIndex, /) -> None:
-        """Add an entry, and behind it its size; raises OSError where there is no room for it."""
+        """Append an entry and its size; raises OSError on a full disk."""
         record = record_bytes(chunk)
         data = record + _SIZE.pack(len(record))
         write_at(self._file, data, self._size)
@@ -62,7 +62,7 @@ class StoredEntries:
         self._count += 1
 
     def pop(self) -> ChunkIndex:
-        """Take the last entry away and return it."""
+        """Remove and return the last entry."""
         end = self._size - _SIZE.size
         (size,) = _SIZE.unpack(os.pread(self._file, _SIZE.size, end))
         self._size, self._count = end - size, self._count - 1
@@ -78,13 +78,13 @@ class StoredEntries:
             start += _SIZE.size
 
     def __len__(self) -> int:
-        """Return how many there are."""
+        """Return the number of entries."""
         return self._count
 
 
 @dataclass(slots=True)
 class Summary:
-    """What a file holds, in the order in which it was written."""
+    """The contents of a file, in the order of writing."""
 
     chunks: list[ChunkIndex] | StoredEntries
     schemas: dict[int, Schema] = field(default_factory=dict)
@@ -94,7 +94,7 @@ class Summary:
 
     @property
     def frames(self) -> int:
-        """Messages in all chunks."""
+        """Number of messages in all chunks."""
         return sum(self.message_counts().values())
 
     def message_counts(self) -> dict[int, int]:
@@ -105,20 +105,20 @@ class Summary:
         return dict(together)
 
     def drop_last_chunk(self) -> ChunkIndex:
-        """Forget the last chunk and what lies behind it; return its entry."""
+        """Remove the last chunk and everything behind it; return its entry."""
         chunk = self.chunks.pop()
         self.cut(chunk.chunk_start_offset)
         return chunk
 
     def cut(self, end: int) -> None:
-        """Forget metadata and attachments that lie behind `end`."""
+        """Remove metadata and attachments behind `end`."""
         self.metadata = [each for each in self.metadata if each.offset < end]
         self.attachments = [each for each in self.attachments if each.offset < end]
 
     def end(self, offset: int, checksum: int) -> bytes:
-        """Return everything that follows the last chunk, which ends at `offset`, to the last byte of the file.
+        """Return the bytes of the file after the last chunk, which ends at `offset`.
 
-        `checksum` is of all bytes up to there, 0 where it is not known.
+        `checksum` is of all bytes up to there, 0 if unknown.
         """
         data_end = record_bytes(DataEnd(checksum))
         start = offset + len(data_end)
@@ -158,7 +158,7 @@ class Summary:
 
 
 def messages_of(chunk: ChunkIndex) -> dict[int, int]:
-    """Return the number of messages by channel: message indexes lie behind their chunk, 16 bytes a message."""
+    """Return the number of messages by channel, from the message indexes behind the chunk, 16 bytes a message."""
     begins = sorted((offset, channel) for channel, offset in chunk.message_index_offsets.items())
     end = chunk.chunk_start_offset + chunk.chunk_length + chunk.message_index_length
     return {
@@ -168,12 +168,12 @@ def messages_of(chunk: ChunkIndex) -> dict[int, int]:
 
 
 def record_stream(data: bytes) -> ReadDataStream:
-    """Return what the library reads a record's content from."""
+    """Return a stream of a record's content for the library."""
     return ReadDataStream(io.BytesIO(data))
 
 
 def record_bytes(record: McapRecord) -> bytes:
-    """Return a record as it stands in the file."""
+    """Return the bytes of a record in the file."""
     builder = RecordBuilder()
     record.write(builder)
     data: bytes = builder.end()
@@ -181,16 +181,16 @@ def record_bytes(record: McapRecord) -> bytes:
 
 
 def attachment_index(record: Attachment, offset: int, length: int) -> AttachmentIndex:
-    """Return the entry in the summary of an attachment whose record of `length` bytes is at `offset`."""
+    """Return the summary's entry of an attachment whose record of `length` bytes is at `offset`."""
     return AttachmentIndex(
         offset, length, record.log_time, record.create_time, len(record.data), record.name, record.media_type
     )
 
 
 def finish(file: int, summary: Summary, end: int, checksum: int = 0) -> None:
-    """Cut a file after its last whole group of records, at `end`, and append the summary.
+    """Truncate a file after its last whole group of records, at `end`, and append the summary.
 
-    Where there is no room for it, the last chunks make room; `checksum` is of all before `end`, 0 for unknown.
+    On a full disk the last chunks are dropped for it; `checksum` is of all before `end`, 0 for unknown.
     Raises OSError if not even an empty recording can be written.
     """
     while True:
@@ -205,7 +205,7 @@ def finish(file: int, summary: Summary, end: int, checksum: int = 0) -> None:
 
 
 def write_at(file: int, data: bytes, offset: int) -> None:
-    """Write all of `data` at `offset`; what was written of it when that fails is to be cut off."""
+    """Write all of `data` at `offset`; after a failure the file must be truncated there."""
     view = memoryview(data)
     while view:
         written = os.pwrite(file, view, offset)
@@ -213,7 +213,7 @@ def write_at(file: int, data: bytes, offset: int) -> None:
 
 
 def records(file: int) -> Iterator[tuple[int, int, int]]:
-    """Yield opcode, begin and end of the content of each whole record, up to the DataEnd of a file that was closed."""
+    """Yield opcode, begin and end of the content of each whole record, up to the DataEnd of a closed file."""
     size, end, opcode = os.fstat(file).st_size, len(MAGIC), 0
     while opcode != Opcode.DATA_END and len(head := os.pread(file, HEAD.size, end)) == HEAD.size:
         opcode, length = HEAD.unpack(head)
@@ -224,18 +224,18 @@ def records(file: int) -> Iterator[tuple[int, int, int]]:
 
 
 def is_sound(content: bytes) -> bool:
-    """Return whether an attachment's record, which ends with its checksum, is what was written; 0 stands for none."""
+    """Return whether the checksum at the end of an attachment's record is right or 0, for none."""
     return int.from_bytes(content[-4:], "little") in (0, zlib.crc32(content[:-4]))
 
 
 def is_closed(file: int) -> bool:
-    """Return whether a file ends as one does that was closed."""
+    """Return whether a file has the end of a closed one."""
     tail = _tail(file)
     return len(tail) == _TAIL and tail[0] == Opcode.FOOTER and tail.endswith(MAGIC)
 
 
 def has_sound_index(file: int) -> bool:
-    """Return whether the index at the end of a closed file is what was written there; 0 stands for no checksum."""
+    """Return whether the checksum of the summary of a closed file is right or 0, for none."""
     tail = _tail(file)
     *_, start, _offsets_start, checksum = _FOOTER.unpack_from(tail)
     end = os.fstat(file).st_size - _TAIL

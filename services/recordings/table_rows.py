@@ -1,4 +1,4 @@
-"""The rows of a table as messages of a repeated field, whose fields have the names of the columns."""
+"""Encoding of a table's rows as messages of a repeated field, with fields named like the columns."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from services.recordings import encoded
 
 
 def encoded_rows(table: Array, row: type[msgspec.Struct], number: int) -> bytes:
-    """Return what a message holds of `table` (n, columns) in its repeated field `number`."""
+    """Return the encoding of `table` (n, columns) in the repeated field `number` of a message."""
     return encoded.rows(table.view(), _layout(row), number)
 
 
 def decoded_rows(messages: Iterable[Any], row: type[msgspec.Struct]) -> Array:
     """Return the table of messages of protobuf's library.
 
-    Raises ValueError if a vector in one has another length than the column.
+    Raises ValueError if a vector has another length than its column.
     """
     assert issubclass(row, TableRow)
     rows = [[getattr(message, name) for name in row.order()] for message in messages]

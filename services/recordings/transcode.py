@@ -1,9 +1,9 @@
-"""Frames of the bus as protobuf messages and back, serialised and parsed by protobuf's own library.
+"""Conversion of bus frames to protobuf messages and back, with protobuf's own library.
 
-Most bytes of a frame are arrays. A packed repeated field and a `bytes` field look the same in a serialised message: a
-tag, a length and the content (https://protobuf.dev/programming-guides/encoding/#packed). So the library is handed the
-arrays as bytes, and copies them; the schema in the file declares the numbers that they are. Messages that follow one
-another are one (…/encoding/#last-one-wins), so tables are appended to what the library made.
+Most bytes of a frame are arrays. A packed repeated field and a `bytes` field are serialised alike: a tag, a length and
+the content (https://protobuf.dev/programming-guides/encoding/#packed). So the library gets the arrays as bytes, and
+copies them, while the schema in the file declares numbers. Concatenated messages are one message
+(…/encoding/#last-one-wins), so tables are appended to the library's output.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ _INT64_MAX = (1 << 63) - 1
 
 
 class _Anything(msgspec.Struct):
-    """Of a message only the envelope."""
+    """Message type with only the envelope."""
 
 
 def to_protobuf(frame: Frame) -> bytes:
-    """Return body and envelope of `frame` as the serialised message of its topic."""
+    """Return body and envelope of `frame` as a serialised message of its topic."""
     body: msgspec.Struct = frame.body
     values = _values(type(body), body)
     message = _message_class(type(body))(**values, envelope=_values(Envelope, frame)).SerializeToString()
@@ -42,10 +42,10 @@ def to_protobuf(frame: Frame) -> bytes:
 
 
 def to_frame(topic: str, data: bytes) -> Frame:
-    """Return the frame in a serialised message of `topic`, its body lifted to the current version.
+    """Return the frame in a serialised message of `topic`, its body converted to the current version.
 
-    Raises ValueError if a body does not hold what its type declares, or is of a version that nobody knows any more.
-    Raises google.protobuf.message.DecodeError if it is no message.
+    Raises ValueError if a body does not fit its type, or is of an unsupported version. Raises
+    google.protobuf.message.DecodeError if it is no message.
     """
     row = TOPICS[topic]
     envelope = _message_class(_Anything).FromString(data).envelope
@@ -78,7 +78,7 @@ def _tables(kind: type[msgspec.Struct]) -> tuple[tuple[str, type[msgspec.Struct]
 
 
 def _values(kind: type[msgspec.Struct], body: msgspec.Struct) -> dict[str, Any]:
-    """Return the fields of `kind` that `body` has, as the constructor of a message takes them; None is left out."""
+    """Return the fields of `body` that `kind` has, as arguments of a message's constructor, without None."""
     return {
         name: getattr(body, name) if convert is None else convert(getattr(body, name))
         for name, convert in _converters(kind)
@@ -93,7 +93,7 @@ def _converters(kind: type[msgspec.Struct]) -> tuple[tuple[str, Convert | None],
 
 
 def _converter(field: Field) -> Convert | None:
-    """Return what makes of a field's value what the library takes; None where it takes the value itself."""
+    """Return a function that converts a field's value for the library; None if none is needed."""
     if field.form is Form.ARRAY:
         return attrgetter("data") if is_copied(field) else lambda array: array.view().ravel().tolist()
     item = _item_converter(field)
@@ -114,7 +114,7 @@ def _item_converter(field: Field) -> Convert | None:
 
 
 def _to_int64(value: int) -> int:
-    """Return `value`, or for one of 64 bits its two's complement: the wire's integers may be unsigned."""
+    """Return `value` as a signed 64-bit number (two's complement), as the wire's integers may be unsigned."""
     return value if value <= _INT64_MAX else value - (1 << 64)
 
 
@@ -128,7 +128,7 @@ def _readers(kind: type[msgspec.Struct]) -> tuple[tuple[str, Convert], ...]:
 
 
 def _reader(field: Field) -> Convert:
-    """Return what takes a field's value out of a message of the library."""
+    """Return a function that reads a field's value from a message of the library."""
     value = attrgetter(field.name)
     if field.spec is not None:
         return _array_reader(field, field.spec)

@@ -1,1 +1,1 @@
-"""Attempts at a procedure: what an attempt is, its goal and limits, and the process that follows it."""
+"""Attempts at a procedure, their goals and limits, and the process that follows them."""

@@ -1,4 +1,4 @@
-"""The training process: follows the attempt, and says how it stands ten times a second and when it changes."""
+"""The training process: follows the attempt, and reports it ten times a second and at changes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _TELL_NS = 100_000_000
 
 
 def prepare(config: ProcessConfig) -> tuple[Scenario | None, Site | None]:
-    """Load the scenario of the rig, or the one that its scene has, and find where its mouth is."""
+    """Load the scenario of the rig or of its scene, and find the site of the mouth."""
     scenario = scenario_of(config.scene_name, config.rig.training.scenario)
     if scenario is None:
         return None, None
@@ -35,7 +35,7 @@ def prepare(config: ProcessConfig) -> tuple[Scenario | None, Site | None]:
 
 
 def run(process: Process, prepared: tuple[Scenario | None, Site | None]) -> None:
-    """Take orders, look at the attempt, tell how it stands."""
+    """Execute orders, follow the attempt, publish its state."""
     bus, rig = process.bus, process.rig
     scenario, site = prepared
     spared = [name for name in PROCESSES if not rig.process(name).critical]

@@ -1,6 +1,6 @@
-"""One attempt at a scenario: armed, running from the first motion, done or abandoned. Pure: it is told what is seen.
+"""One attempt at a scenario: armed, running from the first motion, done or abandoned. It is a pure function of looks.
 
-Its clock counts the rig's ticks, so that pause and slow motion cost a trainee nothing.
+Its clock counts the rig's ticks, so that pause and slow motion cost the trainee no time.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from enum import StrEnum
 from protocol.topics import TICK_S
 from services.training.scenario import Goal
 
-#: A hand has begun when a tool is so far from where it was: a tremor, or the sag of a held arm, is less.
+#: Motion of a tool that starts an attempt; a tremor, or the sag of a held arm, is smaller.
 MOVED_M, OPENED_RAD = 4e-3, 0.15
 
 
 class AttemptState(StrEnum):
-    """Of one attempt."""
+    """States of an attempt."""
 
     ARMED = "armed"
     RUNNING = "running"
@@ -28,10 +28,10 @@ class AttemptState(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Look:
-    """What is seen of the rig at one moment.
+    """Observation of the rig at one time.
 
-    ``hands`` are of each instrument its junction, 3 in m, and its handle's angle in rad; ``fault`` says why an attempt
-    that is made now does not count, empty for nothing.
+    ``hands`` are (junction, 3 in m, and handle's angle in rad) of each instrument; ``fault`` is why an attempt does not
+    count now, empty if it does.
     """
 
     tick: int
@@ -43,15 +43,15 @@ class Look:
 
 
 class Attempt:
-    """Follows one attempt from look to look.
+    """Follows one attempt through looks.
 
     Args:
-        goal: What ends it; None where there is none, and it goes on until it is abandoned.
+        goal: The goal that ends it; None for practice until it is abandoned.
 
     Attributes:
         outcome: str. "success" or "failure" once it is done.
-        reason: str. Why it ended, a sentence.
-        why_not: str. Why it does not count; empty where it does.
+        reason: str. A sentence on why it ended.
+        why_not: str. Why it does not count; empty if it does.
     """
 
     def __init__(self, goal: Goal | None) -> None:
@@ -75,18 +75,18 @@ class Attempt:
 
     @property
     def ended(self) -> bool:
-        """Whether nothing can happen any more."""
+        """Whether it is done or abandoned."""
         return self.state in (AttemptState.DONE, AttemptState.ABANDONED)
 
     def look(self, look: Look) -> None:
-        """Take what is seen now."""
+        """Process the present observation."""
         passed, self._tick = max(look.tick - self._tick, 0), look.tick
         if self.ended:
             return
         self.depth_m, self.phase, self.errors = look.depth_m, look.phase, look.errors
         if self.began_tick < 0 or len(look.hands) != len(self._first):
             self.began_tick, self._first = look.tick, look.hands
-            if look.depth_m > 0.0:  # nobody followed what was before
+            if look.depth_m > 0.0:  # the earlier part was not observed
                 self.spoil("the catheter was in at its beginning")
         if self.state is AttemptState.ARMED:
             if any(map(_has_moved, self._first, look.hands)):
@@ -101,16 +101,16 @@ class Attempt:
             self._judge(self.goal)
 
     def spoil(self, why: str) -> None:
-        """Let it not count any more; the first reason is kept."""
+        """Mark it as not counting; the first reason is kept."""
         if not self.ended and not self.why_not:
             self.why_not = why
 
     def bookmark(self) -> None:
-        """Mark this moment."""
+        """Mark the present time."""
         self.bookmarks_s.append(round(self.time_s, 3))
 
     def abandon(self, reason: str) -> None:
-        """End it where it is, unless it has ended."""
+        """Abandon it, unless it has ended."""
         if not self.ended:
             self.state, self.reason = AttemptState.ABANDONED, reason
 

@@ -1,4 +1,4 @@
-"""Errors E1 to E14: one row a piece of evidence, and the detector that every row has."""
+"""Errors E1 to E14: one rule for each kind of evidence, and the detector of a rule."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ Evidence = Callable[[Situation, Procedure], float | None]
 _MOVING_M_S = 5e-3
 _SECURED = ("P5", "P6")
 RELEASE_S = 0.05
-"""An error has ended when its evidence was within the limit for so long."""
+"""How long the evidence must be within its limit for an error to end."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """A row: `evidence` is at fault where it is above its limit, or below, for longer than `for_s`.
+    """A rule: an error is `evidence` above its limit, or below, for longer than `for_s`.
 
-    None is no evidence: what it is about does not happen at that moment.
+    None is no evidence, as the situation that the rule is about does not occur.
     """
 
     code: ErrorCode
@@ -55,7 +55,7 @@ ERRORS: dict[ErrorCode, tuple[str, str]] = {
     ),
     "E14": ("counter-traction lost", "Steady the duct with the other hand while the catheter goes in."),
 }
-"""What each error is called, and what to practise against it."""
+"""Name of each error, and advice for practice."""
 
 
 def _most(values: Iterable[float]) -> float | None:
@@ -63,7 +63,7 @@ def _most(values: Iterable[float]) -> float | None:
 
 
 def _grasp_of_duct(s: Situation, p: Procedure) -> float | None:
-    """Return the squeeze of the duct, but for the clip's, which has limits of its own."""
+    """Return the squeeze of the duct, except by the clip, which has limits of its own."""
     return s.squeeze_n[0] - (s.clip_n if p.phase in (*_SECURED, "P7") else 0.0)
 
 
@@ -72,12 +72,12 @@ def _stalled_push(s: Situation, p: Procedure) -> float | None:
 
 
 def _off_view(s: Situation, _: Procedure) -> float | None:
-    """Return how far off the view's axis the instruments are that move."""
+    """Return the largest angle of a moving instrument from the view's axis."""
     return _most(angle for hand, angle in zip(s.hands, s.view_angle_rad, strict=False) if hand.speed_m_s > _MOVING_M_S)
 
 
 def _blind_load(s: Situation, p: Procedure) -> float | None:
-    """Return the largest load on an instrument that is out of view."""
+    """Return the largest load on an instrument out of view."""
     limit_rad = p.scenario.limit("view_angle_rad")
     return _most(hand.load_n for hand, angle in zip(s.hands, s.view_angle_rad, strict=False) if angle > limit_rad)
 
@@ -128,7 +128,7 @@ RULES: tuple[Rule, ...] = (
 
 
 class ErrorEvent(msgspec.Struct, frozen=True, kw_only=True):
-    """An error: from `begin_s` to `end_s` of the attempt, its worst value there, and the limit in the same unit."""
+    """An error from `begin_s` to `end_s` of the attempt, with its worst value, and the limit in the same unit."""
 
     code: ErrorCode
     evidence: str
@@ -142,25 +142,25 @@ class ErrorEvent(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ErrorLog:
-    """Judges situations by all rules."""
+    """Applies all rules to situations."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._detectors = [_Detector(rule, scenario.limit(rule.limit)) for rule in RULES]
 
     def take(self, s: Situation, p: Procedure) -> None:
-        """Judge a situation that the procedure has taken."""
+        """Apply the rules to a situation already processed by the procedure."""
         for detector in self._detectors:
             detector.take(detector.rule.evidence(s, p), p)
 
     @property
     def events(self) -> list[ErrorEvent]:
-        """The errors so far by the time at which they began; one that goes on ends now."""
+        """The errors so far, by their start; a present one ends now."""
         found = [event for detector in self._detectors for event in detector.events()]
         return sorted(found, key=lambda event: event.begin_s)
 
 
 class _Detector:
-    """Turns one row's evidence into errors, with hysteresis in time."""
+    """Detects the errors of one rule, with hysteresis in time."""
 
     def __init__(self, rule: Rule, limit: float) -> None:
         self.rule = rule
@@ -187,7 +187,7 @@ class _Detector:
         return self._begin_s is not None and self._last_s - self._begin_s >= self.rule.for_s - 1e-9
 
     def events(self) -> list[ErrorEvent]:
-        """Return the errors that this row has found, one that goes on included."""
+        """Return the errors of this rule, including a present one."""
         if self._begin_s is None or not self._is_error:
             return self._ended
         rule = self.rule
@@ -199,7 +199,7 @@ class _Detector:
 
 
 def unit_of(limit: str) -> str:
-    """Return the unit that a limit's name ends with, empty for a number."""
+    """Return the unit at the end of a limit's name, empty for a pure number."""
     return next((unit for end, unit in _UNITS.items() if limit.endswith(end)), "")
 
 

@@ -1,4 +1,4 @@
-"""What a trainee is told to do next. A hint comes while its reason lasts, and goes with it."""
+"""Hints for the trainee on what to do next, shown while their reason lasts."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from services.training.attempt import Attempt, AttemptState
 from services.training.scenario import Scenario
 from services.training.sight import Sight
 
-#: Of a limit: from here on a hand is asked for less.
+#: Fraction of a force limit from which a hint asks for less.
 _NEAR = 0.8
 _NEARLY_M = 2e-3
 

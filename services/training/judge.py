@@ -1,4 +1,4 @@
-"""Procedure and errors of one attempt, from the frames of the bus: the same live and on a file."""
+"""Procedure and errors of one attempt, from the frames of the bus, live or in a file."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from services.training.situation import Situation, SituationReader
 
 
 class Judge:
-    """Takes every frame of an attempt, from its first motion on, and says at any time how it stands.
+    """Processes every frame of an attempt, from its first motion on.
 
     Args:
-        scenario: Whose limits hold.
-        site: Where the mouth is; without it nothing is judged that needs it (E11, the view in E12, the opening in E2).
+        scenario: The scenario with its limits.
+        site: Site of the mouth; without it rules that need it are skipped (E11, the view in E12, the opening in E2).
     """
 
     def __init__(self, scenario: Scenario, site: Site | None = None) -> None:
@@ -29,7 +29,7 @@ class Judge:
 
     @property
     def phase(self) -> Phase:
-        """The phase that is on."""
+        """The present phase."""
         return self.procedure.phase
 
     @property
@@ -43,7 +43,7 @@ class Judge:
         return self.log.events
 
     def take(self, topic: str, time_ns: int, body: msgspec.Struct) -> Situation | None:
-        """Take a frame; return the situation if one was judged. Its own tick counts, not when it came."""
+        """Process a frame; return the situation if one was judged. Its tick counts, not its time of arrival."""
         situation = self._observer.take(topic, body)
         if situation is not None:
             self._last = situation
@@ -52,7 +52,7 @@ class Judge:
         return situation
 
     def finish(self) -> None:
-        """Judge the end of an attempt that was carried through: the depth at which the catheter was left."""
+        """Judge the end of a completed attempt: the final depth of the catheter."""
         self.procedure.finish()
         if self._last is not None:
             self.log.take(self._last, self.procedure)

@@ -1,4 +1,4 @@
-"""Phases of the procedure, P0 to P7, as a state machine over situations; it also keeps what errors are judged by."""
+"""Phases of the procedure, P0 to P7, as a state machine over situations, with quantities for judging errors."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ class Span(msgspec.Struct, frozen=True):
 
 
 class Procedure:
-    """Follows one attempt. Every quantity is of simulated time, so a file gives what the live rig gave.
+    """Follows one attempt. All quantities are of simulated time, so a file gives the same results as the live rig.
 
     Attributes:
-        time_s: float. Since the first situation.
+        time_s: float. Time since the first situation.
         deepest_m: float. Largest inserted length so far.
-        grasps, regrasps, retries, slips, drops: int. Grasps of the catheter, those after each hand's first, approaches
-            to the mouth after a withdrawal, holds that slid through closed jaws, and times that the catheter was let go
-            of before it was engaged.
+        grasps, regrasps, retries, slips, drops: int. Numbers of grasps of the catheter, of those after each hand's
+            first, of approaches to the mouth after a withdrawal, of holds that slid through closed jaws, and of
+            releases of the catheter before it was engaged.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -83,16 +83,16 @@ class Procedure:
 
     @property
     def order(self) -> tuple[Phase, ...]:
-        """Each phase once, in the order in which they were first reached."""
+        """Each phase once, in the order of first being reached."""
         return tuple(dict.fromkeys(span.phase for span in self.spans))
 
     def finish(self) -> None:
-        """Take the end of the attempt: a catheter that nobody secured is judged by the depth at which it was left."""
+        """Process the end of the attempt: an unsecured catheter is judged by its final depth."""
         if self.secured_m is None and self._last is not None and self.phase in ("P4", "P7"):
             self.secured_m = self._last.inserted_m
 
     def take(self, s: Situation) -> None:
-        """Take the next situation, later than the one before."""
+        """Process the next situation."""
         if self._first_tick is None:
             self._first_tick = s.tick
         now_s = (s.tick - self._first_tick) * TICK_S
@@ -116,7 +116,7 @@ class Procedure:
             self.secured_m = s.inserted_m
 
     def _following(self, s: Situation) -> Phase:
-        """Return the phase that is on with this situation."""
+        """Return the phase that follows with this situation."""
         phase, held = self.phase, bool(s.catheter_hands)
         if phase == "P0" and (held or any(hand.grips_duct for hand in s.hands)):
             return "P1"
@@ -158,7 +158,7 @@ class Procedure:
                 self._gripped_s[k] = self.time_s
 
     def _watch_holds(self, s: Situation) -> None:
-        """Count grasps of the catheter, and what slid or fell out of closed jaws."""
+        """Count grasps of the catheter, slips and drops."""
         self.slide_m = self.lost = None
         before, self._held_by = self._held_by, {k for k, hand in enumerate(s.hands) if hand.holds_catheter}
         for k in self._held_by - before:
@@ -175,7 +175,7 @@ class Procedure:
         self.drops += was_s <= limit_s < self.unheld_s and self.phase in ("P2", "P3")
 
     def _watch_slide(self, k: int, hand: Hand) -> None:
-        """Measure how far a held point has moved in its jaws since the grasp, or since it last slid."""
+        """Measure the motion of a held point in its jaws since the grasp, or since its last slip."""
         assert hand.hold_m is not None
         known, at = self._holds.get(k, (-1, hand.hold_m))
         if known != hand.hold_id:
@@ -186,7 +186,7 @@ class Procedure:
         self._holds[k] = hand.hold_id, at
 
     def _watch_loss(self, k: int, hand: Hand | None) -> None:
-        """A hold that ends while the handle asks for no wider jaws than it began with has been lost."""
+        """Count a lost hold: one that ends while the handle is not opened beyond the grasp's angle."""
         self._holds.pop(k, None)
         closed_rad = self._last.hands[k].closed_rad if self._last is not None else 0.0
         if hand is not None and hand.jaw_rad <= closed_rad:
@@ -210,7 +210,7 @@ class Procedure:
         self._lowest_m = min(self._lowest_m, depth_m)
 
     def _watch_flush(self, s: Situation) -> None:
-        """A line is primed by flushing outside; what is flushed inside before that is air."""
+        """Check that the line is primed by flushing outside, since flushing inside before that injects air."""
         self.unprimed_s = None
         if s.flushing and s.inserted_m == 0.0:
             self._primed_s += self._step_s
@@ -219,7 +219,7 @@ class Procedure:
             self.unprimed_s = self._flushed_in_s
 
     def _watch_counter_traction(self, s: Situation) -> None:
-        """Measure how firmly the hand that does not hold the catheter steadies the duct while the other one inserts."""
+        """Measure the counter-traction on the duct by the hand that does not hold the catheter, during insertion."""
         self.counter_n = None
         if self.phase in ("P3", "P4") and len(s.hands) > 1 and not self.scenario.view.one_handed and s.catheter_hands:
             others = [hand for hand in s.hands if not hand.holds_catheter]

@@ -1,4 +1,4 @@
-"""A scenario: a scene, what is to be reached in it, which limits hold, and what simulated hands reach (par)."""
+"""A scenario: a scene, a goal, limits, and the results of simulated hands (par)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _STEPS = "reference procedure: technique texts of the catheterisation"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limit:
-    """A value in the unit that its name ends with, and where it is from: a source, or `ASSUMPTION`."""
+    """A value in the unit of its name's ending, and its source, or `ASSUMPTION`."""
 
     __pydantic_config__ = STRICT
 
@@ -68,19 +68,18 @@ LIMITS: Mapping[str, Limit] = {
     "regrasps": Limit(value=6.0),
     "counter_traction_n": Limit(value=0.01),
 }
-"""Every limit that a scenario may name, with what holds where it does not; no assumption is clinically validated."""
+"""All limits of scenarios, with defaults; no assumption is clinically validated."""
 _LEAST = "bend_radius_m", "clip_min_n", "counter_traction_n", "depth_min_m", "shaft_distance_m", "slipped_out_m"
-"""Of them those that must not be passed downwards: 0 asks for nothing."""
+"""Those of them that are lower limits; 0 disables them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Goal:
-    """What ends an attempt well: the catheter's tip so deep, and kept there for a while, in time.
+    """The goal of an attempt: the catheter's tip at a depth, held there for a while, within a time limit.
 
-    With a ``branch``, the name of an end of the duct, ``depth_m`` is how far the tip has come on the way to it; one on
-    another branch has come to where both part.
-    ``phases`` is the order in which the phases of the procedure must come; empty for any.
-    ``forbidden`` are the errors after which the attempt has failed.
+    With a ``branch``, the name of an end of the duct, ``depth_m`` is the distance of the tip along the path to it; a
+    tip on another branch counts up to the fork. ``phases`` is the required order of the procedure's phases; empty for
+    any. ``forbidden`` are the errors that make the attempt fail.
     """
 
     __pydantic_config__ = STRICT
@@ -95,7 +94,7 @@ class Goal:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class View:
-    """How the scenario is seen and with which hands it is done."""
+    """View of the scenario, and number of hands."""
 
     __pydantic_config__ = STRICT
 
@@ -107,8 +106,8 @@ class View:
 class Scenario:
     """A file of configs/scenarios.
 
-    ``set`` holds ``key=value`` overrides of the scene; ``par`` maps a metric, unit in its name, to what the simulated
-    hands reach; ``name`` is the file's.
+    ``set`` contains ``key=value`` overrides of the scene; ``par`` maps a metric, with its unit in its name, to the
+    result of simulated hands; ``name`` is the file's.
     """
 
     __pydantic_config__ = STRICT
@@ -124,7 +123,7 @@ class Scenario:
     view: View = View()
 
     def limit(self, name: str) -> float:
-        """Return the limit of this name: the scenario's own, else that of `LIMITS`."""
+        """Return a limit by name, the scenario's own or that of `LIMITS`."""
         return (self.limits.get(name) or LIMITS[name]).value
 
 
@@ -141,9 +140,9 @@ def load_scenario(name: str | Path) -> Scenario:
 
 
 def scenario_of(scene: str, name: str | None) -> Scenario | None:
-    """Return the scenario of this name; without one the first that is made of the scene as it is, None if none is.
+    """Return the scenario of this name, by default the first with this unmodified scene, None if there is none.
 
-    Raises ConfigError if the scenario cannot be used, or is made of another scene.
+    Raises ConfigError if the scenario is invalid, or of another scene.
     """
     if name is None:
         alike = (each for each in _usable() if each.scene == scene)
@@ -155,7 +154,7 @@ def scenario_of(scene: str, name: str | None) -> Scenario | None:
 
 
 def _usable() -> Iterator[Scenario]:
-    """Yield the scenarios; a file that cannot be used is told to who names it, and stands in nobody else's way."""
+    """Yield the valid scenarios; an invalid file is an error only for those that name it."""
     for name in scenario_names():
         with suppress(ConfigError):
             yield load_scenario(name)
@@ -167,7 +166,7 @@ def scenario_names() -> list[str]:
 
 
 def _fault(scenario: Scenario) -> str:
-    """Return what is wrong with the first value that cannot be, with its key; empty for nothing."""
+    """Return a message on the first invalid value, with its key; empty for none."""
     for name, limit in scenario.limits.items():
         if name not in LIMITS:
             return f"limits.{name}: unknown limit; known: {', '.join(LIMITS)}{did_you_mean(name, LIMITS)}"

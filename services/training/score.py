@@ -1,4 +1,4 @@
-"""The score of an attempt in the form of MISTELS, beside the band of experts that it is measured by."""
+"""The score of an attempt in the form of MISTELS, relative to a band of experts."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from services.training.scenario import STRICT, ErrorCode, Scenario
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CusumRates:
-    """Of `review.attempts.curve.cusum`."""
+    """Rates for `review.attempts.curve.cusum`."""
 
     __pydantic_config__ = STRICT
 
@@ -28,7 +28,7 @@ class CusumRates:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScoreRules:
-    """A file of configs/scores, which says what each key means."""
+    """A file of configs/scores, which documents the keys."""
 
     __pydantic_config__ = STRICT
 
@@ -40,7 +40,7 @@ class ScoreRules:
     cusum: CusumRates = CusumRates()
 
     def penalty(self, event: ErrorEvent) -> float:
-        """Return what an error costs, in s."""
+        """Return the penalty of an error, in s."""
         return self.penalty_of_s.get(event.code, self.penalty_s.get(event.severity, 0.0))
 
 
@@ -60,7 +60,7 @@ def load_rules(name: str | Path = "mistels") -> ScoreRules:
 
 
 class Score(msgspec.Struct, frozen=True, kw_only=True):
-    """Total in s, 0 at least; in percent of an expert's, None where nobody says what an expert reaches."""
+    """Total in s, at least 0, and in percent of an expert's, None if that is unknown."""
 
     total: float
     time_saved_s: float
@@ -81,7 +81,7 @@ Band = Mapping[str, Range]
 def score_of(
     scenario: Scenario, rules: ScoreRules, outcome: str, time_s: float, errors: Sequence[ErrorEvent], band: Band
 ) -> Score | None:
-    """Return the score of an attempt that was ended; None of one that was not, which has no time."""
+    """Return the score of a completed attempt, None otherwise."""
     if outcome not in ("success", "failure"):
         return None
     cut_off_s = scenario.goal.time_limit_s

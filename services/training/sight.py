@@ -1,4 +1,4 @@
-"""What the newest frames of the bus say of an attempt, in a few numbers and words."""
+"""Observation of an attempt from the newest frames of the bus, in a few numbers and words."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ LATE, STOPPED, ANEW = "the rig was late", "the rig was stopped", "a part of the 
 
 
 class Sight:
-    """Keeps the newest frames, and what they tell.
+    """Keeps the newest frames, and quantities derived from them.
 
     Args:
-        spared: Processes of the rig that may be late, as no force waits for them.
-        ways, branch: Where the goal is a branch: the ways through the duct, and which of them.
+        spared: Processes of the rig that may be late, as no force depends on them.
+        ways, branch: For a branch as the goal: the paths through the duct, and the branch.
 
     Attributes:
-        begins: int. How often the scene was begun again, as the gateway says; -1 not known yet.
-        held: tuple. Of each instrument what it holds: "catheter", "duct" or nothing.
+        begins: int. Number of restarts of the scene, from the gateway; -1 if unknown.
+        held: tuple. The body held by each instrument: "catheter", "duct" or empty.
         force_n: float. Largest force on a tool.
-        pressed_s: float. For how long the first button of a device has been pressed.
+        pressed_s: float. How long the first button of a device has been pressed.
     """
 
     def __init__(self, spared: Collection[str] = (), ways: TubePaths | None = None, branch: str = "") -> None:
@@ -46,7 +46,7 @@ class Sight:
         self._pressed_ns = 0
 
     def take(self, frames: Mapping[str, Frame], now_ns: int) -> None:
-        """Take what came."""
+        """Process new frames."""
         for name, frame in frames.items():
             if self._by.setdefault(name, frame.incarnation) != frame.incarnation:
                 self._by[name] = frame.incarnation
@@ -59,22 +59,22 @@ class Sight:
         self.pressed_s = (now_ns - self._pressed_ns) * 1e-9 if pressed else 0.0
 
     def release(self) -> None:
-        """Take the button as pressed from now on: what it asked for is done."""
+        """Restart the time of the pressed button, after executing its command."""
         self._pressed_ns, self.pressed_s = 0, 0.0
 
     @property
     def gateway(self) -> int:
-        """Which gateway speaks: another one knows of nothing that was asked of this one."""
+        """Incarnation of the gateway; a new one does not know earlier orders."""
         return self._by.get("gateway.state", -1)
 
     def take_rig(self, state: bodies.SupervisorState) -> None:
-        """Take what the supervisor says of the rig."""
+        """Process the supervisor's state."""
         stopped = state.safe_stop or state.state == "safe_stop"
         late = state.state == "degraded" and state.reason.partition(":")[0] not in self._spared
         self._rig = STOPPED if stopped else LATE if late else ""
 
     def look(self) -> Look | None:
-        """Return what is seen of the scene that was begun last; None while nothing is."""
+        """Return the observation of the present scene, None before its first state."""
         gateway, physics = self._gateway, self._physics
         if gateway is None or physics is None or physics.tick < self._began_tick:
             return None
@@ -89,7 +89,7 @@ class Sight:
         )
 
     def _depth_m(self, catheter: bodies.Catheter) -> float:
-        """Return how much of the catheter is in the lumen, or how far its tip has come on the way to the goal."""
+        """Return the inserted length of the catheter, or the distance of its tip along the path to the goal."""
         inserted_m = catheter.inserted_length_m
         if self._ways is None or not self._branch or inserted_m == 0.0:
             return inserted_m

@@ -1,4 +1,4 @@
-"""Where a scene's mouth is and whence it is seen: what the bus does not say, as plain numbers."""
+"""Site of a scene's mouth and viewpoint as plain numbers, which the bus does not contain."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ class Site(msgspec.Struct, frozen=True, kw_only=True):
     """The duct at rest.
 
     Attributes:
-        mouth_m, inward, mouth_radius_m: Middle of the rim, the unit vector that leads in, and the rim's radius.
-        eye_m, looks_at_m: Place and aim of the endoscope; without them nobody is judged for leaving its view.
-        basis_hash, rim_gain: Mean outward way of the rim for each modal coordinate of this basis, in 1/sqrt(kg); empty
-            where not known.
-        ways: From the mouth to each end that has a name: see `services.tube_paths`.
+        mouth_m, inward, mouth_radius_m: Middle of the rim, the unit vector into the duct, and the rim's radius.
+        eye_m, looks_at_m: Position and aim of the endoscope; without them leaving the view is not judged.
+        basis_hash, rim_gain: Mean outward displacement of the rim per modal coordinate of this basis, in 1/sqrt(kg);
+            empty if unknown.
+        ways: Paths from the mouth to each named end, see `services.tube_paths`.
     """
 
     mouth_m: Vec3
@@ -41,7 +41,7 @@ class Site(msgspec.Struct, frozen=True, kw_only=True):
     ways: dict[str, tuple[Vec3, ...]] = {}
 
     def check_branch(self, name: str) -> None:
-        """Refuse, with a ConfigError, the name of a branch that the duct has no way to."""
+        """Raise a ConfigError for a branch that the duct has no path to."""
         if name and name not in self.ways:
             raise ConfigError(f"goal.branch: the duct has no end {name!r}; it has: {', '.join(self.ways) or 'none'}")
 
@@ -50,17 +50,17 @@ _MODULE = "services.scenes.duct_file"
 _WAY = "way_"
 _NEAREST, _FURTHEST = 2.0, 3.5
 _EYE = 0.85, 0.95, 0.95
-"""Of the page's endoscope: lengths of the duct along it, beside it and up."""
+"""Position of the page's endoscope in lengths of the duct: along it, beside it and up."""
 
 
 def site_of_duct(vertices_m: Values, triangles: Indices, modes: Values, basis_hash: str) -> Site:
-    """Return the site of a duct as a recording carries it: `duct.npz`.
+    """Return the site of a duct from the data of a recording's `duct.npz`.
 
-    Raises ValueError if it has no open end that moves.
+    Raises ValueError if it has no free open end.
 
     Args:
         vertices_m, triangles: (n, 3) and (t, 3).
-        modes: (n, 3, m); the held end has none.
+        modes: (n, 3, m), zero at the held end.
     """
     rims = [rim for rim in _rims(triangles) if np.abs(modes[rim]).max() > 0.0]
     if not rims:
@@ -94,9 +94,9 @@ def site_of_duct(vertices_m: Values, triangles: Indices, modes: Values, basis_ha
 
 
 def read_site(attachment: bytes) -> Site:
-    """Return the site of the attachment `duct.npz` of a recording.
+    """Return the site of a recording's attachment `duct.npz`.
 
-    Raises ValueError if it is not what the recorder attaches.
+    Raises ValueError if it is invalid.
     """
     try:
         with np.load(io.BytesIO(attachment), allow_pickle=False) as data:
@@ -120,9 +120,9 @@ def read_site(attachment: bytes) -> Site:
 
 
 def find_site(scene: str, overrides: Sequence[str] = ()) -> Site:
-    """Return the site of a scene: what is judged live runs none of the mechanics.
+    """Return the site of a scene, for live judging without the mechanics.
 
-    Raises ConfigError: one sentence, if the scene cannot be used.
+    Raises ConfigError: one sentence, if the scene is invalid.
     """
     try:
         return find_in_scene(_MODULE, scene, overrides, _read_kept)
@@ -131,7 +131,7 @@ def find_site(scene: str, overrides: Sequence[str] = ()) -> Site:
 
 
 def _read_kept(attachment: bytes) -> Site:
-    """Return the site of a duct whose basis is kept; a basis that was built anew may be another."""
+    """Return the site of a duct whose basis is in the cache, as a rebuilt basis may differ."""
     site = read_site(attachment)
     bases = cache_directory() / "bases"
     if not any(site.basis_hash in manifest.read_text() for manifest in bases.glob("basis-*/manifest.json")):
@@ -140,12 +140,12 @@ def _read_kept(attachment: bytes) -> Site:
 
 
 def _rims(triangles: Indices) -> list[Indices]:
-    """Return the vertices of each loop of edges that only one triangle has."""
+    """Return the vertices of each loop of boundary edges."""
     edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     single, times = np.unique(edges, axis=0, return_counts=True)
     a, b = single[times == 1].T
     label = np.arange(int(triangles.max()) + 1)
-    while (label[a] != label[b]).any():  # the smallest vertex of a loop spreads along it
+    while (label[a] != label[b]).any():  # propagate the smallest vertex index along each loop
         least = np.minimum(label[a], label[b])
         np.minimum.at(label, a, least)
         np.minimum.at(label, b, least)

@@ -1,4 +1,4 @@
-"""What the frames of the bus say of hands, catheter and tissue at one moment, in the quantities that are judged."""
+"""State of hands, catheter and tissue at one time, in the judged quantities, from the frames of the bus."""
 
 from __future__ import annotations
 
@@ -24,31 +24,31 @@ from services.training.site import Site
 
 Vector = NDArray[np.float64]
 TISSUES = ("tool_duct", "tool_catheter", "catheter_wall")
-"""By the number that a contact's kind has on the wire."""
+"""Kinds of contact, in the order of their numbers on the wire."""
 
 EVERY_TICKS = 4
-"""Of so many ticks one is judged: 250 a second, of which 10 Hz of motion are kept."""
+"""Ticks between judged situations: 250 a second, for motion up to 10 Hz."""
 _DUCT, _CATHETER, _WALL = 0, 1, 2
 _TIP_REACH_M = 3e-3
 _RIM_REACH_M = 3e-3
 _CLIP_REACH_M = 6e-3
 _ADVANCE_S = 0.25
 _FREE_M = 5e-3
-"""A shorter free length of catheter does not buckle, and its arc is not told from its chord."""
+"""Shortest free length of catheter considered for buckling, as its arc hardly differs from its chord below."""
 _FLUSH_BUTTON = 1 << 1
 _JAWS_M = 12e-3
 _LONGEST_JAWS_M, _JAW_M = 30e-3, 2e-3
-"""How far from a junction jaws touch, and beside their cone of a right angle."""
+"""Largest distance of jaw contacts from the junction, and beside the jaws' cone of a right angle."""
 _SQUEEZED_NM = 0.2e-3
 _ZERO = np.zeros(3)
 
 
 @dataclass(slots=True)
 class Hand:
-    """One instrument: ``force_n`` (3,) acts on it; ``hold_m`` is the held point of the catheter along and beside it.
+    """One instrument. ``force_n`` (3,) acts on it; ``hold_m`` is the held point of the catheter along and beside it.
 
-    ``jaw_rad`` is the opening that the handle asks for, ``closed_rad`` the one at which the jaws met what they hold;
-    ``squeeze_nm`` is the torque by which what is between them keeps them open.
+    ``jaw_rad`` is the commanded opening, ``closed_rad`` the opening at the grasp; ``squeeze_nm`` is the torque by which
+    the held body keeps the jaws open.
     """
 
     name: str = ""
@@ -74,10 +74,10 @@ class Hand:
 
 @dataclass(slots=True)
 class Situation:
-    """One moment. Forces in N, lengths in m; None where it cannot be told.
+    """The situation at one time. Forces in N, lengths in m; None if unknown.
 
-    ``tissue_n`` is per kind of contact the load of the more loaded side: of forces in one line the larger of the sums
-    that point either way. ``squeeze_n`` is what the sides have in common, which moves nothing.
+    ``tissue_n`` is, per kind of contact, the load of the more loaded side: of collinear forces the larger of the sums
+    in either direction. ``squeeze_n`` is the common load of both sides, which has no resultant.
     """
 
     tick: int
@@ -108,7 +108,7 @@ class Situation:
 
 
 class SituationReader:
-    """Puts the newest frames of the fast topics together."""
+    """Combines the newest frames of the fast topics."""
 
     def __init__(self, site: Site | None = None) -> None:
         self._site = site
@@ -123,7 +123,7 @@ class SituationReader:
         self._advance: deque[tuple[int, float]] = deque()
 
     def take(self, topic: str, body: msgspec.Struct) -> Situation | None:
-        """Take a frame; return a situation with every step of physics that is later by `EVERY_TICKS` than the last."""
+        """Process a frame; return a situation with each state of physics at least `EVERY_TICKS` after the last."""
         if isinstance(body, GatewayState):
             self._gateway = body
         elif isinstance(body, ToolContacts):
@@ -190,7 +190,7 @@ class SituationReader:
         if state.duct.basis_hash == site.basis_hash and len(q) == len(site.rim_gain):
             way_m = float(np.dot(site.rim_gain, q))
             ratio = max(0.0, 1.0 + way_m / site.mouth_radius_m)
-            s.rim_opening = ratio * ratio  # which may be infinite, where a power raises
+            s.rim_opening = ratio * ratio  # may be infinite, for which a power would raise
 
     def _take_contacts(self, s: Situation, state: PhysicsState, entry: Vector | None) -> None:
         kind = state.contacts.kind.view()
@@ -230,7 +230,7 @@ class SituationReader:
                 self._take_catheter_hold(s, hand, rod, float(hold.target + hold.target_weights[1]), entry)
 
     def _take_catheter_hold(self, s: Situation, hand: Hand, rod: _Rod, at: float, entry: Vector | None) -> None:
-        """Note what a hand does to the catheter that it holds at this place, counted in segments."""
+        """Compute a hand's action on the catheter, held at a place counted in segments."""
         arc_m = rod.arc_at(at)
         point, tangent = rod.point(arc_m), rod.tangent(arc_m)
         s.push_n = max(s.push_n, -float(hand.force_n @ tangent))
@@ -251,7 +251,7 @@ class SituationReader:
 
 
 class _Rod:
-    """The centreline (n, 3) by arc length from its far end; the tip comes last."""
+    """The centreline (n, 3) by arc length from its proximal end; the tip is last."""
 
     def __init__(self, points: Vector) -> None:
         self.points = points
@@ -288,7 +288,7 @@ class _Rod:
         return min(max(int(self.arc_m.searchsorted(arc_m, side="right")) - 1, 0), len(self._lengths) - 1)
 
     def bend_radius_m(self) -> float:
-        """Return the smallest radius of the circles through neighbours that touch both of their segments' middles."""
+        """Return the smallest radius of circles that are tangent to two neighbouring segments at their middles."""
         if len(self._lengths) < 2:
             return math.inf
         lengths = np.maximum(self._lengths, 1e-12)
@@ -299,18 +299,18 @@ class _Rod:
 
 
 class Loads:
-    """Sums over some of the forces (n, 3)."""
+    """Sums over subsets of the forces (n, 3)."""
 
     def __init__(self, force: Vector) -> None:
         self._force = force
         self._size = np.sqrt(np.einsum("ij,ij->i", force, force))
 
     def net(self, of: NDArray[np.bool_]) -> float:
-        """Return the size of the sum of the forces that `of` (n,) names."""
+        """Return the size of the resultant of the forces selected by `of` (n,)."""
         return _length(of.astype(float) @ self._force)
 
     def sides(self, of: NDArray[np.bool_]) -> tuple[float, float]:
-        """Return of these forces the load of the more loaded side, and what both sides have in common."""
+        """Return the load of the more loaded side of these forces, and the common load of both sides."""
         total, net = float(of.astype(float) @ self._size), self.net(of)
         return 0.5 * (total + net), 0.5 * (total - net)
 
@@ -341,14 +341,14 @@ def _shaft(hand: Hand) -> tuple[Vector, Vector]:
 
 
 def _in_tool(hand: Hand, point: Vector) -> tuple[float, float]:
-    """Return how far along the shaft and beside it a point lies from the instrument, which what it touches may hold."""
+    """Return a point's distances along and beside the shaft of an instrument, at its proxy."""
     along, away = hand.position_m - hand.port_m, point - hand.proxy_m
     axial_m = float(away @ along) / max(_length(along), 1e-9)
     return axial_m, math.sqrt(max(float(away @ away) - axial_m * axial_m, 0.0))
 
 
 def _pressed_duct(state: PhysicsState) -> Vector:
-    """Return where (n, 3) tools press the duct."""
+    """Return the points (n, 3) at which tools press the duct."""
     contacts = state.contacts
     is_pressed = (contacts.kind.view() == _DUCT) & contacts.force_n.view().any(axis=1)
     pressed: Vector = contacts.point_m.view()[is_pressed]
@@ -356,7 +356,7 @@ def _pressed_duct(state: PhysicsState) -> Vector:
 
 
 def _are_between_jaws(hand: Hand, points: Vector) -> bool:
-    """Return whether any of some points (n, 3) is where the jaws of an instrument are."""
+    """Return whether any of some points (n, 3) is between the jaws of an instrument."""
     along, away = hand.position_m - hand.port_m, points - hand.proxy_m
     axial_m = away @ along / max(_length(along), 1e-9)
     beside_m = np.sqrt(np.maximum(np.einsum("ij,ij->i", away, away) - axial_m * axial_m, 0.0))

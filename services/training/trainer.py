@@ -1,4 +1,4 @@
-"""The attempts of a session: begins them, carries out what is asked of them, and says how they stand."""
+"""The attempts of a session: starts them, executes orders, and reports their state."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from services.training.score import ScoreRules, score_of
 from services.training.sight import Sight
 from services.tube_paths import TubePaths
 
-#: An order that is older is not carried out: who asked has given it up.
+#: Age after which an order is not executed, as its sender has given up.
 ORDER_S = 2.0
 SLOWEST = 1.0 / 32.0
-#: A device's button begins again when it was pressed for so long.
+#: How long a device's button must be pressed to restart the scene.
 PRESSED_S = 2.0
 NO_SCORE = -1.0
 _KEPT = 8
@@ -27,15 +27,15 @@ _MOST_STEPS = 1000
 
 
 class Trainer:
-    """What the training process does, without bus and clock.
+    """The logic of the training process, without bus and clock.
 
     Args:
-        scenario: What attempts are made at; None for practice without a goal.
-        again_after_s: So long after a success the next attempt begins by itself; None: never.
-        spared: As of `Sight`.
-        judges: Returns a new judge of phases and errors, for each attempt as it begins to run; None: nobody judges.
-        rules: What an attempt that is judged is scored by, once it is done; None: by nothing.
-        ways: Through the duct, for a goal that is a branch.
+        scenario: The scenario of the attempts; None for practice without a goal.
+        again_after_s: Time after a success until the next attempt starts automatically; None for never.
+        spared: As in `Sight`.
+        judges: Returns a new judge of phases and errors for each attempt when it starts; None for no judging.
+        rules: Rules for scoring completed attempts; None for no score.
+        ways: Paths through the duct, for a branch as the goal.
     """
 
     def __init__(
@@ -60,9 +60,9 @@ class Trainer:
         self._seen: deque[int] = deque(maxlen=4 * _KEPT)
 
     def follow(self, now_s: float) -> None:
-        """Look at the attempt, once new frames have been taken, and begin the next where that is due."""
+        """Update the attempt after new frames, and start the next one if due."""
         if self.sight.begins < self._awaited and self.sight.gateway == self._asked:
-            return  # the gateway begins as soon as no arm bears a force
+            return  # the gateway restarts the scene as soon as no arm bears a force
         self._awaited = 0
         look = self.sight.look()
         if look is not None:
@@ -80,7 +80,7 @@ class Trainer:
             self.begin("")
 
     def _total(self) -> float:
-        """Judge the end, and return the total of an attempt that is done."""
+        """Judge the end of a completed attempt, and return its total."""
         judge, attempt = self.sight.judge, self.attempt
         if judge is None or self.scenario is None or self._rules is None:
             return NO_SCORE
@@ -90,7 +90,7 @@ class Trainer:
         return NO_SCORE if score is None else score.total
 
     def begin(self, why: str) -> str:
-        """Abandon what is not done, and put the scene to its start."""
+        """Abandon a present attempt, and restart the scene."""
         if not self.attempt.ended:
             self.attempt.abandon(why)
             self._parting = self.body()
@@ -102,7 +102,7 @@ class Trainer:
         return "a new attempt begins"
 
     def obey(self, orders: Sequence[bodies.Order]) -> None:
-        """Carry out orders, each once, unless it is too old."""
+        """Execute orders, each once, unless too old."""
         for order in orders:
             if order.id in self._seen:
                 continue
@@ -139,12 +139,12 @@ class Trainer:
         return False, f"there is no order {order.what!r}"
 
     def tell(self) -> bodies.Attempt:
-        """Return what is to be published next: how things stand, but first the last word of what was abandoned."""
+        """Return the next message: first the last state of an abandoned attempt, then the present one."""
         parting, self._parting = self._parting, None
         return parting or self.body()
 
     def body(self) -> bodies.Attempt:
-        """Return how things stand, as it is published."""
+        """Return the present state for publishing."""
         attempt, scenario = self.attempt, self.scenario
         goal = scenario.goal if scenario else None
         return bodies.Attempt(
@@ -178,7 +178,7 @@ class Trainer:
         )
 
     def gist(self) -> tuple[object, ...]:
-        """Return what is told at once where it changes."""
+        """Return the values whose change is published at once."""
         attempt, answered = self.attempt, self._answers[-1].order if self._answers else 0
         parts = self._parting is not None
         return parts, self._id, attempt.state, attempt.why_not, self._pace, self._steps, answered
