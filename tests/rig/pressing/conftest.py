@@ -1,8 +1,12 @@
-"""One rig for all tests of this folder: its left hand presses on the duct. The last of them kills its supervisor."""
+"""One rig for all tests of this folder: its left hand presses on the duct. The last but one kills its supervisor.
+
+Its processes are the rig's own until they are told to misbehave (`benchmarks/faulty_rig.py`).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -11,12 +15,15 @@ from tests.rig.conftest import HERE, SCENE, Rig, running_rig
 
 #: How long the gateway waits for a word of its supervisor: far longer than it is kept from one, on any machine.
 TIMEOUT_S = 10.0
+FAULTY = Path(__file__).resolve().parents[3] / "benchmarks" / "faulty_rig.py"
 
 
 @pytest.fixture(scope="package")
-def rig() -> Iterator[Rig]:
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
     """Return the rig, in a folder that others may enter: what they may not is for the rig itself to refuse."""
     overrides = [f"gateway.instruments.{i}.arm.settings.script={HERE / 'press.yaml'}" for i in (0, 1)]
     overrides.append(f"gateway.supervisor_timeout_s={TIMEOUT_S}")
-    with folder_of_everybody() as folder, running_rig(folder, str(SCENE), overrides) as rig:
-        yield rig
+    with folder_of_everybody() as folder, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("FAULTY_BEGAN", str(tmp_path_factory.mktemp("faulty") / "began"))
+        with running_rig(folder, str(SCENE), overrides, program=(str(FAULTY),)) as rig:
+            yield rig

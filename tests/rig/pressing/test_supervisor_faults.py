@@ -1,6 +1,6 @@
 """The supervisor stopped for a moment: the hand does not notice. Killed: it is let go, as nobody could stop the rig.
 
-The last file that uses the rig of this folder: nothing is left of it.
+Nothing of the rig of this folder runs after that.
 """
 
 from __future__ import annotations

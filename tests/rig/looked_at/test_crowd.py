@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import socket
 import struct
 import time
@@ -18,9 +17,8 @@ from websockets.sync.client import ClientConnection, connect
 
 from services.runtime.rig import Transport
 from services.runtime.zmq_bus import ZmqBus
-from services.supervisor.page_place import page_file
 from tests.patience import PATIENCE_S
-from tests.rig.conftest import SCENE, Rig, running_rig
+from tests.rig.conftest import Rig
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(900)]
 
@@ -32,9 +30,8 @@ UPGRADE = ("Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 
 MOST_GROWTH_BYTES = 4 << 20
 
 
-def test_a_crowd_at_the_page_costs_bounded_memory_and_no_loop_anything(tmp_path: Path) -> None:
-    with running_rig(tmp_path, str(SCENE), ["recorder.sample_rate_hz=10"]) as rig, ExitStack() as stack:
-        address = json.loads(page_file(Transport(directory=rig.directory / "bus")).read_text())["address"]
+def test_a_crowd_at_the_page_costs_bounded_memory_and_no_loop_anything(rig: Rig, address: str) -> None:
+    with ExitStack() as stack:
         view = httpx.get(f"{address}api/rig", timeout=PATIENCE_S).json()["view_ws"]
         bus = ZmqBus(Transport(directory=rig.directory / "bus"), samples=["gateway.state"])
         stack.callback(bus.close)

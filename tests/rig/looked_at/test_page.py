@@ -24,7 +24,8 @@ from tests import chromium
 from tests.chromium import Chromium
 from tests.page.orders import order
 from tests.patience import PATIENCE_S
-from tests.rig.conftest import SCENE, Rig, running_rig
+from tests.rig.conftest import Rig
+from tests.rig.looked_at.conftest import PROMETHEUS
 
 pytestmark = [
     pytest.mark.rig,
@@ -59,13 +60,12 @@ class Page:
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
-    directory = tmp_path_factory.mktemp("page")
-    with (
-        running_rig(directory, str(SCENE), [], topics=("physics.health",)) as rig,
-        Chromium(directory / "profile") as browser,
-    ):
-        address = json.loads(page_file(Transport(directory=directory / "bus")).read_text())["address"]
+def page(
+    rig: Rig, address: str, tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest
+) -> Iterator[Page]:
+    if PROMETHEUS is not None:
+        request.getfixturevalue("monitor")  # it has looked for long enough by the time that it is asked
+    with Chromium(tmp_path_factory.mktemp("profile")) as browser:
         browser.open(address)
         ready = "document.querySelector('#view.ready') !== null"
         browser.until(lambda: browser.evaluate(ready), PATIENCE_S, "the page loaded")

@@ -1,0 +1,124 @@
+"""One rig that all tests of this folder look at: a crowd of viewers, then a browser, then a Prometheus.
+
+Prometheus scrapes from the first look of the browser on: it has to have seen the rig for a while before it is asked.
+The last of its tests kills a process.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+import yaml
+
+from services.runtime.rig import Transport
+from services.supervisor.page_place import page_file
+from tests.monitoring.exporter import FOLDER, RULES
+from tests.patience import PATIENCE_S
+from tests.ports import free_port
+from tests.rig.conftest import SCENE, Rig, running_rig
+from tests.with_us import with_us
+
+PROMETHEUS = shutil.which("prometheus")
+#: The rig is not started again for a stall, and has a budget that a machine shared with others does not spend.
+OVERRIDES = [
+    "supervisor.heartbeat_timeout_s=60", "recorder.sample_rate_hz=10",
+    *(f"contracts.loops.{loop}.miss_ratio=0.005" for loop in ("gateway", "haptics", "physics")),
+]  # fmt: skip
+Alert = tuple[str, str]
+
+
+@pytest.fixture(scope="package")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
+    folder = tmp_path_factory.mktemp("looked-at")
+    with running_rig(folder, str(SCENE), OVERRIDES, topics=("physics.health",)) as rig:
+        yield rig
+
+
+@pytest.fixture(scope="package")
+def address(rig: Rig) -> str:
+    """Return where its page is."""
+    place = page_file(Transport(directory=rig.directory / "bus"))
+    return str(json.loads(place.read_text())["address"])
+
+
+@dataclass
+class Monitor:
+    """A Prometheus, and the rig that it looks at."""
+
+    rig: Rig
+    client: httpx.Client
+
+    def ask(self, query: str) -> list[dict[str, Any]]:
+        answer = self.client.get("/api/v1/query", params={"query": query}).json()
+        assert answer["status"] == "success", f"{query}: {answer}"
+        result: list[dict[str, Any]] = answer["data"]["result"]
+        return result
+
+    def firing(self) -> set[Alert]:
+        """Return the alerts of the rig with the process, loop, device or path that each is about."""
+        told = self.client.get("/api/v1/alerts").json()["data"]["alerts"]
+        labels = [alert["labels"] for alert in told if alert["state"] == "firing" and alert["labels"]["rig"] == "test"]
+        return {
+            (each["alertname"], next((each[key] for key in ("service", "loop", "name", "path") if key in each), ""))
+            for each in labels
+        }
+
+    def has_looked(self, times: int) -> bool:
+        try:
+            return bool(self.ask(f'sum_over_time(up{{rig="test"}}[1m]) > {times}'))
+        except (httpx.TransportError, ValueError):  # it does not serve yet
+            return False
+
+    def until(self, condition: Callable[[], bool], what: str) -> None:
+        end_s = time.monotonic() + PATIENCE_S
+        while not condition():
+            assert time.monotonic() < end_s, f"not within {PATIENCE_S} s: {what}; firing: {self.firing()}"
+            time.sleep(0.3)
+            self.rig.observer.look()
+
+
+@contextmanager
+def _prometheus(folder: Path, target: str) -> Iterator[str]:
+    """Run one with the deployed configuration, but that it looks every second, at this rig, and at it in full too."""
+    config = yaml.safe_load((FOLDER / "prometheus" / "prometheus.yml").read_text())
+    config["global"] = dict.fromkeys(config["global"], "1s")
+    config["rule_files"] = [str(file) for file in RULES]
+    [job] = config["scrape_configs"]
+    job["file_sd_configs"] = [{"files": [str(folder / "rigs.yml")]}]
+    whole = {"job_name": "whole", "params": {"level": ["full"]}}
+    config["scrape_configs"].append({**whole, "static_configs": [{"targets": [target], "labels": {"rig": "whole"}}]})
+    (folder / "rigs.yml").write_text(yaml.safe_dump([{"targets": [target], "labels": {"rig": "test"}}]))
+    (folder / "prometheus.yml").write_text(yaml.safe_dump(config))
+    assert PROMETHEUS is not None
+    served = f"127.0.0.1:{free_port()}"
+    options = {"config.file": folder / "prometheus.yml", "storage.tsdb.path": folder / "data"}
+    words = [f"--{name}={value}" for name, value in {**options, "web.listen-address": served}.items()]
+    with (folder / "prometheus.log").open("wb") as log:
+        process = subprocess.Popen(with_us([PROMETHEUS, *words]), stdout=log, stderr=subprocess.STDOUT)
+    try:
+        yield f"http://{served}"
+    finally:
+        process.terminate()
+        process.wait(PATIENCE_S)
+
+
+@pytest.fixture(scope="package")
+def monitor(rig: Rig, address: str) -> Iterator[Monitor]:
+    """Have a Prometheus look at the rig, where there is one."""
+    if PROMETHEUS is None:
+        pytest.skip("prometheus is not installed (Debian: prometheus)")
+    with (
+        _prometheus(rig.directory, httpx.URL(address).netloc.decode()) as served,
+        httpx.Client(base_url=served, timeout=PATIENCE_S) as client,
+    ):
+        yield Monitor(rig, client)

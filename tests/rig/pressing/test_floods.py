@@ -1,0 +1,35 @@
+"""A loop that floods the bus and a disk that holds a write: said, borne, and nobody is ended for it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+
+import pytest
+
+from tests.patience import PATIENCE_S
+from tests.rig.conftest import Rig
+from tests.rig.faults import engage, force_n, force_rates_n_s, rate_limit_n_s
+
+pytestmark = [pytest.mark.rig, pytest.mark.timeout(600)]
+
+
+def test_floods_and_a_slow_disk_are_in_the_history_and_harm_nobody(rig: Rig) -> None:
+    engage(rig)
+    before = rig.observer.pids()
+    for loop in ("gateway", "haptics", "physics"):
+        _misbehave(rig, loop, f"{loop}: floods ")
+    _misbehave(rig, "recorder", "recorder: WARNING the disk has held a write for ")
+    rig.observer.until(lambda: rig.observer.is_up, PATIENCE_S, "running")
+    assert rig.observer.pids() == before
+    assert max(force_rates_n_s(rig.observer.samples)) <= rate_limit_n_s()
+    rig.observer.until(lambda: force_n(rig.observer.samples[-1]) > 0.02, PATIENCE_S, "a force at the left hand")
+
+
+def _misbehave(rig: Rig, process: str, text: str) -> None:
+    os.kill(rig.observer.pids()[process], signal.SIGUSR1)
+    log = rig.directory / "log"
+    rig.observer.until(lambda: text in log.read_text(errors="replace"), 60.0, text)
+    began = time.monotonic()
+    rig.observer.until(lambda: time.monotonic() - began > 0.6, PATIENCE_S, "its end")
