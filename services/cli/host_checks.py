@@ -19,13 +19,13 @@ from pathlib import Path
 
 from services.cache_directory import cache_directory
 from services.cli import preemption
+from services.recordings.place import fault_of_folder, nearest_there
 from services.runtime import endpoints
 from services.runtime.endpoints import lock_holders
 from services.runtime.errors import UserError
 from services.runtime.realtime import DMA_LATENCY, LOCKED_BYTES, lockable_bytes
 from services.runtime.rig import Rig
 from services.supervisor.page_place import DIST
-from services.trusted_path import fault_of_place
 
 _NEEDED = ("numpy", "scipy", "numba", "zmq", "msgspec", "msgpack", "can", "pydantic", "yaml")
 _SHOWN = ("trocar", "numpy", "scipy", "numba", "pyzmq", "msgspec")
@@ -143,8 +143,8 @@ def _ladder() -> CheckResult:
 
 def storage(rig: Rig) -> Iterator[CheckResult]:
     """Check cache, recordings, socket folder, and who is using it."""
-    for name, path in (("cache folder", cache_directory()), ("recordings", rig.recorder.directory)):
-        yield _folder(name, path)
+    yield _folder("cache folder", cache_directory(), shared=True)  # which looks itself at who may replace it
+    yield _folder("recordings", rig.recorder.directory, shared=rig.recorder.shared)
     try:
         longest = endpoints.endpoint(rig.transport, "haptics.contact_model")
     except (UserError, OSError) as error:
@@ -156,16 +156,12 @@ def storage(rig: Rig) -> Iterator[CheckResult]:
     )
 
 
-def _folder(name: str, path: Path) -> CheckResult:
-    existing = path.absolute()
-    while not existing.exists():
-        existing = existing.parent
-    writable = os.access(existing, os.W_OK)
-    free = shutil.disk_usage(existing).free
-    fault = fault_of_place(path / "file", its_own=False)
-    found = f"{path}: {free / 1e9:.1f} GB free{'' if writable else ', not writable'}{fault and f', {fault}'}"
+def _folder(name: str, path: Path, *, shared: bool) -> CheckResult:
+    free = shutil.disk_usage(nearest_there(path)).free
+    fault = fault_of_folder(path, shared=shared)
+    found = f"{path}: {free / 1e9:.1f} GB free{fault and f', {fault}'}"
     advice = "make room, or name another folder of yours alone (TROCAR_CACHE_DIR, recorder.directory)"
-    return finding(name, writable and not fault and free > _FREE_BYTES, found, advice)
+    return finding(name, not fault and free > _FREE_BYTES, found, advice)
 
 
 def ports(rig: Rig) -> Iterator[CheckResult]:

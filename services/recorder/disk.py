@@ -18,8 +18,8 @@ from mcap.records import Attachment, Channel, Header, Metadata, MetadataIndex, S
 
 from services.recordings.chunks import OpenChunk
 from services.recordings.errors import RecordingError
+from services.recordings.place import fault_of_folder
 from services.recordings.summary import MAGIC, StoredEntries, Summary, attachment_index, finish, record_bytes, write_at
-from services.trusted_path import fault_of_place
 
 #: Most bytes pending for the disk, about a quarter of a minute of a whole rig at full rate.
 PENDING_MAX = 128 << 20
@@ -43,9 +43,9 @@ class RecordingFile:
         self._error: OSError | None = None
         self._queue: SimpleQueue[tuple[int, Callable[[], None]] | None] = SimpleQueue()
         try:
+            if fault := fault_of_folder(path.parent, shared=shared):
+                raise RecordingError(f"{path}: cannot be written: {fault}")
             path.parent.mkdir(parents=True, exist_ok=True)
-            if not shared and (fault := fault_of_place(path, its_own=False)):
-                raise RecordingError(f"{path}: cannot be written: {fault}; recorder.shared: true accepts that")
             flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
             self._file = os.open(path, flags, 0o666 if shared else 0o600)
             fcntl.flock(self._file, fcntl.LOCK_EX)  # prevents repairs while it is being written

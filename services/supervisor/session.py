@@ -13,6 +13,8 @@ from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from services.recordings.errors import RecordingError
+from services.recordings.place import fault_of_folder
 from services.runtime import config, endpoints
 from services.runtime.endpoints import lock_holders
 from services.runtime.errors import BusError, UserError
@@ -89,11 +91,14 @@ class SessionOptions:
 def open_session(options: Options) -> Process:
     """Return the open supervisor process.
 
-    Raises UserError if the configuration is invalid, a rig is already running on this transport, or the limit of open
-    files is too low.
+    Raises UserError if the configuration is invalid, a rig is already running on this transport, the limit of open
+    files is too low, or the folder of recordings cannot be used.
     """
     _make_room()
-    _refuse_second_rig(options)
+    rig = config.load_rig(options.rig, options.overrides)
+    if rig.supervisor.mode == "launch":
+        _refuse_second_rig(rig)
+        _refuse_folder(rig)
     process = open_process(load_process_config("supervisor", options))
     signal.signal(signal.SIGHUP, signal.getsignal(signal.SIGTERM))  # the terminal was closed
     return process
@@ -110,14 +115,18 @@ def _make_room() -> None:
     resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
 
 
-def _refuse_second_rig(options: Options) -> None:
-    rig = config.load_rig(options.rig, options.overrides)
-    found = lock_holders(rig.transport)
-    if rig.supervisor.mode == "launch" and found:
+def _refuse_second_rig(rig: Rig) -> None:
+    if found := lock_holders(rig.transport):
         who = ", ".join(f"{name} (process {pid})" for name, pid in found.items())
         raise BusError(f"a rig is running here already: {who}; `trocar down` ends it")
-    if rig.supervisor.mode == "launch":
-        endpoints.remove_stale(rig.transport)
+    endpoints.remove_stale(rig.transport)
+
+
+def _refuse_folder(rig: Rig) -> None:
+    folder = rig.recorder.directory
+    fault = fault_of_folder(folder, shared=rig.recorder.shared) if rig.process("recorder").enabled else ""
+    if fault:
+        raise RecordingError(f"recorder.directory {folder}: {fault}")
 
 
 def run_session(process: Process, session: SessionOptions) -> None:

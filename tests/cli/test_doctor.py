@@ -106,5 +106,10 @@ def test_a_probe_that_fails_says_its_last_line() -> None:
 
 
 def test_a_folder_that_does_not_exist_yet_is_judged_by_the_one_above(tmp_path: Path) -> None:
-    found = host_checks._folder("cache folder", tmp_path / "a" / "b")
+    found = host_checks._folder("recordings", tmp_path / "a" / "b", shared=False)
     assert found.verdict is Verdict.OK
+    (tmp_path / "a").touch()
+    found = host_checks._folder("recordings", tmp_path / "a" / "b", shared=False)
+    assert (found.verdict, found.found.endswith(f"free, {tmp_path / 'a'} is a file, not a folder")) == (
+        Verdict.WARN, True,
+    )  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import math
+import os
 import socket
 import subprocess
 import sys
@@ -61,6 +62,29 @@ def test_port_taken(trocar: Trocar, rig_file: Path) -> None:
     assert ran.code == 3
     assert f"127.0.0.1:{port}: address already in use" in ran.sentence()
     assert "--set supervisor.web.port=" in ran.sentence()
+
+
+@pytest.mark.parametrize("how", ["a file", "below a file", "closed", "others may replace it"])
+def test_a_folder_that_cannot_keep_recordings_is_refused_before_anything_starts(
+    trocar: Trocar, rig_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: str
+) -> None:
+    """The whole rig was started, for its recorder to refuse it then."""
+    file, closed, unsafe = tmp_path / "file", tmp_path / "closed", tmp_path / "open"
+    file.touch()
+    closed.mkdir()
+    unsafe.mkdir()
+    unsafe.chmod(0o777)
+    may, accepts = os.access, "recorder.shared: true accepts that"
+    monkeypatch.setattr(os, "access", lambda path, mode, **more: path != closed and may(path, mode, **more))
+    folder, why = {
+        "a file": (file, f"{file} is a file, not a folder"),
+        "below a file": (file / "a" / "b", f"{file} is a file, not a folder"),
+        "closed": (closed / "a", f"this user may not write to {closed}"),
+        "others may replace it": (unsafe / "a", f"others may write to {unsafe} (mode 0777); {accepts}"),
+    }[how]
+    ran = trocar("up", "--rig", rig_file, "--set", f"recorder.directory={folder}")
+    assert (ran.code, ran.sentence()) == (5, f"recorder.directory {folder}: {why}")
+    assert [each.name for each in rig_file.parent.iterdir()] == [rig_file.name], "nothing was made"
 
 
 def test_no_display(trocar: Trocar, rig_file: Path) -> None:
