@@ -1,1 +1,1 @@
-"""The picture: pictures composed from the bus, streamed to browsers or drawn in a window."""
+"""Process: pictures composed from the bus, streamed to browsers or drawn in a window."""

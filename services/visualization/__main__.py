@@ -20,14 +20,14 @@ from services.visualization.page_hands import TOPIC as HANDS
 from services.visualization.page_hands import PageHands
 from services.visualization.rig_state import RigNotice
 
-#: A picture is judged late against 30 Hz, whatever faster rate the rig file asks for.
+#: Deadline of a picture, of 30 Hz, even if the rig file sets a faster rate.
 PICTURE_DEADLINE_NS = 33_333_333
-#: Of health reports, which are made between pictures: a process that is silent for half a second is killed as hung.
+#: Least rate of waking between pictures for health reports, as silence for half a second counts as a hang.
 REPORTS_HZ = 10.0
 
 
 def prepare(process_config: ProcessConfig) -> tuple[SceneModel, ReducedDuct]:
-    """Load the scene and its duct, and compile what the first picture with a load calls."""
+    """Load the scene and its duct, and compile the kernels of a picture."""
     scene = load_scene(process_config.scene_name, process_config.scene_overrides)
     duct = load_duct(scene, cache_directory(), progress)
     DrawnSurface(duct).warm_up()
@@ -35,14 +35,14 @@ def prepare(process_config: ProcessConfig) -> tuple[SceneModel, ReducedDuct]:
 
 
 def composing_hz(wanted_hz: float | None, most_hz: float) -> float:
-    """Return how often to compose for who can take `wanted_hz` at most; a client that takes fewer gets fewer."""
+    """Return the rate of composing for clients that accept at most `wanted_hz`."""
     return min(most_hz, max(wanted_hz or most_hz, REPORTS_HZ))
 
 
 def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
-    """Compose, show, report; serve or pump window events while waiting for the next picture.
+    """Compose, show and report; serve clients or process window events while waiting for the next picture.
 
-    No more pictures are composed than whoever looks can take: what a slow browser leaves out costs nobody anything.
+    No more pictures are composed than clients accept, so that slow browsers cost less.
     """
     settings = process.rig.visualization
     health = process.health

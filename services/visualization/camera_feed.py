@@ -1,7 +1,7 @@
-"""Pictures rendered on this host for whoever cannot draw: snapshots and MJPEG, made by a process of their own.
+"""Pictures rendered on this host for clients that cannot draw: snapshots and MJPEG, made by a process of their own.
 
-Software rendering costs 12 ms of processor time a picture and a wrong graphics driver ends in a segmentation fault:
-neither may reach the loop, so a worker renders, and a worker that dies is a sentence for whoever asked.
+Software rendering costs 12 ms of processor time a picture, and a faulty graphics driver ends in a segmentation fault.
+Neither may affect the loop, so a worker renders; the death of a worker is an error message to the client.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ _RATE_HZ = 30.0
 
 
 class CameraFeed:
-    """Starts the worker when a picture is asked for and ends it when nobody has asked for a while.
+    """Starts the worker at the first request and ends it after a while without requests.
 
     Attributes:
-        fault: str. Why the last request got no picture.
+        fault: str. Reason of a failure of the last request.
     """
 
     def __init__(self) -> None:
@@ -36,7 +36,7 @@ class CameraFeed:
         self._rendered_s = 0.0
 
     def offer(self, message: FeedMessage) -> None:
-        """Keep the newest message; end an idle worker."""
+        """Store the newest message; end an idle worker."""
         self._newest = message
         worker = self._worker
         if worker is not None and not self._lock.locked() and time.monotonic() - self._asked_s > _IDLE_S:
@@ -44,7 +44,7 @@ class CameraFeed:
             worker.stdin.close()  # type: ignore[union-attr]  # the worker ends with its input
 
     async def image(self, kind: str) -> bytes | None:
-        """Return the newest picture as "png" or "jpeg", at most 30 a second; None, with `fault` set, without one."""
+        """Return the newest picture as "png" or "jpeg", at most 30 a second; None, with `fault` set, on failure."""
         async with self._lock:
             await asyncio.sleep(self._rendered_s + 1.0 / _RATE_HZ - time.monotonic())
             self._asked_s = self._rendered_s = time.monotonic()
@@ -75,7 +75,7 @@ class CameraFeed:
         return (await read_message(worker.stdout))[1]
 
     async def _start(self) -> asyncio.subprocess.Process:
-        # One thread of the software renderer, and the lowest priority: the loops come first.
+        # One thread of the software renderer, and the lowest priority, as the loops come first.
         environment = {**os.environ, "LP_NUM_THREADS": "1"}
         environment.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
         self._epoch = -1

@@ -1,4 +1,4 @@
-"""Places to look from: the page's, by name."""
+"""Camera presets, the same as on the page."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True, slots=True)
 class Viewpoint:
-    """Where the lens is and what it looks at, world frame; `size_m` is that of the whole duct."""
+    """Position and aim of the lens, world frame; `size_m` is the size of the whole duct."""
 
     position_m: FloatArray
     aim_m: FloatArray
@@ -24,7 +24,7 @@ class Viewpoint:
 
 
 def place(layout: PictureLayout, preset: str) -> Viewpoint:
-    """Return the place of a preset: lengths are those of the duct, directions along it, beside it and up."""
+    """Return the viewpoint of a preset, in lengths of the duct along it, beside it and up."""
     low, high = layout.rest_m.min(axis=0).astype(float), layout.rest_m.max(axis=0).astype(float)
     s = float(np.linalg.norm(high - low))
     mouth, along = _mouth(layout, high)
@@ -45,7 +45,7 @@ def place(layout: PictureLayout, preset: str) -> Viewpoint:
 
 
 def _mouth(layout: PictureLayout, high: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the middle of the mouth and the direction from the held end to it; along x where they have no names."""
+    """Return the middle of the mouth and the direction from the held end to it, along x if they are unnamed."""
     if not (layout.mouth and layout.clamped):
         return high, np.array([1.0, 0.0, 0.0])
     mouth, held = (layout.rest_m[list(nodes)].mean(axis=0, dtype=float) for nodes in (layout.mouth, layout.clamped))

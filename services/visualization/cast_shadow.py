@@ -1,7 +1,7 @@
-"""Soft shadows of tools, catheter and duct on what lies below them, computed at its vertices.
+"""Soft shadows of tools, catheter and duct on the surfaces below, computed at vertices.
 
-A distant lamp of a certain width is partly hidden by what is round and stands before it: sharply by what touches,
-palely by what is far above, so that the eye sees how far. A shadow map would take twice the processor.
+A distant lamp of finite width is partly hidden by rods: the shadow is sharp of touching ones and soft of distant ones,
+which shows the distance. A shadow map would take twice the processor time.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from services.mechanics.compiled.vectors import row, subtract
 from services.visualization.picture import Picture, PictureLayout
 from services.visualization.tissue import Bytes
 
-_LAMP_AT = np.array([-60.0, 35.0, 110.0], np.float32)  # across both usual tools: neither hides its own shadow
+_LAMP_AT = np.array([-60.0, 35.0, 110.0], np.float32)  # across both usual tools, so that neither hides its own shadow
 _SUN = _LAMP_AT / np.linalg.norm(_LAMP_AT)
 _ACROSS = np.linalg.qr(np.column_stack([_SUN, np.eye(3, dtype=np.float32)[:, :2]]))[0][:, 1:]
 _SEEN = np.column_stack([_ACROSS, _SUN])
 _LAMP, _SHARPEST_M = 0.2, 0.5e-3
-"""Width of the lamp over its distance; least width of an edge, what the vertices resolve."""
+"""Width of the lamp over its distance; smallest width of an edge, resolved by the vertices."""
 _DARK = 0.6
 _SECTIONS, _PIECES = 10, 12
 
 
 def hidden(points_m: Float32Array, starts_m: Float32Array, ends_m: Float32Array, radii_m: Float32Array) -> Float32Array:
-    """Return the share (n,) of the lamp that rods, from `starts_m` to `ends_m` (k, 3), hide from each point (n, 3).
+    """Return the fraction (n,) of the lamp hidden by rods from `starts_m` to `ends_m` (k, 3) at each point (n, 3).
 
-    Seen along the light a rod is a strip: where it is narrower than the lamp it hides the ratio of their widths.
+    Seen along the light a rod is a strip; one narrower than the lamp hides the ratio of their widths.
     """
     share = np.empty(len(points_m), np.float32)
     _hide(points_m @ _SEEN, starts_m @ _SEEN, (ends_m - starts_m) @ _SEEN, radii_m, share)
@@ -41,7 +41,7 @@ def hidden(points_m: Float32Array, starts_m: Float32Array, ends_m: Float32Array,
 def _hide(
     points: Float32Array, starts: Float32Array, along: Float32Array, radii: Float32Array, out: Float32Array
 ) -> None:
-    """Write the shares (n,); of points (n, 3) and rods (k, 3) two coordinates are across the light, the third along."""
+    """Write the fractions (n,); coordinates of points (n, 3) and rods (k, 3) are two across the light and one along."""
     for i in range(points.shape[0]):
         seen = 1.0
         for k in range(starts.shape[0]):
@@ -59,7 +59,7 @@ def _hide(
 
 
 def darkened(colours: Bytes, share: Float32Array) -> Bytes:
-    """Return colours (n, 3) from which that share (n,) of the lamp is hidden."""
+    """Return colours (n, 3) darkened by the hidden fraction (n,) of the lamp."""
     return (colours * (1.0 - _DARK * share[:, None])).astype(np.uint8)
 
 
@@ -67,7 +67,7 @@ RodArrays = tuple[Float32Array, Float32Array, Float32Array]
 
 
 class Rods:
-    """The rods that stand for what casts shadows in a layout: instruments first, the duct's last."""
+    """Rods that approximate the shadow casters of a layout: instruments first, the duct's last."""
 
     def __init__(self, layout: PictureLayout) -> None:
         self._layout = layout

@@ -1,8 +1,8 @@
 """The view protocol: a JSON hello for each layout, then one small binary frame for each picture.
 
 A frame is little-endian: ``sequence, sent_ns, origin_ns, tick`` as u64, then float32: points (n, 3), centreline
-(m, 3), poses (k, 7), jaws (k,), forces (k, 3), inserted length (1,). n, m and k are in the hello. Normals, the tube
-of the catheter and the shape of the tools are the client's work: a frame of a 500-node duct is about 7 kB.
+(m, 3), poses (k, 7), jaws (k,), forces (k, 3), inserted length (1,). n, m and k are in the hello. The client computes
+normals, the tube of the catheter and the tools' shapes, so a frame of a 500-node duct is about 7 kB.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def encode_hello(layout: PictureLayout) -> str:
 
 
 def decode_hello(text: str) -> PictureLayout:
-    """Return the layout in a hello. Raises ValueError if it speaks another protocol."""
+    """Return the layout in a hello. Raises ValueError for another protocol."""
     hello = json.loads(text)
     if hello.get("protocol") != PROTOCOL:
         raise ValueError(f"view protocol {hello.get('protocol')!r}, this is {PROTOCOL!r}")
@@ -91,9 +91,9 @@ def encode(picture: Picture, sent_ns: int) -> bytes:
 
 
 def decode(data: bytes, layout: PictureLayout) -> tuple[Picture, int]:
-    """Return the picture in a frame of `layout`, and when it was sent.
+    """Return the picture in a frame of `layout`, and its time of sending.
 
-    Raises ValueError if the frame has another length than the layout says.
+    Raises ValueError if the frame's length does not fit the layout.
     """
     sequence, sent_ns, origin_ns, tick = _HEAD.unpack_from(data)
     values = np.frombuffer(data, "<f4", offset=_HEAD.size)

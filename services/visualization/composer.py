@@ -1,4 +1,4 @@
-"""From the newest frames of the bus to a picture."""
+"""Composes pictures from the newest frames of the bus."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from services.scenes.drawn_surface import DrawnSurface
 from services.visualization import tool_pose
 from services.visualization.picture import Picture, PictureLayout, ToolShape
 
-#: Longer than the period of what is sampled, far shorter than a picture's.
+#: Longer than the period of sampled topics, far shorter than a picture's.
 PATIENCE_NS = 4_000_000
-#: A picture needs one frame in sixteen of what comes a thousand times a second.
+#: Topics of a picture, which needs one in sixteen frames of a 1 kHz topic.
 TOPICS = observed_by("visualization")
 _USUAL = ForcepsScene()
-_DENT_M = 6e-3  # how far from a load its dent is drawn: beyond are at most 0.2 mm a newton, where the modes have moved
+_DENT_M = 6e-3  # radius of a drawn dent about a load; the residual beyond is at most 0.2 mm a newton
 
 
 class Composer:
-    """Keeps the newest frame of each topic and makes pictures of them.
+    """Keeps the newest frame of each topic and composes pictures.
 
     Attributes:
-        layout: PictureLayout. Of the next picture; a new object with a higher epoch whenever duct, catheter or tools
-            change.
-        refused: int. Frames whose duct is of another basis, or does not fit this one.
+        layout: PictureLayout. Layout of the next picture; a new object with a higher epoch at each change of duct,
+            catheter or tools.
+        refused: int. Number of frames whose duct does not fit this basis.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class Composer:
         )
 
     def compose(self) -> Picture:
-        """Return the picture of now, `layout` brought up to date first."""
+        """Update `layout` and return the present picture."""
         for topic, frame in self._bus.sample(self._topics, time.monotonic_ns() + PATIENCE_NS).items():
             self._newest[topic] = frame
             if topic == "physics.state" and not self._surface.update(frame.body.duct):
@@ -86,7 +86,7 @@ class Composer:
         return picture
 
     def devices(self) -> bodies.GatewayState | None:
-        """Return what the gateway last said, None before it has."""
+        """Return the gateway's last state, None before the first."""
         gateway: bodies.GatewayState | None = self._body("gateway.state")
         return gateway
 
@@ -95,9 +95,9 @@ class Composer:
         return None if frame is None else frame.body
 
     def _new_origin(self) -> int:
-        """Return the device sample that this picture is the first to answer, 0 if it shows nothing new.
+        """Return the device sample that this picture is the first to show, 0 if it shows no new one.
 
-        The deformed duct is the last link of the chain, so its sample counts where physics runs.
+        The deformed duct is the last link of the chain, so its sample counts if physics runs.
         """
         frame = self._newest.get("physics.state") or self._newest.get("gateway.state")
         origin_ns = frame.origin_ns if frame is not None else 0
@@ -107,7 +107,7 @@ class Composer:
         return origin_ns
 
     def _lay_out(self, catheter: bodies.Catheter | None, gateway: bodies.GatewayState | None) -> None:
-        """Take a new layout if what arrived does not fit the one there is."""
+        """Make a new layout if new frames do not fit the present one."""
         old = self.layout
         particles, radius_m, tools = old.n_particles, old.catheter_radius_m, old.tools
         if catheter is not None:
@@ -120,7 +120,7 @@ class Composer:
             )
 
     def _shape(self, index: int, instrument: bodies.InstrumentState) -> ToolShape:
-        """Return how an instrument looks: the scene's tools in the order of the rig's instruments."""
+        """Return the shape of an instrument, that of the scene's tool of the same index."""
         tool = self._tool(index)
         jaws = (tool.jaws.jaw_length_m, tool.jaws.jaw_radius_m) if tool.jaws else (0.0, 0.0)
         return ToolShape(instrument.name, instrument.port_m, tool.shaft_radius_m, tool.drawn(), *jaws)
@@ -149,7 +149,7 @@ class Composer:
         return tools[min(index, len(tools) - 1)] if tools else _USUAL
 
     def _jaw(self, index: int, instrument: bodies.InstrumentState, reaction: bodies.ToolReaction | None) -> float:
-        """Return the opening of the jaws: where what they hold stops them, else what the handle asks for."""
+        """Return the opening of the jaws, where a held body stops them or as commanded."""
         jaws = self._tool(index).jaws
         if jaws is None:
             return 0.0

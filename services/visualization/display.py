@@ -1,4 +1,4 @@
-"""What every kind of output shares: whether there is a screen, and where a picture's path ends."""
+"""Common functions of outputs: the name of the screen, and counting a picture's latency."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from services.visualization.picture import Picture
 
 
 def display_name() -> str:
-    """Return the name of this host's screen, empty where it has none for us."""
+    """Return the name of this host's screen, empty without one."""
     return os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or ""
 
 
 def record(path: LatencyPath, picture: Picture) -> None:
-    """Count a picture whose path ends here, unless it shows no new device sample."""
+    """Count the latency of a picture at the end of its path, if it shows a new device sample."""
     if picture.origin_ns:
         path.asked += 1
         path.answered += 1

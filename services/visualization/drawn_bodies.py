@@ -1,4 +1,4 @@
-"""What moves in a picture drawn with pyvista: duct, catheter, tools, arrows of the forces on them."""
+"""Moving bodies of a picture drawn with pyvista: duct, catheter, tools, and force arrows."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ _METAL = {"sleeve": _SLEEVE, "steel": _STEEL}
 _CATHETER = "#d8a63c", "#1d1b18", "#2a1f12"
 _WIRE = (_STEEL,) * 3
 _SIDES, _PER_SEGMENT = 12, 3
-#: Rounded tip: how far each of its rings is ahead of the last, and its radius, in radii; the last is in the lumen.
+#: Rings of the rounded tip: distance from the last ring, and radius, in radii; the last is in the lumen.
 _TIP = np.array([(0.3, 0.97), (0.55, 0.87), (0.72, 0.7), (0.8, 0.5), (0.2, 0.5)], np.float32)
-_ARROW_M = 0.022  # of 1 N; the length grows with the root, so that millinewtons are seen beside newtons
+_ARROW_M = 0.022  # of 1 N; the length grows with the square root, to show millinewtons beside newtons
 _HEAD_M = 2e-3
-_SEEN = 45  # of 255: a colour in which a shadow shows
+_SEEN = 45  # of 255: least brightness on which shadows are visible
 _AMBIENT, _SHARPNESS = 0.12, 40
 
 
@@ -59,28 +59,28 @@ class _Surface:
         self._colours: Bytes = vtk_to_numpy(self._vtk_colours)
 
     def colour(self, colours: Bytes) -> None:
-        """Take a colour for each point."""
+        """Set a colour for each point."""
         self._colours[:] = colours
         self._vtk_colours.Modified()
 
     def changed(self) -> None:
-        """Tell VTK that points and normals are new."""
+        """Notify VTK of new points and normals."""
         for part in (self._vtk_points, self._vtk_normals, self.mesh.GetPoints(), self.mesh):
             part.Modified()
 
 
 class DrawnPiece:
-    """A piece of scenery, on which shadows fall: lit at its vertices, as the bed has most of the pixels.
+    """A piece of scenery with shadows, lit at its vertices because the bed has most of the pixels.
 
-    By the lamp at the lens, of white (0 to 1): what is diffuse and what shines, as VTK has it for each pixel. The
-    processor took a fifth of a picture for that.
+    Diffuse and specular light of the lamp at the lens, with white (0 to 1), are computed as VTK does per pixel, which
+    took a fifth of a picture's time.
     """
 
     def __init__(self, plotter: pv.Plotter, piece: Piece) -> None:
         self._piece = piece
         self._surface = _Surface(plotter, len(piece.points_m), piece.triangles, wet=0.0)
         self.actor = self._surface.actor
-        self.actor.prop.lighting, self.actor.prop.ambient = False, 0.0  # VTK would add it to what is not lit
+        self.actor.prop.lighting, self.actor.prop.ambient = False, 0.0  # VTK would add ambient light to unlit actors
         self._surface.points[:], self._surface.normals[:] = piece.points_m, piece.normals
         self._surface.changed()
         lit = piece.colours.max(axis=1) > _SEEN
@@ -91,12 +91,12 @@ class DrawnPiece:
         self._lit = piece.colours
 
     def shade(self, *rods: Float32Array) -> None:
-        """Take the shadows of rods: starts and ends (k, 3), radii (k,)."""
+        """Set the shadows of rods: starts and ends (k, 3), radii (k,)."""
         self._share[self._near] = hidden(self._piece.points_m[self._near], *rods)
         self._surface.colour(darkened(self._lit, self._share))
 
     def light(self, camera: pv.Camera, white: FloatArray) -> None:
-        """Follow the lens, if it has turned, and the lamp there."""
+        """Update the lighting if the lens has turned."""
         lens = camera.direction
         if lens != self._lens:
             self._lens = lens
@@ -124,7 +124,7 @@ class DrawnDuct:
         self._share = np.zeros(len(self._flesh), np.float32)
 
     def update(self, points_m: Float32Array, *rods: Float32Array, strained: bool) -> None:
-        """Follow the mid-surface (n, 3) below rods, coloured by how far it is stretched or as flesh."""
+        """Update to the mid-surface (n, 3), with shadows of rods, coloured by strain or as flesh."""
         self._wall.update(points_m, self._surface.points, self._surface.normals)
         self._surface.changed()
         outside = self._wall.n_middle
@@ -140,7 +140,7 @@ class DrawnDuct:
 
 
 class DrawnRod:
-    """The catheter, with a ring every centimetre from its tip, as surgeons count the depth, or its wire."""
+    """The catheter, with a ring every centimetre from its tip for reading the depth, or its wire."""
 
     def __init__(self, plotter: pv.Plotter, n_particles: int, radius_m: float, colours: tuple[str, str, str]) -> None:
         self._radius_m, self._marking = radius_m, colours
@@ -153,7 +153,7 @@ class DrawnRod:
         self._marked = False
 
     def update(self, centreline_m: Float32Array) -> None:
-        """Follow the particles (m, 3), tip last."""
+        """Update to the particles (m, 3), tip last."""
         curve = spline(centreline_m, _PER_SEGMENT)
         ahead = curve[-1] - curve[-2]
         ahead /= max(float(np.linalg.norm(ahead)), 1e-9)
@@ -186,7 +186,7 @@ class DrawnCatheter:
         ]
 
     def update(self, centreline_m: Float32Array) -> None:
-        """Follow the particles (m, 3), tip last."""
+        """Update to the particles (m, 3), tip last."""
         for part, rod in self.rods:
             rod.update(centreline_m[part])
 

@@ -1,4 +1,4 @@
-"""What each client of the view gets: always the newest frame, never a queue."""
+"""Feeds of the view's clients: always the newest frame, never a queue."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 
 from services.runtime.health import LatencyPath
 
-#: Frames on their way to a client that has not yet said that it painted them. A tunnel with a round trip of 100 ms
-#: still gets 60 pictures a second; a client that stands still (a hidden tab) is sent nothing and wakes to the newest.
+#: Most frames sent to a client and not acknowledged as painted. A tunnel with a round trip of 100 ms still gets 60
+#: pictures a second; a suspended client (a hidden tab) is sent nothing and resumes with the newest.
 IN_FLIGHT = 6
 
 
 @dataclass(slots=True)
 class FeedMessage:
-    """A frame, and the hello that a client needs to read it."""
+    """A frame, and the hello for decoding it."""
 
     epoch: int
     hello: str
@@ -26,7 +26,7 @@ class FeedMessage:
 
 @dataclass(slots=True, eq=False)
 class Feed:
-    """One client: a slot for the newest message, and what it acknowledged."""
+    """One client: a slot for the newest message, and acknowledgements."""
 
     painted: LatencyPath
     newest: FeedMessage | None = None
@@ -40,10 +40,10 @@ class Feed:
     wake: asyncio.Event = field(default_factory=asyncio.Event)
 
     def offer(self, message: FeedMessage) -> None:
-        """Put `message` in the slot; what still was there is lost. What comes more often than is wanted is left out."""
+        """Put `message` in the slot, replacing an unsent one; messages beyond the wanted rate are skipped."""
         if self.wanted_hz is not None and message.epoch == self.epoch:
             now_ns, period_ns = time.monotonic_ns(), round(1e9 / self.wanted_hz)
-            if now_ns < self.due_ns - period_ns // 8:  # pictures have a grid of their own: a little early is on time
+            if now_ns < self.due_ns - period_ns // 8:  # slightly early is on time, as pictures have their own grid
                 return
             self.due_ns = (now_ns if now_ns - self.due_ns > period_ns else self.due_ns) + period_ns
         if self.newest is not None:
@@ -52,23 +52,23 @@ class Feed:
         self.wake.set()
 
     def want(self, hz: float | None) -> None:
-        """Take how many pictures a second the client can take; None: all."""
+        """Set the client's rate of pictures; None for all."""
         self.wanted_hz = hz
         self.due_ns = 0
 
     def tell(self, notice: str) -> None:
-        """Put a text message beside the slot; only the newest is kept."""
+        """Set the text message to send; only the newest is kept."""
         self.notice = notice
         self.wake.set()
 
     def begin_anew(self) -> None:
-        """Forget what was sent: the client is another one, which knows nothing yet."""
+        """Reset for a new client."""
         self.epoch = -1
         self.origins.clear()
         self.wake.set()
 
     async def next(self) -> list[str | bytes]:
-        """Wait for something that may be sent now, and return it: notice, hello, frame."""
+        """Wait for messages that may be sent, and return them: notice, hello, frame."""
         while True:
             parts = self._take()
             if parts:
@@ -77,7 +77,7 @@ class Feed:
             await self.wake.wait()
 
     def acknowledge(self, sequence: int) -> None:
-        """Take the client's word that it painted `sequence`: measures the whole path and lets more frames go."""
+        """Process the acknowledgement of painting `sequence`: count the latency and allow more frames."""
         origin_ns = self.origins.get(sequence)
         if origin_ns is None:
             return
@@ -118,7 +118,7 @@ class Feeds:
         return len(self.open)
 
     def wanted_hz(self) -> float | None:
-        """Return how many pictures a second the fastest client wants; None: all there are, or there is no client."""
+        """Return the rate wanted by the fastest client; None for all, or without clients."""
         wanted = [feed.wanted_hz for feed in self.open]
         known = [hz for hz in wanted if hz is not None]
         return max(known) if known and len(known) == len(wanted) else None
@@ -130,16 +130,16 @@ class Feeds:
         return feed
 
     def remove(self, feed: Feed) -> None:
-        """Forget a client that is gone."""
+        """Remove a disconnected client."""
         self.open.discard(feed)
 
     def offer(self, message: FeedMessage) -> None:
-        """Give every client the newest frame."""
+        """Offer the newest frame to every client."""
         for feed in self.open:
             feed.offer(message)
 
     def tell(self, notice: str) -> None:
-        """Give every client, now and later, a text message, if it differs from the last."""
+        """Send a text message to every present and later client, if it differs from the last."""
         if notice == self._notice:
             return
         self._notice = notice

@@ -16,12 +16,12 @@ _RINGS, _ARCS = 64, 10
 
 
 def round_part(part: DrawnPart) -> pv.PolyData:
-    """Return the surface of a part that is round about the shaft's axis."""
+    """Return the surface of revolution of a part about the shaft's axis."""
     return _lathe(part.profile)
 
 
 def cannula(shape: ToolShape) -> pv.PolyData:
-    """Return the port's tube, which the shaft slides in."""
+    """Return the port's tube, in which the shaft slides."""
     r = shape.shaft_radius_m
     return _lathe([(-42e-3, 2.6 * r), (-30e-3, 3.4 * r), (-30e-3, 1.7 * r), (16e-3, 1.7 * r)])
 
@@ -53,10 +53,10 @@ def arrow() -> tuple[pv.PolyData, pv.PolyData]:
 
 
 def _lathe(profile: Sequence[tuple[float, float]], sides: int = 28) -> pv.PolyData:
-    """Return the surface that a profile of (x, radius) makes when it is turned about x."""
+    """Return the surface of revolution of a profile of (x, radius) about x."""
     x, radii = np.array(profile, np.float32).T
     line = np.stack([x, np.zeros_like(x), np.zeros_like(x)], axis=1)
-    line[:, 0] += 1e-7 * np.arange(len(x))  # a step in the profile still has a direction
+    line[:, 0] += 1e-7 * np.arange(len(x))  # gives steps of the profile a direction
     points_m, normals = np.zeros((2, len(x) * sides, 3), np.float32)
     sweep_tube(line, np.ascontiguousarray(radii), points_m, normals)
     return _creased(points_m, tube_triangles(len(x), sides))

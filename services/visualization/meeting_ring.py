@@ -1,6 +1,6 @@
-"""Where a tool would meet the wall if it went on along its shaft: a ring that closes as the tool comes near.
+"""A ring where a tool would hit the wall along its shaft, which closes as the tool approaches.
 
-The picture of one eye has no depth; the ring gives some. The page draws the same one (`web/src/view/cue.js`).
+It gives a monocular picture some depth. The page draws the same ring (`web/src/view/cue.js`).
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from services.mechanics.compiled.vectors import cross, dot, row, subtract
 from services.visualization.picture import ToolShape
 
 REACH_M = 40e-3
-"""Beyond the tip: what is further away is not aimed at."""
+"""Largest distance from the tip at which the ring is shown."""
 _TOUCHES_M, _LIFT_M = 0.4e-3, 0.12e-3
 _FAR, _NEAR = "#b8fff0", "#ffd479"
 _ANGLE_RAD = 2.0 * np.pi * np.arange(28) / 28
 
 
 def first_met_m(corners_m: Float32Array, origins_m: FloatArray, direction: FloatArray) -> FloatArray:
-    """Return how far along a unit direction each origin (r, 3) is from the first of triangles (m, 3, 3) it meets.
+    """Return the distance along a unit direction from each origin (r, 3) to the first hit triangle (m, 3, 3).
 
-    Triangles count from either side; infinite where none is met.
+    Both sides of triangles count; the distance is infinite without a hit.
     """
     nearest_m = np.full(len(origins_m), np.inf)
     _meet(corners_m.reshape(-1, 3), np.asarray(origins_m, float), direction, nearest_m)

@@ -1,4 +1,4 @@
-"""Vertex normals, computed here: VTK keeps the old ones of a mesh that already has some, without a word."""
+"""Vertex normals, as VTK silently keeps old ones of a mesh that already has some."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from services.mechanics.compiled.vectors import cross, row, subtract, unit
 
 @kernel
 def vertex_normals(points: Float32Array, triangles: IntArray, out: Float32Array) -> None:
-    """Write into ``out`` (n, 3) the unit normals of ``points``: mean of the triangles round each, weighted by area.
+    """Write into ``out`` (n, 3) the unit normals of ``points``, the area-weighted mean of the triangles round each.
 
     A vertex of no triangle, or of triangles without area, gets zero.
     """

@@ -1,4 +1,4 @@
-"""Where pictures go: to browsers, to a window of this host, or nowhere."""
+"""Outputs of pictures: browsers, a window of this host, or none."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from services.visualization.picture import Picture, PictureLayout
 
 
 class Output:
-    """A place where pictures go; by itself nowhere: what a headless run without a page costs.
+    """An output of pictures; this base shows none, for headless runs without a page.
 
     Attributes:
         closed: bool. Whether a person has closed it.
@@ -31,22 +31,22 @@ class Output:
         self._hello = ""
 
     def _message(self, layout: PictureLayout, picture: Picture) -> FeedMessage:
-        """Return the picture as it is sent."""
+        """Return the encoded picture."""
         if layout is not self._layout:
             self._layout, self._hello = layout, codec.encode_hello(layout)
         data = codec.encode(picture, time.monotonic_ns())
         return FeedMessage(picture.epoch, self._hello, picture.sequence, picture.origin_ns, data)
 
     def show(self, layout: PictureLayout, picture: Picture, notice: str) -> None:
-        """Show the newest picture; `notice` is the text message that tells the state of the rig."""
+        """Show the newest picture; `notice` is the text message on the rig's state."""
         record(self._painted, picture)
 
     def wait_until(self, deadline_ns: int) -> None:
-        """Do what must be done between pictures; return at `deadline_ns`."""
+        """Do the work between pictures; return at `deadline_ns`."""
         sleep_until(deadline_ns)
 
     def wanted_hz(self) -> float | None:
-        """Return how many pictures a second whoever looks can take; None: all."""
+        """Return the rate of pictures that viewers accept; None for all."""
         return None
 
     def gauges(self) -> dict[str, float]:
@@ -54,13 +54,13 @@ class Output:
         return {}
 
     def close(self) -> None:
-        """Give everything up."""
+        """Release all resources."""
 
 
 class WebOutput(Output):
     """Streams pictures to browsers, which draw them.
 
-    Raises UserError if the view's port is taken, or the web packages are not installed.
+    Raises UserError if the view's port is in use, or the web packages are not installed.
     """
 
     def __init__(self, settings: ViewSettings, painted: LatencyPath, log: logging.Logger, hands: PageHands) -> None:
@@ -77,7 +77,7 @@ class WebOutput(Output):
         log.info("view on ws://%s:%d/ws", settings.host, self._server.port)
 
     def show(self, layout: PictureLayout, picture: Picture, notice: str) -> None:
-        """Hand the picture to every client; without one, sending is where the path ends."""
+        """Pass the picture to every client; without one, its path ends here."""
         self._feeds.tell(notice)
         message = self._message(layout, picture)
         self._bytes = len(message.data)
@@ -88,15 +88,15 @@ class WebOutput(Output):
             record(self._painted, picture)
 
     def wait_until(self, deadline_ns: int) -> None:
-        """Serve."""
+        """Serve clients."""
         self._server.run_until(deadline_ns)
 
     def wanted_hz(self) -> float | None:
-        """Return what the fastest browser can take."""
+        """Return the rate that the fastest browser accepts."""
         return self._feeds.wanted_hz()
 
     def gauges(self) -> dict[str, float]:
-        """Return where the view is served, clients and bytes of a frame."""
+        """Return port, number of clients and bytes of a frame."""
         return {
             "view_port": float(self._server.port),
             "clients": float(len(self._feeds)),
@@ -110,9 +110,9 @@ class WebOutput(Output):
 
 
 def open_output(settings: ViewSettings, painted: LatencyPath, log: logging.Logger, hands: PageHands) -> Output:
-    """Return the output that the rig file's ``visualization.viewer`` asks for.
+    """Return the output for the rig file's ``visualization.viewer``.
 
-    Raises UserError if a window is asked for where there is no display, or the view's port is taken.
+    Raises UserError for a window without a display, or if the view's port is in use.
     """
     viewer = settings.viewer
     if viewer == "auto":

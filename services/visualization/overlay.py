@@ -1,4 +1,4 @@
-"""What is written and laid over a window's picture: the lens, the state of the rig, forces, figures, scales, help."""
+"""Overlay of a window's picture: the lens, the state of the rig, forces, figures, scales, help."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Overlay:
 
     def __init__(self, plotter: pv.Plotter) -> None:
         self._window = plotter.render_window
-        self._renderer = vtkRenderer()  # a layer of its own: the scene's is emptied for every new layout
+        self._renderer = vtkRenderer()  # a layer of its own, as the scene's is cleared for every new layout
         self._renderer.SetLayer(1)
         self._renderer.InteractiveOff()
         self._window.SetNumberOfLayers(2)
@@ -41,7 +41,7 @@ class Overlay:
             self._renderer.AddViewProp(scale)
 
     def follow_size(self) -> None:
-        """Lay everything out anew where the window has another size."""
+        """Update the layout if the window's size has changed."""
         width, height = self._window.GetSize()
         self._lens.SetVisibility(self.shows_lens)
         self._texts["help"].SetVisibility(self.shows_help)
@@ -92,7 +92,7 @@ def _text(renderer: Any) -> vtkTextActor:
 
 
 def _lens(width: int, height: int) -> vtkPolyDataMapper2D:
-    """Return rings round the middle of the window, darker outwards: only what they cover is drawn."""
+    """Return rings round the middle of the window, darker outwards, of which only the covered part is drawn."""
     sides = 96
     angle = 2.0 * np.pi * np.arange(sides) / sides
     around = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)

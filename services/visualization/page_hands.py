@@ -1,7 +1,7 @@
-"""The hands of people at the page: who may move the instruments, and what they ask for, on its way to the gateway.
+"""Control of instruments at the page: permission, and targets on their way to the gateway.
 
-A page proves with the session's token that its person was told the address by whoever runs the rig. One page has the
-instruments: a newer one takes them over. What it sends is the body of ``visualization.hands`` as JSON.
+A page authenticates with the session's token, which is part of the printed address. One page controls the instruments;
+a newer one takes over. It sends bodies of ``visualization.hands`` as JSON.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import msgspec
 from protocol import bodies
 from protocol.topics import topic
 
-#: WebSocket close codes that the page knows: not allowed, and taken over by another page.
+#: WebSocket close codes for the page: not allowed, and taken over by another page.
 REFUSED, TAKEN_OVER = 4003, 4001
 TOPIC = "visualization.hands"
 _DECODER = msgspec.json.Decoder(bodies.Hands)
@@ -28,7 +28,7 @@ class PageConnection(Protocol):
     """A connection to a page."""
 
     async def receive_text(self) -> str:
-        """Return the next message; raises what ends `PageHands.serve` where the page is gone."""
+        """Return the next message; raises an exception that ends `PageHands.serve` if the page is gone."""
         ...
 
     async def send_text(self, data: str) -> None:
@@ -36,19 +36,19 @@ class PageConnection(Protocol):
         ...
 
     async def close(self, code: int, reason: str) -> None:
-        """End the connection, which may take long; one that is gone already is none of the caller's business."""
+        """Close the connection, which may take long; raises nothing if it is gone already."""
         ...
 
 
 class PageHands:
-    """Lets pages move the instruments that follow one.
+    """Lets a page control the instruments that follow it.
 
     Args:
-        followers: Names of the instruments whose arm is driven by the page.
-        publish: Called with what a page asks for.
-        devices: Returns what the gateway last said, None before it has: where a hand that takes the instruments finds
-            them. When the scene has begun again a page is told so, and where they are then.
-        token_sha256: Returns the hash of the session's token as the supervisor tells it, empty while it is not known.
+        followers: Names of the instruments with a page's driver.
+        publish: Called with a page's targets.
+        devices: Returns the gateway's last state, None before the first, with the instruments' poses for a page at its
+            start and after a restart of the scene.
+        token_sha256: Returns the hash of the session's token from the supervisor, empty while unknown.
     """
 
     def __init__(
@@ -67,13 +67,13 @@ class PageHands:
         self._closing: set[asyncio.Task[None]] = set()
 
     async def serve(self, page: PageConnection) -> None:
-        """Talk with one page until it goes or another takes over."""
+        """Serve one page until it disconnects or another takes over."""
         reason = self._refusal(await page.receive_text())
         if reason:
             await page.close(REFUSED, reason)
             return
         former, self._holder = self._holder, page
-        if former is not None:  # nobody waits for it: its browser may stand still
+        if former is not None:  # not awaited, as its browser may be suspended
             closing = asyncio.create_task(former.close(TAKEN_OVER, "another page has taken the instruments"))
             self._closing.add(closing)
             closing.add_done_callback(self._closing.discard)
@@ -85,14 +85,14 @@ class PageHands:
                     greeted = devices.begins if devices is not None else 0
                     await page.send_text(_greeting(self._tools(devices), greeted))
                 text = await page.receive_text()
-                if self._holder is page:  # else it was on its way when a newer page came
+                if self._holder is page:  # otherwise it was sent before a newer page took over
                     self._take(text)
         finally:
             if self._holder is page:
                 self._holder = None
 
     def _refusal(self, token: str) -> str:
-        """Return why the bearer of `token` may not move anything, empty where it may."""
+        """Return why `token` does not permit control, empty if it does."""
         if not self.followers:
             return "no instrument of this rig follows the page (driver: web)"
         known = self._token_sha256()

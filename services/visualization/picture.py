@@ -1,4 +1,4 @@
-"""What is drawn: the layout, which changes only with the scene, and the picture, which changes with every frame."""
+"""Data for drawing: the layout, which changes only with the scene, and the picture, which changes every frame."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from services.mechanics.scene.instruments import DrawnPart
 
 @dataclass(frozen=True, slots=True)
 class ToolShape:
-    """The unchanging part of one tool, SI units: its round parts in its own frame, and jaws if it has any."""
+    """Constant shape of one tool, SI units: its round parts in its own frame, and jaws if it has any."""
 
     name: str
     port_m: tuple[float, float, float]
@@ -29,16 +29,16 @@ class ToolShape:
 
 @dataclass(frozen=True, slots=True)
 class PictureLayout:
-    """Everything that a renderer must know before the first picture.
+    """Data for a renderer before the first picture.
 
     Attributes:
         epoch: int. Goes up with every change; a picture belongs to one epoch.
-        rest_m: (n, 3) float32. Undeformed mid-surface of the duct: where the tissue's grain is anchored. Empty until
+        rest_m: (n, 3) float32. Undeformed mid-surface of the duct, to which the tissue's grain is attached; empty until
             the duct is known.
         triangles: (t, 3) int32. Counter-clockwise seen from outside.
-        thickness_m: float. Of the wall, half on each side of the mid-surface.
-        mouth, clamped: tuple of int. Nodes of the free rim and of the held one; empty on a surface that names none.
-        n_particles: int. Of the catheter, and of what is out of its guide wire: the last segments.
+        thickness_m: float. Thickness of the wall, half on each side of the mid-surface.
+        mouth, clamped: tuple of int. Nodes of the free and the held rim, empty if unnamed.
+        n_particles: int. Number of particles of the catheter and of the protruding guide wire, the last segments.
     """
 
     epoch: int
@@ -55,7 +55,7 @@ class PictureLayout:
     wire_radius_m: float = 0.0
 
     def rods(self) -> list[tuple[slice, float]]:
-        """Return which particles lie along the catheter and along its wire, if it has one, and how thick both are."""
+        """Return the ranges of particles of the catheter and of its wire, if any, with their radii."""
         tip = max(self.n_particles - 1 - self.n_wire_segments, 0)
         wire = [(slice(tip, None), self.wire_radius_m)] if self.n_wire_segments else []
         return [(slice(tip + 1), self.catheter_radius_m), *wire]

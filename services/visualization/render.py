@@ -1,8 +1,8 @@
-"""The picture drawn on this host with pyvista: in a window, or off the screen for snapshots, video and MJPEG.
+"""Rendering on this host with pyvista: in a window, or off the screen for snapshots, video and MJPEG.
 
-Software rendering is fast enough only without what costs it most: no multisampling, one light at the lens, no mipmaps,
-no sorting of what is seen through (a third of a picture, for a ring), no inner faces of what is closed.
-Points and normals of what moves are written in place into the arrays that VTK draws from.
+Software rendering is only fast enough without the most expensive features: no multisampling, one light at the lens, no
+mipmaps, no sorting of transparent surfaces (a third of a picture, for a ring), no inner faces of closed surfaces.
+Points and normals of moving bodies are written in place into VTK's arrays.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ _NIGHT = "#0a0505"
 
 @dataclass(frozen=True, slots=True)
 class Effects:
-    """What the picture is worth: samples a pixel, finer surfaces."""
+    """Quality of the picture: samples a pixel, finer surfaces."""
 
     samples: int = 0
     fine: bool = True
 
 
 class Renderer:
-    """A pyvista scene that follows layouts and pictures. One thread makes it and draws with it: contexts demand that.
+    """A pyvista scene that follows layouts and pictures; the same thread must create it and draw.
 
     Args:
         off_screen: Draw without a window.
         size: Width and height in pixels.
-        effects: What the picture is worth at first.
+        effects: Initial quality.
     """
 
     def __init__(self, *, off_screen: bool, size: tuple[int, int] = (800, 600), effects: Effects | None = None) -> None:
@@ -62,7 +62,7 @@ class Renderer:
         self._pixels = vtkUnsignedCharArray()
 
     def update(self, layout: PictureLayout, picture: Picture) -> None:
-        """Put `picture` on the stage; draws nothing yet."""
+        """Update the scene to `picture`, without drawing."""
         first, self._layout, self._picture = self._layout is None, layout, picture
         if layout is not self._built:
             self._build(layout)
@@ -82,14 +82,14 @@ class Renderer:
             ring.place(face_m, pose, pose_matrix(pose)[:3, 0], shown=self.show_aim)
 
     def take(self, effects: Effects) -> None:
-        """Draw with other effects from now on."""
+        """Change the effects."""
         self.plotter.render_window.SetMultiSamples(effects.samples)
         self.effects, self._built = effects, None
         if self._layout is not None and self._picture is not None:
             self.update(self._layout, self._picture)
 
     def look_from(self, preset: str) -> None:
-        """Take the lens to one of `cameras.PRESETS`; nothing before there is a layout."""
+        """Move the lens to one of `cameras.PRESETS`; does nothing before the first layout."""
         if self._layout is None:
             return
         place = cameras.place(self._layout, preset)
@@ -99,7 +99,7 @@ class Renderer:
         camera.clipping_range = (0.02 * place.size_m, 20.0 * place.size_m)
 
     def mirror(self) -> None:
-        """Mirror the picture, as for a scope seen from the other side; a second time, no longer."""
+        """Toggle mirroring of the picture, as for a scope seen from the other side."""
         self._mirrored = not self._mirrored
         transform = vtkTransform()
         transform.Scale(-1.0 if self._mirrored else 1.0, 1.0, 1.0)
@@ -113,7 +113,7 @@ class Renderer:
         self.plotter.render_window.Render()
 
     def is_software(self) -> bool:
-        """Return whether the processor draws, where every pixel counts; to be asked once something was drawn."""
+        """Return whether rendering is in software, where every pixel counts; call this after drawing."""
         capabilities = self.plotter.render_window.ReportCapabilities().lower()
         return any(name in capabilities for name in _SOFTWARE)
 
@@ -126,7 +126,7 @@ class Renderer:
         return np.flipud(vtk_to_numpy(self._pixels).reshape(height, width, 3))
 
     def close(self) -> None:
-        """Give up window and context."""
+        """Close window and context."""
         self.plotter.close()
 
     def _build(self, layout: PictureLayout) -> None:
@@ -143,9 +143,9 @@ class Renderer:
         self._face()
 
     def _face(self) -> None:
-        """Draw the outer faces of what is closed, and light everything as it faces the lens.
+        """Set culling and lighting of faces for the present mirroring.
 
-        A mirrored triangle runs the other way round, and VTK would take its front for its back and leave it dark.
+        A mirrored triangle has the opposite orientation, and VTK would take its front for its back and leave it dark.
         """
         for actor in self.plotter.renderer.actors.values():
             shader = actor.GetShaderProperty()

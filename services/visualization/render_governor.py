@@ -1,4 +1,4 @@
-"""How finely a window draws: effects, then pixels, are given up until there are enough pictures a second. Pure."""
+"""Chooses a window's quality: effects, then pixels, are reduced until the picture rate is sufficient. Pure."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from dataclasses import dataclass
 from services.runtime.quality_governor import Hysteresis, Load, QualityGovernor
 from services.visualization.render import Effects
 
-#: Pictures a second below which something is given up: with a graphics processor, and in software.
+#: Picture rates below which quality is reduced: with a graphics processor, and in software.
 WANTED_HZ, WANTED_IN_SOFTWARE_HZ = 24.0, 12.0
 _JUDGE_S = 1.0
 _SLOW_LOOKS = 2  # one slow second is chance
-#: Of the time that there is for a picture, what one of the better rung may take as it is foreseen: by its pixels, or so
-#: many times this one where it has more effects.
+#: Fraction of a picture's available time that the predicted time at a better level may take, and the assumed ratio of
+#: times for more effects; otherwise it is the ratio of pixels.
 _ROOM, _MORE_EFFECTS = 0.9, 2.0
-#: A return has failed whenever the next change is for the worse.
+#: A try of a better level has failed if the next change is for the worse.
 _HYSTERESIS = Hysteresis(calm_s=10.0, trial_s=math.inf)
-#: Asked for beyond what was painted, so that a window that can paint more shows it; and in any case.
+#: Factor of the requested rate over the painted one, which lets a faster window show it, and the least request.
 _MORE, _LEAST_HZ = 1.25, 10.0
 
 
 @dataclass(frozen=True, slots=True)
 class Quality:
-    """Effects, and the share of the window's first width and height that is drawn."""
+    """Effects, and the fraction of the window's initial width and height that is drawn."""
 
     effects: Effects
     scale: float = 1.0
@@ -37,15 +37,15 @@ RUNGS = (
     Quality(_PLAIN, 0.8),
     Quality(_PLAIN, 0.64),
 )
-#: Where a window begins that the processor draws.
+#: Initial level of software rendering.
 SOFTWARE_RUNG = 2
 
 
 class RenderGovernor:
-    """Follows how long pictures take, and says which of `RUNGS` to take.
+    """Chooses one of `RUNGS` from the times of pictures.
 
     Args:
-        software: Whether the processor draws.
+        software: Whether rendering is in software.
     """
 
     def __init__(self, *, software: bool) -> None:
@@ -59,11 +59,11 @@ class RenderGovernor:
 
     @property
     def rung(self) -> int:
-        """The rung in force, an index of `RUNGS`."""
+        """The present level, an index of `RUNGS`."""
         return self._governor.level
 
     def drawn(self, now_s: float, spent_s: float) -> bool:
-        """Count a picture that took `spent_s` and was done at `now_s`; return whether there is another rung to take."""
+        """Count a picture that took `spent_s` and was done at `now_s`; return whether the level has changed."""
         if self._since_s is None:
             self._since_s = now_s
             self._governor.disturbed(now_s)
@@ -88,22 +88,22 @@ class RenderGovernor:
 
 
 def _growth(rung: int) -> float:
-    """Return how many times longer a picture of the next better rung takes."""
+    """Return the predicted ratio of a picture's time at the next better level."""
     better, this = RUNGS[max(0, rung - 1)], RUNGS[rung]
     return (better.scale / this.scale) ** 2 if better.effects == this.effects else _MORE_EFFECTS
 
 
 class Demand:
-    """How many pictures a second a window is worth sending: somewhat more than it lately painted."""
+    """Rate of pictures to send to a window: somewhat more than it recently painted."""
 
     def __init__(self) -> None:
         self._counted: tuple[float, int] | None = None
         self.hz: float | None = None
 
     def count(self, now_s: float, painted: int) -> float | None:
-        """Take how many pictures were painted by `now_s`; return pictures a second, None before that is known."""
+        """Process the number of pictures painted by `now_s`; return the rate to send, None while unknown."""
         if self._counted is None:
-            if painted > 0:  # the first picture is work of another kind
+            if painted > 0:  # the first picture takes longer
                 self._counted = now_s, painted
             return None
         elapsed_s = now_s - self._counted[0]

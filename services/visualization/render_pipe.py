@@ -1,4 +1,4 @@
-"""Messages between the view and the processes that draw for it: one letter, a length, bytes."""
+"""Messages between the view and its drawing processes: one letter, a length, bytes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import BinaryIO
 
 HELLO, FRAME, RENDER, IMAGE = b"H", b"F", b"R", b"I"
-#: Of the window: what the rig says; it is open, has painted a picture (its sequence as eight bytes), was closed.
+#: Window messages: notice of the rig's state; opened, picture painted (its sequence as eight bytes), closed.
 NOTICE, OPEN, PAINTED, CLOSED = b"N", b"O", b"P", b"C"
 _HEAD = struct.Struct("<cI")
 
@@ -34,7 +34,7 @@ async def read_message(stream: asyncio.StreamReader) -> tuple[bytes, bytes]:
 
 
 class Splitter:
-    """Makes messages of what is read as it comes."""
+    """Splits a stream of bytes into messages."""
 
     def __init__(self) -> None:
         self._rest = b""

@@ -1,4 +1,4 @@
-"""The process that renders for others: reads view messages on stdin, answers with images on stdout."""
+"""The rendering process: reads view messages on stdin, answers with images on stdout."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the page says about the rig over the picture."""
+"""The rig's state over the picture."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ _TOPIC = "supervisor.state"
 
 
 class RigNotice:
-    """Follows the supervisor; a rig without one, or with a silent one, says so."""
+    """Follows the supervisor's state; reports a missing or silent supervisor."""
 
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
         self._newest: bodies.SupervisorState | None = None
 
     def notice(self) -> str:
-        """Return the text message of the view protocol that says what state the rig is in."""
+        """Return the view protocol's text message on the rig's state."""
         for frame in self._bus.drain(_TOPIC):
             self._newest = frame.body
         state = self._newest
@@ -27,7 +27,7 @@ class RigNotice:
         return _message(state.state, state.reason, state.safe_stop)
 
     def token_sha256(self) -> str:
-        """Return the hash of the session's token, empty while no supervisor tells it."""
+        """Return the hash of the session's token, empty without a supervisor."""
         state = self._newest
         return "" if state is None or not self._bus.is_fresh(_TOPIC) else state.token_sha256
 

@@ -1,4 +1,4 @@
-"""The scales beside a window's picture while it is coloured: what a colour of the duct, and one of an arrow, mean."""
+"""Colour scales beside a window's picture: of the duct's strain and of the force arrows."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _SHADES = 64
 
 
 def scales() -> list[vtkScalarBarActor]:
-    """Return the scale of stretch, and that of the force on a tool, whose last colour is for all that is more."""
+    """Return the scales of stretch and of the force on a tool, whose last colour is for all larger values."""
     strains = colours_of_strain(np.linspace(0.0, FULL, _SHADES)) / 255.0
     forces = np.array([pv.Color(colour_of_force(newton)).float_rgb for newton in (0.5, 1.5, 2.5)])
     return [_bar("stretch, %", strains, 100.0 * FULL, 0.52), _bar("force, N", forces, float(len(forces)), 0.14)]

@@ -1,4 +1,4 @@
-"""Scenery behind the duct, which nothing touches: the bed of the liver and the common bile duct."""
+"""Scenery behind the duct without mechanics: the bed of the liver and the common bile duct."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from services.visualization.tube import spline, sweep_tube, tube_triangles
 _UP = np.array([0.0, 0.0, 1.0])
 _BED_M = 0.26  # half of its width
 _BELOW_M = 0.026
-#: The lens lights a round place: beyond it the bed is dark.
+#: Radii of the lens' light on the bed: up to the first it is lit, beyond the second dark.
 _LIT_M, _DARK_M = 0.05, 0.19
 
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A surface that does not move, with its colours."""
+    """A static surface with its colours."""
 
     points_m: Float32Array
     normals: Float32Array
@@ -31,7 +31,7 @@ class Piece:
 
 
 def scenery(layout: PictureLayout, *, cells: int) -> list[Piece]:
-    """Return what lies behind the duct of `layout`; the bed has `cells` squares a side."""
+    """Return the scenery behind the duct of `layout`; the bed has `cells` squares a side."""
     pieces = [_bed(layout.rest_m, cells)]
     if len(layout.mouth) and len(layout.clamped):
         pieces.append(_common_duct(layout))

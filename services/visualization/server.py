@@ -1,4 +1,4 @@
-"""The view's web server. It has no thread: it lives while the loop waits for its next deadline."""
+"""The view's web server, without a thread: it runs while the loop waits for its next deadline."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from services.visualization.feed import Feed, Feeds
 from services.visualization.page_hands import PageHands
 
 MAX_CLIENTS = 16
-#: What a client may ask for at least: a picture that stands still is told from one that is slow.
+#: Least rate of a client, which distinguishes a slow picture from a frozen one.
 MIN_HZ = 1.0
 _ECHO = struct.Struct("<Q")
 _MARGIN_NS = 1_500_000  # asyncio rounds its waits up to milliseconds; the rest is slept precisely
@@ -36,7 +36,7 @@ _BOUNDARY = "frame"
 
 
 class PictureWish(msgspec.Struct, tag="want", tag_field="type", frozen=True):
-    """What a client can take: ``{"type": "want", "pictures_hz": 15}``; null: every picture."""
+    """Rate that a client accepts: ``{"type": "want", "pictures_hz": 15}``; null for every picture."""
 
     pictures_hz: Annotated[float, msgspec.Meta(ge=MIN_HZ, le=1000)] | None
 
@@ -44,7 +44,7 @@ class PictureWish(msgspec.Struct, tag="want", tag_field="type", frozen=True):
 class ViewServer:
     """WebSockets ``/ws`` and ``/hands``, ``/snapshot.png`` and ``/camera.mjpeg`` on the view's port.
 
-    Raises UserError if the port is taken.
+    Raises UserError if the port is in use.
     """
 
     def __init__(self, settings: ViewSettings, feeds: Feeds, camera: CameraFeed, hands: PageHands) -> None:
@@ -73,7 +73,7 @@ class ViewServer:
         )
         self._loop = asyncio.new_event_loop()
         self._server = uvicorn.Server(config)
-        self._server.capture_signals = contextlib.nullcontext  # signals belong to the process, which ends its loop
+        self._server.capture_signals = contextlib.nullcontext  # the process handles signals, by ending its loop
         self._serving = self._loop.create_task(self._server.serve(sockets=[self._socket]))
 
     def run_until(self, deadline_ns: int) -> None:
@@ -83,7 +83,7 @@ class ViewServer:
         sleep_until(deadline_ns)
 
     def close(self) -> None:
-        """Say goodbye to every client and give up the port."""
+        """Disconnect every client and release the port."""
         self._server.should_exit = True
         self._loop.run_until_complete(self._shut())
         self._loop.close()
@@ -116,7 +116,7 @@ class ViewServer:
             await socket_.close(code=1008)
             return
         await socket_.accept()
-        with contextlib.suppress(WebSocketDisconnect, KeyError):  # it is gone, or speaks another language: bytes
+        with contextlib.suppress(WebSocketDisconnect, KeyError):  # it is gone, or sends bytes
             await self._hands.serve(_Page(socket_))
 
     async def _snapshot(self, request: Request) -> Response:
@@ -156,7 +156,7 @@ async def _send(socket_: WebSocket, feed: Feed) -> None:
 
 
 async def _listen(socket_: WebSocket, feed: Feed) -> None:
-    """Take acknowledgements and wishes until the client goes; anything else that it says is ignored."""
+    """Process acknowledgements and rates until the client disconnects; other messages are ignored."""
     while True:
         message = await socket_.receive()
         if message["type"] == "websocket.disconnect":
@@ -184,10 +184,10 @@ async def _alive(request: Request) -> Response:
 
 
 def may_look(origin: str | None, host: str | None) -> bool:
-    """Return whether a page from `origin` may look at the view that it reached as `host`.
+    """Return whether a page from `origin` may read the view that it reached as `host`.
 
-    Pages of this host, at any port, and programs without origin may. Otherwise any web page that a person at the rig
-    visits could open the view's socket and watch.
+    Pages of this host, at any port, and programs without origin may. Otherwise any web page visited at the rig could
+    open the view's socket.
     """
     if origin is None:
         return True

@@ -8,7 +8,7 @@ from services.mechanics.arrays import Float32Array, FloatArray, IntArray
 from services.visualization.tissue import Bytes
 
 FULL = 0.2
-"""Of the length: the end of the scale."""
+"""Strain at the end of the scale."""
 _STOPS = 255.0 * np.array([[0.16, 0.2, 0.42], [0.13, 0.57, 0.55], [0.99, 0.9, 0.15], [0.86, 0.16, 0.12]])
 
 
@@ -19,7 +19,7 @@ def colours_of_strain(strain: FloatArray) -> Bytes:
 
 
 class Strain:
-    """Strains of a surface against its rest: points (n, 3), triangles (t, 3)."""
+    """Strains of a surface from its rest shape, with points (n, 3) and triangles (t, 3)."""
 
     def __init__(self, rest_m: Float32Array, triangles: IntArray) -> None:
         self._triangles = triangles
@@ -30,7 +30,7 @@ class Strain:
         )
 
     def at(self, points_m: Float32Array) -> FloatArray:
-        """Return the largest stretch less one (n,) of each point, the mean of its triangles'."""
+        """Return the largest principal strain (n,) at each point, the mean over its triangles."""
         length, skew, height = _flat(points_m, self._triangles)
         gradient = np.array([[length, skew], [0.0 * length, height]]).transpose(2, 0, 1) @ self._undo
         stretch = np.linalg.norm(gradient, ord=2, axis=(1, 2)) - 1.0
@@ -40,7 +40,7 @@ class Strain:
 
 
 def _flat(points_m: Float32Array, triangles: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the first edge's length, and the second edge along and across it, of each triangle."""
+    """Return each triangle's first edge length, and the components of the second edge along and across it."""
     a, b, c = points_m[triangles.T].astype(float)
     u, v = b - a, c - a
     length = np.maximum(np.linalg.norm(u, axis=1), 1e-12)

@@ -1,4 +1,4 @@
-"""The duct's wall from its mid-surface: refined once, given its thickness, its cut edge closed."""
+"""The duct's wall from its mid-surface: refined, with thickness and a closed rim."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from services.mechanics.arrays import Float32Array, FloatArray, IntArray
 from services.visualization.normals import vertex_normals
 
 REFINED_UP_TO = 3_000
-"""Triangles of a mid-surface beyond which they are small enough in a picture as they are."""
+"""Number of triangles above which a mid-surface needs no refinement."""
 
 
 def refine(triangles: IntArray, n_points: int) -> tuple[IntArray, IntArray]:
@@ -16,7 +16,7 @@ def refine(triangles: IntArray, n_points: int) -> tuple[IntArray, IntArray]:
 
     Returns:
         edges: (m, 2). Ends of the edge on which each new vertex lies; vertex ``n_points + i`` is on edge i.
-        fine: (4 t, 3). Triangles, wound as those they came from.
+        fine: (4 t, 3). Triangles, with the orientation of the original ones.
     """
     a, b, c = triangles.T
     pairs = np.sort(np.stack([np.stack([a, b]), np.stack([b, c]), np.stack([c, a])]), axis=1)
@@ -27,7 +27,7 @@ def refine(triangles: IntArray, n_points: int) -> tuple[IntArray, IntArray]:
 
 
 def boundary(triangles: IntArray) -> IntArray:
-    """Return the edges (e, 2) that belong to one triangle only, wound as that triangle has them."""
+    """Return the boundary edges (e, 2), in the direction of their triangle."""
     ends = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]).astype(np.int64)
     base = int(triangles.max()) + 1
     alone = ~np.isin(ends[:, 1] * base + ends[:, 0], ends[:, 0] * base + ends[:, 1])
@@ -39,13 +39,13 @@ class ThickWall:
 
     Args:
         rest_m, triangles: Mid-surface (n, 3) and its triangles (t, 3), counter-clockwise seen from outside.
-        thickness_m: Half of it lies on each side.
-        fine: Whether each triangle is drawn as four, on the curved surface through its corners; up to `REFINED_UP_TO`.
+        thickness_m: Thickness, half on each side.
+        fine: Whether each triangle is split in four, on the curved surface through its corners; up to `REFINED_UP_TO`.
 
     Attributes:
-        triangles: (u, 3) int32. Of the drawn surface, whose vertices `update` writes.
-        outer: (v, 3) int32. Of its outer face.
-        n_middle, n_points: int. How many vertices the outer face has, the first, and the whole surface.
+        triangles: (u, 3) int32. Triangles of the drawn surface, whose vertices `update` writes.
+        outer: (v, 3) int32. Those of its outer face.
+        n_middle, n_points: int. Number of vertices of the outer face, which come first, and of the whole surface.
     """
 
     def __init__(self, rest_m: Float32Array, triangles: IntArray, thickness_m: float, *, fine: bool) -> None:
@@ -76,13 +76,13 @@ class ThickWall:
         self._close_rim(out_m, normals)
 
     def of_nodes(self, values: FloatArray) -> FloatArray:
-        """Return the value (`n_points`,) at each vertex of what is known at the nodes (n,)."""
+        """Interpolate values at the nodes (n,) to the vertices (`n_points`,)."""
         middle = np.concatenate([values, values[self._edges].mean(axis=1)])
         a, b = self._rim.T
         return np.concatenate([middle, middle, middle[np.stack([a, b, a, b], axis=1)].ravel()])
 
     def _place_middle(self, points_m: Float32Array) -> None:
-        """Put new vertices on the cubic of their edge (point-normal triangles, Vlachos 2001)."""
+        """Place new vertices on the cubic of their edge (point-normal triangles, Vlachos 2001)."""
         vertex_normals(points_m, self._coarse, self._coarse_normals)
         count = len(points_m)
         self._middle[:count] = points_m

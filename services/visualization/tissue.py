@@ -1,4 +1,4 @@
-"""Colours of wet tissue, one a vertex: clouds and veins from noise that is anchored in the undeformed body."""
+"""Colours of wet tissue, one a vertex: clouds and veins from noise attached to the undeformed body."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Bytes = npt.NDArray[np.uint8]
 
 @dataclass(frozen=True, slots=True)
 class TissueLook:
-    """Flesh, its paler clouds and its veins as hexadecimal colours; grains a millimetre; how wet it shines, 0 to 1."""
+    """Hexadecimal colours of flesh, paler clouds and veins; grains a millimetre; gloss, 0 to 1."""
 
     flesh: str
     pale: str
@@ -34,7 +34,7 @@ def rgb(colour: str) -> FloatArray:
 
 
 def tissue_colours(rest_m: Float32Array, look: TissueLook) -> Bytes:
-    """Return a colour (n, 3) for each place of the undeformed body."""
+    """Return a colour (n, 3) for each point of the undeformed body."""
     grain = rest_m.astype(float) * 1e3 * look.grain
     cloud = 0.7 * np.clip((_layers(0.35 * grain) - 0.3) / 0.5, 0.0, 1.0)[:, None]
     vein = 0.5 * np.clip(1.0 - np.abs(_layers(0.22 * grain + 11.0) - 0.5) / 0.055, 0.0, 1.0)[:, None]

@@ -1,4 +1,4 @@
-"""Surfaces swept along a line with a frame that does not twist: the catheter, and what is turned on a lathe."""
+"""Surfaces swept along a line with a twist-free frame, for the catheter and surfaces of revolution."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The picture in a window of this host. A process of its own draws it: no loop and no heartbeat waits for drawing."""
+"""The picture in a window of this host, drawn by a process of its own so that no loop or heartbeat waits for it."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from services.visualization.picture import Picture, PictureLayout
 from services.visualization.render_governor import Demand
 from services.visualization.render_pipe import CLOSED, FRAME, HELLO, NOTICE, OPEN, PAINTED, pack, read_message
 
-#: Pictures that the window has not yet drawn: the one that it draws. Of what comes meanwhile it gets the newest.
+#: Most pictures sent to the window and not drawn; meanwhile only the newest is kept.
 _IN_FLIGHT = 1
 _OPEN_S, _RETRY_S, _END_S = 30.0, 5.0, 2.0
-#: So often a display may refuse the first window, so far apart: a virtual one was seen to do so, and to take the next.
+#: Attempts at the first window and their spacing, as a virtual display was seen to refuse one and accept the next.
 _TRIES, _SOON_S = 3, 0.5
 _MARGIN_NS = 1_500_000  # asyncio rounds its waits up to milliseconds; the rest is slept precisely
 
 
 class WindowOutput(Output):
-    """A pyvista window that the trainee's monitor shows.
+    """A pyvista window for the trainee's monitor.
 
     Raises UserError if there is no display, pyvista is not installed, or no window opens.
     """
@@ -58,24 +58,24 @@ class WindowOutput(Output):
             raise
 
     def show(self, layout: PictureLayout, picture: Picture, notice: str) -> None:
-        """Hand the picture to the window, which takes the newest when it has drawn the last."""
+        """Pass the picture to the window, which takes the newest when it has drawn the last."""
         if notice != self._notice:
             self._notice = notice
             self._feed.tell(notice)
         self._feed.offer(self._message(layout, picture))
 
     def wait_until(self, deadline_ns: int) -> None:
-        """Talk with the window."""
+        """Exchange messages with the window."""
         spare_ns = deadline_ns - time.monotonic_ns() - _MARGIN_NS
         self._loop.run_until_complete(asyncio.sleep(max(0.0, spare_ns * 1e-9)))
         sleep_until(deadline_ns)
 
     def wanted_hz(self) -> float | None:
-        """Return somewhat more than the window lately painted; None, all, before it has."""
+        """Return somewhat more than the recently painted rate; None, for all, before the first."""
         return self._demand.count(time.monotonic(), self._pictures)
 
     def gauges(self) -> dict[str, float]:
-        """Return whether the window is open, and how many pictures it has drawn."""
+        """Return whether the window is open, and its number of drawn pictures."""
         return {"window_open": float(self._open), "window_pictures": float(self._pictures)}
 
     def close(self) -> None:
@@ -85,7 +85,7 @@ class WindowOutput(Output):
         self._loop.close()
 
     async def _await_first(self) -> None:
-        """Wait for the window, or raise what kept it from opening."""
+        """Wait for the window, or raise the reason why it did not open."""
         until_s = time.monotonic() + _OPEN_S
         while not self._open and not self._showing.done() and time.monotonic() < until_s:
             await asyncio.sleep(0.02)
@@ -96,7 +96,7 @@ class WindowOutput(Output):
             raise DeviceError(f"visualization.viewer: no window on display {display_name()} within {_OPEN_S:.0f} s")
 
     async def _show_until_closed(self) -> None:
-        """Keep a window until a person closes it; one that ends otherwise is opened again when that can be done."""
+        """Keep a window open until a person closes it, reopening it after failures."""
         opened_once = told = False
         refused = 0
         while True:
@@ -118,7 +118,7 @@ class WindowOutput(Output):
         worker = await asyncio.create_subprocess_exec(
             sys.executable, "-m", "services.visualization.window_worker",
             stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE,
-            # Threads of the software renderer would push the loops aside: 4 instead of 1 ms of lateness were measured.
+            # Threads of the software renderer would delay the loops: lateness was 4 instead of 1 ms.
             env={**os.environ, "LP_NUM_THREADS": "1"},
             start_new_session=True,  # `services.runtime.autogroup`
         )  # fmt: skip
@@ -141,7 +141,7 @@ class WindowOutput(Output):
                     worker.stdin.write(pack(FRAME, part))
                 else:
                     worker.stdin.write(pack(HELLO if part is self._hello else NOTICE, part.encode()))
-            with contextlib.suppress(ConnectionError):  # it ended: whoever listens to it hears that
+            with contextlib.suppress(ConnectionError):  # its end is detected by `_listen`
                 await worker.stdin.drain()
 
     async def _listen(self, worker: asyncio.subprocess.Process) -> None:
@@ -157,9 +157,9 @@ class WindowOutput(Output):
 
 
 async def _end(worker: asyncio.subprocess.Process, patience_s: float) -> None:
-    """End who draws; one whose window a person has closed is not waited for, as the view says nothing meanwhile."""
+    """End the drawing process; after `patience_s` it is killed, as the view is silent meanwhile."""
     assert worker.stdin is not None
-    worker.stdin.close()  # which it sees, and ends
+    worker.stdin.close()  # makes it end
     try:
         await asyncio.wait_for(worker.wait(), patience_s)
     except TimeoutError:

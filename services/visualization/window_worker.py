@@ -1,8 +1,8 @@
-"""The process that draws in a window: reads view messages on stdin, answers on stdout with each picture it has drawn.
+"""The window's drawing process: reads view messages on stdin, answers on stdout with each drawn picture.
 
-Opening a window, its first frames and a slow driver hold up nobody else here, and a display that goes away ends this
-process alone. It leads a session: what the kernel makes a group of has the niceness of this process, which otherwise
-would count beside its parent only.
+Opening a window, its first frames and a slow driver delay no other process, and the loss of the display ends only this
+one. It leads a session, so that the kernel's automatic group has the niceness of this process, which otherwise would
+only count relative to its parent.
 """
 
 from __future__ import annotations
@@ -26,27 +26,27 @@ from services.visualization.render_pipe import CLOSED, FRAME, HELLO, NOTICE, OPE
 
 _SIZE = (1280, 720)
 _EVENTS_EVERY_S, _TELL_EVERY_S = 0.01, 0.25
-#: Once something is seen, pictures come after the rest of the rig, not after everything on the machine: at 19 they get
-#: a 68th of whoever else computes.
+#: Niceness after the first picture: after the rest of the rig, but not after everything on the machine, as 19 would get
+#: only a 68th of another computing process.
 _NICENESS = 5
 
 
 class Window:
-    """The window: what came last on the pipe is what it shows."""
+    """The window, which shows the newest message of the pipe."""
 
     def __init__(self) -> None:
         self._renderer = Renderer(off_screen=False, size=_SIZE)
         plotter = self._renderer.plotter
-        if "EGL" in plotter.render_window.GetClassName():  # what VTK takes where it reaches no display
+        if "EGL" in plotter.render_window.GetClassName():  # used by VTK without a display
             sys.exit(f"no display {display_name()}")
         plotter.show(auto_close=False, interactive_update=True)
-        plotter.render_window.SetFrameBlitModeToBlitToCurrent()  # by way of a texture it takes 4 ms
-        plotter.suppress_rendering = True  # pyvista draws for every actor that comes: half a scene, thirty times
+        plotter.render_window.SetFrameBlitModeToBlitToCurrent()  # a copy through a texture takes 4 ms
+        plotter.suppress_rendering = True  # pyvista would draw after every added actor
         self._governor = RenderGovernor(software=self._renderer.is_software())
         self._overlay = Overlay(plotter)
         self._interactor = plotter.iren.interactor
         self.closed = False
-        self._rig_starts = True  # which has the processor meanwhile: how long a picture takes says nothing
+        self._rig_starts = True  # which takes the processor, so that times of pictures mean nothing
         self._own_size = _SIZE
         self._layout: PictureLayout | None = None
         self._shown: Picture | None = None
@@ -55,7 +55,7 @@ class Window:
         self._take_rung()
 
     def take(self, kind: bytes, data: bytes) -> int | None:
-        """Take a message; return the sequence of the picture that it was, to be drawn."""
+        """Process a message; return the sequence of a picture to be drawn."""
         if kind == HELLO:
             self._layout = codec.decode_hello(data.decode())
         elif kind == NOTICE:
@@ -81,15 +81,15 @@ class Window:
         if not self._rig_starts and self._governor.drawn(now_s, now_s - began_s):
             self._take_rung()
             self._overlay.follow_size()
-            self._renderer.draw()  # with its size a window loses what it shows, and the next picture may be long
+            self._renderer.draw()  # a resized window is empty, and the next picture may take long
 
     def answer_events(self) -> None:
-        """Let the window answer mouse, keyboard and the person who closes it."""
+        """Process mouse, keyboard and close events."""
         self._renderer.plotter.iren.process_events()
         self.closed = self.closed or bool(self._interactor.GetDone())
 
     def close(self) -> None:
-        """Give up the window."""
+        """Close the window."""
         self._renderer.close()
 
     def _take_rung(self) -> None:
@@ -103,7 +103,7 @@ class Window:
 
     @property
     def _was_resized(self) -> bool:
-        """Whether a person gave the window another size: it is theirs then."""
+        """Whether a person has resized the window, whose size is then kept."""
         return tuple(self._renderer.plotter.render_window.GetSize()) != self._own_size
 
     def _bind(self) -> None:
@@ -133,9 +133,9 @@ class Window:
 
 
 def main() -> int:
-    """Show what comes until the pipe ends or the window is closed."""
+    """Show pictures until the pipe ends or the window is closed."""
     end_with_parent()
-    set_group_niceness(os.nice(0))  # the parent's, as somebody waits for the window, and to see something in it
+    set_group_niceness(os.nice(0))  # the parent's until the first picture, for which a person waits
     window, splitter = Window(), Splitter()
     _answer(pack(OPEN, b""))
     is_seen = False
@@ -161,12 +161,12 @@ def main() -> int:
 
 
 def _come_after(niceness: int) -> None:
-    """Take a niceness, with the threads of the software renderer and the group of this session.
+    """Set a niceness for this process, the threads of the software renderer and the group of this session.
 
-    A thread that is nicer by itself, as Mesa's of its shader cache is, stays so: no ordinary user may take that back.
+    A thread with a higher niceness of its own, such as Mesa's for its shader cache, keeps it, as users cannot lower it.
     """
     for thread in own_threads():
-        with contextlib.suppress(ProcessLookupError):  # it ended meanwhile
+        with contextlib.suppress(ProcessLookupError):  # it has ended
             if os.getpriority(os.PRIO_PROCESS, thread) < niceness:
                 os.setpriority(os.PRIO_PROCESS, thread, niceness)
     set_group_niceness(niceness)

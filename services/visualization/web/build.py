@@ -25,7 +25,7 @@ class BuildError(Exception):
 
 
 def fingerprint() -> str:
-    """Return the hash of everything that the page is built from."""
+    """Return the hash of all sources of the page."""
     digest = hashlib.sha256()
     for path in (*(WEB / name for name in _INPUTS), *sorted(WEB.glob("src/**/*.*"))):
         digest.update(f"{path.relative_to(WEB)}\0".encode() + path.read_bytes())
@@ -33,13 +33,13 @@ def fingerprint() -> str:
 
 
 def is_current() -> bool:
-    """Return whether what lies in dist was built from what lies in src."""
+    """Return whether dist was built from the present src."""
     return _STAMP.is_file() and _STAMP.read_text() == fingerprint()
 
 
 def reproach() -> str:
-    """Return what is wrong with the page that lies in dist, in a sentence; empty for nothing."""
-    if not (WEB / "src").is_dir():  # installed without its sources: there is nothing to be older than
+    """Return a sentence on the fault of the page in dist, empty if it is fine."""
+    if not (WEB / "src").is_dir():  # installed without its sources
         return ""
     if not (DIST / "index.html").is_file():
         return f"page: it is not built; `{_COMMAND}` builds it"
@@ -51,7 +51,7 @@ def reproach() -> str:
 def build() -> None:
     """Install the pinned packages and bundle the page.
 
-    Raises BuildError if there is no node, the packages cannot be had, or the bundler fails.
+    Raises BuildError if there is no node, the packages are unavailable, or the bundler fails.
     """
     node, npm = find_node()
     environment = {**os.environ, "PATH": f"{node.parent}{os.pathsep}{os.environ.get('PATH', '')}"}
@@ -62,7 +62,7 @@ def build() -> None:
 
 
 def find_node() -> tuple[Path, Path]:
-    """Return node and npm's script: of the Python package where it is installed, else of the PATH.
+    """Return node and npm's script, from the Python package if installed, else from the PATH.
 
     Raises BuildError if there is neither.
     """
