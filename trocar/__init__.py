@@ -1,12 +1,12 @@
-"""The front door of the library: a scene, its simulation, and the hands that act on it.
+"""Public interface of the library: a scene, its simulation, and the hands that act on it.
 
     import trocar
 
     simulation, hands = trocar.simulate(trocar.load_scene("insertion")), trocar.Hands()
     simulation.step(hands)
 
-What stands here keeps its names by the deprecation policy of `CONTRIBUTING.md`; `services` and `protocol` may change
-with every release. Units are SI, arrays float64 unless said otherwise, positions and forces in the axes of the scene.
+Names here are stable by the deprecation policy of `CONTRIBUTING.md`; `services` and `protocol` may change with every
+release. Units are SI, arrays float64 unless stated otherwise, positions and forces in the axes of the scene.
 """
 
 from __future__ import annotations
@@ -36,19 +36,19 @@ from services.scenes.hands import hands_of
 
 
 def simulate(scene: Scene, progress: Progress = ignore_progress) -> Simulation:
-    """Return a simulation of a scene at rest; its duct is computed once and then kept in the cache.
+    """Return a simulation of a scene at rest; its duct is computed once and then cached.
 
-    Raises ConfigError: one sentence, if the duct of the scene cannot be used.
+    Raises ConfigError: one sentence, if the duct of the scene is invalid.
 
     Args:
-        scene: Scene. Of `load_scene`, or put together from its parts.
-        progress: callable, optional. Gets the name of each part of the work and how much of it is done, 0 to 1.
+        scene: Scene. From `load_scene`, or constructed from its parts.
+        progress: callable, optional. Called with the name of each part of the work and its completed fraction, 0 to 1.
     """
     return Simulation(scene, load_duct(scene, cache_directory(), progress))
 
 
 def wall_m(simulation: Simulation) -> FloatArray:
-    """Return the nodes (n, 3) of the duct's middle surface where they are now, in scene axes."""
+    """Return the present positions (n, 3) of the duct's middle surface's nodes, in scene axes."""
     duct, n = simulation.duct.reduced, simulation.n_loads
     loads = simulation.load_nodes[:n], simulation.load_force_n[:n]
     moved_m: FloatArray = duct.mesh.vertices_m + duct.displacements(simulation.duct_state, *loads)
@@ -62,12 +62,12 @@ def tip_m(simulation: Simulation) -> FloatArray:
 
 
 def expert(simulation: Simulation) -> Motion:
-    """Return what practised hands do in the scene: ``write_inputs(time_s, hands)`` writes them for ``duration_s``."""
+    """Return the motion of an expert's hands; ``write_inputs(time_s, hands)`` writes it for ``duration_s``."""
     return hands_of(simulation.scene, simulation.duct.reduced.mesh)
 
 
 def add_effect(name: str, kind: type[Effect], what: str) -> None:
-    """Let scenes of this process name an effect of your own; it acts after all others.
+    """Register an effect of your own for the scenes of this process; it acts after all others.
 
     Raises ValueError if there is an effect of this name.
     """

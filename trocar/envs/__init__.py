@@ -1,12 +1,12 @@
-"""Environments for learning machines, by the interface of Gymnasium: a catheter into the duct, or to a branch of it.
+"""Environments for machine learning with the interface of Gymnasium: a catheter into the duct, or to a branch of it.
 
     import gymnasium
     import trocar.envs
 
     env = gymnasium.make("trocar/Insertion-v0")  # or trocar/Navigation-v0
 
-Success, errors and cost are those of the training procedure that judges people, and an episode can be recorded as a
-file of the rig. Needs the package gymnasium: ``pip install "trocar[envs]"``.
+Success, errors and cost are those of the training procedure for people, and an episode can be recorded as a file of the
+rig. Needs the package gymnasium: ``pip install "trocar[envs]"``.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Behaviour cloning: a policy fitted to what hands did in recordings, in closed form.
+"""Behaviour cloning: a policy fitted in closed form to recorded hands.
 
 Ridge regression on random Fourier features (Rahimi and Recht, Random Features for Large-Scale Kernel Machines,
 NIPS 2007) of the observation, scaled to unit spread.
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 N_FEATURES = 600
 WIDTH = 4.0
-"""Of the kernel, in spreads of the observation."""
+"""Width of the kernel, in spreads of the observation."""
 RIDGE = 1.0
 """As of features of spread 1: bears hands that tremble. With a thousandth of it a policy repeats the tremble of its
 demonstrations, and none of three episodes succeeds after four of them; from a tenth to ten times of it all do.
@@ -40,8 +40,8 @@ _SMALLEST = 1e-6
 class ClonedPolicy:
     """Maps an observation (s,) to an action of ``shape``: picklable, without randomness.
 
-    Nothing is done faster than it was shown: far from what was seen a fitted function goes anywhere, and hands that
-    strike at tissue with all their speed also cost the simulation most.
+    Actions are limited to the demonstrated range: far from the demonstrations a fitted function is arbitrary, and fast
+    hits on tissue also cost the simulation most.
     """
 
     middle: FloatArray
@@ -60,16 +60,16 @@ class ClonedPolicy:
 
 
 def clone(observations: FloatArray, actions: FloatArray, seed: int = 0) -> ClonedPolicy:
-    """Return the policy that does what was done.
+    """Return the policy that imitates the demonstrations.
 
     Args:
         observations: (n, s) array
         actions: (n, ...) array
-        seed: int. Of the random features.
+        seed: int. Seed of the random features.
     """
     random = np.random.default_rng(seed)
     middle, spread = observations.mean(axis=0), observations.std(axis=0)
-    spread = np.where(spread > _SMALLEST, spread, np.inf)  # what never differed says nothing
+    spread = np.where(spread > _SMALLEST, spread, np.inf)  # ignores constant components
     frequencies = random.normal(0.0, 1.0 / WIDTH, (observations.shape[1], N_FEATURES))
     phases = random.uniform(0.0, 2.0 * np.pi, N_FEATURES)
     flat = actions.reshape(len(actions), -1)
@@ -85,12 +85,12 @@ def read_demonstrations(
 ) -> tuple[FloatArray, FloatArray]:
     """Return observations (n, s) and actions (n, ...) of recorded episodes.
 
-    Raises RecordingError or ValueError: a file is no recording, or carries no duct.
+    Raises RecordingError or ValueError: a file is no recording, or has no duct.
 
     Args:
-        limits: Of the hands of an insertion.
-        env: ``env.unwrapped`` of what was recorded, after a reset: whoever was recorded had its duct. None: insertions,
-            in any duct.
+        limits: Limits of the hands of an insertion.
+        env: ``env.unwrapped`` of the recorded environment, after a reset, with the recordings' duct. None for
+            insertions in any duct.
     """
     if env is not None:
         parts = [_read(path, env.view, env.hands.limits.rates) for path in paths]
@@ -108,7 +108,7 @@ def _view(duct_file: bytes) -> StateView:
 
 
 def _read(path: Path, view: View, fastest: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return what was seen at each moment, and how fast the hands went to the next."""
+    """Return the observation of each moment, and the hands' velocity towards the next."""
     observations, states, times_s = [], [], []
     for devices, contacts, solved in read_moments(path, FAST):
         observations.append(view.read(devices, contacts, solved))

@@ -1,4 +1,4 @@
-"""One episode: hands move, the scene follows, and the training procedure judges it as it judges people."""
+"""One episode: hands move, the scene follows, and the training procedure judges it like a person's attempt."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from trocar.envs.recording import EpisodeRecording
 from trocar.envs.stage import Stage
 
 FAST = ("gateway.state", "haptics.contacts", "physics.state")
-"""What is seen of a moment."""
+"""Topics of an observation."""
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """How an episode stands, by the procedure.
+    """State of an episode by the procedure.
 
-    ``cost_s`` is the sum of the penalties of all errors so far, ``score`` the total of one that is done, -1 before.
+    ``cost_s`` is the sum of the penalties of all errors so far, ``score`` the total of a completed episode, -1 before.
     """
 
     outcome: str = ""
@@ -42,24 +42,24 @@ class Verdict:
 
     @property
     def ended(self) -> bool:
-        """Whether it is done."""
+        """Whether it is completed."""
         return bool(self.outcome)
 
 
 class Episode:
-    """An attempt at a scenario from rest on.
+    """An attempt at a scenario, starting at rest.
 
     Args:
-        stage: Stage. Which has just begun.
-        hands: DeviceHands. Where they begin.
-        path: Path, optional. Recording to write.
+        stage: Stage. Stage at its start.
+        hands: DeviceHands. Hands at their start.
+        path: Path, optional. Path of a recording to write.
     """
 
     def __init__(
         self, stage: Stage, hands: DeviceHands, scenario: Scenario, rules: ScoreRules, path: Path | None = None
     ) -> None:
         self.simulation, self._hands, self._rules = stage.simulation, hands, rules
-        self.simulation.is_felt = path is not None  # stiffness is for hands; a recording tells what they would feel
+        self.simulation.is_felt = path is not None  # stiffness is only for hands and recordings
         self._grips = stage.grips
         self._framer = Framer(self.simulation, self._grips, hands)
         self._recording = EpisodeRecording(path, stage, self._framer) if path is not None else None
@@ -68,18 +68,18 @@ class Episode:
         self.tick = 0
         self.frames: dict[str, Frame] = {}
         if self._recording is not None:
-            self._tell(-1)  # before any hand is seen: or what a reader sees is an attempt that nobody told of
+            self._tell(-1)  # before any hand moves, so that readers find an attempt at the start
         self._grips.look(hands.state, None)
         self._look(self._framer.devices(0, hands.state))
         self._follow()
 
     @property
     def time_s(self) -> float:
-        """Simulated time since the beginning."""
+        """Simulated time since the start."""
         return self.tick * TICK_S
 
     def advance(self, ticks: int) -> None:
-        """Go on by ``ticks``, with the hands at the rates that they have; the procedure sees how that ends."""
+        """Advance by ``ticks`` with the present rates of the hands; the procedure observes the end."""
         length = self.simulation.rung.ticks_per_step
         devices, last = None, self.tick + ticks - length
         for _ in range(ticks // length):
@@ -94,7 +94,7 @@ class Episode:
         self._follow()
 
     def _step(self, length: int) -> None:
-        """Let jaws take hold by what was solved last, as haptics does on a rig, and go on by a step."""
+        """Update the grasps from the last solved state, as haptics does on a rig, and take a step."""
         newest = partial(self._framer.state, self.tick) if self.tick else None
         self._hands.inputs.holds = self._grips.look(self._hands.state, newest)
         self.simulation.step(self._hands.inputs, length * TICK_S)
@@ -102,7 +102,7 @@ class Episode:
         self._framer.feel()
 
     def verdict(self) -> Verdict:
-        """Return how it stands."""
+        """Return the present state by the procedure."""
         attempt, judge = self._trainer.attempt, self._trainer.sight.judge
         cost_s = sum(map(self._rules.penalty, judge.events)) if judge is not None and attempt.errors else 0.0
         return Verdict(
@@ -111,7 +111,7 @@ class Episode:
         )  # fmt: skip
 
     def close(self) -> None:
-        """End it where it is; one that is not done is abandoned."""
+        """End the episode; an incomplete one is abandoned."""
         if self._recording is None:
             return
         if not self._trainer.attempt.ended:
@@ -131,7 +131,7 @@ class Episode:
         return frame
 
     def _look(self, devices: Frame) -> None:
-        """Let the procedure see this moment."""
+        """Pass the present state to the procedure."""
         contacts, state = self._framer.solved(self.tick)
         self.frames = {each.topic: each for each in (devices, contacts, state)}
         self._trainer.sight.take(self.frames, self.tick * TICK_NS)

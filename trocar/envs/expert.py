@@ -1,4 +1,4 @@
-"""Practised hands as a policy: the way of `trocar.expert` in the scene, in the actions of the environment."""
+"""The expert as a policy: the path of `trocar.expert` in the scene, in the environment's actions."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ _WAY = "hands"
 
 
 class Expert:
-    """Leads the hands along the way of the scripted ones, without their rests.
+    """Moves the hands along the path of the scripted ones, without their rests.
 
-    An action follows from where the hands are and how deep the catheter is, which an observation tells, and not from
-    the time: a policy that copies it finds no place where it would wait.
+    An action depends on the hands' pose and the catheter's depth, which are in the observation, and not on the time, so
+    a cloned policy never waits.
 
     Args:
-        env: Task. ``env.unwrapped`` of a made environment, after its reset.
-        effort: float. Length of an action along the way.
-        beyond_m: float. How far beyond the goal's depth it pushes; then it holds still.
+        env: Task. ``env.unwrapped`` of an environment, after its reset.
+        effort: float. Length of an action along the path.
+        beyond_m: float. Distance beyond the goal's depth at which it stops.
     """
 
     def __init__(self, env: Task, effort: float = 0.2, beyond_m: float = 3e-3) -> None:
@@ -41,7 +41,7 @@ class Expert:
         self._way = TubePaths({_WAY: np.array(places)[np.concatenate([[True], moves])]})
 
     def action(self) -> Float32Array:
-        """Return the action of now."""
+        """Return the present action."""
         env = self._env
         if env.depth_m > self._enough_m:
             return np.zeros(env.action_space.shape or (), np.float32)
@@ -53,6 +53,6 @@ class Expert:
         return np.clip(action, -1.0, 1.0).astype(np.float32)
 
     def _place(self, state: FloatArray) -> FloatArray:
-        """Return where hands (2, 5) are, in seconds of an action of 1."""
+        """Return the hands' state (2, 5) in units of an action of 1 for a second."""
         hands = self._env.hands
         return self._env.action_of(state[: hands.n_tools] / hands.limits.rates).ravel()

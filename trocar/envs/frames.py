@@ -1,4 +1,4 @@
-"""Frames of the rig's bus for what happens in an environment: judged, drawn and recorded as those of a rig."""
+"""Frames of the rig's bus for an environment's episode, to be judged, drawn and recorded like those of a rig."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ _ORDER = (
     "haptics.journal",
     "physics.journal",
 )
-"""Of what is said in one tick."""
+"""Topics of the frames in a tick."""
 _MEASURED_EVERY = 16
 """Ticks, as in `services.physics.outputs`."""
 
 
 class Framer:
-    """Makes frames of one episode, whose clock is that of the simulation.
+    """Makes the frames of one episode, with the simulation's clock.
 
-    A body is of the tick at whose end the hands are where it says.
+    A body is of the tick at whose end the hands have its state.
     """
 
     def __init__(self, simulation: Simulation, grips: Grips, hands: DeviceHands) -> None:
@@ -41,14 +41,14 @@ class Framer:
         self._period = 0
 
     def frame(self, tick: int, body: msgspec.Struct, topic: str) -> Frame:
-        """Return a frame of what is said at the end of a tick."""
+        """Return a frame at the end of a tick."""
         sequence = self._sequences[topic] = self._sequences.get(topic, -1) + 1
         sent_ns = (tick + 1) * TICK_NS + _ORDER.index(topic)
         origin_ns = (tick + 1) * TICK_NS
         return Frame(PROTOCOL_VERSION, topic, TOPICS[topic].version, 1, sequence, sent_ns, origin_ns, True, body)
 
     def devices(self, tick: int, at: FloatArray) -> Frame:
-        """Return the frame of the devices where their state is ``at`` (2, 5)."""
+        """Return the frame of the devices in state ``at`` (2, 5)."""
         hands, scene = self._hands, self._simulation.scene
         instruments = tuple(
             InstrumentState(
@@ -65,23 +65,23 @@ class Framer:
         return self.frame(tick, GatewayState(tick=tick, instruments=instruments), "gateway.state")
 
     def solved(self, tick: int) -> tuple[Frame, Frame]:
-        """Return the frames of the tools with what they hold, and of the state."""
+        """Return the frames of the tools with their holds, and of the state of physics."""
         holds = tuple(map(hold_body, self._grips.holds))
         contacts = ToolContacts(tick=tick, tools=self._grips.hands, holds=holds)
         return self.frame(tick, contacts, "haptics.contacts"), self.frame(tick, self.state(tick), "physics.state")
 
     def state(self, tick: int) -> PhysicsState:
-        """Return all that is known after a step."""
+        """Return the state of physics after a step."""
         return self._outputs.state(tick, self._grips.hands)
 
     def feel(self) -> None:
-        """Let the grips know what the tools feel after a step."""
+        """Pass the reactions on the tools after a step to the grips."""
         self._outputs.feel(self._grips.hands)
 
     def settle(self, tick: int, last: int) -> None:
-        """Measure the inserted length where physics does it after this tick: so frames are the same to the bit.
+        """Measure the inserted length if physics does so after this tick, so that frames are equal to the bit.
 
-        Not where it does so once more up to ``last``, from where on a frame is looked at.
+        It is skipped if that happens again up to ``last``, as no frame is used before.
         """
         period = max(1, tick // _MEASURED_EVERY)
         if period != self._period and period == max(1, last // _MEASURED_EVERY):

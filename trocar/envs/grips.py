@@ -1,4 +1,4 @@
-"""What the tools of an environment hold: the grasps of the rig's haptics, fed with devices and states of an episode."""
+"""Grasps of an environment's tools by the rig's haptics, from an episode's devices and states."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from services.mechanics.scene.tools import N_TOOLS, GraspHold
 
 
 class Grips:
-    """Haptics without a model of force: where the jaws are, what they touch where they close, and what they hold.
+    """Haptics without force models: poses of the jaws, their contacts while they close, and their holds.
 
     Attributes:
-        hands: Array. The tools of the last look, as physics is told of them.
-        holds: list of GraspHold. Live.
-        reactions: Reactions. What tools feel, which a `Framer` writes after each step.
+        hands: Array. The tools' table for physics from the last look.
+        holds: list of GraspHold. A live list.
+        reactions: Reactions. Reactions on the tools, which a `Framer` writes after each step.
     """
 
     def __init__(self, scene: SceneModel, duct: ReducedDuct) -> None:
@@ -37,15 +37,15 @@ class Grips:
         self.begin_again()
 
     def begin_again(self) -> None:
-        """Hold nothing; nothing has been solved."""
+        """Release all holds and clear the solved state."""
         self._grasping.begin_again()
         self.reactions.forget()
         self.hands, self.holds = tool_table(()), list[GraspHold]()
 
     def look(self, state: FloatArray, newest: Callable[[], PhysicsState] | None) -> list[GraspHold]:
-        """Return what tools hold whose devices are in this state (2, 5).
+        """Return the holds of the tools for this state of their devices (2, 5).
 
-        ``newest`` packs what was solved last, None before the first step, and is asked only where jaws close.
+        ``newest`` returns the last solved state, and is called only while jaws close; None before the first step.
         """
         self._instruments[:, :3], self._instruments[:, ROLL:HANDLE_RATE] = state[:, :3], state[:, 3:]
         self.hands = self._grasping.follow(self._n_tools)

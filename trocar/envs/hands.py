@@ -1,4 +1,4 @@
-"""What an agent moves: the device end of each instrument, within what a hand can do."""
+"""Hands of an agent: the device end of each instrument, within the limits of a hand."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from services.mechanics.scene import ToolScene
 from services.mechanics.scene.tools import N_TOOLS, ToolInputs
 
 COLUMNS = 5
-"""Of an action and of `DeviceHands.state`, a row a tool: three of the junction J, roll, opening of the handle."""
+"""Columns of an action and of `DeviceHands.state`, a row a tool: junction J (3), roll, opening of the handle."""
 
 
 @dataclass(frozen=True, slots=True)
 class HandLimits:
-    """The fastest that a hand moves J in any axis, turns the instrument and opens its handle; assumptions.
+    """Largest rates of J along any axis, of the roll and of the handle; assumptions.
 
-    ``reach_m`` is how far from the middle of the device's workspace J may be led, ``most_roll_rad`` how far either way
-    a wrist turns.
+    ``reach_m`` is the largest distance of J from the middle of the device's workspace, ``most_roll_rad`` the largest
+    turn of the wrist in either direction.
     """
 
     speed_m_s: float = 0.1
@@ -39,7 +39,7 @@ class HandLimits:
 
 
 class HandArrays(Struct):
-    """What a kernel needs to move both hands."""
+    """Arguments of the kernel that moves both hands."""
 
     state: Annotated[FloatArray, N_TOOLS, COLUMNS]
     rate: Annotated[FloatArray, N_TOOLS, COLUMNS]
@@ -58,12 +58,12 @@ hand_arrays_at = reader(HandArrays)
 
 
 class DeviceHands:
-    """Both hands: where their devices are, and how fast they move.
+    """Both hands: state and rates of their devices.
 
     Attributes:
         state, rate: (2, 5) float64. J in m and m/s in scene axes, roll and handle in rad and rad/s.
         inputs: ToolInputs. The same for a simulation.
-        middle_m: list of float. Of the workspace, in scene axes: the mouth for hands that bring a catheter there.
+        middle_m: list of float. Middle of the workspace, in scene axes; for an insertion the mouth.
     """
 
     def __init__(self, tools: tuple[ToolScene, ...], limits: HandLimits, middle_m: FloatArray) -> None:
@@ -82,12 +82,12 @@ class DeviceHands:
         self.state, self.rate = self._hands.state, self._hands.rate
 
     def begin(self, start: ToolInputs) -> None:
-        """Take hands as they are to begin."""
+        """Set the hands to their start."""
         self.state[:], self.rate[:] = self.state_of(start), 0.0
         self.move(0.0)
 
     def state_of(self, inputs: ToolInputs) -> FloatArray:
-        """Return the state (2, 5) of the devices that such inputs come from."""
+        """Return the state (2, 5) of the devices for some inputs."""
         state = np.zeros((N_TOOLS, COLUMNS))
         n = self.n_tools
         state[:n, :3], state[:n, 3] = inputs.position_m[:n], inputs.roll_rad[:n]
@@ -95,17 +95,17 @@ class DeviceHands:
         return state
 
     def steer(self, action: FloatArray) -> None:
-        """Take rates (tools, 5), each from -1 to 1 of the limits."""
+        """Set rates (tools, 5), each from -1 to 1 of the limits."""
         self.rate[: self.n_tools] = np.clip(action, -1.0, 1.0) * self.limits.rates
 
     def move(self, dt_s: float) -> None:
-        """Move on at these rates, as far as workspace and handle let them."""
+        """Move at these rates, within workspace and handle's range."""
         move_hands(self._hands.address, dt_s)
 
 
 @kernel
 def move_hands(address: Address[HandArrays], dt_s: float) -> None:
-    """Do what `DeviceHands.move` does, in a tenth of the time, and write it as inputs of a simulation."""
+    """Kernel of `DeviceHands.move`, which also writes the inputs of a simulation."""
     hands = hand_arrays_at(address)
     for tool in range(hands.n_tools):
         state, rate = hands.state[tool], hands.rate[tool]

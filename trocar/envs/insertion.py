@@ -15,19 +15,19 @@ from trocar.envs.hands import COLUMNS, DeviceHands, HandLimits
 from trocar.envs.task import Task, TaskOptions
 
 GRIP_BEYOND_J_M = 10e-3
-"""Where jaws take what they hold."""
+"""Distance from J at which jaws grasp."""
 
 
 class Insertion(Task):
-    """Take the catheter, lead its tip into the duct and push it to the scenario's depth.
+    """Grasp the catheter, guide its tip into the duct and push it to the scenario's depth.
 
-    Actions are (tools, 5) in [-1, 1]: of each instrument the velocity of J in scene axes, the rates of roll and of the
-    handle, as parts of `HandLimits`. An observation is ``state.FIELDS`` one after the other, or an image. The way that
-    is rewarded goes to the catheter, with it to the mouth, and in.
-    Raises ConfigError: one sentence, if something of this cannot be used.
+    Actions are (tools, 5) in [-1, 1]: of each instrument the velocity of J in scene axes and the rates of roll and
+    handle, as fractions of `HandLimits`. An observation is the concatenation of ``state.FIELDS``, or an image. The
+    rewarded path goes to the catheter, with it to the mouth, and in. Raises ConfigError: one sentence, if an argument
+    is invalid.
 
     Args:
-        scenario, observation, **options: As for `Task`.
+        scenario, observation, **options: As in `Task`.
         limits: HandLimits
     """
 
@@ -49,7 +49,7 @@ class Insertion(Task):
         self._declare((len(tools), COLUMNS), state.MOST)
 
     def action_of(self, rates: FloatArray) -> FloatArray:
-        """Return them: that is what an action is."""
+        """Return the rates, which are the action."""
         return rates
 
     def _rates_of(self, action: FloatArray) -> FloatArray:
@@ -62,11 +62,11 @@ class Insertion(Task):
         return state.StateView(self._stage.site, self._stage.duct_file)
 
     def _way_m(self) -> float:
-        """Return what has been made of the way: less than nothing before the mouth, then the depth."""
+        """Return the progress along the path: negative before the mouth, then the depth."""
         return min(self.depth_m, self.scenario.goal.depth_m) - self._to_mouth_m() - self._to_catheter_m()
 
     def _to_catheter_m(self) -> float:
-        """Return the distance of the nearest jaws from the catheter, 0 where some hold it."""
+        """Return the distance of the nearest jaws from the catheter, 0 if some hold it."""
         if self._stage.grips.has_catheter:
             return 0.0
         ways = []

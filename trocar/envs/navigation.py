@@ -1,4 +1,4 @@
-"""The way of a driven catheter to a named branch as an environment of Gymnasium."""
+"""Navigation of a driven catheter to a named branch as an environment of Gymnasium."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PUSH, TWIST, STEER = range(3)
 
 @dataclass(frozen=True, slots=True)
 class DriveLimits:
-    """The fastest that a drive pushes, rolls and turns its handle; assumptions."""
+    """Largest rates of a drive's push, roll and handle; assumptions."""
 
     push_m_s: float = 0.05
     twist_rad_s: float = 4.0
@@ -32,19 +32,17 @@ class DriveLimits:
 
 
 class Navigation(Task):
-    """Push, twist and steer a catheter from its proximal end until its tip is in the branch that is asked for.
+    """Push, twist and steer a catheter from its proximal end until its tip is in the target branch.
 
-    An action is (3,) in [-1, 1]: how fast the drive pushes, rolls and turns its handle, as parts of `DriveLimits`; a
-    handle that steers nothing of the catheter does nothing. An observation is ``navigation_state.FIELDS`` one after the
-    other, or an image as by X-rays, through the wall. The way that is rewarded goes to the mouth and on to the branch;
-    what the tip goes on another branch counts against it, until it is drawn back.
-    Raises ConfigError: one sentence, if something of this cannot be used.
+    An action is (3,) in [-1, 1]: rates of the drive's push, roll and handle, as fractions of `DriveLimits`; the handle
+    has no effect on an unsteered catheter. An observation is the concatenation of ``navigation_state.FIELDS``, or an
+    X-ray-like image through the wall. The rewarded path goes to the mouth and on to the branch; the distance into
+    another branch counts negative until it is withdrawn. Raises ConfigError: one sentence, if an argument is invalid.
 
     Args:
-        scenario, observation, **options: As for `Task`; the scenario's goal is a branch, its scene has a drive.
-        targets: sequence of str, optional. Ends of the duct of which each episode draws one, as ``info["target"]``
-            says; None: the scenario's. The tip must come as far beyond the place where the way to it parts as the
-            scenario asks on its own.
+        scenario, observation, **options: As in `Task`; the scenario's goal is a branch, its scene has a drive.
+        targets: sequence of str, optional. Ends of the duct of which each episode draws one, reported in
+            ``info["target"]``; None for the scenario's. The required depth beyond the fork is the scenario's.
         limits: DriveLimits
     """
 
@@ -85,24 +83,24 @@ class Navigation(Task):
         return rates
 
     def _draw_task(self) -> dict[str, str]:
-        """Draw the branch, and ask for it."""
+        """Draw the target branch."""
         one = len(self.targets) == 1
         self.target = self.targets[0 if one else int(self.np_random.integers(len(self.targets)))]
         return {"target": self.target}
 
     def _asked(self) -> Scenario:
-        """Return the scenario with the branch that was drawn as its goal."""
+        """Return the scenario with the drawn branch as its goal."""
         beyond_m = self._own.depth_m - self._parted_m(self._own.branch)
         goal = replace(self._own, branch=self.target, depth_m=self._parted_m(self.target) + beyond_m)
         return replace(self.scenario, goal=goal)
 
     def _parted_m(self, name: str) -> float:
-        """Return where the way to an end parts from the last of the others."""
+        """Return the distance along the path to an end at which it leaves the last of the others."""
         ways = self._stage.ways
         return max((ways.shared_m(name, other) for other in ways.path_m if other != name), default=0.0)
 
     def _new_hands(self) -> DeviceHands:
-        """Return the hand of the drive, whose workspace is the way on which the catheter stays in its introducer."""
+        """Return the hand of the drive, with the travel that keeps the catheter in its introducer as its workspace."""
         scene, limits = self.simulation.scene, self._limits
         self._at = next(k for k, tool in enumerate(scene.forceps) if isinstance(tool, DriveScene))
         self._along = np.array(scene.catheter.direction) / float(np.linalg.norm(scene.catheter.direction))
@@ -116,13 +114,13 @@ class Navigation(Task):
         return navigation_state.NavigationView(self._stage.site, self.scenario.goal, self._at, behind_m)
 
     def _way_m(self) -> float:
-        """Return how far the tip has come on the way, less than nothing before the mouth, less how far it is astray."""
+        """Return the progress along the path, negative before the mouth, less the distance into a wrong branch."""
         _, at_m = self._stage.ways.place(self.simulation.catheter.state.position_m[-1])
         astray_m = max(at_m - self.depth_m, 0.0) if self.depth_m > 0.0 else 0.0
         return min(self.depth_m, self.scenario.goal.depth_m) - astray_m - self._to_mouth_m()
 
 
 def travel_m(catheter: CatheterScene) -> float:
-    """Return how far a catheter can be pushed: until its end is two segments before the exit of its introducer."""
+    """Return the travel of a catheter, until its end is two segments before the exit of its introducer."""
     ahead_m = catheter.introducer_to_tip_m if catheter.anchor == "introducer" else 0.0
     return catheter.length_m * (1.0 - 2.0 / catheter.n_segments) - ahead_m

@@ -1,4 +1,4 @@
-"""What an agent is told of a catheter on its way to a branch: the observation of mode ``state``."""
+"""Observation of mode ``state`` for the navigation of a catheter to a branch."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ MOST = most_of(FIELDS)
 
 
 class NavigationView:
-    """The view of a catheter on its way.
+    """Reads the observation of a navigation.
 
     Args:
-        site: Site. Where the mouth is, and the ways from it.
-        goal: Goal. The branch, and how deep.
-        tool: int. Which instrument is the drive.
-        behind_m: float. How far its port is behind where it begins.
+        site: Site. Site of the mouth, and paths from it.
+        goal: Goal. Branch and depth.
+        tool: int. Index of the drive.
+        behind_m: float. Distance of its port behind its start.
     """
 
     def __init__(self, site: Site, goal: Goal, tool: int, behind_m: float) -> None:
@@ -70,7 +70,7 @@ class NavigationView:
         return joined(parts, MOST)
 
     def _ahead_m(self, come_m: float) -> FloatArray:
-        """Return places (k, 3) of the target's way, from where the tip has come on."""
+        """Return points (k, 3) of the path to the target, ahead of the tip."""
         way_m, arc_m = self._ways.path_m[self._goal.branch], self._ways.arc_m[self._goal.branch]
         at_m = come_m + np.array(AHEAD_M)
         return np.stack([np.interp(at_m, arc_m, axis) for axis in way_m.T], axis=1)

@@ -1,4 +1,4 @@
-"""The scene as an image, drawn off the screen; the endoscope's view needs pyvista (``trocar[view]``)."""
+"""Images of the scene, drawn off the screen; the endoscope's view needs pyvista (``trocar[view]``)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from trocar.envs.stage import Stage
 
 
 class _Newest:
-    """A bus on which the newest frames lie."""
+    """A bus with only the newest frames."""
 
     def __init__(self) -> None:
         self.frames: Mapping[str, Frame] = {}
@@ -25,7 +25,7 @@ class _Newest:
 
 
 class Camera:
-    """A view of a stage: of the endoscope, or as by X-rays (``fluoroscopy``)."""
+    """A view of a stage: the endoscope's, or X-ray-like (``fluoroscopy``)."""
 
     def __init__(self, stage: Stage, size: tuple[int, int], view: str = "scope") -> None:
         try:
@@ -43,5 +43,5 @@ class Camera:
         return np.array(self._renderer.image())
 
     def close(self) -> None:
-        """Give up the renderer."""
+        """Close the renderer."""
         self._renderer.close()

@@ -1,4 +1,4 @@
-"""Domain randomisation: which keys of a scene are drawn anew for each episode, and between which values."""
+"""Domain randomisation: keys of a scene that are drawn for each episode, with their ranges."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ Bound = int | float
 
 
 class Randomisation:
-    """Ranges of keys of a scene file, by the names that ``--set`` takes: evenly drawn, both ends included.
+    """Ranges of keys of a scene file, named as for ``--set``, with uniform distribution including both ends.
 
-    Two whole numbers are the ends of whole numbers. Every end, and all lower and all upper ends together, are checked
-    by the scene's own model when the ranges are declared.
-    Raises ConfigError: one sentence that names the key, if a range is none or the scene refuses an end.
+    Two whole numbers are a range of whole numbers. Every end, and all lower and all upper ends together, are validated
+    by the scene's model at construction. Raises ConfigError: one sentence that names the key, if a range or an end is
+    invalid.
 
     Args:
         scene: str or Path. As for `trocar.load_scene`.
         ranges: mapping. Key to (lowest, highest), as ``{"catheter.youngs_modulus_pa": (20e6, 60e6), "duct.n_modes":
             (40, 60)}``.
-        overrides: tuple of str. What is set in the scene first.
+        overrides: tuple of str. Overrides that are applied first.
     """
 
     def __init__(

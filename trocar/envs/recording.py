@@ -1,4 +1,4 @@
-"""An episode as a file of the rig: `trocar score`, `trocar report`, `trocar replay` and Foxglove read it."""
+"""An episode as a recording of the rig, for `trocar score`, `trocar report`, `trocar replay` and Foxglove."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from trocar.envs.frames import Framer
 from trocar.envs.stage import Stage
 
 _WAITING_BYTES = 1 << 20
-"""An episode waits for the disk where more than this is under way: it is faster than the clock, and loses nothing."""
+"""Bytes pending above which an episode, which is faster than the clock, waits for the disk and loses nothing."""
 
 
 class EpisodeRecording:
-    """A file that is being written, with all that it takes to run the episode again."""
+    """A file being written, with all data for repeating the episode."""
 
     def __init__(self, path: Path, stage: Stage, framer: Framer) -> None:
         about = {
@@ -51,7 +51,7 @@ class EpisodeRecording:
         self._picture.see(frame)
 
     def take_tick(self, devices: Frame, step_ticks: int) -> None:
-        """Append the devices of a tick, and by how many ticks the simulation went on at its end, 0 for none."""
+        """Append the devices of a tick, and the number of ticks simulated at its end, 0 for none."""
         self._tick = tick = devices.body.tick
         self.take(devices)
         is_known = self._solved_tick >= 0
@@ -61,7 +61,7 @@ class EpisodeRecording:
             self._solved_tick = tick
 
     def turn(self) -> None:
-        """Draw and hand over what is due."""
+        """Draw and write what is due."""
         now_ns = max(self._tick, 0) * 1_000_000
         for drawn in self._picture.draw(now_ns):
             self._writer.draw(*drawn)
@@ -72,11 +72,11 @@ class EpisodeRecording:
             time.sleep(1e-3)
 
     def publish(self, topic: str, body: msgspec.Struct) -> None:
-        """Append a journal: this is the bus on which they are published."""
+        """Append a journal, which is published on this object as its bus."""
         self._writer.write(self._framer.frame(max(self._tick, 0), body, topic))
 
     def close(self) -> None:
-        """Write what is left, and close the file."""
+        """Write pending data, and close the file."""
         self._haptics.send()
         self._physics.send()
         self._writer.close()

@@ -22,7 +22,7 @@ Made = tuple[str, Settings]
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """Of one episode; ``processor_s`` is what the steps of the environment took, ``simulated_s`` how long it was."""
+    """Result of one episode; ``processor_s`` is the time of the environment's steps, ``simulated_s`` its length."""
 
     seed: int
     success: bool
@@ -44,18 +44,16 @@ def rollouts(
     environment: str = "trocar/Insertion-v0",
     **settings: Any,
 ) -> Iterator[Outcome]:
-    """Yield an outcome for each seed, as they come.
+    """Yield an outcome for each seed, in order of completion.
 
     Raises ConnectionError: there is no scheduler at that address.
 
     Args:
-        policy: callable or None. Maps an observation to an action; None: the expert.
-        jobs: int. Processes here.
-        scheduler: str, optional. Address of a Dask scheduler, whose workers have this package; then ``jobs`` says
-            nothing.
-        noise: float. Standard deviation of what is added to each action, drawn from the episode's seed.
-        environment: str. Its name.
-        settings: As for `Insertion`, or whatever it is.
+        policy: callable or None. Maps an observation to an action; None for the expert.
+        jobs: int. Number of local processes.
+        scheduler: str, optional. Address of a Dask scheduler, whose workers have this package; ``jobs`` is then
+        ignored. noise: float. Standard deviation of the noise added to each action, drawn from the episode's seed.
+        environment: str. Name of the environment. settings: Arguments of the environment, such as those of `Insertion`.
     """
     with open_workers(jobs, scheduler) as workers:
         kept = tuple(sorted((name, _frozen(value)) for name, value in settings.items()))
@@ -65,7 +63,7 @@ def rollouts(
 
 
 def play(policy: Policy | None, seed: int, noise: float, made: Made) -> Outcome:
-    """Return what comes of one episode."""
+    """Run one episode and return its outcome."""
     env = _env(*made)
     random = np.random.default_rng(seed)
     observation, _ = env.reset(seed=seed)
@@ -94,6 +92,6 @@ def _frozen(value: Any) -> Any:
 
 @cache
 def _env(environment: str, settings: Settings) -> gymnasium.Env[Any, Any]:
-    """Return an environment that is kept for the next episode with these settings."""
+    """Return an environment, cached for further episodes with these settings."""
     known: dict[str, Any] = {name: dict(value) if name == "randomise" else value for name, value in settings}
     return gymnasium.make(environment, **known)

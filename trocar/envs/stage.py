@@ -1,4 +1,4 @@
-"""The scene of an episode at rest: built where it differs from the one before, else put back to its beginning."""
+"""The scene of an episode at rest: rebuilt if it differs from the last one, otherwise reset."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from trocar.envs.grips import Grips
 
 
 class Stage:
-    """A scene that is begun again and again.
+    """A scene that is reset for each episode.
 
     Args:
-        name, overrides: The scene as `trocar.load_scene` takes it.
-        quality: int, optional. Rung of the scene's ladder; None: the last.
+        name, overrides: The scene, as for `trocar.load_scene`.
+        quality: int, optional. Quality level of the scene; None for the last.
 
     Attributes:
         simulation: Simulation. At rest after `begin`.
-        grips: Grips. What its tools hold.
-        site: Site. Of the duct, as a recording of it tells.
-        ways: TubePaths. From its mouth to its ends.
+        grips: Grips. Grasps of its tools.
+        site: Site. Site of the duct, as read from a recording.
+        ways: TubePaths. Paths from its mouth to its ends.
     """
 
     def __init__(self, name: str | Path, overrides: tuple[str, ...] = (), quality: int | None = None) -> None:
@@ -42,13 +42,13 @@ class Stage:
 
     @property
     def overrides(self) -> tuple[str, ...]:
-        """What is set in the scene now."""
+        """Present overrides of the scene."""
         return (*self._overrides, *(self._drawn or ()))
 
     def begin(self, drawn: tuple[str, ...] = ()) -> Simulation:
-        """Return the simulation at rest, with ``drawn`` overrides on top.
+        """Return the simulation at rest, with ``drawn`` as further overrides.
 
-        Raises ConfigError: one sentence, if the scene cannot be used.
+        Raises ConfigError: one sentence, if the scene is invalid.
         """
         if drawn != self._drawn:
             self._build(drawn)
@@ -79,7 +79,7 @@ class Stage:
 
     @property
     def duct_file(self) -> bytes:
-        """The duct as a recording carries it."""
+        """The duct's attachment of a recording."""
         return self._attached
 
 

@@ -1,4 +1,4 @@
-"""What an agent is told of an insertion as numbers: the observation of mode ``state``."""
+"""Observation of mode ``state`` for an insertion."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ N_POINTS = 6
 SPACING_M = 8e-3
 _CATHETER = 1
 _RIM = 1.2
-"""Within so many radii of its middle lies the rim of the mouth."""
+"""Radius of a sphere about the middle of the mouth that contains its rim, in radii."""
 
 
 class Field(NamedTuple):
-    """A part of the observation: its shape, its unit, the largest size of its numbers, and what it is.
+    """A part of the observation: shape, unit, largest absolute value, and description.
 
-    Numbers beyond that size are cut off.
+    Values beyond that are clipped.
     """
 
     name: str
@@ -54,7 +54,7 @@ FIELDS = (
 
 
 def most_of(fields: tuple[Field, ...]) -> Float32Array:
-    """Return the largest size of each number of the fields, one after the other."""
+    """Return the largest absolute value of each number of the concatenated fields."""
     return np.concatenate([np.full(int(np.prod(f.shape)), f.most, np.float32) for f in fields])
 
 
@@ -63,24 +63,24 @@ SIZE = len(MOST)
 
 
 def places(fields: tuple[Field, ...] = FIELDS) -> dict[str, slice]:
-    """Return where each field lies in the observation."""
+    """Return the slice of each field in the observation."""
     ends = np.cumsum([0, *(int(np.prod(each.shape)) for each in fields)]).tolist()
     return {each.name: slice(a, b) for each, a, b in zip(fields, ends[:-1], ends[1:], strict=True)}
 
 
 class View(Protocol):
-    """Reads an observation from the frames of a moment: of an episode that goes on, or of its recording."""
+    """Reads an observation from the frames of a moment, live or recorded."""
 
     def read(self, devices: GatewayState, contacts: ToolContacts, solved: PhysicsState) -> Float32Array:
         """Return the observation as float32."""
 
 
 class StateView:
-    """The view of an insertion.
+    """Reads the observation of an insertion.
 
     Args:
-        site: Site. Where the mouth is.
-        duct_file: bytes. The duct as a recording carries it.
+        site: Site. Site of the mouth.
+        duct_file: bytes. The duct's attachment of a recording.
     """
 
     def __init__(self, site: Site, duct_file: bytes) -> None:
@@ -111,13 +111,13 @@ class StateView:
 
 
 def joined(parts: Iterable[ArrayLike], most: Float32Array) -> Float32Array:
-    """Return the parts of an observation one after the other, cut off at the largest size of each number."""
+    """Return the concatenated parts of an observation, clipped to the largest absolute values."""
     read = np.concatenate([np.ravel(part) for part in parts]).astype(np.float32)
     return np.maximum(np.minimum(read, most, out=read), -most, out=read)
 
 
 def points_m(solved: PhysicsState, count: int = N_POINTS, spacing_m: float = SPACING_M) -> FloatArray:
-    """Return points (count, 3) of the catheter, tip first; where it is shorter, its end again and again."""
+    """Return points (count, 3) of the catheter, tip first, repeating the end of a shorter one."""
     particles = solved.catheter.position_m.view()[::-1]
     segment_m = float(np.linalg.norm(particles[0] - particles[1]))
     step = max(1, round(spacing_m / segment_m)) if segment_m > 0.0 else 1
@@ -127,5 +127,5 @@ def points_m(solved: PhysicsState, count: int = N_POINTS, spacing_m: float = SPA
 
 @cache
 def _every(step: int, count: int, n: int) -> IntArray:
-    """Return every so manieth of n places, ``count`` of them; the last again and again where there are no more."""
+    """Return ``count`` indices of n in steps of ``step``, repeating the last one."""
     return np.minimum(step * np.arange(count, dtype=np.int32), n - 1)

@@ -1,4 +1,4 @@
-"""What environments have in common: a scene, hands that move at rates, and the procedure that judges an episode."""
+"""Base of the environments: a scene, hands that move at rates, and the procedure that judges an episode."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ from trocar.envs.stage import Stage
 from trocar.envs.state import View
 
 _MOST_TICKS = 40
-"""Between two looks of the procedure: as in a recording at 25 Hz."""
+"""Most ticks between two observations of the procedure, as in a recording at 25 Hz."""
 
 
 class TaskOptions(TypedDict, total=False):
-    """What `Task` takes beside scenario and observation."""
+    """Options of `Task` beside scenario and observation."""
 
     quality: int | None
     overrides: tuple[str, ...]
@@ -44,27 +44,26 @@ class TaskOptions(TypedDict, total=False):
 
 
 class Task(gymnasium.Env[Any, Any]):
-    """A scenario as an environment; what is done and seen in it, a class derived from this one says.
+    """A scenario as an environment; derived classes define actions and observations.
 
-    The reward of a step is the way made towards the goal, as a part of its depth, plus 1 for success, minus 1 for
+    The reward of a step is the progress towards the goal, as a fraction of its depth, plus 1 for success, minus 1 for
     failure. ``info`` has ``is_success``, ``cost`` (penalties of this step's errors by the rules of the score, in s) and
-    what the procedure says.
-    Raises ConfigError: one sentence, if something of this cannot be used.
+    the state by the procedure. Raises ConfigError: one sentence, if an argument is invalid.
 
     Args:
         scenario: str or Path. Goal, limits and scene: a name in configs/scenarios, or a file.
         observation: {"state", "image"}
-        quality: int, optional. Rung of the scene's quality ladder; None: the last.
-        overrides: sequence of str. ``key=value`` of the scene, on top of the scenario's.
-        randomise: mapping, optional. Keys of the scene and their ranges, drawn at each reset: see `Randomisation`.
+        quality: int, optional. Quality level of the scene; None for the last.
+        overrides: sequence of str. ``key=value`` of the scene, after the scenario's.
+        randomise: mapping, optional. Keys of the scene and their ranges, drawn at each reset, see `Randomisation`.
         record: str or Path, optional. Folder for a recording of each episode.
-        step_s: float. Time that an action holds, a multiple of 4 ms up to 40; the procedure looks once a step.
+        step_s: float. Duration of an action, a multiple of 4 ms up to 40; the procedure observes once a step.
         image_size: tuple of int. Width and height.
         render_mode: {"rgb_array"}, optional
 
     Attributes:
-        hands: DeviceHands. What an action moves.
-        scenario: Scenario. By whose goal the episode is judged.
+        hands: DeviceHands. The hands, moved by actions.
+        scenario: Scenario. The scenario with the episode's goal.
         step_s: float
     """
 
@@ -73,7 +72,7 @@ class Task(gymnasium.Env[Any, Any]):
         "render_fps": 50,
     }
     view_name = "scope"
-    """Of the image: see `Camera`."""
+    """View of the image, see `Camera`."""
 
     def __init__(
         self,
@@ -104,7 +103,7 @@ class Task(gymnasium.Env[Any, Any]):
         self._is_image = _is_image(observation)
 
     def _declare(self, shape: tuple[int, ...], most: Float32Array) -> None:
-        """Declare actions of this shape in [-1, 1], and observations: numbers no larger than ``most``, or images."""
+        """Declare actions of this shape in [-1, 1], and observations: numbers up to ``most`` in size, or images."""
         self.action_space = spaces.Box(-1.0, 1.0, shape, np.float32)
         width, height = self._image_size
         image = spaces.Box(0, 255, (height, width, 3), np.uint8)
@@ -112,7 +111,7 @@ class Task(gymnasium.Env[Any, Any]):
 
     @abstractmethod
     def action_of(self, rates: FloatArray) -> FloatArray:
-        """Return the action of hands (tools, 5) at these rates, as parts of what they can do."""
+        """Return the action of hands at these rates (tools, 5), as fractions of the limits."""
 
     @abstractmethod
     def _rates_of(self, action: FloatArray) -> FloatArray:
@@ -120,42 +119,42 @@ class Task(gymnasium.Env[Any, Any]):
 
     @abstractmethod
     def _new_hands(self) -> DeviceHands:
-        """Return hands for the scene that has just begun."""
+        """Return the hands for a new episode."""
 
     @abstractmethod
     def _new_view(self) -> View:
-        """Return what reads the observation of the scene that has just begun."""
+        """Return the reader of observations for a new episode."""
 
     @abstractmethod
     def _way_m(self) -> float:
-        """Return what has been made of the way to the goal."""
+        """Return the progress along the path to the goal."""
 
     def _draw_task(self) -> dict[str, str]:
-        """Draw what is asked for in the next episode: keys of the scene, and for ``info``."""
+        """Draw the task of the next episode; return its values for ``info``."""
         return {}
 
     def _asked(self) -> Scenario:
-        """Return the scenario of the episode, for the scene that has just begun."""
+        """Return the scenario of a new episode."""
         return self.scenario
 
     @property
     def simulation(self) -> trocar.Simulation:
-        """What is simulated, to look at."""
+        """The simulation, for inspection."""
         return self._stage.simulation
 
     @property
     def view(self) -> View:
-        """What reads observations of numbers, in the scene of this episode."""
+        """The reader of numerical observations in this episode."""
         return self._view
 
     @property
     def depth_m(self) -> float:
-        """How deep the catheter is: its length in the lumen, or the way that its tip has come to the goal's branch."""
+        """Depth of the catheter: its length in the lumen, or the tip's distance along the path to the goal's branch."""
         return self._verdict.depth_m
 
     @property
     def held(self) -> list[trocar.GraspHold]:
-        """What the tools hold."""
+        """The holds of the tools."""
         return self._stage.grips.holds
 
     @property
@@ -164,7 +163,7 @@ class Task(gymnasium.Env[Any, Any]):
         return self._episode.time_s if self._episode is not None else 0.0
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode; ``info["drawn"]`` says what of the scene was drawn."""
+        """Start an episode; ``info["drawn"]`` has the drawn values of the scene."""
         super().reset(seed=seed)
         self._end_episode()
         before = self._stage.duct
@@ -187,7 +186,7 @@ class Task(gymnasium.Env[Any, Any]):
         return self._observe(), {"drawn": drawn, **asked}
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Hold an action for ``step_s``."""
+        """Apply an action for ``step_s``."""
         if self._episode is None:
             raise ConfigError("step: an episode begins with reset")
         self.hands.steer(self._rates_of(np.asarray(action, np.float64)))
@@ -204,7 +203,7 @@ class Task(gymnasium.Env[Any, Any]):
         return self._observe(), reward, verdict.ended, False, info
 
     def leave(self) -> None:
-        """End the episode where it is, and close its recording; the next begins with reset."""
+        """End the episode, and close its recording; the next one starts with reset."""
         if self._episode is not None:
             self._episode.close()
 
@@ -213,7 +212,7 @@ class Task(gymnasium.Env[Any, Any]):
         return self._image() if self.render_mode == "rgb_array" else None
 
     def close(self) -> None:
-        """Close the recording that is being written, and the renderer."""
+        """Close the present recording, and the renderer."""
         self._end_episode()
         self._close_camera()
 
@@ -245,7 +244,7 @@ class Task(gymnasium.Env[Any, Any]):
         return self._camera.image(self._episode.frames)
 
     def _to_mouth_m(self) -> float:
-        """Return how far the tip is from the mouth, 0 where it is in."""
+        """Return the distance of the tip from the mouth, 0 if it is inside."""
         if self._verdict.depth_m > 0.0:
             return 0.0
         return float(np.linalg.norm(self.simulation.catheter.state.position_m[-1] - self._mouth_m))
