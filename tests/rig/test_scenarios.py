@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -52,45 +52,46 @@ class Course:
         ]
 
 
-@pytest.fixture
-def course(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Course]:
-    """Return a rig whose devices follow a scenario in its scene."""
-    name = request.param
+def course(name: str, folder: Path, is_there: Callable[[Course], bool], what: str) -> Course:
+    """Return what a rig said whose devices follow a scenario in its scene, up to there.
+
+    It has ended by then: what is computed of it afterwards has the machine.
+    """
     overrides = [
         f"gateway.instruments.{i}.{device}.settings={{scenario: {name}, pace: {PACE}}}"
         for i in (0, 1)
         for device in ("arm", "grasp")
     ]
-    with running_rig(tmp_path, name, overrides, keeps_solved=True) as rig:
-        yield Course(rig.observer)
+    with running_rig(folder, name, overrides, keeps_solved=True) as rig:
+        seen = Course(rig.observer)
+        rig.observer.until(lambda: is_there(seen), LASTS_S, what)
+    return seen
 
 
-@pytest.mark.parametrize("course", ["insertion"], indirect=True)
-def test_the_catheter_is_slid_20_mm_into_the_duct(course: Course) -> None:
-    course.observer.until(lambda: course.reaches(20e-3), LASTS_S, "20 mm inserted")
-    assert course.states[-1].reactions()[0].holds == 2
-    assert 0.0 < max(body.contacts.max_penetration_m for body in course.states) < DEEPEST_M
-    assert max(course.steps_n(course.states)) < FORCE_STEP_N
-    pushes = [max(math.hypot(*body.reactions()[i].force_n) for body in course.states) for i in (0, 1)]
+def test_the_catheter_is_slid_20_mm_into_the_duct(tmp_path: Path) -> None:
+    seen = course("insertion", tmp_path, lambda seen: seen.reaches(20e-3), "20 mm inserted")
+    assert seen.states[-1].reactions()[0].holds == 2
+    assert 0.0 < max(body.contacts.max_penetration_m for body in seen.states) < DEEPEST_M
+    assert max(seen.steps_n(seen.states)) < FORCE_STEP_N
+    pushes = [max(math.hypot(*body.reactions()[i].force_n) for body in seen.states) for i in (0, 1)]
     assert min(pushes) > 2e-3, "both hands feel something"
-    said, scene = course.observer.devices or [], insertion().scene
+    said, scene = seen.observer.devices or [], insertion().scene
     wall = scene, build_scene_duct(scene, cache_directory() / "bases")
-    catheter, _ = compare(said, course.states, wall).solved
-    assert len(catheter) > 0.9 * len(course.states)
+    catheter, _ = compare(said, seen.states, wall).solved
+    assert len(catheter) > 0.9 * len(seen.states)
     assert np.mean(catheter < WITHIN) > 0.99, "the forces are those of the mechanics alone"
-    pinch = find_pinch(said, course.states, wall)
+    pinch = find_pinch(said, seen.states, wall)
     assert abs(pinch.wall) < 0.02, "the wall is that of the full finite elements"
     assert pinch.applied < 0.1
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("course", ["miss"], indirect=True)
-def test_aimed_beside_the_mouth_it_buckles_outside(course: Course) -> None:
-    course.observer.until(lambda: course.is_bowed(1e-3), LASTS_S, "the catheter bows out")
-    assert max(body.catheter.inserted_length_m for body in course.states) == 0.0
-    assert max(body.contacts.max_penetration_m for body in course.states) < DEEPEST_M
-    assert max(course.steps_n(course.states)) < FORCE_STEP_N
-    assert max(math.hypot(*body.reactions()[0].force_n) for body in course.states) > 0.02
+def test_aimed_beside_the_mouth_it_buckles_outside(tmp_path: Path) -> None:
+    seen = course("miss", tmp_path, lambda seen: seen.is_bowed(1e-3), "the catheter bows out")
+    assert max(body.catheter.inserted_length_m for body in seen.states) == 0.0
+    assert max(body.contacts.max_penetration_m for body in seen.states) < DEEPEST_M
+    assert max(seen.steps_n(seen.states)) < FORCE_STEP_N
+    assert max(math.hypot(*body.reactions()[0].force_n) for body in seen.states) > 0.02
 
 
 def _bow_m(body: Catheter) -> float:
