@@ -22,7 +22,7 @@ import numpy as np
 
 from services.cache_directory import cache_directory
 from services.mechanics.arrays import FloatArray
-from services.mechanics.scenarios import Scenario
+from services.mechanics.scenarios import PlayedScene
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.scene_catheter import place_catheter
@@ -39,7 +39,7 @@ PRESSED_NM = 1e-3
 """Torque from which on a handle is compared."""
 
 
-def closure(scenario: Scenario, simulation: Simulation) -> dict[str, float]:
+def closure(scenario: PlayedScene, simulation: Simulation) -> dict[str, float]:
     """Play it; returns what is told, by what it is and in which unit."""
     tools, felt = ToolInputs(), np.zeros((TICKS, 5))
     scenario.write_inputs(0.0, tools)
@@ -84,7 +84,7 @@ def main() -> None:
     (above, at, _), (wide, _, _), roll = hand.grip_point_m, hand.jaw_angle_rad, hand.roll_rad[0]
     points, openings = (above, *(at,) * 5), (wide, wide, wide, 0.0, 0.0, wide)
     motion = replace(hand, time_s=TIMES_S, grip_point_m=points, jaw_angle_rad=openings, roll_rad=(roll,) * 6)
-    scenario = Scenario("closure", "jaws shut on the wall", 1e-3 * TICKS, scene, (None, motion))
+    scenario = PlayedScene("closure", "jaws shut on the wall", 1e-3 * TICKS, scene, (None, motion))
     duct = load_duct(scene, cache, lambda stage, part: None)
     for what, value in closure(scenario, Simulation(scene, duct)).items():
         print(f"{what}: {value:.3g}")

@@ -22,7 +22,7 @@ from report import Row, write_report
 
 from services.cache_directory import cache_directory
 from services.mechanics.effects import EFFECTS
-from services.mechanics.scenarios import Scenario, insertion
+from services.mechanics.scenarios import PlayedScene, insertion
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.scene_duct import build_scene_duct
 from studies.effect_costs import time_in_turns
@@ -32,7 +32,7 @@ SHUT_RAD = 0.45
 """Of the steadying jaws, where the insertion has 0.8: the wall between them is folded to half its width."""
 
 
-def squeezing() -> Scenario:
+def squeezing() -> PlayedScene:
     """The insertion, whose other hand squeezes the duct instead of steadying it."""
     hands = insertion()
     pushing, steadying = hands.motions
@@ -42,7 +42,7 @@ def squeezing() -> Scenario:
     return replace(hands, name="squeezing", motions=(pushing, replace(steadying, jaw_angle_rad=angles)))
 
 
-def rows(hands: Scenario, beside: tuple[str, ...] = ()) -> list[Row]:
+def rows(hands: PlayedScene, beside: tuple[str, ...] = ()) -> list[Row]:
     """What it adds beside the scene's own effects and some others."""
     scene = hands.scene
     others = {name: EFFECTS[name].kind.Settings() for name in beside}

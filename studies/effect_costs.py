@@ -10,7 +10,7 @@ import numpy as np
 
 from services.mechanics.effects import EFFECTS, go_together
 from services.mechanics.reduction import ReducedDuct
-from services.mechanics.scenarios import Scenario, insertion
+from services.mechanics.scenarios import PlayedScene, insertion
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
@@ -57,7 +57,9 @@ def measure_effect(name: str, scene: SceneModel, build_duct: Callable[[SceneMode
     )
 
 
-def time_in_turns(simulations: list[Simulation], hands: Scenario) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+def time_in_turns(
+    simulations: list[Simulation], hands: PlayedScene
+) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
     """Duration [us] of every tick (len(simulations), N_TICKS), past the start, of simulations in the same hands."""
     tools = ToolInputs()
     times_us = np.zeros((len(simulations), N_TICKS))

@@ -15,7 +15,7 @@ from services.cache_directory import cache_directory
 from services.mechanics.arrays import FloatArray
 from services.mechanics.effects import EFFECTS, Effect, EffectEntry
 from services.mechanics.reduction.build import Progress, ignore_progress
-from services.mechanics.scenarios import Scenario as Motion
+from services.mechanics.scenarios import PlayedScene as Motion
 from services.mechanics.scene import (
     CatheterScene,
     ContactSettings,

@@ -15,7 +15,7 @@ from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.routing import Route
 
 from review.attempts.store.attempts import Store
-from review.classroom.roll import Place, load_roll
+from review.classroom.roll import ClassRig, load_roll
 from review.classroom.watch import Watch
 from services.runtime.errors import UserError
 from services.runtime.web_host import KnownHost, listen
@@ -34,7 +34,7 @@ class Classroom:
         self._file = file
         self.remark = ""
         self._changed_ns = 0
-        self._watches: dict[Place, Watch] = {}
+        self._watches: dict[ClassRig, Watch] = {}
         self._load()
 
     def _load(self) -> None:

@@ -21,7 +21,7 @@ def _is_page(address: str) -> str:
     return address.rstrip("/")
 
 
-class Place(Settings):
+class ClassRig(Settings):
     """A rig of the class; `trainee` is the pseudonym of who sits at it."""
 
     name: Annotated[str, Field(min_length=1, max_length=64)]
@@ -34,7 +34,7 @@ class Roll(Settings):
 
     token: Annotated[str, Field(min_length=16)]
     database: str | None = None
-    rig: Annotated[tuple[Place, ...], Field(min_length=1, max_length=64)]
+    rig: Annotated[tuple[ClassRig, ...], Field(min_length=1, max_length=64)]
 
     @model_validator(mode="after")
     def _are_told_apart(self) -> Self:

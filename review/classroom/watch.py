@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 
 import msgspec
 
-from review.classroom.roll import Place
+from review.classroom.roll import ClassRig
 from services.runtime.errors import UserError
 
 PERIOD_S = 1.0
@@ -84,7 +84,7 @@ class Row(msgspec.Struct, frozen=True):
 class Watch:
     """Follows one rig until it is closed; `last_score` is asked now and then for the last one of its trainee."""
 
-    def __init__(self, place: Place, last_score: Callable[[str], float | None]) -> None:
+    def __init__(self, place: ClassRig, last_score: Callable[[str], float | None]) -> None:
         self.place = place
         self._last_score = last_score
         self._state = RigState()

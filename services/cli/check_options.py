@@ -23,7 +23,7 @@ from services.scenes import check_duct, scene_file_type, scene_origins
 
 T = TypeVar("T")
 Checked = tuple[T, config.Origins]
-Attempt = tuple[str, Callable[[], object]]
+NamedLoad = tuple[str, Callable[[], object]]
 
 
 def checked_rig(name: str, scene: str | None, overrides: Sequence[str]) -> Checked[Rig]:
@@ -32,7 +32,7 @@ def checked_rig(name: str, scene: str | None, overrides: Sequence[str]) -> Check
     Raises UserError that names the option at fault.
     """
 
-    def attempts() -> Iterator[Attempt]:
+    def attempts() -> Iterator[NamedLoad]:
         yield f"--rig {name}", lambda: _load_rig(name, None, ())
         if scene is not None:
             yield f"--scene {scene}", lambda: _load_rig(name, scene, ())
@@ -47,19 +47,19 @@ def checked_scene(name: str, overrides: Sequence[str]) -> Checked[SceneModel]:
     Raises UserError that names the option at fault.
     """
 
-    def attempts() -> Iterator[Attempt]:
+    def attempts() -> Iterator[NamedLoad]:
         yield f"--scene {name}", lambda: _load_scene(name, ())
         yield from _first_overrides(overrides, lambda some: _load_scene(name, some))
 
     return _naming_option(lambda: _load_scene(name, overrides), attempts())
 
 
-def _first_overrides(overrides: Sequence[str], load: Callable[[Sequence[str]], object]) -> Iterator[Attempt]:
+def _first_overrides(overrides: Sequence[str], load: Callable[[Sequence[str]], object]) -> Iterator[NamedLoad]:
     for count, override in enumerate(overrides, 1):
         yield f"--set {override}", lambda some=overrides[:count]: load(some)  # type: ignore[misc]
 
 
-def _naming_option(load: Callable[[], T], attempts: Iterator[Attempt]) -> T:
+def _naming_option(load: Callable[[], T], attempts: Iterator[NamedLoad]) -> T:
     """Return what `load` does; of its refusal, the first of `attempts` with the same names its option."""
     try:
         return load()

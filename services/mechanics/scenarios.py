@@ -44,7 +44,7 @@ class ToolMotion:
 
 
 @dataclass(frozen=True, slots=True)
-class Scenario:
+class PlayedScene:
     """A scene and what both hands do in it; a tool without motion stays absent."""
 
     name: str
@@ -92,9 +92,9 @@ def insertion_scene() -> SceneModel:
     )
 
 
-def insertion() -> Scenario:
+def insertion() -> PlayedScene:
     """Grasp the catheter 26 mm behind its tip, steady the duct, find the mouth, slide 20 mm in."""
-    return Scenario(
+    return PlayedScene(
         name="insertion",
         what="one forceps steadies the duct, the other slides the catheter 20 mm into it",
         duration_s=2.2,
@@ -129,7 +129,7 @@ def _steadying_hand() -> ToolMotion:
     )
 
 
-def miss() -> Scenario:
+def miss() -> PlayedScene:
     """Aim the catheter beside the mouth, at 70 degrees at the outside of the duct, and push.
 
     The tip finds the wall from outside, sticks by friction, and the free length buckles.
@@ -145,7 +145,7 @@ def miss() -> Scenario:
         direction=(-math.cos(AIM_RAD), -math.sin(AIM_RAD), 0.0),
     )
     grips = [_behind(catheter, 40e-3, 12e-3), *(_behind(catheter, back, 0.0) for back in (40e-3, 40e-3, 34e-3, 20e-3))]
-    return Scenario(
+    return PlayedScene(
         name="miss",
         what="the catheter is aimed beside the mouth, pushes on the outside of the duct and buckles",
         duration_s=2.0,

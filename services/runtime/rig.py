@@ -72,7 +72,7 @@ _A_DAY = at_most(86_400.0, "s", "nobody waits longer than a day")
 MOST_TORQUE = at_most(5.0, "N m", "the servo gives a handle no more")
 _KILOHERTZ = at_most(10_000.0, "Hz", "no loop of the rig is faster")
 _A_MINUTE = at_most(6e7, "us", "a minute is judged at a time")
-Place = Annotated[Path, BeforeValidator(_not_nothing)]
+NamedPath = Annotated[Path, BeforeValidator(_not_nothing)]
 Name = Annotated[str, Field(min_length=1, max_length=64), AfterValidator(_a_file_can_have_it)]
 Host = Annotated[str, AfterValidator(_not_every_interface)]
 ProcessName = Annotated[str, _one_of("process", (row.publisher for row in TOPICS.values()))]
@@ -82,12 +82,12 @@ class Transport(Settings):
     """How frames travel: ipc on one host, tcp across hosts or containers."""
 
     kind: Literal["ipc", "tcp"] = "ipc"
-    directory: Place | None = Field(None, description="of the ipc sockets; by default private to the user")
+    directory: NamedPath | None = Field(None, description="of the ipc sockets; by default private to the user")
     base_port: Annotated[int, Field(ge=1024, le=57000)] = 21000
     host: Host = Field("127.0.0.1", description="tcp: where publishers are reached")
     hosts: dict[ProcessName, Host] = Field({}, description="tcp: address of each publisher that is not at `host`")
     bind_host: Host = Field("127.0.0.1", description="tcp: address that publishers bind")
-    keys: Place | None = Field(None, description="tcp: directory of the rig's keys, made by `trocar keys`")
+    keys: NamedPath | None = Field(None, description="tcp: directory of the rig's keys, made by `trocar keys`")
     insecure: bool = Field(False, description="allow tcp beyond loopback without keys")
 
     @model_validator(mode="after")
@@ -258,7 +258,7 @@ class Contracts(Settings):
 class RecorderSettings(Settings):
     """What is written to disk."""
 
-    directory: Place = Path("out/recordings")
+    directory: NamedPath = Path("out/recordings")
     shared: bool = Field(False, description="whether other users may read recordings, subject to the umask")
     whole: tuple[str, ...] = Field(
         ("gateway.state", "supervisor.state"),
@@ -289,7 +289,7 @@ class TrainingSettings(Settings):
 class ReplaySettings(Settings):
     """A recording that takes the place of the devices: `trocar replay` sets it."""
 
-    file: Place
+    file: NamedPath
     rate: Annotated[float, Field(ge=0), at_most(1000.0, "", "0 is as fast as it goes")] = Field(
         1.0, description="multiple of real time; 0: as fast as possible"
     )

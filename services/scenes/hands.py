@@ -9,7 +9,7 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.effects.friction import FrictionSettings
-from services.mechanics.scenarios import Scenario, ToolMotion
+from services.mechanics.scenarios import PlayedScene, ToolMotion
 from services.mechanics.scene import ForcepsScene, SceneModel, ToolScene
 from services.mechanics.scene.tools import N_TOOLS
 from services.mechanics.surface.mesh import TriangleMesh
@@ -42,7 +42,7 @@ _STROKE_S = 0.3, 0.5, 0.16, 0.56
 """Rest, back, rest, forth."""
 
 
-def hands_of(scene: SceneModel, mesh: TriangleMesh) -> Scenario:
+def hands_of(scene: SceneModel, mesh: TriangleMesh) -> PlayedScene:
     """Return what both hands do: what the scene's ``hands`` names.
 
     Args:
@@ -54,12 +54,12 @@ def hands_of(scene: SceneModel, mesh: TriangleMesh) -> Scenario:
     return makers[scene.hands if scene.forceps else "none"](scene, mesh, mouth)
 
 
-def _nothing(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> Scenario:
-    return Scenario("none", "no hand is there", 1.0, scene, (None, None))
+def _nothing(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> PlayedScene:
+    return PlayedScene("none", "no hand is there", 1.0, scene, (None, None))
 
 
-def _insertion(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> Scenario:
-    return Scenario(
+def _insertion(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> PlayedScene:
+    return PlayedScene(
         name="insertion",
         what="one forceps steadies the duct, the other brings the catheter before the mouth and slides it in",
         duration_s=2.2,
@@ -68,9 +68,9 @@ def _insertion(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> Scenari
     )
 
 
-def _drive(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> Scenario:
+def _drive(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> PlayedScene:
     first, second = (*driving_hands(scene, mesh), None)[:N_TOOLS]
-    return Scenario(
+    return PlayedScene(
         name="drive",
         what=f"a drive pushes, twists and steers the catheter to {scene.target}",
         duration_s=max(hand.time_s[-1] for hand in (first, second) if hand is not None) + 0.5,
@@ -84,12 +84,12 @@ def _steadying_hand(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> To
     return _closing_hand(scene, 1, mesh, mouth, SQUEEZE_M, holds=True) if len(scene.forceps) > 1 else None
 
 
-def _pinch(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> Scenario:
+def _pinch(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> PlayedScene:
     hand = _closing_hand(scene, _last_tool(scene), mesh, mouth, PINCH_M)
     return _by_last_tool(scene, "pinch", "one forceps closes round the duct and presses it together", hand)
 
 
-def _press(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> Scenario:
+def _press(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> PlayedScene:
     hand = _pressing_hand(scene, _last_tool(scene), mesh, mouth)
     return _by_last_tool(scene, "press", "the tip of one tool touches the duct from outside and presses on it", hand)
 
@@ -99,9 +99,9 @@ def _last_tool(scene: SceneModel) -> int:
     return len(scene.forceps) - 1
 
 
-def _by_last_tool(scene: SceneModel, name: str, what: str, hand: ToolMotion | None) -> Scenario:
+def _by_last_tool(scene: SceneModel, name: str, what: str, hand: ToolMotion | None) -> PlayedScene:
     motions = (None, hand) if _last_tool(scene) else (hand, None)
-    return Scenario(name=name, what=what, duration_s=1.2, scene=scene, motions=motions)
+    return PlayedScene(name=name, what=what, duration_s=1.2, scene=scene, motions=motions)
 
 
 def _pressing_hand(scene: SceneModel, at: int, mesh: TriangleMesh, mouth: Opening) -> ToolMotion:
@@ -180,7 +180,7 @@ def holding_reach_m(scene: SceneModel, jaws: ForcepsScene, half_m: float) -> flo
     return max(min(wanted_m, jaws.jaw_length_m - BEYOND_GRIP_M), JAW_REACH_M[1])
 
 
-def with_strokes(scenario: Scenario, n: int) -> Scenario:
+def with_strokes(scenario: PlayedScene, n: int) -> PlayedScene:
     """Return a scenario whose last motion is taken back and made again, ``n`` times.
 
     Of the hand that comes to rest last, as that is the one which does what the scene is for; a hand that has been

@@ -42,7 +42,7 @@ class Look:
     errors: Mapping[str, int] = field(default_factory=dict)
 
 
-class Attempt:
+class FollowedAttempt:
     """Follows one attempt through looks.
 
     Args:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from services.training.attempt import Attempt, AttemptState
+from services.training.attempt import AttemptState, FollowedAttempt
 from services.training.scenario import Scenario
 from services.training.sight import Sight
 
@@ -11,7 +11,7 @@ _NEAR = 0.8
 _NEARLY_M = 2e-3
 
 
-def hint(attempt: Attempt, sight: Sight, scenario: Scenario | None) -> str:
+def hint(attempt: FollowedAttempt, sight: Sight, scenario: Scenario | None) -> str:
     """Return one sentence, empty for none."""
     if scenario is None or attempt.ended:
         return ""

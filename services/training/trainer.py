@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Callable, Collection, Sequence
 
 from protocol import bodies
-from services.training.attempt import Attempt, AttemptState
+from services.training.attempt import AttemptState, FollowedAttempt
 from services.training.hints import hint
 from services.training.judge import Judge
 from services.training.scenario import Scenario
@@ -49,7 +49,7 @@ class Trainer:
     ) -> None:
         self.scenario = scenario
         self.sight = Sight(spared, ways, scenario.goal.branch if scenario else "")
-        self.attempt = Attempt(scenario.goal if scenario else None)
+        self.attempt = FollowedAttempt(scenario.goal if scenario else None)
         self._id = _new_id()
         self._again_after_s, self._judges, self._rules = again_after_s, judges, rules
         self._begins = self._awaited = self._asked = self._steps = 0
@@ -98,7 +98,7 @@ class Trainer:
         self._awaited, self._asked = self.sight.begins + 1, self.sight.gateway
         self._pace, self.score = 1.0, NO_SCORE
         self._ended_s = self.sight.judge = None
-        self.attempt, self._id = Attempt(self.scenario.goal if self.scenario else None), _new_id()
+        self.attempt, self._id = FollowedAttempt(self.scenario.goal if self.scenario else None), _new_id()
         return "a new attempt begins"
 
     def obey(self, orders: Sequence[bodies.Order]) -> None:

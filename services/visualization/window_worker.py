@@ -31,7 +31,7 @@ _EVENTS_EVERY_S, _TELL_EVERY_S = 0.01, 0.25
 _NICENESS = 5
 
 
-class Window:
+class NativeWindow:
     """The window, which shows the newest message of the pipe."""
 
     def __init__(self) -> None:
@@ -136,7 +136,7 @@ def main() -> int:
     """Show pictures until the pipe ends or the window is closed."""
     end_with_parent()
     set_group_niceness(os.nice(0))  # the parent's until the first picture, for which a person waits
-    window, splitter = Window(), Splitter()
+    window, splitter = NativeWindow(), Splitter()
     _answer(pack(OPEN, b""))
     is_seen = False
     while not window.closed:

@@ -68,7 +68,7 @@ ROOF_PATHS = {
 """Hinged roof, by thickness: the whole path as parts of the load and how far the middle has sunk, over limit points and
 where it turns back (of the same tables as `PULLED`)."""
 
-Place = Callable[[FloatArray, FloatArray], Sequence[FloatArray]]
+Placing = Callable[[FloatArray, FloatArray], Sequence[FloatArray]]
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class Problem:
         return displacement
 
 
-def grid(place: Place, n_u: int, n_v: int) -> tuple[TriangleMesh, IntArray]:
+def grid(place: Placing, n_u: int, n_v: int) -> tuple[TriangleMesh, IntArray]:
     """Triangles over the unit square mapped by ``place``, diagonals in turn, and the (n_u + 1, n_v + 1) vertices."""
     u, v = np.meshgrid(np.linspace(0, 1, n_u + 1), np.linspace(0, 1, n_v + 1), indexing="ij")
     vertices = np.stack(np.broadcast_arrays(*place(u.ravel(), v.ravel())), axis=1)
@@ -165,7 +165,7 @@ def closed_hemisphere(n: int, membrane: str = "andes") -> Problem:
 def _octant(n: int) -> TriangleMesh:
     """An eighth of a sphere of radius 10 out of three faces of a cube, drawn onto it."""
 
-    def face(first: int) -> Place:
+    def face(first: int) -> Placing:
         def place(u: FloatArray, v: FloatArray) -> Sequence[FloatArray]:
             cube = np.roll([np.ones_like(u), np.tan(0.25 * np.pi * u), np.tan(0.25 * np.pi * v)], first, axis=0)
             return list(10.0 * cube / np.linalg.norm(cube, axis=0))

@@ -20,7 +20,7 @@ from starlette.routing import Route
 
 from review.classroom import app, watch
 from review.classroom.app import Classroom, build_app
-from review.classroom.roll import Place
+from review.classroom.roll import ClassRig
 from review.classroom.watch import Watch
 from tests.chromium import Chromium, find
 from tests.patience import PATIENCE_S
@@ -152,7 +152,7 @@ def test_the_last_score_of_who_sits_there_is_shown(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr(watch, "_SCORE_EVERY_S", 0.1)
     asked: list[str] = []
     made = Watch(
-        Place(name="a", address="http://127.0.0.1:1", trainee="heron-17"), lambda who: asked.append(who) or 71.0
+        ClassRig(name="a", address="http://127.0.0.1:1", trainee="heron-17"), lambda who: asked.append(who) or 71.0
     )
     try:
         until(lambda: made.row().score == 71.0, "a score")
@@ -231,7 +231,7 @@ def test_a_rig_may_ask_for_the_last_score_as_soon_as_it_is_watched(
     told: list[float | None] = []
 
     class Hasty(Watch):
-        def __init__(self, place: Place, last_score: Callable[[str], float | None]) -> None:
+        def __init__(self, place: ClassRig, last_score: Callable[[str], float | None]) -> None:
             told.append(last_score("heron-17"))
             super().__init__(place, last_score)
 

@@ -14,7 +14,7 @@ from services.cache_directory import cache_directory
 from services.mechanics.simulation import Simulation
 from services.scenes import load_duct, load_scene
 from services.scenes.hands import hands_of
-from services.training.attempt import Attempt
+from services.training.attempt import FollowedAttempt
 from services.training.scenario import Scenario
 from services.training.score import load_rules
 from services.training.sight import Sight
@@ -34,7 +34,7 @@ def attempt_of_hands(scenario: Scenario, overrides: Sequence[str] = (), pace: fl
     scene = load_scene(scenario.scene, (*scenario.set, *COARSE, *overrides))
     duct = load_duct(scene, cache_directory(), lambda stage, fraction: None)
     hands = hands_of(Simulation(scene, duct).scene, duct.mesh)
-    rig, attempt = SimulatedRig(hands, pace), Attempt(scenario.goal)
+    rig, attempt = SimulatedRig(hands, pace), FollowedAttempt(scenario.goal)
     terms = Terms(scenario_of=lambda _: scenario, rules=load_rules(), site=rig.site)
     ways = TubePaths({name: np.array(way) for name, way in rig.site.ways.items()})
     sight = Sight((), ways, scenario.goal.branch)
@@ -42,7 +42,7 @@ def attempt_of_hands(scenario: Scenario, overrides: Sequence[str] = (), pace: fl
     return found
 
 
-def _told(messages: Iterator[Message], attempt: Attempt, sight: Sight, name: str) -> Iterator[Message]:
+def _told(messages: Iterator[Message], attempt: FollowedAttempt, sight: Sight, name: str) -> Iterator[Message]:
     """Yield what the recorder keeps of a stream, and the attempt as the training process tells of it, up to its end."""
     yield "training.attempt", 0, word("armed", scenario=name)
     for topic, time_ns, body in messages:

@@ -14,7 +14,7 @@ from protocol.bodies import GatewayState, InstrumentState
 from protocol.bodies.training import Attempt
 from services.cache_directory import cache_directory
 from services.haptics import __main__ as haptics
-from services.mechanics.scenarios import Scenario
+from services.mechanics.scenarios import PlayedScene
 from services.mechanics.scene.tools import ToolInputs
 from services.physics import __main__ as physics
 from services.runtime.loop import LoopMeter, TickClock
@@ -30,7 +30,7 @@ FAST = ("gateway.state", "haptics.contacts", "physics.state")
 class SimulatedRig:
     """Hands, haptics and physics of a scenario, tick by tick; `pace` is of the hands."""
 
-    def __init__(self, scenario: Scenario, pace: float = 1.0) -> None:
+    def __init__(self, scenario: PlayedScene, pace: float = 1.0) -> None:
         hub = MemoryHub()
         self._gateway = MemoryBus(hub, publishes=["gateway.state"])
         self._observer = MemoryBus(hub, reads_every=FAST)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from services.training.attempt import Attempt, AttemptState, Look
+from services.training.attempt import AttemptState, FollowedAttempt, Look
 from services.training.hints import hint
 from services.training.scenario import Goal, Scenario
 from services.training.sight import Sight
@@ -19,9 +19,9 @@ def _look(tick: int, depth_m: float = 0.0, **more: object) -> Look:
 
 
 @pytest.fixture
-def running() -> Attempt:
+def running() -> FollowedAttempt:
     """Return one that was armed at tick 1000 and moved at 5000."""
-    attempt = Attempt(GOAL)
+    attempt = FollowedAttempt(GOAL)
     attempt.look(_look(1000, hands=STILL))
     attempt.look(_look(5000))
     return attempt
@@ -38,21 +38,21 @@ def running() -> Attempt:
     ],
 )
 def test_it_runs_from_the_first_motion_of_a_hand_or_a_handle(hands: tuple[object, ...], begins: bool) -> None:
-    attempt = Attempt(GOAL)
+    attempt = FollowedAttempt(GOAL)
     attempt.look(_look(1000, hands=STILL))
     attempt.look(_look(9000, hands=hands))
     assert attempt.state is (AttemptState.RUNNING if begins else AttemptState.ARMED)
     assert attempt.time_s == 0.0
 
 
-def test_its_clock_counts_ticks_of_the_rig_and_so_stands_where_they_do(running: Attempt) -> None:
+def test_its_clock_counts_ticks_of_the_rig_and_so_stands_where_they_do(running: FollowedAttempt) -> None:
     for _ in range(5):
         running.look(_look(7500))
     assert running.time_s == pytest.approx(2.5)
     assert running.began_tick == 1000
 
 
-def test_a_goal_is_reached_by_who_stays_there(running: Attempt) -> None:
+def test_a_goal_is_reached_by_who_stays_there(running: FollowedAttempt) -> None:
     for tick, depth_m in ((6000, 0.0099), (7000, 0.0101), (7900, 0.0101), (7950, 0.009), (8000, 0.0101), (8990, 0.011)):
         running.look(_look(tick, depth_m))
         assert running.state is AttemptState.RUNNING
@@ -65,7 +65,7 @@ def test_a_goal_is_reached_by_who_stays_there(running: Attempt) -> None:
 
 def test_time_that_is_over_and_what_must_not_happen_end_it() -> None:
     for look, why in ((_look(25_001), "the time of 20 s is over"), (_look(6000, errors={"E4": 1}), "E4 must not")):
-        attempt = Attempt(GOAL)
+        attempt = FollowedAttempt(GOAL)
         for each in (_look(1000, hands=STILL), _look(5000), _look(6000, errors={"E5": 3}), look):
             attempt.look(each)
         assert attempt.outcome == "failure"
@@ -76,7 +76,7 @@ def test_time_that_is_over_and_what_must_not_happen_end_it() -> None:
     ("seen", "outcome"), [(("P2", "P3", "P4"), "success"), (("P3", "P2", "P4"), "failure"), (("P4",), "failure")]
 )
 def test_phases_come_in_order_where_a_goal_says_so_and_somebody_judges(seen: tuple[str, ...], outcome: str) -> None:
-    attempt = Attempt(Goal(depth_m=0.01, hold_s=0.0, phases=("P2", "P3", "P4")))
+    attempt = FollowedAttempt(Goal(depth_m=0.01, hold_s=0.0, phases=("P2", "P3", "P4")))
     attempt.look(_look(0, hands=STILL))
     attempt.look(_look(1))
     for k, phase in enumerate(seen):
@@ -86,7 +86,7 @@ def test_phases_come_in_order_where_a_goal_says_so_and_somebody_judges(seen: tup
 
 
 def test_what_makes_it_not_count_stays_and_only_while_it_runs() -> None:
-    attempt = Attempt(GOAL)
+    attempt = FollowedAttempt(GOAL)
     attempt.look(_look(0, hands=STILL, fault="the rig was late"))
     assert attempt.why_not == "", "nobody has begun"
     attempt.look(_look(1))
@@ -96,7 +96,7 @@ def test_what_makes_it_not_count_stays_and_only_while_it_runs() -> None:
     assert not attempt.ended
 
 
-def test_abandoned_is_for_good_and_for_what_is_not_done(running: Attempt) -> None:
+def test_abandoned_is_for_good_and_for_what_is_not_done(running: FollowedAttempt) -> None:
     running.abandon("somebody else's turn")
     running.look(_look(9000, 0.02))
     running.abandon("again")
@@ -104,7 +104,7 @@ def test_abandoned_is_for_good_and_for_what_is_not_done(running: Attempt) -> Non
 
 
 def test_without_a_goal_it_goes_on() -> None:
-    attempt = Attempt(None)
+    attempt = FollowedAttempt(None)
     for look in (_look(0, hands=STILL), _look(1), _look(999_999, 0.05)):
         attempt.look(look)
     assert (attempt.state, attempt.outcome) == (AttemptState.RUNNING, "")
@@ -112,7 +112,7 @@ def test_without_a_goal_it_goes_on() -> None:
 
 def test_one_that_begins_with_the_catheter_in_does_not_count_and_says_what_to_do() -> None:
     """A training process that comes late would else tell of a success after a second."""
-    attempt, clean = Attempt(GOAL), Attempt(GOAL)
+    attempt, clean = FollowedAttempt(GOAL), FollowedAttempt(GOAL)
     attempt.look(_look(1000, 0.0217, hands=STILL))
     clean.look(_look(1000, hands=STILL))
     scenario = Scenario(name="basic", title="Slide it in", scene="default", goal=GOAL, hint="Grasp it.")

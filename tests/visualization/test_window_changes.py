@@ -24,10 +24,10 @@ from types import SimpleNamespace
 from services.visualization import codec
 from services.visualization.render_governor import RUNGS
 from services.visualization.render_pipe import FRAME, HELLO, NOTICE
-from services.visualization.window_worker import Window
+from services.visualization.window_worker import NativeWindow
 from tests.visualization.test_window import a_scene
 
-window, drawn, seen = Window(), [], {}
+window, drawn, seen = NativeWindow(), [], {}
 size = window._renderer.plotter.render_window.GetSize
 window._renderer.plotter.render_window.AddObserver("EndEvent", lambda *_: drawn.append(size()))
 layout, picture = a_scene()

@@ -25,7 +25,7 @@ Caps = tuple[IntArray, IntArray, FloatArray]
 Placed = tuple[FloatArray, FloatArray]
 
 
-class Lumen:
+class MovingLumen:
     """The volume enclosed by a duct's wall and the caps over its openings, moving with the modes, and a catheter in it.
 
     Args:

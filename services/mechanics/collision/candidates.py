@@ -38,7 +38,7 @@ Where = tuple[FloatArray, FloatArray]
 """Ends of the pieces (p, 2, 3) and positions of the wall's nodes (n, 3), both at the same time."""
 
 #: Below this distance of an axis from the middle surface a normal is noise.
-_TOUCHING_M = 1e-12
+_NO_NORMAL_M = 1e-12
 #: Two places are distinct if so far apart along the piece, as a fraction of its distance from the wall at a touch.
 _MIN_SEPARATION = 0.02
 
@@ -98,10 +98,10 @@ def _put_further_minima(
     """Write further local minima between a piece and a triangle up to a distance, each apart from all nearer ones."""
     p, (most, s_closest), corner = place[0], closest, found.clusters.triangles
     a, b = row_of(found.ends, p, 0), row_of(found.ends, p, 1)
-    apart = _MIN_SEPARATION * found.thickness[p] / max(math.sqrt(squared_distance(a, b)), _TOUCHING_M)
+    apart = _MIN_SEPARATION * found.thickness[p] / max(math.sqrt(squared_distance(a, b)), _NO_NORMAL_M)
     for k in range(5):
         d2, s, w = places[k]
-        is_other = _TOUCHING_M**2 < d2 <= most * most and abs(s - s_closest) > apart
+        is_other = _NO_NORMAL_M**2 < d2 <= most * most and abs(s - s_closest) > apart
         for j in range(5):
             is_nearer = places[j][0] < d2 or (places[j][0] == d2 and j < k)
             is_other = is_other and not (is_nearer and abs(s - places[j][1]) <= apart)
@@ -150,7 +150,7 @@ def _closest(
     c0, c1, c2 = corners = _corners(where, corner, t)
     d2, s, w = closest_segment_triangle(row_of(where[0], p, 0), row_of(where[0], p, 1), corners, places)
     distance = math.sqrt(d2)
-    if distance > _TOUCHING_M:
+    if distance > _NO_NORMAL_M:
         return distance, s, w, scaled(offset(where, corner, place, s, w), 1.0 / distance)
     return distance, s, w, unit(cross(subtract(c1, c0), subtract(c2, c0)))
 
@@ -171,4 +171,4 @@ def nearest_to(where: Where, corner: IntArray, place: tuple[int, int], w: Vector
     s = place_along(subtract(a, offset(where, corner, place, 0.0, w)), (a, b))
     away = offset(where, corner, place, s, w)
     distance = math.sqrt(dot(away, away))
-    return distance, s, scaled(away, 1.0 / max(distance, _TOUCHING_M))
+    return distance, s, scaled(away, 1.0 / max(distance, _NO_NORMAL_M))

@@ -34,7 +34,8 @@ from services.mechanics.compiled.vectors import (
 Tools = tuple[FloatArray, FloatArray, BoolArray]
 """(segments (n_tools, 3, 2, 3), radii (n_tools, 3), zero where there is no segment, present (n_tools,))."""
 
-_TOUCHING_M = 1e-9
+#: Axes nearer than this have no direction between them, and distances that differ by less are the same.
+_NO_DIRECTION_M = 1e-9
 
 
 class CapsuleMemory(Struct):
@@ -77,7 +78,7 @@ def meet(
         return (s, t, math.inf, (0.0, 0.0, 0.0))
     distance, was_active, old = math.sqrt(d2), active[i, j] == 1, row_of(memory.normal, i, j)
     u, v = subtract(first[1], first[0]), subtract(second[1], second[0])
-    if distance > _TOUCHING_M:
+    if distance > _NO_DIRECTION_M:
         away = subtract(along(first[0], u, s), along(second[0], v, t))
         normal = scaled(away, 1.0 / distance)
     else:
@@ -95,7 +96,7 @@ def meet_again(ends: FloatArray, who: tuple[int, int], side: Vector) -> tuple[fl
     i, j = who
     s, t, d2 = closest_of_segments(row_of(ends, i, 0), row_of(ends, i, 1), row_of(ends, j, 0), row_of(ends, j, 1))
     distance = math.sqrt(d2)
-    normal = scaled(between_capsules(ends, who, s, t), 1.0 / distance) if distance > _TOUCHING_M else side
+    normal = scaled(between_capsules(ends, who, s, t), 1.0 / distance) if distance > _NO_DIRECTION_M else side
     if 0.0 < s < 1.0 and dot(normal, side) < 0.0:
         return s, t, -distance, scaled(normal, -1.0)
     return s, t, distance, normal
@@ -142,7 +143,7 @@ def _write_nearest(
     found, last = memory.found, memory.active.shape[1] - 1
     for j in range(last + 1):
         s, t, distance = row(found, j)
-        is_again = j < last and t == 1.0 and found[j + 1, 1] == 0.0 and found[j + 1, 2] <= distance + _TOUCHING_M
+        is_again = j < last and t == 1.0 and found[j + 1, 1] == 0.0 and found[j + 1, 2] <= distance + _NO_DIRECTION_M
         if distance < math.inf and not is_again:
             pair = (who[0], who[1], -1, CATHETER_SEGMENT, j, s, (1.0 - t, t, 0.0))
             write_pair(pairs, pair, distance - (radii[0] + radii[1][j]), row_of(memory.normal, i, j))

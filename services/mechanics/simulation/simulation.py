@@ -15,7 +15,7 @@ from services.mechanics.bodies.catheter_drive import build_drive
 from services.mechanics.bodies.duct_loads import begin_loads
 from services.mechanics.bodies.forceps import Grasp, JawState
 from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
-from services.mechanics.bodies.lumen import Lumen
+from services.mechanics.bodies.lumen import MovingLumen
 from services.mechanics.bodies.wire_drive import build_wire_drive
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.contact.engagement import take_pads
@@ -80,7 +80,7 @@ class Simulation:
         self.wire_drive = build_wire_drive(scene, self._moving[1:])
         self.tool_results = ToolResults()
         self.max_penetration_m, self.is_felt = 0.0, True
-        self._lumen = Lumen(duct, self.catheter.properties.n_particles)
+        self._lumen = MovingLumen(duct, self.catheter.properties.n_particles)
         self._tool_pairs = ContactPairs.allocate(scene.contact.capacity)
         self._tool_force = np.zeros((N_TOOLS, N_COORDINATES))
         self._report_arrays = ReportArrays.of(self.tool_results, self._tool_force)

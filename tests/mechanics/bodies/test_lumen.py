@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from services.mechanics.bodies.lumen import Lumen
+from services.mechanics.bodies.lumen import MovingLumen
 from services.mechanics.simulation.scene_duct import build_scene_duct
 from services.mechanics.surface.mesh import boundary_loops
 from services.mechanics.surface.rim_caps import fill_rim
@@ -42,7 +42,7 @@ def test_inside_is_what_wall_and_caps_go_round(duct, seed):
     x = np.cumsum(np.concatenate([[end_m + 4e-3], rng.uniform(-2e-3, 1e-3, N - 1)]))
     angle, off = rng.uniform(0.0, 6.28, N), radius_m * np.sqrt(rng.random(N))
     thread = np.stack([x, off * np.cos(angle), off * np.sin(angle)], axis=1)
-    lumen = Lumen(duct, N)
+    lumen = MovingLumen(duct, N)
     place = lumen.follow(np.zeros(duct.basis.n_modes), thread)
     expected = [winding(p, mesh.vertices_m, closed) > 0.5 for p in thread]
     assert lumen.inside.astype(bool).tolist() == expected
@@ -54,7 +54,7 @@ def test_inside_is_what_wall_and_caps_go_round(duct, seed):
 
 
 def test_a_base_that_is_carried_through_an_opening_changes_its_side(duct):
-    q, lumen, end_m = np.zeros(duct.basis.n_modes), Lumen(duct, 2), duct.mesh.vertices_m[:, 0].max()
+    q, lumen, end_m = np.zeros(duct.basis.n_modes), MovingLumen(duct, 2), duct.mesh.vertices_m[:, 0].max()
     for x in np.arange(end_m + 8e-3, end_m - 15e-3, -0.5e-3):
         lumen.follow(q, np.array([[x, 0.0, 0.0], [x + 1e-4, 0.0, 0.0]]))
     assert lumen.inside.all()

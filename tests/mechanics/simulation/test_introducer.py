@@ -9,7 +9,7 @@ import pytest
 from services.mechanics import scenarios
 from services.mechanics.bodies.catheter import build_introducer, rod_supports
 from services.mechanics.contact.laws import number_of
-from services.mechanics.scenarios import Scenario, ToolMotion
+from services.mechanics.scenarios import PlayedScene, ToolMotion
 from services.mechanics.scene import CatheterScene
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
@@ -82,7 +82,7 @@ def largest_strain(catheter):
     return max(np.abs(long_m / length_m - 1.0).max(), catheter.radius_m * turn_m.max() / length_m)
 
 
-def run(scenario: Scenario, duct, *, books=False):
+def run(scenario: PlayedScene, duct, *, books=False):
     simulation, tools = Simulation(scenario.scene, duct), ToolInputs()
     scenario.write_inputs(0.0, tools)
     simulation.step(tools)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, SHAFT
-from services.mechanics.scenarios import Scenario, ToolMotion, insertion_scene
+from services.mechanics.scenarios import PlayedScene, ToolMotion, insertion_scene
 from services.mechanics.scene.tools import GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.scene_duct import build_scene_duct
@@ -161,7 +161,7 @@ def test_jaws_at_rest_on_two_edges_of_the_wall_feel_the_same_for_ever(cache_dir)
     middle = (8.333e-3, 0.0, 0.0)
     points = ((8.557e-3, 9.395e-3, 14.763e-3), middle, middle)
     closing = ToolMotion((0.0, 0.3, 0.6), points, (0.662, 0.662, 0.4744), (1.567,) * 3, grip_offset_m=20e-3)
-    hands = Scenario("closing", "jaws close round the duct", 1.0, scene, (None, closing))
+    hands = PlayedScene("closing", "jaws close round the duct", 1.0, scene, (None, closing))
     simulation, tools, felt_n = Simulation(scene, build_scene_duct(scene, cache_dir)), ToolInputs(), []
     for tick in range(1000):
         hands.write_inputs(1e-3 * (tick + 1), tools)

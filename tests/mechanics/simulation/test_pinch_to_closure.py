@@ -9,7 +9,7 @@ from services.mechanics.collision.pairs import CATHETER_SEGMENT
 from services.mechanics.contact.laws import HAS_GAP
 from services.mechanics.effects.base import NoSettings
 from services.mechanics.effects.friction import FrictionSettings
-from services.mechanics.scenarios import Scenario, ToolMotion
+from services.mechanics.scenarios import PlayedScene, ToolMotion
 from services.mechanics.scene.tools import GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.scene_duct import build_scene_duct
@@ -37,7 +37,7 @@ class Pinch:
         above, at = (x_m, 0.0, 20e-3), (x_m, 0.0, 0.0)
         times, openings = (0.0, 0.2, 0.6, 0.8, 1.1), (1.0, 1.0, shut_rad, shut_rad, 1.0)
         motion = ToolMotion(times, (above, at, at, at, at), openings, (0.5 * np.pi,) * 5, along_m)
-        self.scenario = Scenario("closure", "a duct is pinched shut", TICKS * DT_S, scene, (None, motion))
+        self.scenario = PlayedScene("closure", "a duct is pinched shut", TICKS * DT_S, scene, (None, motion))
         self.simulation, self.tools = Simulation(scene, duct), ToolInputs()
 
     def states(self, step=None):

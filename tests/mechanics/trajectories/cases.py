@@ -17,7 +17,7 @@ from services.mechanics.effects import EFFECTS as TABLE
 from services.mechanics.effects.base import NoSettings
 from services.mechanics.effects.friction import FrictionSettings
 from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.scenarios import Scenario, ToolMotion, insertion
+from services.mechanics.scenarios import PlayedScene, ToolMotion, insertion
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation.scene_duct import build_scene_duct
@@ -77,7 +77,7 @@ def pinch_with_both_tools(cache_dir: Path) -> Case:
     scene = replace(scene, forceps=forceps, effects={"friction": FrictionSettings(), "grasp_slip": NoSettings()})
     # Places where both jaws take one fold: where they span more than 4 mm of wall they only squeeze it.
     motions = (_pinching_hand(14e-3, -2e-3, 0.5), _pinching_hand(28e-3, 3e-3, 0.5))
-    scenario = Scenario("pinch", "both forceps squeeze the duct", TICKS * DT_S, scene, motions)
+    scenario = PlayedScene("pinch", "both forceps squeeze the duct", TICKS * DT_S, scene, motions)
 
     def move(tick: int, tools: ToolInputs) -> None:
         scenario.write_inputs(tick * DT_S, tools)
