@@ -126,8 +126,8 @@ def _memlock() -> CheckResult:
 def _ladder() -> CheckResult:
     """Say which scheduling classes a loop is granted; it takes the first of them."""
     script = (
-        "import json; from services.runtime.scheduling import Wish, rungs_granted; "
-        "print(json.dumps(rungs_granted(Wish(80, 0.7, 0))))"
+        "import json; from services.runtime.scheduling import SchedulingRequest, rungs_granted; "
+        "print(json.dumps(rungs_granted(SchedulingRequest(80, 0.7, 0))))"
     )
     tried = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     rungs: dict[str, str] = json.loads(tried.stdout)

@@ -19,7 +19,7 @@ from pathlib import Path
 import protocol.bodies as bodies
 from services import start_up
 from services.runtime.autogroup import set_group_niceness
-from services.runtime.scheduling import DEADLINE, RUNGS, Scheduling, Wish, get_attributes, own_threads
+from services.runtime.scheduling import DEADLINE, RUNGS, Scheduling, SchedulingRequest, get_attributes, own_threads
 
 _PR_SET_TIMERSLACK = 29
 _MCL_CURRENT, _MCL_FUTURE = 1, 2
@@ -65,7 +65,7 @@ def set_up(
         rungs: Scheduling classes to try, see `services.runtime.scheduling`.
         awake: Whether cores must not sleep while a process with a priority lives, see `keep_awake`.
     """
-    scheduling = None if priority is None else Scheduling.ask(Wish(priority, share, core, rungs))
+    scheduling = None if priority is None else Scheduling.request(SchedulingRequest(priority, share, core, rungs))
     facts = [
         _pin(core, scheduling),
         _ordinary(nice) if scheduling is None else scheduling_fact(scheduling),
@@ -81,7 +81,7 @@ def set_up(
 def scheduling_fact(scheduling: Scheduling) -> Fact:
     """Return the requested (first) and granted rung of the ladder."""
     why = "".join(f"; {refusal}" for refusal in scheduling.refused)
-    return Fact("scheduling", f"FIFO {scheduling.wish.priority}", scheduling.had + why, scheduling.is_fifo)
+    return Fact("scheduling", f"FIFO {scheduling.requested.priority}", scheduling.had + why, scheduling.is_fifo)
 
 
 def keep_heap() -> Fact:

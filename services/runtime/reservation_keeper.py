@@ -28,7 +28,7 @@ class ReservationKeeper:
 
     def __init__(self, scheduling: Scheduling, meter: LoopMeter, logger: logging.Logger) -> None:
         self._scheduling, self._meter, self._log = scheduling, meter, logger
-        self._reservation = Reservation(scheduling.wish.share if scheduling.reserves else 0.0)
+        self._reservation = Reservation(scheduling.requested.share if scheduling.reserves else 0.0)
         self._due_ns = time.monotonic_ns() + _LOOK_SOON_NS
         self._looks = 0
         self._said, self._again_s = "", 0.0

@@ -45,7 +45,7 @@ _libc = ctypes.CDLL(None, use_errno=True)
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class SchedulingRequest:
     """Request of a loop: FIFO `priority`, initial `share` of a core for DEADLINE, core, and rungs to try."""
 
     priority: int
@@ -63,7 +63,7 @@ class Scheduling:
         refused: list of str. Refused rungs with reasons.
     """
 
-    wish: Wish
+    requested: SchedulingRequest
     had: str = "OTHER"
     refused: list[str] = field(default_factory=list)
     _rung: int = 0
@@ -73,9 +73,9 @@ class Scheduling:
     _alone: bool = False
 
     @classmethod
-    def ask(cls, wish: Wish) -> Scheduling:
+    def request(cls, requested: SchedulingRequest) -> Scheduling:
         """Determine what is granted. The calling thread keeps only FIFO, which later threads inherit."""
-        found = cls(wish, _cores=frozenset(os.sched_getaffinity(0)), _niceness=os.getpriority(os.PRIO_PROCESS, 0))
+        found = cls(requested, _cores=frozenset(os.sched_getaffinity(0)), _niceness=os.getpriority(os.PRIO_PROCESS, 0))
         found._climb(reset=False)
         if not found.is_fifo:
             _make_ordinary(found._niceness)
@@ -93,7 +93,7 @@ class Scheduling:
 
     @property
     def _name(self) -> str:
-        return (*self.wish.rungs, "plain")[self._rung]
+        return (*self.requested.rungs, "plain")[self._rung]
 
     def relax(self) -> None:
         """Make only the calling thread an ordinary one, for work before its loop."""
@@ -117,7 +117,7 @@ class Scheduling:
     @property
     def may_reserve(self) -> bool:
         """Whether a share can be granted if there is room."""
-        return "deadline" in self.wish.rungs[: self._rung + 1] and not any(
+        return "deadline" in self.requested.rungs[: self._rung + 1] and not any(
             refusal.startswith("deadline") and _WHY[errno.EBUSY] not in refusal for refusal in self.refused
         )
 
@@ -126,7 +126,7 @@ class Scheduling:
 
         The reserved time is granted in each `period_ns`, or each millisecond if that is longer.
         """
-        before, self.wish = self.wish, replace(self.wish, share=share)
+        before, self.requested = self.requested, replace(self.requested, share=share)
         niceness = os.getpriority(os.PRIO_PROCESS, 0)
         self._period_ns = max(PERIOD_NS, period_ns)
         try:
@@ -135,9 +135,9 @@ class Scheduling:
             else:
                 self._look_for_room(share)
                 self.had = self._deadline(self._alone)
-                self._rung = self.wish.rungs.index("deadline")
+                self._rung = self.requested.rungs.index("deadline")
         except OSError:
-            self.wish = before
+            self.requested = before
             if not self.reserves and os.getpriority(os.PRIO_PROCESS, 0) != niceness:  # no room for the other threads
                 self._climb(reset=self._alone)
             return False
@@ -162,7 +162,7 @@ class Scheduling:
         self._climb(reset=self._alone)
 
     def _climb(self, *, reset: bool) -> None:
-        while self._rung < len(self.wish.rungs):
+        while self._rung < len(self.requested.rungs):
             try:
                 self.had = self._take(reset)
                 return
@@ -182,20 +182,20 @@ class Scheduling:
 
     def _fifo(self, reset: bool) -> str:
         budget = group_budget()
-        if budget is not None and budget < self.wish.share:
+        if budget is not None and budget < self.requested.share:
             raise OSError(
-                errno.EPERM, f"its group has {100 * budget:.0f} % of a core, {100 * self.wish.share:.0f} needed"
+                errno.EPERM, f"its group has {100 * budget:.0f} % of a core, {100 * self.requested.share:.0f} needed"
             )
         policy = os.SCHED_FIFO | (os.SCHED_RESET_ON_FORK if reset else 0)
-        os.sched_setscheduler(0, policy, os.sched_param(self.wish.priority))
-        return f"FIFO {self.wish.priority}"
+        os.sched_setscheduler(0, policy, os.sched_param(self.requested.priority))
+        return f"FIFO {self.requested.priority}"
 
     def _deadline(self, reset: bool) -> str:
         pinned, own = os.sched_getaffinity(0), _own_thread()
         try:
             _pin_all(self._cores)
             _of_each(lambda thread: thread == own or self._reserve(thread, BESIDE))
-            return self._reserve(own, self.wish.share)
+            return self._reserve(own, self.requested.share)
         except OSError:
             _make_ordinary(self._niceness)
             _pin_all(pinned)
@@ -207,8 +207,8 @@ class Scheduling:
         return f"DEADLINE {100 * share:.0f} % of a core"
 
     def _nice(self, reset: bool) -> str:
-        if self.wish.core in self._cores:
-            _pin_all({self.wish.core})
+        if self.requested.core in self._cores:
+            _pin_all({self.requested.core})
         flags = _RESET_ON_FORK if reset else 0
         _of_each(lambda thread: set_attributes(thread, os.SCHED_OTHER, flags, nice=_NICE, runtime_ns=_SLICE_NS))
         set_group_niceness(_NICE)
@@ -313,11 +313,11 @@ def _group_folders(mount: Path = Path("/sys/fs/cgroup/cpu"), of: Path = Path("/p
     return [*(mount / name.lstrip("/") for name in names), mount]
 
 
-def rungs_granted(wish: Wish) -> dict[str, str]:
+def rungs_granted(requested: SchedulingRequest) -> dict[str, str]:
     """Return each rung with its result or the reason of refusal; this changes the process' scheduling."""
     found: dict[str, str] = {}
     for name in RUNGS:
-        asked = Scheduling.ask(replace(wish, rungs=(name,)))
+        asked = Scheduling.request(replace(requested, rungs=(name,)))
         asked.resume()
         found[name] = f"granted ({asked.had})" if not asked.refused else asked.refused[0].partition(": ")[2]
         _make_ordinary(asked._niceness)  # noqa: SLF001

@@ -73,7 +73,7 @@ class Crew:
         self._forgive_own_delay(now_s)
         hearing = self._is_hearing(now_s)  # before reading: later messages are heard in the next turn
         flowing = self._flowing()
-        self._warn(self._floods.seen("supervisor", os.getpid(), self.bus.floods(), now_s))
+        self._warn(self._floods.messages("supervisor", os.getpid(), self.bus.floods(), now_s))
         for member in self.members.values():
             flows = member.name in flowing
             self._hear(member, now_s, flows)
@@ -194,7 +194,7 @@ class Crew:
             if member.hear(health, now_s):
                 for stall in member.new_stalls():
                     self.say("info", f"{member.name}: stalled for {stall.length_ns * 1e-6:.0f} ms, by its own measure")
-                self._warn(self._floods.told(health, now_s))
+                self._warn(self._floods.messages_from(health, now_s))
                 if member.child is None or member.name == "gateway":  # their log is not read here, or not written
                     self._warn(member.new_detail(now_s))
                 self.on_report(member.name, health)

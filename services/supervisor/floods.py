@@ -18,13 +18,13 @@ class Floods:
         self._counted: dict[tuple[str, str], tuple[int, float]] = {}
         self._said_s: dict[str, float] = {}
 
-    def told(self, health: bodies.Health, now_s: float) -> list[str]:
+    def messages_from(self, health: bodies.Health, now_s: float) -> list[str]:
         """Return messages about a reader's report."""
         gauges = health.gauges.items()
         found = {name.removeprefix(FLOOD): frames for name, frames in gauges if name.startswith(FLOOD)}
-        return self.seen(health.process, health.pid, found, now_s)
+        return self.messages(health.process, health.pid, found, now_s)
 
-    def seen(self, reader: str, pid: int, floods: Mapping[str, float], now_s: float) -> list[str]:
+    def messages(self, reader: str, pid: int, floods: Mapping[str, float], now_s: float) -> list[str]:
         """Return messages about a process' counts of frames beyond the rate of each topic."""
         sentences = []
         for topic, frames in floods.items():

@@ -19,8 +19,8 @@ from typing import IO
 
 from services.runtime.private_directory import open_private
 from services.supervisor.fork_link import ForkServer
-from services.supervisor.kernel_word import KernelWord, Waits
 from services.supervisor.processes import ProcessSpec
+from services.supervisor.scheduler_state import SchedulerState, Waits
 
 #: Longest line kept, to bound the memory for a child's output.
 _LINE_MAX = 2000
@@ -63,7 +63,7 @@ class Child:
         self.log_file = log_file
         self._status: int | None = None
         self.descriptor = os.pidfd_open(self.pid)
-        self._kernel = KernelWord(self.pid)
+        self._kernel = SchedulerState(self.pid)
         self._log = os.fdopen(open_private(log_file, os.O_RDONLY), "rb")
         self._rest = b""
 

@@ -12,9 +12,9 @@ from enum import StrEnum
 import protocol.bodies as bodies
 from services.runtime.rig import Rig
 from services.supervisor import contracts, figures
-from services.supervisor.kernel_word import Waits
 from services.supervisor.launcher import Child
 from services.supervisor.processes import ProcessSpec
+from services.supervisor.scheduler_state import Waits
 from services.supervisor.window import Window
 
 #: The gateway's report is made in parts, so that an earlier one may precede a command.

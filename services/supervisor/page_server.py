@@ -43,7 +43,7 @@ _encoder = msgspec.json.Encoder()
 
 
 @dataclass
-class Knowledge:
+class PageData:
     """The page's data on the rig."""
 
     rig: Rig
@@ -107,56 +107,56 @@ def main(link_descriptor: int, socket_descriptor: int) -> int:
         return 1
     rig = Rig.model_validate_json(setup.rig)
     with closing(Observers(rig)) as observers:
-        _run(Knowledge(rig, observers), setup, link, sock)
+        _run(PageData(rig, observers), setup, link, sock)
     return 0
 
 
-def _run(knowledge: Knowledge, setup: PageSetup, link: Link, sock: socket.socket) -> None:
+def _run(page_data: PageData, setup: PageSetup, link: Link, sock: socket.socket) -> None:
     """Serve until the supervisor ends."""
     context = PageContext(
-        rig=knowledge.rig,
+        rig=page_data.rig,
         scene=setup.scene,
-        registries={level: registry(knowledge.source, level) for level in get_args(Level)},
-        ask=lambda command: control.ask(knowledge.rig.transport, command),
-        replays=lambda: knowledge.status is not None and knowledge.status.replay is not None,
+        registries={level: registry(page_data.source, level) for level in get_args(Level)},
+        ask=lambda command: control.ask(page_data.rig.transport, command),
+        replays=lambda: page_data.status is not None and page_data.status.replay is not None,
         switches=setup.switches,
-        healthy=knowledge.healthy,
-        view_port=knowledge.view_port,
+        healthy=page_data.healthy,
+        view_port=page_data.view_port,
         token=setup.token,
     )
-    with closing(listen_as(OURS, knowledge.rig)) as bus:
-        asyncio.run(_serve(context, knowledge, bus, link, sock))
+    with closing(listen_as(OURS, page_data.rig)) as bus:
+        asyncio.run(_serve(context, page_data, bus, link, sock))
 
 
-async def _serve(context: PageContext, knowledge: Knowledge, bus: Bus, link: Link, sock: socket.socket) -> None:
+async def _serve(context: PageContext, page_data: PageData, bus: Bus, link: Link, sock: socket.socket) -> None:
     config = uvicorn.Config(
         build_app(context), log_level="error", access_log=False, lifespan="off", ws="none", timeout_graceful_shutdown=1
     )  # fmt: skip
     server = uvicorn.Server(config)
-    following = asyncio.create_task(_follow(context, knowledge, bus, link, server))
+    following = asyncio.create_task(_follow(context, page_data, bus, link, server))
     await server.serve(sockets=[sock])
     following.cancel()
 
 
-async def _follow(context: PageContext, knowledge: Knowledge, bus: Bus, link: Link, server: uvicorn.Server) -> None:
+async def _follow(context: PageContext, page_data: PageData, bus: Bus, link: Link, server: uvicorn.Server) -> None:
     """Update the page's data five times a second, until the supervisor ends."""
     while True:
         try:
-            knowledge.status = link.newest(RigStatus) or knowledge.status
+            page_data.status = link.newest(RigStatus) or page_data.status
         except ConnectionError:
             context.closing = True
             server.should_exit = True
             return
-        knowledge.hear(bus)
-        status = knowledge.status
+        page_data.hear(bus)
+        status = page_data.status
         if status is not None:
-            observers = knowledge.observers
-            observers.sample(status, knowledge.reports())
+            observers = page_data.observers
+            observers.sample(status, page_data.reports())
             link.send(Heartbeat(observers.said()))
             report = observers.report()
             context.latest = _encoder.encode(
                 dashboard.snapshot(
-                    status, knowledge.heard, knowledge.rig, context.scene, report, knowledge.task.attempt
+                    status, page_data.heard, page_data.rig, context.scene, report, page_data.task.attempt
                 )
             )
         await asyncio.sleep(EVENT_PERIOD_S)

@@ -128,7 +128,7 @@ class Supervisor:
         self.crew.step(now_s)
         if self.crew.fatal is not None:
             return
-        self._judge_anew_after_a_start()
+        self._restart_judgement_after_start()
         if now_s - self._judged_s >= _JUDGE_S:
             self._judged_s = now_s
             self._judge()
@@ -188,13 +188,13 @@ class Supervisor:
         except FileNotFoundError:
             return ""
 
-    def _judge_anew_after_a_start(self) -> None:
+    def _restart_judgement_after_start(self) -> None:
         up = {name for name, member in self.crew.members.items() if member.up}
         if up - self._up:  # its start has disturbed the others as well
-            self._judge_anew()
+            self._restart_judgement()
         self._up = up
 
-    def _judge_anew(self) -> None:
+    def _restart_judgement(self) -> None:
         for member in self.crew.members.values():
             member.window.forget()
         self._standing.clear()
@@ -203,7 +203,7 @@ class Supervisor:
         # A process after one that is down cannot keep its rate, and is not at fault. It counts its losses when the
         # first tick arrives again, and reports them after that.
         if not self.crew.all_ready or self._now_s - self._not_ready_s < SETTLE_S:
-            self._judge_anew()
+            self._restart_judgement()
         seen = []
         windows = {name: member.window for name, member in self.crew.members.items() if member.up}
         if self.state in (RigState.RUNNING, RigState.DEGRADED):
@@ -239,7 +239,7 @@ class Supervisor:
             self.crew.restart(action.process, action.reason)
         elif action.kind is ActionKind.SAFE_STOP:
             self._stop_safely(action.reason)
-        self._judge_anew()
+        self._restart_judgement()
         for member in self.crew.members.values():
             member.stalls_s.clear()
 

@@ -34,7 +34,8 @@ def test_a_process_with_a_session_of_its_own_is_as_nice_to_others_as_to_its_own(
     assert _in_child(f"{_SET}; {_TELL}", session=True).endswith("nice 7")
 
 
-_CLIMB = "from services.runtime.scheduling import Scheduling, Wish; s = Scheduling.ask(Wish(5, 0.1, None, ('nice',)))"
+_CLIMB = """from services.runtime.scheduling import Scheduling, SchedulingRequest
+s = Scheduling.request(SchedulingRequest(5, 0.1, None, ("nice",)))"""
 
 
 @needs_groups

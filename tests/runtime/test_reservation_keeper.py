@@ -10,7 +10,7 @@ import pytest
 from services.runtime import reservation_keeper
 from services.runtime.loop import LoopMeter
 from services.runtime.reservation_keeper import ReservationKeeper, work_per_period
-from services.runtime.scheduling import Scheduling, Wish
+from services.runtime.scheduling import Scheduling, SchedulingRequest
 
 
 class Granting(Scheduling):
@@ -41,7 +41,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 
 def keeper(meter: LoopMeter, free: float = 0.9) -> tuple[ReservationKeeper, Granting]:
-    place = Granting(Wish(80, 0.5), had="DEADLINE 50 %", _rung=1)
+    place = Granting(SchedulingRequest(80, 0.5), had="DEADLINE 50 %", _rung=1)
     place.free = free
     return ReservationKeeper(place, meter, logging.getLogger("loop")), place
 

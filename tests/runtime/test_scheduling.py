@@ -16,7 +16,7 @@ import pytest
 from services.gateway import drive_process
 from services.runtime import realtime, scheduling
 from services.runtime.config import load_rig
-from services.runtime.scheduling import Scheduling, Wish
+from services.runtime.scheduling import Scheduling, SchedulingRequest
 from tests.patience import PATIENCE_S
 
 RIGS = Path(__file__).parents[2] / "configs" / "rigs"
@@ -25,14 +25,14 @@ RIGS = Path(__file__).parents[2] / "configs" / "rigs"
 _TAKE = """
 import json, os, subprocess, sys, threading
 from services.runtime import scheduling
-from services.runtime.scheduling import Scheduling, Wish, get_attributes
+from services.runtime.scheduling import Scheduling, SchedulingRequest, get_attributes
 
 def refused(*_):
     raise PermissionError(1, "refused here")
 Scheduling._fifo = refused
 {more}
 threading.Thread(target=threading.Event().wait, daemon=True).start()
-asked = Scheduling.ask(Wish(80, {share}, min(os.sched_getaffinity(0))))
+asked = Scheduling.request(SchedulingRequest(80, {share}, min(os.sched_getaffinity(0))))
 before = get_attributes(0)[1]
 asked.resume(alone={alone}, period_ns={period_ns})
 child = "from services.runtime.scheduling import get_attributes; print(get_attributes(0)[1], get_attributes(0)[3])"
@@ -55,8 +55,8 @@ def take(share: float = 0.3, *, alone: bool = False, period_ns: int = 1_000_000,
 
 def granted() -> dict[str, str]:
     code = (
-        "import json; from services.runtime.scheduling import Wish, rungs_granted; "
-        "print(json.dumps(rungs_granted(Wish(80, 0.3, 0))))"
+        "import json; from services.runtime.scheduling import SchedulingRequest, rungs_granted; "
+        "print(json.dumps(rungs_granted(SchedulingRequest(80, 0.3, 0))))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     result: dict[str, str] = json.loads(done.stdout)
@@ -157,9 +157,9 @@ import json, logging, time
 from services.runtime import scheduling
 from services.runtime.loop import LoopMeter, ticks
 from services.runtime.reservation_keeper import ReservationKeeper
-from services.runtime.scheduling import Scheduling, Wish, get_attributes
+from services.runtime.scheduling import Scheduling, SchedulingRequest, get_attributes
 
-asked = Scheduling.ask(Wish(80, {share}, rungs=("deadline", "nice")))
+asked = Scheduling.request(SchedulingRequest(80, {share}, rungs=("deadline", "nice")))
 meter = LoopMeter(1000.0)
 asked.resume(period_ns=meter.period_ns)
 had = [asked.had]
@@ -235,7 +235,9 @@ def test_what_a_supervisor_starts_is_ordinary_whatever_it_has_itself() -> None:
 
 
 def test_a_machine_that_grants_nothing_is_told_in_one_fact() -> None:
-    fact = realtime.scheduling_fact(Scheduling(Wish(80, 0.3), refused=["fifo: not here", "nice: not here"], _rung=3))
+    fact = realtime.scheduling_fact(
+        Scheduling(SchedulingRequest(80, 0.3), refused=["fifo: not here", "nice: not here"], _rung=3)
+    )
     assert (fact.asked, fact.ok) == ("FIFO 80", False)
     assert fact.had == "OTHER; fifo: not here; nice: not here"
 
@@ -246,7 +248,7 @@ def test_a_groups_budget_smaller_than_the_loops_share_is_not_taken(
     """A group that has used its budget up stands still for the rest of the second: worse than any other class."""
     monkeypatch.setattr(scheduling, "group_budget", lambda: 0.1)
     with pytest.raises(OSError, match=r"its group has 10 % of a core, 70 needed"):
-        Scheduling(Wish(80, 0.7))._fifo(False)
+        Scheduling(SchedulingRequest(80, 0.7))._fifo(False)
 
 
 @pytest.mark.parametrize("path", sorted(RIGS.glob("*.yaml")), ids=lambda path: path.stem)

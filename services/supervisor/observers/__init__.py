@@ -13,5 +13,5 @@ observer                  line that it feeds
 ========================  ==========================================================================================
 
 Each is an `Observer`: it samples, and reports rows. The modules that the judging loop uses to detect hangs
-(`loop_progress`, `runqueue_waits`, `kernel_word`) decide and show nothing, so they are no observers.
+(`loop_progress`, `runqueue_waits`, `scheduler_state`) decide and show nothing, so they are no observers.
 """

@@ -37,7 +37,7 @@ class Waits(NamedTuple):
         return Waits(self.loop_s - earlier.loop_s, self.bus_s - earlier.bus_s)
 
 
-class KernelWord:
+class SchedulerState:
     """The kernel's files about the process `pid`, kept open so that they never refer to a later one of the same id."""
 
     def __init__(self, pid: int) -> None:

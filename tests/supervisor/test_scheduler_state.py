@@ -15,8 +15,8 @@ from pathlib import Path
 import pytest
 
 from services.supervisor import runqueue_waits
-from services.supervisor.kernel_word import KernelWord
 from services.supervisor.runqueue_waits import BusWaits, ThreadWait
+from services.supervisor.scheduler_state import SchedulerState
 from tests.patience import PATIENCE_S
 from tests.real_time import fifo_is_granted
 
@@ -60,11 +60,11 @@ def until(condition: Callable[[], bool]) -> None:
         time.sleep(1e-3)
 
 
-def until_it_runs(process: subprocess.Popen[bytes]) -> KernelWord:
+def until_it_runs(process: subprocess.Popen[bytes]) -> SchedulerState:
     """Return what the kernel says of a process that spins, from when it does."""
     assert process.stdout is not None
     process.stdout.readline()
-    return KernelWord(process.pid)
+    return SchedulerState(process.pid)
 
 
 def before_it_ran_again(process: subprocess.Popen[bytes], look: Callable[[], object]) -> object:
@@ -118,7 +118,7 @@ def test_a_process_that_sleeps_for_good_waits_for_nobody() -> None:
     with running("import time; print(1, flush=True); time.sleep(60)", core=min(os.sched_getaffinity(0))) as process:
         assert process.stdout is not None
         process.stdout.readline()
-        word = KernelWord(process.pid)
+        word = SchedulerState(process.pid)
         until(lambda: word._state() == b"S")
         before_s = word.waits().total_s
         time.sleep(0.05)
@@ -152,7 +152,7 @@ def test_the_thread_that_sends_the_heartbeats_counts_from_when_it_is_there(name:
     with running(SPIN, core=core), subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as victim:
         assert victim.stdin is not None
         assert victim.stdout is not None
-        word = KernelWord(victim.pid)
+        word = SchedulerState(victim.pid)
         word.waits()
         victim.stdin.write(b"\n")
         victim.stdin.flush()
