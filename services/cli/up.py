@@ -75,7 +75,7 @@ def run_up(request: Request, fork_server: ForkServer) -> None:
     that cannot be run is told, and the one before it begins again.
     """
     targets.look_at_file("--json", request.json_file)
-    options, token, remarks = request.options(), secrets.token_urlsafe(16), tuple(filter(None, [build.reproach()]))
+    options, token, remarks = request.options(), secrets.token_urlsafe(16), tuple(filter(None, [build.build_fault()]))
     while name := (run := _run_session(request, options, token, remarks, fork_server)).next_scenario:
         fork_server.begin()
         other = replace(request, scene=None, scenario=name)

@@ -179,7 +179,7 @@ class Gateway:
             gauges[f"{each.name}.not_finite"] = float(each.servo.refused)
             gauges.update(each.links())
         gauges.update({f"models_{reason}": float(count) for reason, count in self._answers.refused.items()})
-        gauges["safe_stop"] = self.orders.told
+        gauges["safe_stop"] = self.orders.stop_report
         silent = ["the supervisor is silent: every hand is let go"] if self.orders.unsupervised else []
         if self._answers.invalid_looks() >= _INVALID_LOOKS:
             silent.append("no force: what haptics hears of physics is too old, or nothing")

@@ -95,7 +95,7 @@ class Instrument:
         self._torque_nm = self.servo.torque_nm
         grasp.write(self._torque_nm)
 
-    def arm_anew(self) -> None:
+    def rearm(self) -> None:
         """Clear faults, as a person has armed the rig."""
         self.arm.clear_fault()
         if self.grasp is not None:

@@ -109,7 +109,7 @@ class Source:
         where = f"instrument {self._place.instrument!r}"
         self.inputs = input_events.open_inputs(self._kind, self._path, self._place.index, where)
 
-    def open_anew(self) -> str:
+    def reopen(self) -> str:
         """Reopen the device without raising; return the reason of a failure, or empty."""
         self.close()
         try:
@@ -167,7 +167,7 @@ class SteeredArm(HandArm):
     def clear_fault(self) -> None:
         """Search for the device again."""
         super().close()
-        self.fault = self._source.open_anew()
+        self.fault = self._source.reopen()
 
     def close(self) -> None:
         """Give the device up."""
@@ -202,7 +202,7 @@ class SteeredGrasp(HandGrasp):
     def clear_fault(self) -> None:
         """Search for the device again; after a loss the grip is kept until the trigger is pressed."""
         self._touched &= not self.fault
-        self.fault = self._source.open_anew()
+        self.fault = self._source.reopen()
 
     def close(self) -> None:
         """Give the device up."""

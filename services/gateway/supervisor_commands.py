@@ -48,13 +48,13 @@ class SupervisorCommands:
             elif self.stopped and frame.incarnation == self._stopped_by:
                 self.stopped = False
                 for instrument in self._instruments:
-                    instrument.arm_anew()
+                    instrument.rearm()
             elif is_armed and not self.stopped:
                 for instrument in self._instruments:
                     instrument.try_again()
 
     @property
-    def told(self) -> float:
+    def stop_report(self) -> float:
         """Report to the supervisor: 0 without a safe stop, 1 for its own, 2 for one that it is to adopt."""
         return float(self.stopped) * (2.0 if self._stopped_by == -1 else 1.0)
 

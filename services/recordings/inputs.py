@@ -90,7 +90,7 @@ def read_inputs(path: Path) -> RecordedInputs:
     inputs = RecordedInputs(path, metadata.get("trocar", {}), attachments)
     devices: dict[int, Frame] = {}
     journals: dict[str, list[Journal]] = {name: [] for name in _JOURNALS}
-    for recorded in takewhile(_OneLife(inputs), read_frames(path, (_DEVICES, *_JOURNALS, *_SOLVED))):
+    for recorded in takewhile(_FirstIncarnation(inputs), read_frames(path, (_DEVICES, *_JOURNALS, *_SOLVED))):
         frame = recorded.frame
         if frame.topic == _DEVICES:
             devices[frame.body.tick] = frame
@@ -104,7 +104,7 @@ def read_inputs(path: Path) -> RecordedInputs:
     return inputs
 
 
-class _OneLife:
+class _FirstIncarnation:
     """Tells whether a frame is of the first incarnation of its process, as a restart loses the state."""
 
     def __init__(self, inputs: RecordedInputs) -> None:

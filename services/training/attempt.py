@@ -1,4 +1,4 @@
-"""One attempt at a scenario: armed, running from the first motion, done or abandoned. It is a pure function of looks.
+"""One attempt at a scenario: armed, running from the first motion, done or abandoned; a pure function of observations.
 
 Its clock counts the rig's ticks, so that pause and slow motion cost the trainee no time.
 """
@@ -27,7 +27,7 @@ class AttemptState(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Look:
+class Observation:
     """Observation of the rig at one time.
 
     ``hands`` are (junction, 3 in m, and handle's angle in rad) of each instrument; ``fault`` is why an attempt does not
@@ -43,7 +43,7 @@ class Look:
 
 
 class FollowedAttempt:
-    """Follows one attempt through looks.
+    """Follows one attempt through observations.
 
     Args:
         goal: The goal that ends it; None for practice until it is abandoned.
@@ -78,25 +78,25 @@ class FollowedAttempt:
         """Whether it is done or abandoned."""
         return self.state in (AttemptState.DONE, AttemptState.ABANDONED)
 
-    def look(self, look: Look) -> None:
+    def observe(self, seen: Observation) -> None:
         """Process the present observation."""
-        passed, self._tick = max(look.tick - self._tick, 0), look.tick
+        passed, self._tick = max(seen.tick - self._tick, 0), seen.tick
         if self.ended:
             return
-        self.depth_m, self.phase, self.errors = look.depth_m, look.phase, look.errors
-        if self.began_tick < 0 or len(look.hands) != len(self._first):
-            self.began_tick, self._first = look.tick, look.hands
-            if look.depth_m > 0.0:  # the earlier part was not observed
+        self.depth_m, self.phase, self.errors = seen.depth_m, seen.phase, seen.errors
+        if self.began_tick < 0 or len(seen.hands) != len(self._first):
+            self.began_tick, self._first = seen.tick, seen.hands
+            if seen.depth_m > 0.0:  # the earlier part was not observed
                 self.spoil("the catheter was in at its beginning")
         if self.state is AttemptState.ARMED:
-            if any(map(_has_moved, self._first, look.hands)):
+            if any(map(_has_moved, self._first, seen.hands)):
                 self.state = AttemptState.RUNNING
             return
         self._ticks += passed
-        if look.fault:
-            self.spoil(look.fault)
-        if look.phase and look.phase not in self._phases:
-            self._phases.append(look.phase)
+        if seen.fault:
+            self.spoil(seen.fault)
+        if seen.phase and seen.phase not in self._phases:
+            self._phases.append(seen.phase)
         if self.goal is not None:
             self._judge(self.goal)
 

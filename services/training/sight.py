@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping
 
 from protocol import Frame, bodies
 from protocol.bodies.physics import ToolReaction
-from services.training.attempt import Look
+from services.training.attempt import Observation
 from services.training.judge import Judge
 from services.tube_paths import TubePaths
 
@@ -73,13 +73,13 @@ class Sight:
         late = state.state == "degraded" and state.reason.partition(":")[0] not in self._spared
         self._rig = STOPPED if stopped else LATE if late else ""
 
-    def look(self) -> Look | None:
+    def observe(self) -> Observation | None:
         """Return the observation of the present scene, None before its first state."""
         gateway, physics = self._gateway, self._physics
         if gateway is None or physics is None or physics.tick < self._began_tick:
             return None
         fault, self._fault = self._fault or self._rig, ""
-        return Look(
+        return Observation(
             tick=physics.tick,
             depth_m=self._depth_m(physics.catheter),
             hands=tuple((*each.position_m, each.handle_angle_rad) for each in gateway.instruments),

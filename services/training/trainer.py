@@ -64,9 +64,9 @@ class Trainer:
         if self.sight.begins < self._awaited and self.sight.gateway == self._asked:
             return  # the gateway restarts the scene as soon as no arm bears a force
         self._awaited = 0
-        look = self.sight.look()
-        if look is not None:
-            self.attempt.look(look)
+        seen = self.sight.observe()
+        if seen is not None:
+            self.attempt.observe(seen)
         runs = self.attempt.state is AttemptState.RUNNING
         if runs and self.sight.judge is None and self._judges is not None and self.scenario is not None:
             self.sight.judge = self._judges(self.scenario)

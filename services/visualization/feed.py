@@ -61,7 +61,7 @@ class Feed:
         self.notice = notice
         self.wake.set()
 
-    def begin_anew(self) -> None:
+    def reset(self) -> None:
         """Reset for a new client."""
         self.epoch = -1
         self.origins.clear()

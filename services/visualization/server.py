@@ -35,7 +35,7 @@ _BUSY = 1013  # WebSocket close code: try again later
 _BOUNDARY = "frame"
 
 
-class PictureWish(msgspec.Struct, tag="want", tag_field="type", frozen=True):
+class PictureRate(msgspec.Struct, tag="want", tag_field="type", frozen=True):
     """Rate that a client accepts: ``{"type": "want", "pictures_hz": 15}``; null for every picture."""
 
     pictures_hz: Annotated[float, msgspec.Meta(ge=MIN_HZ, le=1000)] | None
@@ -167,7 +167,7 @@ async def _listen(socket_: WebSocket, feed: Feed) -> None:
         text = message.get("text")
         if text is not None:
             with contextlib.suppress(msgspec.DecodeError):
-                feed.want(msgspec.json.decode(text, type=PictureWish).pictures_hz)
+                feed.want(msgspec.json.decode(text, type=PictureRate).pictures_hz)
 
 
 async def _multipart(camera: CameraFeed) -> AsyncIterator[bytes]:

@@ -132,7 +132,7 @@ class WindowOutput(Output):
 
     async def _send(self, worker: asyncio.subprocess.Process) -> None:
         assert worker.stdin is not None
-        self._feed.begin_anew()
+        self._feed.reset()
         if self._notice:
             self._feed.tell(self._notice)
         while True:

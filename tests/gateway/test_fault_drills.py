@@ -268,7 +268,7 @@ def test_what_was_latched_in_a_drive_stays_without_torque_until_the_rig_is_armed
     after = drill.run(WRONG_S)
     assert drill.node.drive.errors == AxisError.WATCHDOG_TIMER_EXPIRED
     assert limp([replace_force(moment) for moment in after])
-    drill.tool.arm_anew()
+    drill.tool.rearm()
     assert drill.run(1.0)[-1].applied_nm > 0.02
     never_a_kick(drill.moments)
 
@@ -290,7 +290,7 @@ def test_a_drive_that_comes_back_gets_its_torque_by_a_ramp(drill: Drill) -> None
 def test_an_adapter_that_is_plugged_in_again_gets_its_torque_by_a_ramp_once_the_rig_is_armed(drill: Drill) -> None:
     bus_off(drill)
     drill.run(WRONG_S)
-    drill.tool.arm_anew()
+    drill.tool.rearm()
     while drill.grasp.is_opening:  # in a time that is none of the drill's
         time.sleep(1e-3)
     torques = [moment.state.applied_grasp_torque_nm for moment in drill.run(1.0)]
@@ -330,7 +330,7 @@ def test_an_arm_that_fails_is_limp_within_a_models_life_and_the_handle_goes_with
     assert (wrong[-1].state.state, wrong[-1].state.fault) == ("fault", "unplugged")
     drill.arm.fault = ""
     assert limp(drill.run(0.3)), "not by itself"
-    drill.tool.arm_anew()
+    drill.tool.rearm()
     drill.run(ENDS_S - PRESSES_S - WRONG_S)
     assert drill.moments[-1].state.state == "active"
     never_a_kick(drill.moments)

@@ -164,7 +164,7 @@ def test_a_fault_of_one_arm_leaves_the_other_alone(bench: Bench, monkeypatch: py
 def test_arming_forgets_a_fault_that_is_gone(bench: Bench) -> None:
     bench.arm.fault = "loose plug"
     bench.run(1, FREE)
-    bench.instrument.arm_anew()
+    bench.instrument.rearm()
     bench.run(200, FREE)
     assert bench.instrument.state().state == "active"
 

@@ -17,7 +17,7 @@ class Stub:
         self.engagement.open(calibrated=True)
         self.armed = self.tried = 0
 
-    def arm_anew(self) -> None:
+    def rearm(self) -> None:
         self.armed += 1
         self.engagement.arm()
 

@@ -105,7 +105,7 @@ fakes = Fakes(Options({rig!r}, None, ()))
 real = session.SessionOptions
 session.TABLE = fakes.table()
 session.SessionOptions = lambda options, **rest: real(options, fakes.table(), **rest)
-build.reproach = lambda: "page: not the one of here"
+build.build_fault = lambda: "page: not the one of here"
 sys.argv = ["trocar", "up", "--rig", {rig!r}, *sys.argv[1:]]
 from services.cli.app import main
 main()

@@ -51,8 +51,8 @@ def _told(messages: Iterator[Message], attempt: FollowedAttempt, sight: Sight, n
             yield topic, time_ns, body
         if isinstance(body, GatewayState) and body.tick % KEPT_EVERY == 0:
             before = attempt.state
-            if (look := sight.look()) is not None:
-                attempt.look(look)
+            if (look := sight.observe()) is not None:
+                attempt.observe(look)
             if attempt.state is not before:
                 said = {"outcome": attempt.outcome, "time_s": attempt.time_s, "scenario": name}
                 yield "training.attempt", time_ns, word(attempt.state.value, **said)

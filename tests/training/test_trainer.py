@@ -371,7 +371,7 @@ def test_depth_on_the_way_to_a_branch_is_that_of_the_fork_on_another(branch, tip
     for catheter, expected_m in ((rod, depth_m), (outside, 0.0)):
         said = {"gateway.state": gateway, "physics.state": msgspec.structs.replace(physics, catheter=catheter)}
         sight.take({name: Frame(1, name, 1, 1, 0, 0, 0, True, body) for name, body in said.items()}, 0)
-        assert sight.look().depth_m == pytest.approx(expected_m)
+        assert sight.observe().depth_m == pytest.approx(expected_m)
 
 
 def test_a_branch_that_the_duct_has_not_is_refused_in_one_sentence():

@@ -69,17 +69,17 @@ def test_what_is_wrong_with_the_page_that_is_served_is_a_sentence(tmp_path, monk
     (tmp_path / "dist").mkdir()
     for name, value in (("WEB", tmp_path), ("DIST", tmp_path / "dist"), ("_STAMP", tmp_path / "dist" / "stamp")):
         monkeypatch.setattr(build, name, value)
-    assert build.reproach() == "", "installed without sources"
+    assert build.build_fault() == "", "installed without sources"
     (tmp_path / "src").mkdir()
     for name in ("package.json", "package-lock.json", "build.mjs", "src/main.js"):
         (tmp_path / name).write_text(name)
-    assert "it is not built" in build.reproach()
+    assert "it is not built" in build.build_fault()
     (tmp_path / "dist" / "index.html").write_text("page")
-    assert "built from other sources" in build.reproach(), "by a build that left no mark"
+    assert "built from other sources" in build.build_fault(), "by a build that left no mark"
     (tmp_path / "dist" / "stamp").write_text(build.fingerprint())
-    assert build.reproach() == ""
+    assert build.build_fault() == ""
     (tmp_path / "src" / "main.js").write_text("changed")
-    assert "python -m services.visualization.web.build" in build.reproach()
+    assert "python -m services.visualization.web.build" in build.build_fault()
 
 
 def test_without_node_the_build_says_what_to_install(monkeypatch, capsys):

@@ -51,9 +51,10 @@ def rollouts(
     Args:
         policy: callable or None. Maps an observation to an action; None for the expert.
         jobs: int. Number of local processes.
-        scheduler: str, optional. Address of a Dask scheduler, whose workers have this package; ``jobs`` is then
-        ignored. noise: float. Standard deviation of the noise added to each action, drawn from the episode's seed.
-        environment: str. Name of the environment. settings: Arguments of the environment, such as those of `Insertion`.
+        scheduler: str, optional. Address of a Dask scheduler, whose workers have this package; ``jobs`` has no effect.
+        noise: float. Standard deviation of the noise added to each action, drawn from the episode's seed.
+        environment: str. Name of the environment.
+        settings: Arguments of the environment, such as those of `Insertion`.
     """
     with open_workers(jobs, scheduler) as workers:
         kept = tuple(sorted((name, _frozen(value)) for name, value in settings.items()))

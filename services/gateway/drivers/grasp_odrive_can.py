@@ -143,11 +143,11 @@ class OdriveGrasp(GraspHandle, ABC):
         if link is None or self._opening is not None:
             return
         if self.reopens and self._is_silent(link, self._clock.monotonic_ns()):
-            self._opening = BackgroundOpen(partial(self._open_anew, link.bus))
+            self._opening = BackgroundOpen(partial(self._reopen, link.bus))
         elif self._wanted:
             self._arm(link)
 
-    def _open_anew(self, old: can.BusABC) -> can.BusABC:
+    def _reopen(self, old: can.BusABC) -> can.BusABC:
         with contextlib.suppress(can.CanError, OSError):  # an unplugged adapter cannot even be closed
             old.shutdown()
         return self.open_bus()

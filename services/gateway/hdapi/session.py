@@ -95,11 +95,11 @@ class Session:
             return None
         cells = [each.cell for each in self._arms.values()]
         self._reopening = Reopening(
-            self._servo, cells, functools.partial(self._open_anew, name, terms, where, armed), self._clock
+            self._servo, cells, functools.partial(self._reopen, name, terms, where, armed), self._clock
         )
         return self._reopening
 
-    def _open_anew(self, name: str | None, terms: Terms, where: str, armed: int) -> OpenArm:
+    def _reopen(self, name: str | None, terms: Terms, where: str, armed: int) -> OpenArm:
         self._stop()
         arm = self._arms.get(name)
         try:

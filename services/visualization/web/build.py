@@ -37,7 +37,7 @@ def is_current() -> bool:
     return _STAMP.is_file() and _STAMP.read_text() == fingerprint()
 
 
-def reproach() -> str:
+def build_fault() -> str:
     """Return a sentence on the fault of the page in dist, empty if it is fine."""
     if not (WEB / "src").is_dir():  # installed without its sources
         return ""
