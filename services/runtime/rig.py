@@ -79,7 +79,7 @@ ProcessName = Annotated[str, _one_of("process", (row.publisher for row in TOPICS
 
 
 class Transport(Settings):
-    """How frames travel: ipc on one host, tcp across hosts or containers."""
+    """Transport of frames: ipc on one host, tcp across hosts or containers."""
 
     kind: Literal["ipc", "tcp"] = "ipc"
     directory: NamedPath | None = Field(None, description="of the ipc sockets; by default private to the user")
@@ -126,7 +126,7 @@ PathName = Annotated[str, _one_of("path", PATH_OWNERS)]
 
 
 class ProcessSettings(Settings):
-    """Where and how one process runs."""
+    """Placement and scheduling of one process."""
 
     enabled: bool = True
     core: Annotated[int, Field(ge=0), at_most(511, "", "no host of a rig has so many cores")] | None = None
@@ -151,7 +151,7 @@ Vector3 = tuple[float, float, float]
 
 
 class Mount(Settings):
-    """Where an arm stands in the world: upright, turned about z."""
+    """Position and yaw of an upright arm in the world."""
 
     centre_m: Vector3 = Field((0.0, 0.0, 0.0), description="world position of the middle of the arm's workspace")
     yaw_rad: float = 0.0
@@ -210,7 +210,7 @@ class WebSettings(Settings):
 
 
 class LoopContract(Settings):
-    """Limits of a loop: an error budget for each minute, and no breakdown."""
+    """Contract of a loop: an error budget for each minute, and no breakdown."""
 
     rate_hz: Annotated[float, Field(gt=0), _KILOHERTZ]
     miss_ratio: Annotated[float, Field(ge=0, le=1)] = Field(0.01, description="of a minute's ticks that may be late")
@@ -223,7 +223,7 @@ class LoopContract(Settings):
 
 
 class PathContract(Settings):
-    """Limits of a latency, over a minute and lately."""
+    """Contract of a latency path, over a minute and recently."""
 
     p99_us: Annotated[float, Field(gt=0), _A_MINUTE]
     stop_p99_us: Annotated[float, Field(gt=0), _A_MINUTE] | None = Field(
@@ -232,7 +232,7 @@ class PathContract(Settings):
 
 
 class SupervisorSettings(Settings):
-    """How the rig is watched."""
+    """Supervision of the rig."""
 
     mode: Literal["launch", "attach"] = "launch"
     heartbeat_timeout_s: Annotated[float, Field(gt=0.02), _WATCHED] = 0.5
@@ -256,7 +256,7 @@ class Contracts(Settings):
 
 
 class RecorderSettings(Settings):
-    """What is written to disk."""
+    """Contents and place of recordings."""
 
     directory: NamedPath = Path("out/recordings")
     shared: bool = Field(False, description="whether other users may read recordings, subject to the umask")
@@ -278,7 +278,7 @@ class RecorderSettings(Settings):
 
 
 class TrainingSettings(Settings):
-    """The attempts of a trainee."""
+    """Scenario of attempts."""
 
     scenario: str | None = Field(None, description="a file of configs/scenarios; none: the one of the scene, if any")
     again_after_s: Annotated[float, Field(ge=1.0), _A_DAY] | None = Field(
@@ -287,7 +287,7 @@ class TrainingSettings(Settings):
 
 
 class ReplaySettings(Settings):
-    """A recording that takes the place of the devices: `trocar replay` sets it."""
+    """A recording that replaces the devices, set by `trocar replay`."""
 
     file: NamedPath
     rate: Annotated[float, Field(ge=0), at_most(1000.0, "", "0 is as fast as it goes")] = Field(

@@ -112,7 +112,7 @@ def test_without_a_goal_it_goes_on() -> None:
 
 def test_one_that_begins_with_the_catheter_in_does_not_count_and_says_what_to_do() -> None:
     """A training process that comes late would else tell of a success after a second."""
-    attempt, clean = FollowedAttempt(GOAL), Attempt(GOAL)
+    attempt, clean = FollowedAttempt(GOAL), FollowedAttempt(GOAL)
     attempt.observe(_look(1000, 0.0217, hands=STILL))
     clean.observe(_look(1000, hands=STILL))
     scenario = Scenario(name="basic", title="Slide it in", scene="default", goal=GOAL, hint="Grasp it.")
