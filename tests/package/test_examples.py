@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import re
+import runpy
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
+from services.mechanics.effects import EFFECTS
 from tests.by_day import by_day
 from tests.package.conftest import ROOT
 from trocar.examples.ppo_baseline import ENVIRONMENT, RANGES
@@ -16,11 +19,24 @@ from trocar.examples.ppo_baseline import ENVIRONMENT, RANGES
 EXAMPLES = sorted(path.stem for path in (ROOT / "trocar" / "examples").glob("[a-z]*.py"))
 
 
-def _run(name: str, folder: Path, *arguments: str) -> str:
-    command = [sys.executable, "-m", f"trocar.examples.{name}", *arguments]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=500, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
+Run = Callable[..., str]
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Iterator[Run]:
+    """Return what runs an example in this process, which imports nothing anew, and returns what it prints."""
+    monkeypatch.chdir(tmp_path)
+    known = set(EFFECTS)
+
+    def run(name: str, *arguments: str) -> str:
+        monkeypatch.setattr(sys, "argv", [name, *arguments])
+        capsys.readouterr()
+        runpy.run_module(f"trocar.examples.{name}", run_name="__main__")
+        return capsys.readouterr().out
+
+    yield run
+    for added in EFFECTS.keys() - known:
+        del EFFECTS[added]
 
 
 def _numbers(line: str) -> list[float]:
@@ -38,33 +54,33 @@ def test_these_are_the_examples() -> None:
     ]
 
 
-def test_a_poke_is_felt_and_plotted(tmp_path: Path) -> None:
-    assert 5e-3 < _numbers(_run("poke", tmp_path))[0] < 20e-3
+def test_a_poke_is_felt_and_plotted(run: Run, tmp_path: Path) -> None:
+    assert 5e-3 < _numbers(run("poke"))[0] < 20e-3
     assert "<svg" in (tmp_path / "poke.svg").read_text()
 
 
-def test_the_catheter_goes_in(tmp_path: Path) -> None:
-    depth_mm = [_numbers(line)[1] for line in _run("insert_and_watch", tmp_path).splitlines() if " mm in " in line]
+def test_the_catheter_goes_in(run: Run) -> None:
+    depth_mm = [_numbers(line)[1] for line in run("insert_and_watch").splitlines() if " mm in " in line]
     assert depth_mm[0] == 0.0
     assert depth_mm[-1] == pytest.approx(20.0, abs=3.0)
 
 
-def test_an_effect_of_ones_own_acts(tmp_path: Path) -> None:
-    without, along = (_numbers(line) for line in _run("own_effect", tmp_path).splitlines())
+def test_an_effect_of_ones_own_acts(run: Run) -> None:
+    without, along = (_numbers(line) for line in run("own_effect").splitlines())
     assert abs(without[1]) < 0.1
     assert 1.0 < along[1] < 20.0
 
 
-def test_a_finer_wall_has_a_smaller_error(tmp_path: Path) -> None:
-    lines = _run("accuracy_against_time", tmp_path).splitlines()[1:]
+def test_a_finer_wall_has_a_smaller_error(run: Run) -> None:
+    lines = run("accuracy_against_time").splitlines()[1:]
     errors = [_numbers(line)[3] for line in lines]
     assert errors == sorted(errors, reverse=True)
     assert errors[0] > 2.0 > errors[2] >= errors[3] == 0.0
 
 
 @pytest.mark.parametrize("episodes", by_day([1], [4]))
-def test_a_clone_reaches_the_goal_in_an_episode_that_it_has_not_seen(tmp_path: Path, episodes: int) -> None:
-    *shown, reached = _run("clone_an_expert", tmp_path, f"{episodes}").splitlines()
+def test_a_clone_reaches_the_goal_in_an_episode_that_it_has_not_seen(run: Run, episodes: int) -> None:
+    *shown, reached = run("clone_an_expert", f"{episodes}").splitlines()
     assert [line.partition(",")[2].split(",")[0] for line in shown] == [f" seed {k}: success" for k in range(episodes)]
     assert reached.startswith("clone, seed 100: success")
     assert _numbers(reached)[2] > 10.0
