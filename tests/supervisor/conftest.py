@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
 from services.runtime import bus
 from services.runtime.process import Options
+from services.supervisor.fork_link import ForkServer
 from tests.supervisor.fakes import Fakes
 
 
@@ -29,3 +31,20 @@ def fakes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fakes]:
     yield Fakes(Options(str(file), None, ()))
     for number, handler in kept.items():
         signal.signal(number, handler)
+
+
+class OneServer(ForkServer):
+    """A fork server that serves rig after rig: their processes import nothing anew."""
+
+    def close(self) -> None:
+        """Go on: a rig that runs, or has ended, needs it no more, the next one does."""
+
+    def end(self) -> None:
+        super().close()
+
+
+@pytest.fixture(scope="module")
+def server(own_cache: Path) -> Iterator[OneServer]:
+    made = OneServer()
+    yield made
+    made.end()

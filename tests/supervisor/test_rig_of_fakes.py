@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,25 +21,8 @@ from tests.real_time import fifo_is_granted
 from tests.supervisor.fakes import Fakes, Scenario, gone, page_servers, until, until_running
 
 
-class OneServer(ForkServer):
-    """A fork server that serves rig after rig: their processes import nothing anew."""
-
-    def close(self) -> None:
-        """Go on: a rig that runs, or has ended, needs it no more, the next one does."""
-
-    def end(self) -> None:
-        super().close()
-
-
-@pytest.fixture(scope="module")
-def server(own_cache: Path) -> Iterator[OneServer]:
-    made = OneServer()
-    yield made
-    made.end()
-
-
 @pytest.fixture
-def fakes(fakes: Fakes, server: OneServer) -> Fakes:
+def fakes(fakes: Fakes, server: ForkServer) -> Fakes:
     return replace(fakes, fork_server=server)
 
 

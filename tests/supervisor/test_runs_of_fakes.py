@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,12 +22,22 @@ from services.cli.arm import ask_at
 from services.runtime import config
 from services.runtime.zmq_bus import ZmqBus
 from services.supervisor import run_report
+from services.supervisor.fork_link import ForkServer
 from services.supervisor.supervisor import Supervisor
 from tests.by_day import by_day
+from tests.cli.conftest import Trocar, trocar
 from tests.obeyed import until_obeyed
 from tests.patience import PATIENCE_S
 from tests.supervisor.fakes import HERE, Fakes, Scenario, gone, page_servers, until, until_running
 from tests.with_us import with_us
+
+__all__ = ["trocar"]
+
+
+@pytest.fixture
+def fakes(fakes: Fakes, server: ForkServer) -> Fakes:
+    """Return a rig whose processes import nothing anew where it is played in this process."""
+    return replace(fakes, fork_server=server)
 
 
 def test_report_counts_the_running_time_only(fakes: Fakes, tmp_path: Path) -> None:
@@ -117,11 +128,6 @@ def _command(fakes: Fakes, *arguments: str) -> list[str]:
     return with_us([sys.executable, "-c", script, *arguments])
 
 
-def _trocar(fakes: Fakes, verb: str, *arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "services.cli.app", verb, "--rig", fakes.options.rig, *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False, cwd=HERE.parents[1])
-
-
 def test_up_says_first_where_to_look_announces_the_page_and_ctrl_c_still_writes_the_report(
     fakes: Fakes, tmp_path: Path
 ) -> None:
@@ -172,13 +178,14 @@ def test_a_start_whose_output_nobody_takes_goes_on(fakes: Fakes, where: str) -> 
         assert up.wait(PATIENCE_S) == 0
 
 
-def test_others_live_on_without_their_supervisor_and_down_ends_them(fakes: Fakes) -> None:
+def test_others_live_on_without_their_supervisor_and_down_ends_them(fakes: Fakes, trocar: Trocar) -> None:
     up = subprocess.Popen(_command(fakes), stderr=subprocess.PIPE, text=True)
     assert up.stderr is not None
     while "is running: open" not in up.stderr.readline():
         assert up.poll() is None
-    armed = _trocar(fakes, "arm")
-    assert (armed.returncode, armed.stderr) == (0, "")
+    rig = ("--rig", fakes.options.rig)
+    armed = trocar("arm", *rig)
+    assert (armed.code, armed.err) == (0, "")
     up.kill()
     up.wait()
     up.stderr.close()
@@ -186,14 +193,14 @@ def test_others_live_on_without_their_supervisor_and_down_ends_them(fakes: Fakes
     assert again.returncode == 3
     assert again.stderr.count("\n") == 1
     assert "a rig is running here already: physics (process" in again.stderr
-    shown = json.loads(_trocar(fakes, "top", "--once", "--json").stdout)
+    shown = json.loads(trocar("top", "--once", "--json", *rig).out)
     assert {row["name"] for row in shown["processes"]} >= {"gateway", "haptics", "physics"}
-    sniffed = _trocar(fakes, "sniff", "gateway.state", "--count", "2", "--json")
-    assert [json.loads(text)["topic"] for text in sniffed.stdout.splitlines()] == ["gateway.state"] * 2
-    down = _trocar(fakes, "down", "--json")
+    sniffed = trocar("sniff", "gateway.state", "--count", "2", "--json", *rig)
+    assert [json.loads(text)["topic"] for text in sniffed.out.splitlines()] == ["gateway.state"] * 2
+    down = trocar("down", "--json", *rig)
     ended = {"gateway", "haptics", "physics", "visualization", "recorder", "training"}
-    assert set(json.loads(down.stdout)["ended"]) == ended
-    assert json.loads(_trocar(fakes, "down", "--json").stdout) == {"ended": []}
+    assert set(json.loads(down.out)["ended"]) == ended
+    assert json.loads(trocar("down", "--json", *rig).out) == {"ended": []}
 
 
 def ask(supervisor: Supervisor, path: str) -> httpx.Response:
