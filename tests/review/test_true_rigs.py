@@ -1,4 +1,7 @@
-"""Two true rigs on one class page: as each stands, with a picture, and what is shown of one that is killed."""
+"""Two true rigs on one class page: as each stands, with a picture, and what is shown of one that is killed.
+
+By day it is one (`tests/rig/looked_at`): two starve each other on two cores.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ from tests.patience import PATIENCE_S
 from tests.review.class_of_pages import TOKEN, served, until, write_roll
 from tests.rig.conftest import SCENE, Rig, running_rig
 
-pytestmark = [pytest.mark.rig, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.rig, pytest.mark.long, pytest.mark.timeout(900)]
 _WITH = {"X-Trocar-Token": TOKEN}
 
 
@@ -49,9 +52,7 @@ def test_two_rigs_a_picture_and_one_that_is_killed(tmp_path: Path) -> None:
 
             images: list[bytes] = []
 
-            def drawn() -> (
-                bool
-            ):  # by a process that comes after all others: on a busy machine the first try is too late
+            def drawn() -> bool:  # comes after all others: on a busy machine the first try is too late
                 answer = httpx.get(f"{address}/api/picture/bench-0", headers=_WITH, timeout=PATIENCE_S)
                 images.append(answer.content)
                 return answer.status_code == 200

@@ -181,6 +181,14 @@ def test_a_picture_is_not_given_to_another_sites_name_for_this_machine(show, pat
     assert "not known here" in answer.text
 
 
+def test_a_picture_is_drawn_on_this_host_for_whoever_cannot_draw(show):
+    """By a process of its own, which begins with the first that is asked for: a busy machine may take long for that."""
+    until_s = time.monotonic() + PATIENCE_S
+    while (answer := httpx.get(f"http://127.0.0.1:{show.port}/snapshot.png", timeout=PATIENCE_S)).status_code != 200:
+        assert time.monotonic() < until_s, answer.text
+    assert answer.content.startswith(b"\x89PNG")
+
+
 def test_the_server_says_that_it_lives(show):
     assert httpx.get(f"http://127.0.0.1:{show.port}/healthz", timeout=PATIENCE_S).text == "ok\n"
 

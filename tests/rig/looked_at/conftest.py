@@ -1,7 +1,7 @@
 """One rig that all tests of this folder look at: a crowd of viewers, then a browser, then a Prometheus.
 
 Prometheus scrapes from the first look of the browser on: it has to have seen the rig for a while before it is asked.
-The last of its tests kills a process.
+Its last tests kill a process, and then its supervisor.
 """
 
 from __future__ import annotations
