@@ -16,10 +16,10 @@ from typing import Annotated
 import numpy as np
 
 from services.mechanics.arrays import BoolArray, FloatArray, IntArray, LongArray
-from services.mechanics.collision.clusters import Clusters, sphere_of, squared_distance_to
+from services.mechanics.collision.clusters import Clusters, middle_of, way_to
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import row, row_of
+from services.mechanics.compiled.vectors import dot, row, row_of, subtract
 
 #: Entries that a piece has room for: a tool's shaft lies beside a third of a duct of 40 mm.
 MOST_ENTRIES = 768
@@ -162,11 +162,13 @@ def _list_piece(found: CandidateList, p: int, wall_moved_m: float) -> None:
     travel = found.wall_travel + found.piece_travel[p]
     for c in range(clusters.cluster_radius.shape[0]):
         far_m = reach + clusters.cluster_radius[c]
-        if squared_distance_to(a, b, row(clusters.cluster_middle, c)) > far_m * far_m:
+        way = way_to(a, b, row(clusters.cluster_middle, c))
+        if dot(way, way) > far_m * far_m:
             continue
         for place in range(clusters.first[c], clusters.first[c + 1]):
             t = clusters.order[place]
-            distance = math.sqrt(squared_distance_to(a, b, row(clusters.middle, t))) - clusters.radius[t]
+            way = way_to(a, b, row(clusters.middle, t))
+            distance = math.sqrt(dot(way, way)) - clusters.radius[t]
             if distance > reach:
                 continue
             if n == MOST_ENTRIES:
@@ -204,15 +206,22 @@ def may_be_within(found: CandidateList, p: int, k: int) -> bool:
 
 @kernel
 def is_within(found: CandidateList, p: int, k: int) -> bool:
-    """Return the same of an entry whose nodes are placed, by its bound and a sphere round the triangle."""
+    """Return the same of an entry whose nodes are placed, by its bound and by the triangle's corners.
+
+    The distance between convex bodies is at least that of their projections on any line. The line here goes from the
+    piece to the middle of the triangle: no point of the piece is further along it than the one nearest to the middle.
+    """
     if not may_be_within(found, p, k):
         return False
     corner, t, position = found.clusters.triangles, found.entry[p, k], found.position
-    middle, radius = sphere_of(row(position, corner[t, 0]), row(position, corner[t, 1]), row(position, corner[t, 2]))
-    away_2 = squared_distance_to(row_of(found.ends, p, 0), row_of(found.ends, p, 1), middle)
-    far_m = found.thickness[p] + found.wanted[p] + radius
-    if away_2 > far_m * far_m:
-        note_distance(found, p, k, math.sqrt(away_2) - radius)
+    u, v, w = row(position, corner[t, 0]), row(position, corner[t, 1]), row(position, corner[t, 2])
+    middle = middle_of(u, v, w)
+    way = way_to(row_of(found.ends, p, 0), row_of(found.ends, p, 1), middle)
+    nearer = min(dot(subtract(u, middle), way), min(dot(subtract(v, middle), way), dot(subtract(w, middle), way)))
+    way_2 = dot(way, way)
+    distance = (way_2 + nearer) / math.sqrt(way_2) if way_2 > 0.0 else 0.0
+    if distance > found.thickness[p] + found.wanted[p]:
+        note_distance(found, p, k, distance)
         return False
     return True
 

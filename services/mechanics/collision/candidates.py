@@ -170,5 +170,4 @@ def nearest_to(where: Where, corner: IntArray, place: tuple[int, int], w: Vector
     a, b = row_of(where[0], place[0], 0), row_of(where[0], place[0], 1)
     s = place_along(subtract(a, offset(where, corner, place, 0.0, w)), (a, b))
     away = offset(where, corner, place, s, w)
-    distance = math.sqrt(dot(away, away))
-    return distance, s, scaled(away, 1.0 / max(distance, _NO_NORMAL_M))
+    return math.sqrt(dot(away, away)), s, unit(away)

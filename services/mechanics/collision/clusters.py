@@ -13,7 +13,7 @@ import numpy as np
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Struct
-from services.mechanics.compiled.vectors import Vector, along, dot, put_row, row, scaled, subtract
+from services.mechanics.compiled.vectors import Vector, along, dot, put_row, row, scaled, squared_distance, subtract
 
 #: A sphere round so many triangles of a tube is hardly larger than one round a single one and its neighbours.
 CLUSTER_TRIANGLES = 24
@@ -54,21 +54,19 @@ def enclose(clusters: Clusters, position: FloatArray) -> None:
     """Put spheres round all triangles and clusters, with the nodes at ``position`` (n, 3)."""
     corner = clusters.triangles
     for t in range(corner.shape[0]):
-        middle, radius = sphere_of(
-            row(position, corner[t, 0]), row(position, corner[t, 1]), row(position, corner[t, 2])
-        )
+        u, v, w = row(position, corner[t, 0]), row(position, corner[t, 1]), row(position, corner[t, 2])
+        middle = middle_of(u, v, w)
+        longest_2 = max(squared_distance(u, middle), squared_distance(v, middle), squared_distance(w, middle))
         put_row(clusters.middle, t, middle)
-        clusters.radius[t] = radius
+        clusters.radius[t] = math.sqrt(longest_2)
     for c in range(clusters.cluster_radius.shape[0]):
         _enclose_cluster(clusters, c)
 
 
 @kernel
-def sphere_of(a: Vector, b: Vector, c: Vector) -> tuple[Vector, float]:
-    """Return middle and radius of a sphere round a triangle."""
-    middle = scaled((a[0] + b[0] + c[0], a[1] + b[1] + c[1], a[2] + b[2] + c[2]), 1.0 / 3.0)
-    u, v, w = subtract(a, middle), subtract(b, middle), subtract(c, middle)
-    return middle, math.sqrt(max(dot(u, u), max(dot(v, v), dot(w, w))))
+def middle_of(a: Vector, b: Vector, c: Vector) -> Vector:
+    """Return the middle of a triangle."""
+    return scaled((a[0] + b[0] + c[0], a[1] + b[1] + c[1], a[2] + b[2] + c[2]), 1.0 / 3.0)
 
 
 @kernel
@@ -86,10 +84,9 @@ def _enclose_cluster(clusters: Clusters, c: int) -> None:
 
 
 @kernel
-def squared_distance_to(a: Vector, b: Vector, middle: Vector) -> float:
-    """Return the squared distance of a point from segment ab."""
-    u, w = subtract(b, a), subtract(middle, a)
+def way_to(a: Vector, b: Vector, point: Vector) -> Vector:
+    """Return the shortest way from segment ab to a point."""
+    u, w = subtract(b, a), subtract(point, a)
     length_2 = dot(u, u)
     t = min(max(dot(u, w) / length_2, 0.0), 1.0) if length_2 > 0.0 else 0.0
-    away = along(w, u, -t)
-    return dot(away, away)
+    return along(w, u, -t)

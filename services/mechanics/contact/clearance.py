@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.bodies.forceps.kinematics import N_CELLS
+from services.mechanics.bodies.forceps.kinematics import N_CELLS, N_SEGMENTS
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, JAW_A, SHAFT
 from services.mechanics.collision.pieces import N_TOOL_PIECES
 from services.mechanics.compiled import kernel
@@ -31,7 +31,7 @@ def touches(tools: ToolGeometry, tool: int) -> bool:
 @kernel
 def is_touching(tools: ToolGeometry, p: int) -> bool:
     """Return whether a piece touches anything: pieces of tools that are gone, or wait, do not."""
-    return bool(p >= N_TOOL_PIECES or touches(tools, p // 3))
+    return bool(p >= N_TOOL_PIECES or touches(tools, p // N_SEGMENTS))
 
 
 @kernel
@@ -49,9 +49,9 @@ def surface_of(tools: ToolGeometry, p: int, s: float, normal: Vector) -> Surface
     (r + h / 2) / cos(a) - r away from a jaw of radius r, h being their distance, and the middle of a layer half as far.
     For a = 0 half a layer is thinner by t / 2 - h / 4. Where the normal does not lead out of the jaws, nothing is.
     """
-    if p >= N_TOOL_PIECES or p % 3 == SHAFT:
+    if p >= N_TOOL_PIECES or p % N_SEGMENTS == SHAFT:
         return 0.0, 0.0, 0.0, normal
-    tool, jaw = p // 3, p % 3
+    tool, jaw = p // N_SEGMENTS, p % N_SEGMENTS
     held: float = tools.pad[tool, DUCT_TRIANGLE] if tools.held[tool, DUCT_TRIANGLE] else 0.0
     opens = scaled(row(tools.frame[tool], 0), 1.0 if jaw == JAW_A else -1.0)
     facing, radius = dot(normal, opens), tools.radius[tool, jaw]
