@@ -136,7 +136,7 @@ class DuctBody:
         cache between nodes.
         """
         rows = self.modes[: 3 * len(nodes)]
-        compliance = self._motion.compliance_anew if anew else self._motion.compliance
+        compliance = self._motion.compliance_uncached if anew else self._motion.compliance
         compliance((nodes, weights), rows, self.position_gain, out)
 
     def correct(self, nodes: IntArray, weights: FloatArray, forces: FloatArray) -> None:
@@ -243,7 +243,7 @@ class DuctBody:
         """Return the rates (r,) of the modes halfway between the impulses of two steps.
 
         Those at the end of a step lack half of the impulse of a lasting contact or kick, which the next step begins
-        with: where a wall that is pressed stands still, they swing by f dt / 2.
+        with: in a pressed wall at rest they oscillate by f dt / 2.
         """
         rate: FloatArray = self.state.qdot + self._half_impulse()
         return rate

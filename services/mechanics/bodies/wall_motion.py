@@ -58,9 +58,9 @@ class PointCompliance:
 
     def compliance(self, points: Points, rows: FloatArray, gain: FloatArray, out: FloatArray) -> None:
         """Write the compliance between points, with their ``rows`` of the modes, into the lower blocks of ``out``."""
-        self.compliance_anew(points, rows, gain, out)
+        self.compliance_uncached(points, rows, gain, out)
 
-    def compliance_anew(self, points: Points, rows: FloatArray, gain: FloatArray, out: FloatArray) -> None:
+    def compliance_uncached(self, points: Points, rows: FloatArray, gain: FloatArray, out: FloatArray) -> None:
         """Write the same as `compliance`, without the cache."""
         source = self._source[: len(points[0])]
         find_sources(points, source)
@@ -96,7 +96,7 @@ class StraightMotion(PointCompliance):
     def compliance(self, points: Points, rows: FloatArray, gain: FloatArray, out: FloatArray) -> None:
         """Write the compliance between points, with their ``rows`` of the modes, into the lower blocks of ``out``."""
         if not self._kept.gather(points, gain, out):
-            self.compliance_anew(points, rows, gain, out)
+            self.compliance_uncached(points, rows, gain, out)
 
     def position_function(self, nodes: IntArray) -> Callable[[FloatArray], FloatArray]:
         """Return a function of q that gives the positions (k, 3) in m of ``nodes`` (k,) without contact loads."""

@@ -35,7 +35,7 @@ from services.mechanics.reduction.reduced_duct import ReducedDuct
 
 #: A list is complete until piece and wall have moved by this: thicker lists are longer, thinner ones renewed sooner.
 SKIN_M = 0.5e-3
-#: The wall lists everything anew at half of it, and leaves the other half to the pieces.
+#: Motion of the wall by this share of the skin rebuilds all lists; the rest is left for the pieces.
 WALL_SHARE = 0.5
 
 
@@ -45,7 +45,7 @@ class WallCandidates:
     Attributes:
         list: CandidateList. The caller writes its ``ends``, ``thickness``, ``active``, ``wanted`` and ``reach`` before
             `follow`.
-        is_new: bool. Whether all lists are made anew in the next `follow`.
+        is_new: bool. Whether the next `follow` rebuilds all lists.
         renewals, wall_renewals: int. How often lists of single pieces, and all lists because of the wall, were rebuilt.
     """
 
@@ -72,12 +72,12 @@ class WallCandidates:
         start.place_requested()
 
     def make_room(self, n_pieces: int) -> None:
-        """Make room for so many pieces; all lists are made anew."""
+        """Allocate lists for ``n_pieces``; the next `follow` rebuilds them."""
         self.list = new_list(self._clusters, self._placement.position_m, n_pieces, SKIN_M, self._along_m)
         self.is_new = True
 
     def forget(self) -> None:
-        """Make all lists anew in the next `follow`: bodies have been put elsewhere."""
+        """Rebuild all lists in the next `follow`, as bodies have been placed elsewhere."""
         self.is_new = True
 
     def follow(self, q: FloatArray, loads: Loads) -> bool:

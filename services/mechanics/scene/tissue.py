@@ -59,7 +59,7 @@ class Tissue:
         """Return the shell section; ``axis`` (3,) or (m, 3) is the duct's axis, direction 1 of the material.
 
         The shear modulus of an orthotropic wall follows Huber's estimate
-        sqrt(E1 E2) / (2 (1 + sqrt(nu12 nu21))), for want of a measurement.
+        sqrt(E1 E2) / (2 (1 + sqrt(nu12 nu21))), in the absence of a measurement.
         """
         E1, ratio, nu12 = self.axial_modulus_pa.value, self.modulus_ratio, self.axial_poisson_ratio
         orthotropy = Orthotropy(axis, ratio, self.shear_modulus_ratio) if self.is_orthotropic else None

@@ -18,8 +18,8 @@ from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.effects import Effect, build_effects, by_stage
 from services.mechanics.reduction import ModalState, ReducedDuct
 from services.mechanics.scene import SceneModel
-from services.mechanics.simulation.pace import steps_of
 from services.mechanics.simulation.scene_world import build_duct_body
+from services.mechanics.simulation.step_splitting import steps_of
 from services.mechanics.world import World
 
 STAGE_NAMES = ("loads", "predict", "correct")

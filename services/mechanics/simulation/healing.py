@@ -19,7 +19,7 @@ from services.mechanics.compiled import kernel
 from services.mechanics.compiled.memory import copy_arrays, copy_table
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.scene.tools import N_TOOLS
-from services.mechanics.simulation.pace import LONGEST_STEP_S, SHORTEST_STEP_S
+from services.mechanics.simulation.step_splitting import LONGEST_STEP_S, SHORTEST_STEP_S
 from services.mechanics.simulation.step_start import StepStart
 from services.mechanics.world import World
 

@@ -12,7 +12,7 @@ def compile_rare_kernels(simulation: Simulation) -> None:
     Physics needs them, and haptics compiles them for physics, in the same order.
     """
     simulation.system.strategy.compile_kernels()
-    simulation.pace.compile_kernels()
+    simulation.splitter.compile_kernels()
     for effect in simulation.world.effects:
         effect.potential_energy_j(simulation.world)
     catheter = simulation.catheter

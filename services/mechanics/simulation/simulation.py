@@ -30,10 +30,10 @@ from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs, ToolResults
 from services.mechanics.simulation.calls import CallCheck
 from services.mechanics.simulation.healing import Healer
-from services.mechanics.simulation.pace import LONGEST_STEP_S, SHORTEST_STEP_S, Pace, steps_of
 from services.mechanics.simulation.scene_catheter import place_catheter
 from services.mechanics.simulation.scene_world import build_world
 from services.mechanics.simulation.step_solver import StepSolver
+from services.mechanics.simulation.step_splitting import LONGEST_STEP_S, SHORTEST_STEP_S, StepSplitter, steps_of
 from services.mechanics.simulation.step_start import StepStart
 
 LONGEST_TICK_S = 1.0
@@ -87,7 +87,7 @@ class Simulation:
         self._stiffness = LocalStiffness(self.system.bodies, self.system.address, self.tool_results)
         self.cost_ns = [0] * len(STAGE_NAMES)
         self._marks_ns = [0] * (len(STAGE_NAMES) - 1)
-        self.pace = Pace(world)
+        self.splitter = StepSplitter(world)
         self._calls = CallCheck()
         self.watcher: Watcher | None = None
         for effect in stages["prepare"]:
@@ -132,7 +132,7 @@ class Simulation:
 
     def _step_in_parts(self, tools: ToolInputs, dt_s: float) -> bool:
         """Advance by a step in substeps; return False as soon as one of them ends in an unsound state."""
-        parts, moved_m = self.pace.parts(tools, dt_s)
+        parts, moved_m = self.splitter.parts(tools, dt_s)
         self.search.expect(moved_m)
         return all(self._take_part(tools, dt_s / parts) for _ in range(parts))
 
@@ -172,7 +172,7 @@ class Simulation:
         is_settled = self.solver.solve(dt_s)
         marks[5] = perf_counter_ns()
         self.cost_ns[:5] = map(add, self.cost_ns, map(sub, marks[1:], marks))
-        return is_settled and self.pace.is_seen()
+        return is_settled and self.splitter.is_seen()
 
     def _heal(self) -> None:
         """Restore the last sound state; no force acts on a tool in this tick."""

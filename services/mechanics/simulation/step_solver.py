@@ -9,13 +9,13 @@ from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.compiled.memory import copy_arrays, copy_table
 from services.mechanics.contact.working_set import TOUCHING_M
 from services.mechanics.effects import Effect
-from services.mechanics.simulation.pace import LONGEST_STEP_S
+from services.mechanics.simulation.step_splitting import LONGEST_STEP_S
 from services.mechanics.world import World
 
 # The catheter's step is linearised again at most this often, with the contact forces of the last linearisation.
-MOST_PLANS = 4
+MAX_LINEARISATIONS = 4
 #: Candidates are priced at most this often in a step; remaining violations become rows of the next step.
-MOST_PRICES = 8
+MAX_PRICINGS = 8
 #: A candidate without a row may end as deep as a touching pair (scaled with steps above 1 ms), but at most this
 #: fraction of the wall's thickness.
 TOLERANCE_OF_WALL = 0.125
@@ -136,7 +136,7 @@ class StepSolver:
         self._relinearise(dt_s)
         pricing.note()
         self._apply_forces()
-        for _ in range(MOST_PRICES):
+        for _ in range(MAX_PRICINGS):
             if not pricing.finds_violations():
                 return True
             if not system.rows.has_room:  # the step is then repeated in halves
@@ -168,7 +168,7 @@ class StepSolver:
         catheter = self._world.catheter
         catheter.keep_plan()
         share = 1.0
-        for _ in range(MOST_PLANS):
+        for _ in range(MAX_LINEARISATIONS):
             stray_j = self._try_linearisation(share, dt_s)
             if stray_j == 0.0:
                 return

@@ -145,7 +145,7 @@ def lengths(simulation):
 def test_a_step_that_is_taken_again_begins_with_the_wire_where_it_was(wired):
     simulation, inputs = wired
     push(simulation.step, inputs, by_m=10e-3, rest=0)
-    rod, before, is_seen = simulation.catheter.wire.model, [], simulation.pace.is_seen
+    rod, before, is_seen = simulation.catheter.wire.model, [], simulation.splitter.is_seen
     arrays = [rod.rest_length, rod.mass, rod.drag, rod.rest_rotation, rod.joint_stiffness, rod.torsion]
     inputs.position_m[1, 0] -= 25e-6
     inputs.roll_rad[1] += 0.1
@@ -159,7 +159,7 @@ def test_a_step_that_is_taken_again_begins_with_the_wire_where_it_was(wired):
         before.extend(bool((now == then).all()) for now, then in zip(arrays, start[1], strict=True))
 
     simulation._start.put_back = put_back
-    simulation.pace.is_seen = lambda: bool(before) and is_seen()
+    simulation.splitter.is_seen = lambda: bool(before) and is_seen()
     simulation.step(inputs)
     assert before == [True] * (1 + len(arrays))
 

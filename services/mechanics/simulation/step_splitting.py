@@ -36,7 +36,7 @@ class Moving(Struct):
 moving_at = reader(Moving)
 
 
-class Pace:
+class StepSplitter:
     """Splits long ticks, and steps in which something would move further than contact detection looks ahead.
 
     At a step of 1 ms that begins at 2 m/s of the wall, and at 0.5 m/s of the catheter, whose contacts with tools and
