@@ -11,9 +11,9 @@ from protocol.topics import PROCESSES
 from services.runtime.loop import LoopMeter, ticks
 from services.runtime.process import Process, ProcessConfig, main
 from services.training.judge import Judge
+from services.training.rig_observer import TOPICS
 from services.training.scenario import Scenario, scenario_of
 from services.training.score import load_rules
-from services.training.sight import TOPICS
 from services.training.site import Site, find_site
 from services.training.trainer import Trainer
 from services.tube_paths import TubePaths
@@ -48,10 +48,10 @@ def run(process: Process, prepared: tuple[Scenario | None, Site | None]) -> None
     process.health.change("running")
     for tick in ticks(meter, process.stop):
         for frame in bus.drain("supervisor.state"):
-            trainer.sight.take_rig(frame.body)
+            trainer.observer.take_rig(frame.body)
             trainer.obey(frame.body.orders)
         ordered_ns = time.monotonic_ns()
-        trainer.sight.take(bus.sample(topics, ordered_ns + _PATIENCE_NS), ordered_ns)
+        trainer.observer.take(bus.sample(topics, ordered_ns + _PATIENCE_NS), ordered_ns)
         trainer.follow(ordered_ns * 1e-9)
         looked_ns = time.monotonic_ns()
         if looked_ns >= due_ns or trainer.gist() != told:

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from services.training.attempt import AttemptState, FollowedAttempt
+from services.training.rig_observer import RigObserver
 from services.training.scenario import Scenario
-from services.training.sight import Sight
 
 #: Fraction of a force limit from which a hint asks for less.
 _NEAR = 0.8
 _NEARLY_M = 2e-3
 
 
-def hint(attempt: FollowedAttempt, sight: Sight, scenario: Scenario | None) -> str:
+def hint(attempt: FollowedAttempt, observer: RigObserver, scenario: Scenario | None) -> str:
     """Return one sentence, empty for none."""
     if scenario is None or attempt.ended:
         return ""
@@ -19,7 +19,7 @@ def hint(attempt: FollowedAttempt, sight: Sight, scenario: Scenario | None) -> s
         if attempt.depth_m > 0.0:
             return "Begin again: the catheter is in already."
         return scenario.hint or "Begin: the clock starts with your first motion."
-    if sight.force_n > _NEAR * scenario.limit("tool_duct_force_n"):
+    if observer.force_n > _NEAR * scenario.limit("tool_duct_force_n"):
         return "Less force: the wall bears no more."
     if attempt.depth_m > scenario.limit("depth_max_m"):
         return "Too deep: draw the catheter back to the marker."
@@ -28,7 +28,7 @@ def hint(attempt: FollowedAttempt, sight: Sight, scenario: Scenario | None) -> s
         return "Hold it there."
     if scenario.goal.branch:
         return f"On to {scenario.goal.branch.replace('_', ' ')}: {1e3 * to_go_m:.0f} mm to go."
-    if "catheter" not in sight.held:
+    if "catheter" not in observer.held:
         return "Grasp the catheter." if attempt.depth_m == 0.0 else "Grasp the catheter again, farther back."
     if attempt.depth_m == 0.0:
         return "Lead the tip of the catheter into the mouth of the duct."

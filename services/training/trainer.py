@@ -11,9 +11,9 @@ from protocol import bodies
 from services.training.attempt import AttemptState, FollowedAttempt
 from services.training.hints import hint
 from services.training.judge import Judge
+from services.training.rig_observer import RigObserver
 from services.training.scenario import Scenario
 from services.training.score import ScoreRules, score_of
-from services.training.sight import Sight
 from services.tube_paths import TubePaths
 
 #: Age after which an order is not executed, as its sender has given up.
@@ -32,7 +32,7 @@ class Trainer:
     Args:
         scenario: The scenario of the attempts; None for practice without a goal.
         again_after_s: Time after a success until the next attempt starts automatically; None for never.
-        spared: As in `Sight`.
+        spared: As in `RigObserver`.
         judges: Returns a new judge of phases and errors for each attempt when it starts; None for no judging.
         rules: Rules for scoring completed attempts; None for no score.
         ways: Paths through the duct, for a branch as the goal.
@@ -48,7 +48,7 @@ class Trainer:
         ways: TubePaths | None = None,
     ) -> None:
         self.scenario = scenario
-        self.sight = Sight(spared, ways, scenario.goal.branch if scenario else "")
+        self.observer = RigObserver(spared, ways, scenario.goal.branch if scenario else "")
         self.attempt = FollowedAttempt(scenario.goal if scenario else None)
         self._id = _new_id()
         self._again_after_s, self._judges, self._rules = again_after_s, judges, rules
@@ -61,19 +61,19 @@ class Trainer:
 
     def follow(self, now_s: float) -> None:
         """Update the attempt after new frames, and start the next one if due."""
-        if self.sight.begins < self._awaited and self.sight.gateway == self._asked:
+        if self.observer.begins < self._awaited and self.observer.gateway == self._asked:
             return  # the gateway restarts the scene as soon as no arm bears a force
         self._awaited = 0
-        seen = self.sight.observe()
+        seen = self.observer.observe()
         if seen is not None:
             self.attempt.observe(seen)
         runs = self.attempt.state is AttemptState.RUNNING
-        if runs and self.sight.judge is None and self._judges is not None and self.scenario is not None:
-            self.sight.judge = self._judges(self.scenario)
+        if runs and self.observer.judge is None and self._judges is not None and self.scenario is not None:
+            self.observer.judge = self._judges(self.scenario)
         if self.attempt.ended and self._ended_s is None:
             self._ended_s, self.score = now_s, self._total()
-        if self.sight.pressed_s >= PRESSED_S:
-            self.sight.release()
+        if self.observer.pressed_s >= PRESSED_S:
+            self.observer.release()
             self.begin("somebody pressed the button of a device")
         due = self._again_after_s is not None and self.attempt.outcome == "success"
         if due and self._ended_s is not None and now_s - self._ended_s >= (self._again_after_s or 0.0):
@@ -81,7 +81,7 @@ class Trainer:
 
     def _total(self) -> float:
         """Judge the end of a completed attempt, and return its total."""
-        judge, attempt = self.sight.judge, self.attempt
+        judge, attempt = self.observer.judge, self.attempt
         if judge is None or self.scenario is None or self._rules is None:
             return NO_SCORE
         judge.finish()
@@ -95,9 +95,9 @@ class Trainer:
             self.attempt.abandon(why)
             self._parting = self.body()
         self._begins += 1
-        self._awaited, self._asked = self.sight.begins + 1, self.sight.gateway
+        self._awaited, self._asked = self.observer.begins + 1, self.observer.gateway
         self._pace, self.score = 1.0, NO_SCORE
-        self._ended_s = self.sight.judge = None
+        self._ended_s = self.observer.judge = None
         self.attempt, self._id = FollowedAttempt(self.scenario.goal if self.scenario else None), _new_id()
         return "a new attempt begins"
 
@@ -168,8 +168,8 @@ class Trainer:
             errors=dict(attempt.errors),
             counts=not attempt.why_not,
             why_not=attempt.why_not,
-            held=self.sight.held,
-            hint=hint(attempt, self.sight, scenario),
+            held=self.observer.held,
+            hint=hint(attempt, self.observer, scenario),
             mirrored=scenario.view.mirrored if scenario else False,
             one_handed=scenario.view.one_handed if scenario else False,
             bookmarks_s=tuple(attempt.bookmarks_s[-64:]),

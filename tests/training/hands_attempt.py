@@ -15,9 +15,9 @@ from services.mechanics.simulation import Simulation
 from services.scenes import load_duct, load_scene
 from services.scenes.hands import hands_of
 from services.training.attempt import FollowedAttempt
+from services.training.rig_observer import RigObserver
 from services.training.scenario import Scenario
 from services.training.score import load_rules
-from services.training.sight import Sight
 from services.tube_paths import TubePaths
 from tests.training.simulated import SimulatedRig
 from tests.training.simulated import attempt as word
@@ -37,21 +37,21 @@ def attempt_of_hands(scenario: Scenario, overrides: Sequence[str] = (), pace: fl
     rig, attempt = SimulatedRig(hands, pace), FollowedAttempt(scenario.goal)
     terms = Terms(scenario_of=lambda _: scenario, rules=load_rules(), site=rig.site)
     ways = TubePaths({name: np.array(way) for name, way in rig.site.ways.items()})
-    sight = Sight((), ways, scenario.goal.branch)
-    (found,) = assess(_told(rig.messages(hands.duration_s / pace), attempt, sight, scenario.name), terms)
+    observer = RigObserver((), ways, scenario.goal.branch)
+    (found,) = assess(_told(rig.messages(hands.duration_s / pace), attempt, observer, scenario.name), terms)
     return found
 
 
-def _told(messages: Iterator[Message], attempt: FollowedAttempt, sight: Sight, name: str) -> Iterator[Message]:
+def _told(messages: Iterator[Message], attempt: FollowedAttempt, observer: RigObserver, name: str) -> Iterator[Message]:
     """Yield what the recorder keeps of a stream, and the attempt as the training process tells of it, up to its end."""
     yield "training.attempt", 0, word("armed", scenario=name)
     for topic, time_ns, body in messages:
-        sight.take({topic: Frame(1, topic, 1, 1, 0, 0, 0, True, body)}, time_ns)
+        observer.take({topic: Frame(1, topic, 1, 1, 0, 0, 0, True, body)}, time_ns)
         if body.tick % KEPT_EVERY == 0:
             yield topic, time_ns, body
         if isinstance(body, GatewayState) and body.tick % KEPT_EVERY == 0:
             before = attempt.state
-            if (look := sight.observe()) is not None:
+            if (look := observer.observe()) is not None:
                 attempt.observe(look)
             if attempt.state is not before:
                 said = {"outcome": attempt.outcome, "time_s": attempt.time_s, "scenario": name}

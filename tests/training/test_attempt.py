@@ -6,8 +6,8 @@ import pytest
 
 from services.training.attempt import AttemptState, FollowedAttempt, Observation
 from services.training.hints import hint
+from services.training.rig_observer import RigObserver
 from services.training.scenario import Goal, Scenario
-from services.training.sight import Sight
 
 STILL = ((0.0, 0.0, 0.1, 0.5), (0.1, 0.0, 0.1, 0.5))
 MOVED = ((0.0, 0.01, 0.1, 0.5), (0.1, 0.0, 0.1, 0.5))
@@ -117,5 +117,5 @@ def test_one_that_begins_with_the_catheter_in_does_not_count_and_says_what_to_do
     clean.observe(_look(1000, hands=STILL))
     scenario = Scenario(name="basic", title="Slide it in", scene="default", goal=GOAL, hint="Grasp it.")
     assert (attempt.why_not, clean.why_not) == ("the catheter was in at its beginning", "")
-    assert hint(attempt, Sight(), scenario) == "Begin again: the catheter is in already."
-    assert hint(clean, Sight(), scenario) == "Grasp it."
+    assert hint(attempt, RigObserver(), scenario) == "Begin again: the catheter is in already."
+    assert hint(clean, RigObserver(), scenario) == "Grasp it."

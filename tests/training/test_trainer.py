@@ -51,7 +51,7 @@ class Rig:
         physics = msgspec.structs.replace(physics, catheter=rod)
         said = {"gateway.state": gateway, "haptics.contacts": contacts, "physics.state": physics}
         frames = {name: Frame(1, name, 1, self.incarnation, 0, 0, 0, True, body) for name, body in said.items()}
-        self.trainer.sight.take(frames, self.now_ns)
+        self.trainer.observer.take(frames, self.now_ns)
         self.trainer.follow(self.now_ns * 1e-9)
         told = self.trainer.body()
         if told.begins > self._told and not self.deaf:
@@ -215,7 +215,7 @@ def test_an_attempt_does_not_count_where_the_rig_was_late_at_what_the_hand_feels
     rig.turn()
     rig.y_m = 0.02
     rig.turn()
-    rig.trainer.sight.take_rig(bodies.SupervisorState(state=state, reason=reason))
+    rig.trainer.observer.take_rig(bodies.SupervisorState(state=state, reason=reason))
     told = rig.turn()
     assert (told.why_not, told.counts) == (why_not, not why_not)
 
@@ -261,7 +261,7 @@ def test_hints_come_and_go_with_their_reasons(rig: Rig) -> None:
         assert rig.turn().hint == said
     rig.force_n = 2.5
     assert rig.turn().hint == "Less force: the wall bears no more."
-    assert hint(rig.trainer.attempt, rig.trainer.sight, None) == ""
+    assert hint(rig.trainer.attempt, rig.trainer.observer, None) == ""
 
 
 def test_practice_without_a_scenario_is_told_as_such() -> None:
@@ -362,7 +362,7 @@ WAYS = TubePaths(
 )
 def test_depth_on_the_way_to_a_branch_is_that_of_the_fork_on_another(branch, tip_m, depth_m):
     goal = Goal(depth_m=0.015, hold_s=0.5, branch=branch)
-    sight = Trainer(replace(SCENARIO, goal=goal), ways=WAYS).sight
+    observer = Trainer(replace(SCENARIO, goal=goal), ways=WAYS).observer
     physics = samples.physics_state(5, bodies.ToolReaction())
     particles = np.array([[0.0, 0.0, 0.0], [10e-3 + tip_m, tip_m, 0.0]])
     rod = msgspec.structs.replace(physics.catheter, position_m=pack(particles), inserted_length_m=0.03)
@@ -370,8 +370,8 @@ def test_depth_on_the_way_to_a_branch_is_that_of_the_fork_on_another(branch, tip
     gateway = bodies.GatewayState(tick=5, instruments=(), begins=0)
     for catheter, expected_m in ((rod, depth_m), (outside, 0.0)):
         said = {"gateway.state": gateway, "physics.state": msgspec.structs.replace(physics, catheter=catheter)}
-        sight.take({name: Frame(1, name, 1, 1, 0, 0, 0, True, body) for name, body in said.items()}, 0)
-        assert sight.observe().depth_m == pytest.approx(expected_m)
+        observer.take({name: Frame(1, name, 1, 1, 0, 0, 0, True, body) for name, body in said.items()}, 0)
+        assert observer.observe().depth_m == pytest.approx(expected_m)
 
 
 def test_a_branch_that_the_duct_has_not_is_refused_in_one_sentence():

@@ -103,7 +103,7 @@ class Episode:
 
     def verdict(self) -> Verdict:
         """Return the present state by the procedure."""
-        attempt, judge = self._trainer.attempt, self._trainer.sight.judge
+        attempt, judge = self._trainer.attempt, self._trainer.observer.judge
         cost_s = sum(map(self._rules.penalty, judge.events)) if judge is not None and attempt.errors else 0.0
         return Verdict(
             outcome=attempt.outcome, reason=attempt.reason, phase=attempt.phase, time_s=attempt.time_s,
@@ -134,7 +134,7 @@ class Episode:
         """Pass the present state to the procedure."""
         contacts, state = self._framer.solved(self.tick)
         self.frames = {each.topic: each for each in (devices, contacts, state)}
-        self._trainer.sight.take(self.frames, self.tick * TICK_NS)
+        self._trainer.observer.take(self.frames, self.tick * TICK_NS)
         if self._recording is not None:
             if self.tick == 0:
                 self._recording.take_tick(devices, 0)

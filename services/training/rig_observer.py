@@ -16,7 +16,7 @@ _CATHETER = 1
 LATE, STOPPED, ANEW = "the rig was late", "the rig was stopped", "a part of the rig began anew"
 
 
-class Sight:
+class RigObserver:
     """Keeps the newest frames, and quantities derived from them.
 
     Args:
