@@ -26,7 +26,7 @@ _numbers_of = attrgetter(*_WHOLE, *_REAL)
 _PLAIN = (int,) * len(_WHOLE) + (float,) * len(_REAL)
 
 
-class CallCheck:
+class ArgumentCheck:
     """Rejects calls of `Simulation.step` with arguments of the wrong type, shape or dtype."""
 
     def __init__(self) -> None:

@@ -28,7 +28,7 @@ from services.mechanics.effects import build_effects, by_stage
 from services.mechanics.reduction import ModalState, ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs, ToolResults
-from services.mechanics.simulation.calls import CallCheck
+from services.mechanics.simulation.argument_checks import ArgumentCheck
 from services.mechanics.simulation.healing import Healer
 from services.mechanics.simulation.scene_catheter import place_catheter
 from services.mechanics.simulation.scene_world import build_world
@@ -88,7 +88,7 @@ class Simulation:
         self.cost_ns = [0] * len(STAGE_NAMES)
         self._marks_ns = [0] * (len(STAGE_NAMES) - 1)
         self.splitter = StepSplitter(world)
-        self._calls = CallCheck()
+        self._arguments = ArgumentCheck()
         self.watcher: Watcher | None = None
         for effect in stages["prepare"]:
             effect.prepare(world)
@@ -105,7 +105,7 @@ class Simulation:
         """Advance everything by one tick.
 
         Raises TypeError or ValueError: ``dt_s`` is not positive and finite, or too long; an array has the wrong shape
-        or dtype (`CallCheck`). The state is then unchanged.
+        or dtype (`ArgumentCheck`). The state is then unchanged.
 
         Args:
             tools: ToolInputs. The hands at the end of the tick.
@@ -116,7 +116,7 @@ class Simulation:
             raise ValueError(f"dt_s must be positive and finite, is {dt_s}")
         if dt_s > LONGEST_TICK_S:
             raise ValueError(f"dt_s must be at most {LONGEST_TICK_S:g} s, is {dt_s:g}")
-        self._calls.check(tools)
+        self._arguments.check(tools)
         self._healer.begin()
         self.cost_ns[:] = [0] * len(STAGE_NAMES)
         steps = steps_of(dt_s, self.rung.ticks_per_step * LONGEST_STEP_S)
