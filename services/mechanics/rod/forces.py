@@ -15,6 +15,7 @@ from services.mechanics.rod.elasticity import (
 )
 from services.mechanics.rod.introducer_forces import add_introducer
 from services.mechanics.rod.model import RodModel, RodWork
+from services.mechanics.rod.turning import add_turns, add_turns_tangent
 
 
 @kernel
@@ -28,6 +29,7 @@ def add_internal_forces(model: RodModel, work: RodWork, scale: Scale) -> None:
         mean_elongation(model, work)
     add_stretch(model, work)
     add_bending(model, work)
+    add_turns(work)
     _add_tangent(model, work, scale)
     _add_supports(model, work, scale)
 
@@ -47,6 +49,7 @@ def _add_tangent(model: RodModel, work: RodWork, scale: Scale) -> None:
     if scale[0] > 0.0:
         add_stretch_tangent(model, work, scale)
         add_bending_tangent(model, work, scale)
+        add_turns_tangent(work, scale[1])
 
 
 @kernel

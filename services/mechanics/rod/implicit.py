@@ -15,6 +15,7 @@ from services.mechanics.rod.properties import RodProperties
 from services.mechanics.rod.state import RodState
 from services.mechanics.rod.step_gains import StepGains
 from services.mechanics.rod.supports import Supports
+from services.mechanics.rod.turning import note_turns
 from services.mechanics.rod.twist import TwistModel, add_frame_forces, build_twist_model
 
 SPECTRAL_RADIUS = 0.6
@@ -63,7 +64,9 @@ class ImplicitIntegrator(StepGains):
         self.max_iterations = max_iterations
         self.iterations = 0
         n = properties.n_particles
-        self.work = allocate_work(n)
+        self.work = allocate_work(n, 0 if self.twist is None else len(self.twist.torsion))
+        if self.twist is not None:
+            self.work.first_joint = self.twist.first
         self.addresses = (self.model.address, self.work.address)
         self.held_target_m: FloatArray = np.full((len(self.model.held), 3), np.nan)
         self._external, self._frame_force = np.zeros((n, 3)), np.zeros((n, 3))
@@ -86,6 +89,9 @@ class ImplicitIntegrator(StepGains):
         if self.twist is not None:
             self._frame_force[:] = 0.0
             add_frame_forces(self.twist, state, self._frame_force, of_next_step=True)
+            assert state.frame is not None
+            frame = (state.frame.tangent, state.frame.m1, state.frame.twist_rad)
+            note_turns(self.work.address, self.twist.address, state.frame.path(state.position_m)[1], frame)
             external_force_n = np.add(external_force_n, self._frame_force, out=self._external)
         self.iterations = implicit_kernels.predict(self.addresses, motion, external_force_n, self.held_target_m, step)
         if self.iterations == 0:

@@ -17,7 +17,6 @@ from services.mechanics.compiled.vectors import Vector, cross, dot, row
 from services.mechanics.rod.elasticity import any_normal
 
 Frame = tuple[FloatArray, FloatArray, FloatArray]  # tangent (m, 3), m1 (m, 3), twist of the joints (m-1,)
-_SWIFTNESS = 0.5  # share of a step's way in what the next is expected to be
 NO_WALLS = np.full((2, 3), np.nan)
 
 
@@ -50,9 +49,9 @@ class MaterialFrame:
         self.last_path_m = None
 
     def path(self, position_m: FloatArray) -> FloatArray:
-        """(3, n, 3): last positions of the particles, a step's way of late, and what `expect_middle` writes."""
+        """(2, n, 3): last positions of the particles, and what `expect_middle` writes."""
         if self.last_path_m is None:
-            self.last_path_m = np.stack([position_m, np.zeros_like(position_m), position_m])
+            self.last_path_m = np.stack([position_m, position_m])
         return self.last_path_m
 
 
@@ -91,17 +90,14 @@ def roll(frame: MaterialFrame, segment: int, angle_rad: float) -> None:
 
 @kernel
 def expect_middle(x: FloatArray, path: FloatArray) -> None:
-    """Write into path[2] where particles x (n, 3) will be in the middle of the next step; call it once a step.
+    """Write into path[1] where particles x (n, 3) will be in the middle of the next step, if they go on as in the last.
 
-    From the middle of the last step with what particles have moved in a step, over the last few: what a step cannot
-    resolve must not come back magnified, or a twisted rod flutters.
+    Call it once a step.
     """
     for i in range(x.shape[0]):
         for c in range(3):
-            last, now = path[0, i, c], x[i, c]
-            path[1, i, c] += _SWIFTNESS * (now - last - path[1, i, c])
-            path[2, i, c] = 0.5 * (now + last) + path[1, i, c]
-            path[0, i, c] = now
+            path[1, i, c] = x[i, c] + 0.5 * (x[i, c] - path[0, i, c])
+            path[0, i, c] = x[i, c]
 
 
 @kernel

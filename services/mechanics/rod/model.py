@@ -48,12 +48,15 @@ class RodWork(Struct):
     aside: Annotated[FloatArray, "n - 2"]  # what of a joint's stiffness there is out of its plane
     has_plane: Annotated[BoolArray, "n - 2"]
     gradient: Annotated[FloatArray, 2, 9]  # of a joint with a wall
+    turn: Annotated[FloatArray, "turns", 9]  # gradients of the joints' twist, see `turning`; none without a frame
+    turned: Annotated[FloatArray, "turns"]
     band: Annotated[FloatArray, "padded", HALF_BANDWIDTH + 1]  # the implicit step's system, see `banded`
     rhs: Annotated[FloatArray, "padded"]
     residual: Annotated[FloatArray, "padded"]  # a copy of the right-hand side
     velocity_change: Annotated[FloatArray, "n", 3]  # the implicit step's solution
     leading_velocity: Annotated[FloatArray, "n", 3]  # what drag acts on in it
     is_middle: bool = False  # whether ``position`` is in the middle of a step from ``previous_position``
+    first_joint: int = 0  # row of the first joint between two segments in ``turn``, 1 behind a wall
     hits_stop: bool = False  # whether that step would end in a stop of the introducer
 
 
@@ -83,9 +86,9 @@ def build_model(properties: RodProperties, supports: Supports) -> RodModel:
     )
 
 
-def allocate_work(n_particles: int) -> RodWork:
-    """Zeroed arrays for one rod; nothing else is allocated while stepping."""
+def allocate_work(n_particles: int, n_turns: int = 0) -> RodWork:
+    """Zeroed arrays for one rod, with so many twisted joints; nothing else is allocated while stepping."""
     n, band = n_particles, empty_band(3 * n_particles)
     tangent = np.tile([1.0, 0.0, 0.0], (n - 1, 1))
-    extents = {"n": n, "n - 1": n - 1, "n - 2": n - 2, "padded": len(band)}
+    extents = {"n": n, "n - 1": n - 1, "n - 2": n - 2, "padded": len(band), "turns": n_turns}
     return RodWork.zeros(band=band, tangent=tangent, **extents)

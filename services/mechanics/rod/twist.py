@@ -27,7 +27,7 @@ from services.mechanics.rod.material_frame import NO_WALLS, Frame, expect_middle
 from services.mechanics.rod.properties import RodProperties
 from services.mechanics.rod.state import RodState
 
-_SHARPEST = 1e-2  # 1 + cos of the bending angle below which the holonomy gradient grows no further (a fold of 168 deg)
+SHARPEST = 1e-2  # 1 + cos of the bending angle below which the holonomy gradient grows no further (a fold of 168 deg)
 
 
 class TwistModel(Struct):
@@ -92,8 +92,8 @@ def add_frame_forces(model: TwistModel, state: RodState, force_n: FloatArray, *,
 
     Raises ValueError if the frame was made for other clamped ends.
 
-    The forces enter a step as given numbers: no stiffness of theirs is in the implicit matrix. With the
-    frames in equilibrium it is small against bending's (by the ratio of a segment to the rod) and needs no bound on dt.
+    The forces enter a step as given numbers; what they change by in it, while the directors stay, is in the implicit
+    matrix (`turning`).
     """
     if state.frame is None:
         state.frame = initial_frame(state.position_m, walls=model.walls)
@@ -136,7 +136,7 @@ def energy_at(task: Task, x: FloatArray) -> float:
 @kernel
 def _update_ahead(task: Task, x: FloatArray, path: FloatArray, f: FloatArray) -> None:
     expect_middle(x, path)
-    _update(task, path[2], f)
+    _update(task, path[1], f)
 
 
 @kernel
@@ -225,20 +225,27 @@ def add_forces(model: TwistModel, x: FloatArray, frame: Frame, f: FloatArray) ->
         u = row(frame[0], i + 1)
         moment = model.torsion[i] * (frame[2][i] - model.rest_rotation[i, 2])
         b = cross(t, u)
-        s = moment / max(1.0 + dot(t, u), _SHARPEST)
+        s = moment / max(1.0 + dot(t, u), SHARPEST)
         g = (s * b[0], s * b[1], s * b[2])
         h = g
         if _has_rest_curvature(model, i):
             g, h = _rest_curvature_gradient(model, frame, i, g)
         p = i + 1 - model.first
-        before = 1.0 / max(_distance(x, p - 1), model.shortest) if p > 0 else 0.0
-        after = 1.0 / max(_distance(x, p), model.shortest) if p < last else 0.0
+        before, after = inverse_lengths(model, x, p)
         for c in range(3):
             if p > 0:
                 f[p - 1, c] += g[c] * before
             f[p, c] += h[c] * after - g[c] * before
             if p < last:
                 f[p + 1, c] -= h[c] * after
+
+
+@kernel
+def inverse_lengths(model: TwistModel, x: FloatArray, p: int) -> tuple[float, float]:
+    """One over the lengths of the segments before and behind particle p; 0.0 where there is none."""
+    before = 1.0 / max(_distance(x, p - 1), model.shortest) if p > 0 else 0.0
+    after = 1.0 / max(_distance(x, p), model.shortest) if p < x.shape[0] - 1 else 0.0
+    return before, after
 
 
 @kernel
