@@ -38,5 +38,9 @@ def test_a_rig_as_it_stands_and_its_silence_once_it_is_killed(rig: Rig, address:
             until(lambda: bool(rows()[0]["attempt"]), "it is practised at")
             assert rows()[0]["attempt"]["title"] == "Practice without a goal"
             assert [row["trainee"] for row in rows()] == ["heron-17", ""]
+            observer = rig.observer  # who is not ready holds no lock, by which what is left over is ended
+            observer.until(
+                lambda: {p.state for p in observer.states[-1][1].processes} == {"ready"}, PATIENCE_S, "ready"
+            )
             os.kill(rig.process.pid, signal.SIGKILL)
             until(lambda: [row["state"] == "silent" for row in rows()] == [True, False], "it is silent")
