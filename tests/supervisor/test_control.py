@@ -97,14 +97,14 @@ def test_where_the_supervisor_stands_still_the_gateway_itself_is_asked(
     hand.engagement.state = State.ACTIVE
     code, said = trocar(folder, "safe-stop", lambda: orders.obey([], 1))
     assert (code, said) == (0, "the supervisor does not answer: the gateway itself has let every hand go\n")
-    assert (orders.stopped, orders.told, hand.engagement.gain) == (True, 2.0, 0.0)
+    assert (orders.stopped, orders.stop_report, hand.engagement.gain) == (True, 2.0, 0.0)
     orders.obey([_frame(False, armed=1), _frame(False, armed=2)], 1)
     assert orders.stopped, "nobody has ended it"
-    bench.peers["gateway"].gauges["safe_stop"] = orders.told
+    bench.peers["gateway"].gauges["safe_stop"] = orders.stop_report
     bench.run(0.3)
     assert bench.supervisor.reason == "asked of the gateway itself", "the supervisor that goes on makes it its own"
     orders.obey([_frame(True), _frame(False)], 1)
-    assert (orders.told, hand.armed) == (0.0, 1)
+    assert (orders.stop_report, hand.armed) == (0.0, 1)
     orders.line.close()
 
 
