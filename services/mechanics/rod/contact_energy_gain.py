@@ -47,15 +47,11 @@ def pay_for_change_with_twist(
 
 @kernel
 def is_looked_at(model: RodModel, work: RodWork, step: FreeStep, motion: Motion, dt_s: float) -> bool:
-    """Whether contact forces have changed by anything that counts; not where a hand works inside the rod.
+    """Whether contact forces have changed by anything that counts; not where held particles move: a hand works there.
 
-    It does where held particles move, and where a guide wire slides out: by what its segments grow.
     ``work.rhs`` is what contact forces have changed velocities by.
     """
     x, swung_j = motion[0], 0.0
-    for j in range(model.growth.shape[0]):
-        if model.growth[j] != 0.0:
-            return False
     for k in range(model.held.shape[0]):
         for c in range(3):
             if x[model.held[k], c] != step.start[model.held[k], c]:
