@@ -6,7 +6,7 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.contact.newton import add_step, list_unknowns, newton_step, room_for_step
 from services.mechanics.contact.problem import ContactProblem
-from services.mechanics.contact.solver_steps import SolverScratch, copy_forces, go_down, sweep, update_motion
+from services.mechanics.contact.solver_steps import SolverScratch, copy_forces, go_down, is_balanced, sweep, update_motion
 from services.mechanics.contact.tresca import solve_in_turns
 
 # Times the tolerance: a first sweep that changes less is followed by another, which costs less than a Newton step.
@@ -42,6 +42,7 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
     little. If they do not, it goes only as far as nobody opens or slips. After a step that was not kept whole twice as
     many sweeps as before pass until the next: one that changes a contact at a time costs more than it brings.
     Where neither comes to an end soon, Newton steps go on until one is left whole (`go_down`), between single sweeps.
+    A first sweep that changes little ends a solve only where forces are right, too (`is_balanced`).
     What has not ended after `MOST_SWEEPS` while bodies are in each other is solved in turns (`tresca`). Forces are
     inside their cones, converged or not.
 
@@ -61,7 +62,10 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
     while True:
         change_n, change_m = sweep(problem, W)
         sweeps += 1
-        if change_n <= tolerance_n or (sweeps >= iterations and change_m <= MOTION_TOLERANCE_M):
+        is_small = change_n <= tolerance_n
+        if is_small and (sweeps > 1 or is_balanced(problem, tolerance_n)):
+            return sweeps
+        if sweeps >= iterations and change_m <= MOTION_TOLERANCE_M:
             return sweeps
         if sweeps >= max(MOST_SWEEPS, iterations):
             return int(solve_in_turns(problem, W, tolerance_n, scratch, sweeps))
@@ -69,7 +73,7 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
         ends_next = change_n * change_n <= tolerance_n * last_n
         last_n = change_n
         near = NEARLY_THERE if sweeps == 1 else ALL_BUT_THERE
-        is_cheaper = sweeps <= max(cheap, 1) and change_n <= near * tolerance_n
+        is_cheaper = not is_small and sweeps <= max(cheap, 1) and change_n <= near * tolerance_n
         if sweeps >= SLOW_SWEEPS:
             sweeps += go_down(problem, W, scratch)
             continue

@@ -18,7 +18,7 @@ from studies.stability.strokes import at_step
 
 STEPS_MS = 1.0, 0.25, 0.1
 WATCHED_S = {1.0: 5.0, 0.25: 2.0, 0.1: 1.0}
-SETTLED_S = 2.0  # a slip of 30 nm was seen 1.2 s after the hand stood still, none later
+SETTLED_S = 1.0
 COUNT = 4
 
 

@@ -121,9 +121,21 @@ def test_contacts_that_meet_give_no_work(seed):
 def test_warm_start_from_the_solution_takes_one_sweep():
     W, free, law, limit = random_problem(1)
     force, _, cold = solve(W, free, law, limit)
-    _, _, warm = solve(W, free, law, limit, force=force.copy(), effort=(200, 1e-9))
+    _, _, warm = solve(W, free, law, limit, force=force.copy(), effort=(200, 1e-6))
     assert cold > 2
     assert warm == 1
+
+
+def test_two_jaws_on_one_place_share_its_force_as_their_softness_says_in_a_single_step():
+    """Sweeps change the shares by less than a solve's tolerance, while the shares are a thousand times as far off."""
+    softness, tolerance_n = 1e-6, 1e-6
+    W = np.kron(np.ones((2, 2)), np.diag([1.7e-2, 0.6e-2, 1e-2])) + softness * np.eye(6)
+    law, limit = np.full(2, UNILATERAL, np.int8), np.full(2, 0.3)
+    shares = np.array([10e-3, 0.5e-3, -1e-3, 10e-3, -0.5e-3, 1e-3])
+    solution = np.array([10e-3, 0.0, 0.0, 10e-3, 0.0, 0.0])
+    force, motion, _ = solve(W, -W @ solution, law, limit, force=shares, effort=(200, tolerance_n))
+    assert np.abs(force - solution).max() <= tolerance_n
+    assert np.abs(motion).max() <= softness * tolerance_n
 
 
 @pytest.mark.parametrize(("pull", "slides"), [(0.299, False), (0.301, True)])
