@@ -8,11 +8,11 @@ from services.haptics.deformed_scene import DeformedScene
 from services.haptics.jaw_touches import JawTouches
 from services.haptics.tool_tracker import ToolTracker
 from services.mechanics.arrays import FloatArray
-from services.mechanics.beginning import Beginning
 from services.mechanics.bodies.forceps.grasp import Grasp, JawState
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import GraspHold
+from services.mechanics.snapshot import Snapshot
 
 
 class Grasping:
@@ -32,7 +32,7 @@ class Grasping:
         self.grasps = [Grasp(tool, each, duct.mesh, scene.catheter) for tool, each in jaws if each is not None]
         self.closing: list[int] = []
         self._jaws: list[tuple[Grasp, JawState]] = []
-        self._beginning = Beginning(self.grasps, (scene, duct))
+        self._snapshot = Snapshot(self.grasps, (scene, duct))
 
     def update_shapes(self, state: PhysicsState) -> None:
         """Store the positions of wall and catheter, against which closing jaws are tested."""
@@ -53,6 +53,6 @@ class Grasping:
 
     def begin_again(self) -> None:
         """Release all holds and reset the scene, which restarts."""
-        self._beginning.put_back()
+        self._snapshot.restore()
         self.scene.forget()
         self.touches.forget()

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 from protocol import Frame
 from services.cache_directory import cache_directory
-from services.mechanics.beginning import Beginning
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.simulation import STAGE_NAMES
+from services.mechanics.snapshot import Snapshot
 from services.physics.duct_alone_loop import STAGES as DUCT_STAGES
 from services.physics.duct_alone_loop import run_duct_alone
 from services.physics.inputs import ContactsReader
@@ -55,7 +55,7 @@ class Physics:
     def _begin(self) -> None:
         self.simulation = Simulation(self._scene, self._duct)
         kept = (self._scene, self.simulation.scene, self._duct, self.simulation.duct.reduced)
-        self._beginning = Beginning(self.simulation, kept)
+        self._snapshot = Snapshot(self.simulation, kept)
         self._reader = ContactsReader(self.simulation)
         self._outputs = Outputs(self.simulation, self._duct.basis.content_hash)
         watched = {"q": self.simulation.duct_state.q, "catheter": self.simulation.catheter.state.position_m}
@@ -94,7 +94,7 @@ class Physics:
         """Restart the scene when the hands restart."""
         if self._begins is not None and begins > self._begins:
             level = self.simulation.quality_level
-            self._beginning.put_back()
+            self._snapshot.restore()
             if level:
                 self.simulation.set_quality(level)
             self._partial_ticks = 0

@@ -122,7 +122,7 @@ class _FixedContactSearch:
         """Do nothing: no tool overlaps a body."""
         bodies[2].waiting[:] = False
 
-    def put_back_start(self) -> None:
+    def restore_start(self) -> None:
         """Do nothing: there is no state."""
 
     def engage(self, pairs: ContactPairs, geometry: Address[ContactGeometry]) -> None:

@@ -115,13 +115,13 @@ def _physics() -> None:
 def _count_plans() -> list[float]:
     """Return a list to which every plan of a catheter that is made again adds its share."""
     plans: list[float] = []
-    plan_again = CatheterBody.plan_again
+    relinearise = CatheterBody.relinearise
 
     def counted(self: CatheterBody, share: float) -> None:
         plans.append(share)
-        plan_again(self, share)
+        relinearise(self, share)
 
-    CatheterBody.plan_again = counted  # type: ignore[method-assign]
+    CatheterBody.relinearise = counted  # type: ignore[method-assign]
     return plans
 
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from services.cache_directory import cache_directory
-from services.mechanics.beginning import Beginning
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.reduction.build import ignore_progress
 from services.mechanics.scene import SceneModel
 from services.mechanics.simulation import Simulation
+from services.mechanics.snapshot import Snapshot
 from services.runtime.errors import ConfigError
 from services.scenes import load_duct, load_scene
 from services.scenes.duct_file import duct_file
@@ -53,7 +53,7 @@ class Stage:
         if drawn != self._drawn:
             self._build(drawn)
         else:
-            self._beginning.put_back()
+            self._snapshot.restore()
             self.simulation.set_quality(self.level)
             self.grips.begin_again()
         return self.simulation
@@ -71,7 +71,7 @@ class Stage:
             self.ways = TubePaths({name: np.array(way) for name, way in self.site.ways.items()})
         self.scene, self._drawn = scene, drawn
         self.simulation = Simulation(scene, self.duct)
-        self._beginning = Beginning(
+        self._snapshot = Snapshot(
             self.simulation, (scene, self.simulation.scene, self.duct, self.simulation.duct.reduced)
         )
         self.simulation.set_quality(self.level)

@@ -121,12 +121,12 @@ class CatheterBody:
             return
         step.start_slow[:] = 0.0 if state.slow_velocity_m_s is None else state.slow_velocity_m_s
         integrator.predict(state, step.load if self._acts_in_next_step or is_touched else step.external, dt_s)
-        step.planned[:] = state.position_m
+        step.linearised_end[:] = state.position_m
         if is_touched and not self._acts_in_next_step:
-            integrator.correct(state, step.relief)
+            integrator.correct(state, step.negated_contact)
         np.subtract(state.position_m, self.start_m, out=self.motion_m)
 
-    def strays(self, nodes: IntArray, weights: FloatArray, forces: FloatArray) -> float:
+    def nonlinear_error_j(self, nodes: IntArray, weights: FloatArray, forces: FloatArray) -> float:
         """Return the energy [J] by which contact forces (k, 3) leave the validity of the step's linearisation, or 0.0.
 
         Forces are added linearly to a step that was linearised with those of the last one. When a bending force is
@@ -136,18 +136,18 @@ class CatheterBody:
         if rod is None or self.slept or not (self._was_touched or len(forces)):
             return 0.0
         spread_rod_forces(nodes, weights, forces, self._step.solved)
-        return rod.strays(self.step_address, is_touched=self._was_touched)
+        return rod.nonlinear_error_j(self.step_address, is_touched=self._was_touched)
 
-    def keep_plan(self) -> None:
-        """Make the linearisation that `strays` judged last the base of further ones."""
+    def store_linearisation(self) -> None:
+        """Make the linearisation that `nonlinear_error_j` judged last the base of further ones."""
         self._step.base[:] = self._step.contact if self._was_touched else 0.0
-        self._step.led_to[:] = self._step.solved
+        self._step.solved_from_base[:] = self._step.solved
 
-    def plan_again(self, share: float) -> None:
+    def relinearise(self, share: float) -> None:
         """Linearise again with the contact forces of the base (0), those solved from it (1), or a blend."""
         rod = self.plain_integrator
         assert rod is not None
-        rod.plan_again(self.state, self.step_address, share)
+        rod.relinearise(self.state, self.step_address, share)
         self._was_touched = True
 
     @property
@@ -176,7 +176,7 @@ class CatheterBody:
         slid = () if self.wire is None else (self.wire.place_array,)
         return state.position_m, state.velocity_m_s, self.contact_force_n, *rolled, *slid
 
-    def given_arrays(self) -> tuple[AnyArray, ...]:
+    def corrected_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays that `correct` changes."""
         return self.state.position_m, self.state.velocity_m_s, self.contact_force_n
 
@@ -194,17 +194,17 @@ class CatheterBody:
     def touched(self, state: tuple[bool, bool, float]) -> None:
         self._was_touched, self._was_woken, self._step.owed_j = state
 
-    def note_start(self) -> None:
+    def save_start(self) -> None:
         """Save the state at the start of a step beside `step_arrays`."""
         state = self.state
         path_m = None if state.frame is None else state.frame.last_path_m
-        self._noted_flags = self._was_touched, self._was_woken, self.slept
-        self._noted = [None if array is None else array.copy() for array in (state.slow_velocity_m_s, path_m)]
+        self._saved_flags = self._was_touched, self._was_woken, self.slept
+        self._saved = [None if array is None else array.copy() for array in (state.slow_velocity_m_s, path_m)]
 
-    def put_back_start(self) -> None:
+    def restore_start(self) -> None:
         """Restore it."""
-        self._was_touched, self._was_woken, self.slept = self._noted_flags
-        self.state.slow_velocity_m_s, path_m = self._noted
+        self._was_touched, self._was_woken, self.slept = self._saved_flags
+        self.state.slow_velocity_m_s, path_m = self._saved
         if self.state.frame is not None:
             self.state.frame.last_path_m = path_m
 

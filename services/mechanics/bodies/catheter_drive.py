@@ -58,14 +58,14 @@ class CatheterDrive:
                 at = self._twist.first
                 self._steering[at : at + len(curvature)] = catheter.properties.segment_length_m * curvature
 
-    def note_start(self) -> None:
+    def save_start(self) -> None:
         """Save the state at the start of a step."""
         rest = None if self._twist is None else self._own_rest.copy()
-        self._noted = self._hold_id, self._is_held, self._offset_rad, self._steered_rad, self.work_j, self.apart_j, rest
+        self._saved = self._hold_id, self._is_held, self._offset_rad, self._steered_rad, self.work_j, self.apart_j, rest
 
-    def put_back_start(self) -> None:
+    def restore_start(self) -> None:
         """Restore it."""
-        self._hold_id, self._is_held, self._offset_rad, self._steered_rad, self.work_j, self.apart_j, rest = self._noted
+        self._hold_id, self._is_held, self._offset_rad, self._steered_rad, self.work_j, self.apart_j, rest = self._saved
         if self._twist is not None and rest is not None:
             self._own_rest[:] = rest
 

@@ -207,7 +207,7 @@ class DuctBody:
         state, forces = self.state, (self.contact_impulse, self.modal_kick)
         return state.q, state.qdot, state.qddot, *forces, self.load_nodes, self.load_force_n, self._n_loads
 
-    def given_arrays(self) -> tuple[AnyArray, ...]:
+    def corrected_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays that `correct` changes."""
         state, loads = self.state, self._loads
         modal = state.q, state.qdot, state.qddot, self.contact_impulse, loads.last, self._debt, self.taken
@@ -215,7 +215,7 @@ class DuctBody:
 
     def step_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays that a step changes, from `predict` on."""
-        return *self.given_arrays(), self.modal_kick
+        return *self.corrected_arrays(), self.modal_kick
 
     def halt(self) -> None:
         """Stop all motion at the present position."""

@@ -68,13 +68,13 @@ class WireDrive:
         self.motion = WireMotion(self.wire.place)
         self._origin_m, self._rolled_rad, self._is_held, self._ahead_m = 0.0, 0.0, False, 0.0
 
-    def note_start(self) -> None:
+    def save_start(self) -> None:
         """Save the state at the start of a step."""
-        self._noted = self.motion, self._origin_m, self._rolled_rad, self._is_held, self._ahead_m
+        self._saved = self.motion, self._origin_m, self._rolled_rad, self._is_held, self._ahead_m
 
-    def put_back_start(self) -> None:
+    def restore_start(self) -> None:
         """Restore it."""
-        self.motion, self._origin_m, self._rolled_rad, self._is_held, self._ahead_m = self._noted
+        self.motion, self._origin_m, self._rolled_rad, self._is_held, self._ahead_m = self._saved
         self.wire.lay(self.motion.place)
 
     def let_go(self) -> None:

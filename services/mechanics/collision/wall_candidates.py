@@ -59,10 +59,10 @@ class WallCandidates:
         self.renewals = self.wall_renewals = 0
 
     def new_start(self) -> WallPlacement:
-        """Return a placement for the wall at the start of a step, see `note_start`."""
+        """Return a placement for the wall at the start of a step, see `save_start`."""
         return place_walls(self._duct, self._placement)
 
-    def note_start(self, start: WallPlacement) -> None:
+    def save_start(self, start: WallPlacement) -> None:
         """Copy the wall's present configuration into ``start``."""
         start.follow(self._placement)
 

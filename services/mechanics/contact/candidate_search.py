@@ -104,27 +104,27 @@ class CandidateSearch:
             self._apart_is_unknown = False
         is_new = self._wall.is_new
         if is_new:  # nobody knows how anything moves
-            self._note_start()
+            self._save_start()
         if self._is_unknown:
             want_ahead(listed.address, self._start.where[0], self._ahead_m, self._most_m)
         if self._wall.follow(duct.q_start, (duct.load_nodes[:n], duct.load_force_n[:n])) or self._is_unknown:
             self._wall.measure(self._found)
         self._is_unknown = True
         if is_new:
-            self._note_start()
+            self._save_start()
         self._wall.place_start(self._start.wall, self._found)
         addresses = listed.address, self._found.address, self._working.address
         choose(addresses, self._start.where, self._ahead_m, geometry)
         self._start, self._before = self._before, self._start
-        self._note_start()
+        self._save_start()
 
-    def put_back_start(self) -> None:
-        """Begin the step again that was begun last: bodies are where they were then."""
+    def restore_start(self) -> None:
+        """Restore the start of the last step: bodies are where they were then."""
         self._start, self._before, self._is_unknown = self._before, self._start, True
 
-    def _note_start(self) -> None:
+    def _save_start(self) -> None:
         note_ends(self._wall.list.address, self._start.where[0])
-        self._wall.note_start(self._start.wall)
+        self._wall.save_start(self._start.wall)
 
     def _take_pieces(self, particles_m: FloatArray, tools: ToolBody) -> None:
         poses = (tools.segments, tools.radius_m, tools.present)

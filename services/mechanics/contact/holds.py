@@ -82,7 +82,7 @@ class HoldRegistry:
         self._free = list(range(CAPACITY))
         self._stops: list[tuple[int, int, float, bool]] = []
         self._held: set[tuple[int, int]] = set()
-        self.note_start()
+        self.save_start()
         geometry = system.geometry
         self._n_targets = {
             DUCT_TRIANGLE: geometry.wall.triangles.shape[0],
@@ -122,13 +122,13 @@ class HoldRegistry:
         """Return the live arrays that a step changes."""
         return self._arrays.own_memory()
 
-    def note_start(self) -> None:
-        """Note what a step begins with beside `step_arrays`."""
-        self._noted = dict(self.active), list(self._free), set(self.lost), self._stops, self._held
+    def save_start(self) -> None:
+        """Save the state at the start of a step beside `step_arrays`."""
+        self._saved = dict(self.active), list(self._free), set(self.lost), self._stops, self._held
 
-    def put_back_start(self) -> None:
-        """Begin with that again."""
-        self.active, self._free, lost, self._stops, self._held = self._noted
+    def restore_start(self) -> None:
+        """Restore it."""
+        self.active, self._free, lost, self._stops, self._held = self._saved
         self.lost.intersection_update(lost)
         self.lost.update(lost)
 

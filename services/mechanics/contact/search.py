@@ -33,8 +33,8 @@ class ContactSearch(Protocol):
     def begin(self, bodies: Moving, geometry: Address[ContactGeometry]) -> None:
         """Place wall and pieces at the start of a step, and choose the candidates that get rows."""
 
-    def put_back_start(self) -> None:
-        """Begin the step again that was begun last: bodies are where they were then."""
+    def restore_start(self) -> None:
+        """Restore the start of the last step: bodies are where they were then."""
 
     def tool_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
         """Append the chosen candidates of the tools, and what of them touches the catheter."""

@@ -63,7 +63,7 @@ class ContactSystem:
         self.sweeps = 0
         self.dropped_pairs = 0
         self._first_new = 0
-        self._gave_forces = self._noted = False
+        self._applied_forces = self._saved = False
         self._gone, self._gone_is_known = np.zeros(bodies.duct.state.q.size), False
 
     @property
@@ -87,19 +87,19 @@ class ContactSystem:
         """Return the live arrays that a step changes, and the next one goes on from."""
         return *self._state.memory.own_memory(), *self._state.ledger.own_memory()
 
-    def note_start(self) -> None:
-        """Note what a step begins with beside `step_arrays`."""
-        self._noted = self._gave_forces
+    def save_start(self) -> None:
+        """Save the state at the start of a step beside `step_arrays`."""
+        self._saved = self._applied_forces
 
-    def put_back_start(self) -> None:
-        """Begin with that again; the rows of the last step are gone, but for what they were to tools that have left."""
-        self._gave_forces = self._noted
+    def restore_start(self) -> None:
+        """Restore it. The last step's rows are lost; their load by tools that have left is stored already."""
+        self._applied_forces = self._saved
         self._gone_is_known = True
 
     def let_go_of_tools(self) -> None:
         """Tell the duct of the last step's forces by tools that are gone."""
         duct, tools = self.bodies.duct, self.bodies.tools
-        if self._gave_forces and tools.have_left:
+        if self._applied_forces and tools.have_left:
             if not self._gone_is_known:
                 k = self.rows.n_contacts
                 by = self.rows.tool[:k]
@@ -150,16 +150,16 @@ class ContactSystem:
         """Find the contact forces."""
         self.sweeps = self.strategy.solve(iterations, dt_s)
 
-    def strays(self) -> float:
-        """How far the forces found move the catheter off the lines that they were found along, in J; or 0.0."""
+    def nonlinear_error_j(self) -> float:
+        """Return the energy in J by which the solved forces leave the catheter's linearisation; 0.0 if negligible."""
         k = self.rows.n_contacts
-        return self.bodies.catheter.strays(*self.rows.on_rod, self.force_n[:k])
+        return self.bodies.catheter.nonlinear_error_j(*self.rows.on_rod, self.force_n[:k])
 
-    def plan_again(self, share: float) -> None:
-        """Plan the catheter's step again, see `CatheterBody.plan_again`, and let the rows know of its motion."""
+    def relinearise(self, share: float) -> None:
+        """Repeat the catheter's step, see `CatheterBody.relinearise`, and update the rows' slips by its new motion."""
         catheter = self.bodies.catheter
         add_rod_motion(self.rows.address, catheter.motion_m, -1.0)
-        catheter.plan_again(share)
+        catheter.relinearise(share)
         add_rod_motion(self.rows.address, catheter.motion_m, 1.0)
 
     def rest(self) -> None:
@@ -191,10 +191,10 @@ class ContactSystem:
                 rod.pay_for_change(catheter.state, catheter.step_address)
             catheter.note_contacts(k)
         else:
-            if k or self._gave_forces:  # once without any, so that the last ones are taken back
+            if k or self._applied_forces:  # once without any, so that the last ones are taken back
                 forces = self.force_n[:k]
                 bodies.duct.correct(*rows.on_duct, forces)
                 catheter.correct(*rows.on_rod, forces)
             load_tools(self.address, tool_force)
             bodies.tools.correct(tool_force)
-        self._gave_forces = k > 0
+        self._applied_forces = k > 0

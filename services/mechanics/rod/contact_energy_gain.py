@@ -58,7 +58,7 @@ def is_looked_at(model: RodModel, work: RodWork, step: FreeStep, motion: Motion,
                 return False
     for i in range(x.shape[0]):
         for c in range(3):
-            swung_j -= 0.5 * dt_s * (step.contact[i, c] + step.relief[i, c]) * work.rhs[3 * i + c]
+            swung_j -= 0.5 * dt_s * (step.contact[i, c] + step.negated_contact[i, c]) * work.rhs[3 * i + c]
     return bool(abs(swung_j) >= LEAST_J or step.owed_j != 0.0)
 
 

@@ -31,13 +31,13 @@ class FreeStep(Struct):
     last_external: Annotated[FloatArray, "n", 3]  # those of the last step that moved it
     contact: Annotated[FloatArray, "n", 3]  # contact forces of the last step
     load: Annotated[FloatArray, "n", 3]  # both loads
-    relief: Annotated[FloatArray, "n", 3]  # what takes the contact forces out again
+    negated_contact: Annotated[FloatArray, "n", 3]  # minus `contact`, which the correction subtracts
     start_velocity: Annotated[FloatArray, "n", 3]
     start_slow: Annotated[FloatArray, "n", 3]  # see `generalized_alpha`
-    planned: Annotated[FloatArray, "n", 3]  # where it ends with the contact forces that it was planned with
-    solved: Annotated[FloatArray, "n", 3]  # contact forces of this step, before they are given
-    base: Annotated[FloatArray, "n", 3]  # those that the best plan was made with
-    led_to: Annotated[FloatArray, "n", 3]  # those that it led to
+    linearised_end: Annotated[FloatArray, "n", 3]  # end of the step with the contact forces of the linearisation
+    solved: Annotated[FloatArray, "n", 3]  # contact forces of this step, before they are applied
+    base: Annotated[FloatArray, "n", 3]  # contact forces of the best linearisation
+    solved_from_base: Annotated[FloatArray, "n", 3]  # the contact forces solved with it
     owed_j: float = 0.0  # see `contact_energy_gain`
 
 
@@ -53,11 +53,11 @@ def step_freely(
     step: tuple[float, float, int, bool],
     flags: tuple[bool, bool],
 ) -> int:
-    """Advance motion = (x, v, w) without contact forces, and note start and motion; arguments of `predict`.
+    """Advance motion = (x, v, w) without contact forces, and store start and motion; arguments as for `predict`.
 
-    ``flags`` say whether contacts touched it in the last step, whose forces the prediction then takes with it and the
-    correction takes out again, and whether it may sleep. Return the Newton iterations taken, 0 where a number was not
-    finite, `SLEPT`, or `NOT_DEFINITE` where the matrix that takes the forces out again is not.
+    ``flags`` = (had contacts in the last step, may sleep). With contacts, the prediction includes the last contact
+    forces, and the correction subtracts them. Return the number of Newton iterations, 0 if a number was not finite,
+    `SLEPT`, or `NOT_DEFINITE` if the matrix of the correction is not positive definite.
     """
     own, (x, v, w), (is_touched, may_sleep) = step_at(address), motion, flags
     if _begin(own, x, v, may_sleep):
@@ -66,8 +66,8 @@ def step_freely(
     taken: int = implicit_kernels.predict(rod, motion, own.load if is_touched else own.external, target, step)
     if taken == 0:
         return taken
-    _copy(x, own.planned)
-    if is_touched and not contact_response.correct(rod, (x, v), own.relief, (step[0], False)):
+    _copy(x, own.linearised_end)
+    if is_touched and not contact_response.correct(rod, (x, v), own.negated_contact, (step[0], False)):
         return NOT_DEFINITE
     _note_motion(own, x)
     return taken
@@ -88,11 +88,11 @@ def _note_motion(step: FreeStep, position: FloatArray) -> None:
 
 
 @kernel
-def strays(address: Address[FreeStep], rod: Addresses, is_touched: bool, step: tuple[float, bool]) -> float:
-    """How far the contact forces that were solved take the rod from its plan, for a linear correction: in J, or 0.0.
+def nonlinear_error_j(address: Address[FreeStep], rod: Addresses, is_touched: bool, step: tuple[float, bool]) -> float:
+    """Return the energy in J that the linear correction leaves out for the solved contact forces; 0.0 if negligible.
 
-    ``step`` is (dt, whether the matrix of contacts is factorised); it is then. Where not even free particles would go
-    further than is seen, it is not looked at.
+    ``step`` is (dt, whether the matrix for contacts is factorised); afterwards it is. Nothing is computed if not even
+    free particles would move by `UNSEEN_M`.
     """
     own, model, work = step_at(address), model_at(rod[0]), work_at(rod[1])
     n, squared, lightest = own.start.shape[0], 0.0, model.mass[0]
@@ -108,11 +108,11 @@ def strays(address: Address[FreeStep], rod: Addresses, is_touched: bool, step: t
         return 0.0
     work.rhs[3 * n :] = 0.0
     solve_ldl(work.band, work.rhs)
-    return float(energy_beside(model, own.planned, work, step[0]))
+    return float(energy_beside(model, own.linearised_end, work, step[0]))
 
 
 @kernel
-def plan_again(
+def relinearise(
     address: Address[FreeStep],
     rod: Addresses,
     motion: implicit_kernels.Moving,
@@ -120,25 +120,25 @@ def plan_again(
     target: FloatArray,
     step: tuple[float, float, int, float],
 ) -> int:
-    """Take the step once more, with a share of the way from the contact forces of the base plan to those it led to.
+    """Repeat the step, linearised with contact forces between `base` (share 0) and `solved_from_base` (share 1).
 
-    By implicit Euler, as contacts are: held over a midpoint rule they would throw back what they stop. ``frame_force``
-    (n, 3) is what a material frame adds; ``step`` is (dt, spectral radius, most iterations, share). Return what
-    `step_freely` does.
+    Implicit Euler takes it, as it takes contacts: by the midpoint rule, held forces would throw back what they stop.
+    ``frame_force`` (n, 3) is the force of a material frame; ``step`` is (dt, spectral radius, most iterations, share).
+    Return values are those of `step_freely`.
     """
     own, (x, v, w) = step_at(address), motion
     for i in range(x.shape[0]):
         for axis in range(3):
             x[i, axis], v[i, axis] = own.start[i, axis], own.start_velocity[i, axis]
             w[i, axis] = own.start_slow[i, axis]
-            own.contact[i, axis] = own.base[i, axis] + step[3] * (own.led_to[i, axis] - own.base[i, axis])
+            own.contact[i, axis] = own.base[i, axis] + step[3] * (own.solved_from_base[i, axis] - own.base[i, axis])
             own.load[i, axis] = own.external[i, axis] + own.contact[i, axis] + frame_force[i, axis]
-            own.relief[i, axis] = -own.contact[i, axis]
+            own.negated_contact[i, axis] = -own.contact[i, axis]
     taken: int = implicit_kernels.predict(rod, motion, own.load, target, (step[0], step[1], step[2], True))
     if taken == 0:
         return taken
-    _copy(x, own.planned)
-    if not contact_response.correct(rod, (x, v), own.relief, (step[0], False)):
+    _copy(x, own.linearised_end)
+    if not contact_response.correct(rod, (x, v), own.negated_contact, (step[0], False)):
         return NOT_DEFINITE
     _note_motion(own, x)
     return taken
@@ -171,7 +171,7 @@ def _begin(step: FreeStep, position: FloatArray, velocity: FloatArray, may_sleep
                 continue
             step.last_external[i, axis] = step.external[i, axis]
             step.load[i, axis] = step.external[i, axis] + step.contact[i, axis]
-            step.relief[i, axis] = -step.contact[i, axis]
+            step.negated_contact[i, axis] = -step.contact[i, axis]
     return is_asleep
 
 

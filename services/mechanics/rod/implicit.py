@@ -9,7 +9,7 @@ from services.mechanics.compiled.struct import Address
 from services.mechanics.rod import contact_response, implicit_kernels
 from services.mechanics.rod.banded import empty_columns
 from services.mechanics.rod.contact_energy_gain import pay_for_change_with_twist
-from services.mechanics.rod.free_step import NOT_DEFINITE, SLEPT, FreeStep, plan_again, step_freely, strays
+from services.mechanics.rod.free_step import NOT_DEFINITE, SLEPT, FreeStep, nonlinear_error_j, relinearise, step_freely
 from services.mechanics.rod.model import RodModel, allocate_work, build_model
 from services.mechanics.rod.properties import RodProperties
 from services.mechanics.rod.state import RodState
@@ -120,20 +120,20 @@ class ImplicitIntegrator(StepGains):
             raise FloatingPointError("the rod's state or a force on it is not finite")
         return False
 
-    def strays(self, address: Address[FreeStep], *, is_touched: bool) -> float:
-        """How far solved contact forces bend the rod beyond what `correct` can, see `free_step.strays`."""
-        outcome: float = strays(address, self.addresses, is_touched, (self._dt_s, self.is_factored))
+    def nonlinear_error_j(self, address: Address[FreeStep], *, is_touched: bool) -> float:
+        """Return the energy in J that `correct` leaves out for the solved contact forces, see `free_step`."""
+        outcome: float = nonlinear_error_j(address, self.addresses, is_touched, (self._dt_s, self.is_factored))
         return outcome
 
-    def plan_again(self, state: RodState, address: Address[FreeStep], share: float) -> None:
-        """Take the step again with other contact forces, see `free_step.plan_again`.
+    def relinearise(self, state: RodState, address: Address[FreeStep], share: float) -> None:
+        """Repeat the step, linearised with other contact forces, see `free_step.relinearise`.
 
         Raises FloatingPointError if the state or a force is not finite.
         """
         assert state.slow_velocity_m_s is not None
         motion = (state.position_m, state.velocity_m_s, state.slow_velocity_m_s)
         step = (self._dt_s, self.spectral_radius, self.max_iterations, share)
-        taken = plan_again(address, self.addresses, motion, self._frame_force, self.held_target_m, step)
+        taken = relinearise(address, self.addresses, motion, self._frame_force, self.held_target_m, step)
         self.iterations += max(taken, 0)
         self.note_factors(taken not in (0, NOT_DEFINITE))
 

@@ -108,7 +108,7 @@ class Healer:
         """Restore the start of the step, or an older state, at rest and with all holds released."""
         world = self._world
         self._in_a_row = 1 if self._sound_steps > AGAIN else self._in_a_row + 1
-        self._start.put_back()
+        self._start.restore()
         if self._in_a_row > 1 or not state_is_sound(self._live.address):
             copy_arrays(self._take[_LATE if self._in_a_row <= 2 else _FIRST])
         if self._in_a_row > 1:

@@ -141,9 +141,9 @@ class Simulation:
         self.duct.change_step(dt_s)
         if self.watcher is not None:
             self.watcher.begin()
-        self._start.note()
+        self._start.save()
         if not self._move(tools, dt_s) and dt_s > SHORTEST_STEP_S:
-            self._start.put_back()
+            self._start.restore()
             return all(self._take_part(tools, 0.5 * dt_s) for _ in range(2))
         self._correct(dt_s)
         if self.watcher is not None:

@@ -32,22 +32,22 @@ class Pricing:
     def __init__(self, world: World) -> None:
         self._world, self._search = world, world.search
         duct, catheter, tools = self._bodies = world.duct, world.catheter, world.tools
-        live = [*duct.given_arrays(), *catheter.given_arrays(), *tools.given_arrays()]
+        live = [*duct.corrected_arrays(), *catheter.corrected_arrays(), *tools.corrected_arrays()]
         kept = [array.copy() for array in live]
-        self._note, self._take_back = copy_table(kept, live), copy_table(live, kept)
+        self._save, self._restore = copy_table(kept, live), copy_table(live, kept)
         self._touched = catheter.touched
         pose = [tools.segments, tools.frame, tools.length_m]
         kept_pose = [array.copy() for array in pose]
-        self._note_pose, self._put_pose = copy_table(kept_pose, pose), copy_table(pose, kept_pose)
+        self._save_pose, self._restore_pose = copy_table(kept_pose, pose), copy_table(pose, kept_pose)
         self._pairs = ContactPairs.allocate(world.scene.contact.capacity)
         self._is_off = not world.system.strategy.knows_stiffness or catheter.plain_integrator is None
         self.violations = self.new_rows = 0
         self._kept = kept, kept_pose
 
-    def note(self) -> None:
+    def save(self) -> None:
         """Save the bodies' state before forces are applied, if there are candidates."""
         if not self._is_off and self._search.has_candidates:
-            copy_arrays(self._note)
+            copy_arrays(self._save)
             self._touched = self._world.catheter.touched
 
     def finds_violations(self) -> bool:
@@ -56,19 +56,19 @@ class Pricing:
 
     def _price(self) -> bool:
         system = self._world.system
-        copy_arrays(self._note_pose)
+        copy_arrays(self._save_pose)
         self._world.tools.update_pose()
         longer = max(1.0, self._world.duct.dt_s / LONGEST_STEP_S)
         tolerance_m = min(longer * TOUCHING_M, TOLERANCE_OF_WALL * self._world.scene.duct.thickness_m)
         found = self._search.price(self._bodies, system.address, tolerance_m, self._pairs)
         found += self._search.price_tools(system.address, tolerance_m, self._pairs)
-        copy_arrays(self._put_pose)
+        copy_arrays(self._restore_pose)
         self.violations += found > 0
         return found > 0
 
-    def take_back(self) -> None:
+    def restore(self) -> None:
         """Restore the bodies' state from before forces were applied."""
-        copy_arrays(self._take_back)
+        copy_arrays(self._restore)
         self._world.catheter.touched = self._touched
 
     def append_rows(self) -> None:
@@ -81,9 +81,9 @@ class Pricing:
     def compile_kernels(self) -> None:
         """Compile the kernels of a pricing now: the first candidate may appear only after the loop has started."""
         if not self._is_off:
-            copy_arrays(self._note)
+            copy_arrays(self._save)
             self._price()
-            self.take_back()
+            self.restore()
             self.append_rows()
 
 
@@ -122,7 +122,7 @@ class StepSolver:
         """
         catheter = self._world.catheter
         if catheter.plain_integrator is not None:
-            catheter.keep_plan()
+            catheter.store_linearisation()
             self._try_linearisation(0.0, self._world.duct.dt_s)
         self.pricing.compile_kernels()
 
@@ -134,17 +134,17 @@ class StepSolver:
         else:
             system.rest()
         self._relinearise(dt_s)
-        pricing.note()
+        pricing.save()
         self._apply_forces()
         for _ in range(MAX_PRICINGS):
             if not pricing.finds_violations():
                 return True
             if not system.rows.has_room:  # the step is then repeated in halves
                 return False
-            pricing.take_back()
+            pricing.restore()
             pricing.append_rows()
             self._solve_with_new_rows(dt_s)
-            pricing.note()  # a relinearised catheter ends elsewhere without forces
+            pricing.save()  # a relinearised catheter ends elsewhere without forces
             self._apply_forces()
         return not pricing.finds_violations()
 
@@ -162,18 +162,18 @@ class StepSolver:
         A linearisation with the last solution's forces need not be better: in a buckling catheter they alternate. So it
         is kept only if it is better; otherwise one half as far from the last is tried (a line search).
         """
-        least_j = self._system.strays()
+        least_j = self._system.nonlinear_error_j()
         if least_j == 0.0:
             return
         catheter = self._world.catheter
-        catheter.keep_plan()
+        catheter.store_linearisation()
         share = 1.0
         for _ in range(MAX_LINEARISATIONS):
             stray_j = self._try_linearisation(share, dt_s)
             if stray_j == 0.0:
                 return
             if stray_j < least_j:
-                catheter.keep_plan()
+                catheter.store_linearisation()
                 least_j, share = stray_j, 1.0
             else:
                 share *= 0.5
@@ -181,11 +181,11 @@ class StepSolver:
             self._try_linearisation(0.0, dt_s)
 
     def _try_linearisation(self, share: float, dt_s: float) -> float:
-        self._system.plan_again(share)
+        self._system.relinearise(share)
         if self._system.rows.n_contacts:
             self._system.assemble()
             self._system.solve(self._iterations, dt_s)
-        return self._system.strays()
+        return self._system.nonlinear_error_j()
 
     def _apply_forces(self) -> None:
         self._world.squeeze.react()

@@ -12,10 +12,10 @@ from services.mechanics.world import World
 class RestartablePart(Protocol):
     """A part of a world whose state at the start of a step is more than arrays."""
 
-    def note_start(self) -> None:
+    def save_start(self) -> None:
         """Save the state at the start of a step."""
 
-    def put_back_start(self) -> None:
+    def restore_start(self) -> None:
         """Restore it."""
 
 
@@ -30,19 +30,19 @@ class StepStart:
         for part in (world.duct, world.catheter, world.tools, world.system, world.holds):
             live += part.step_arrays()
         self._kept = [array.copy() for array in live]
-        self._note, self._put_back = copy_table(self._kept, live), copy_table(live, self._kept)
-        self._noting: list[RestartablePart] = [world.catheter, world.system, world.holds, *tools]
+        self._save, self._restore = copy_table(self._kept, live), copy_table(live, self._kept)
+        self._parts: list[RestartablePart] = [world.catheter, world.system, world.holds, *tools]
         self._search = world.search
 
-    def note(self) -> None:
+    def save(self) -> None:
         """Save the state at the start of the next step."""
-        copy_arrays(self._note)
-        for part in self._noting:
-            part.note_start()
+        copy_arrays(self._save)
+        for part in self._parts:
+            part.save_start()
 
-    def put_back(self) -> None:
+    def restore(self) -> None:
         """Restore the saved state."""
-        copy_arrays(self._put_back)
-        for part in self._noting:
-            part.put_back_start()
-        self._search.put_back_start()
+        copy_arrays(self._restore)
+        for part in self._parts:
+            part.restore_start()
+        self._search.restore_start()

@@ -150,15 +150,15 @@ def test_a_step_that_is_taken_again_begins_with_the_wire_where_it_was(wired):
     inputs.position_m[1, 0] -= 25e-6
     inputs.roll_rad[1] += 0.1
     start = simulation.wire_drive.motion, [array.copy() for array in arrays]
-    begin = simulation._start.put_back
+    begin = simulation._start.restore
 
-    def put_back():
+    def restore():
         assert simulation.wire_drive.motion != start[0]
         begin()
         before.append(simulation.wire_drive.motion == start[0])
         before.extend(bool((now == then).all()) for now, then in zip(arrays, start[1], strict=True))
 
-    simulation._start.put_back = put_back
+    simulation._start.restore = restore
     simulation.splitter.is_seen = lambda: bool(before) and is_seen()
     simulation.step(inputs)
     assert before == [True] * (1 + len(arrays))

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from effect_runs import PRESSED_M, come_down
 
-from services.mechanics.beginning import Beginning
 from services.mechanics.scene import QualityLevel
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.scene_duct import build_scene_duct
+from services.mechanics.snapshot import Snapshot
 from services.scenes import build_scene
 from studies.energy_book import EnergyBook
 from tests.by_day import by_day
@@ -44,13 +44,13 @@ def beginning(scene, duct):
     """A tool pressed into the wall, and its beginning there."""
     simulation = Simulation(scene, duct)
     tools = pressed(simulation)
-    return simulation, tools, Beginning(simulation, (scene, simulation.scene, duct, simulation.duct.reduced))
+    return simulation, tools, Snapshot(simulation, (scene, simulation.scene, duct, simulation.duct.reduced))
 
 
 @pytest.fixture
 def press(beginning):
-    simulation, tools, begins = beginning
-    begins.put_back()
+    simulation, tools, snapshot = beginning
+    snapshot.restore()
     return simulation, deepcopy(tools)
 
 

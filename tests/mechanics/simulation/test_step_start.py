@@ -24,9 +24,9 @@ def take_back_every_try(simulation):
 
     def take_again(tools, dt_s):
         simulation.duct.change_step(dt_s)
-        simulation._start.note()
+        simulation._start.save()
         simulation._move(tools, dt_s)
-        simulation._start.put_back()
+        simulation._start.restore()
         return take_part(tools, dt_s)
 
     simulation._take_part = take_again

@@ -45,7 +45,7 @@ class Grasp:
     holds: list[GraspHold] = field(default_factory=list)
     _lever_m: float = 0.0
     _next_id: int = 0
-    _noted: tuple[list[GraspHold], float, int] = field(default_factory=lambda: ([], 0.0, 0))
+    _saved: tuple[list[GraspHold], float, int] = field(default_factory=lambda: ([], 0.0, 0))
 
     def update(self, pairs: ContactPairs, jaws: JawState) -> list[GraspHold]:
         """Update by the contacts and jaw angles of this tick and return the holds, a live list until the next call."""
@@ -69,13 +69,13 @@ class Grasp:
         """Release all holds."""
         self.holds.clear()
 
-    def note_start(self) -> None:
+    def save_start(self) -> None:
         """Save the state at the start of a step."""
-        self._noted = list(self.holds), self._lever_m, self._next_id
+        self._saved = list(self.holds), self._lever_m, self._next_id
 
-    def put_back_start(self) -> None:
+    def restore_start(self) -> None:
         """Restore it, except for the limits of holds, which follow the handle."""
-        self.holds, self._lever_m, self._next_id = self._noted
+        self.holds, self._lever_m, self._next_id = self._saved
 
     def _torque_nm(self, squeeze_rad: float) -> float:
         return self.forceps.jaw_stiffness_nm_rad * squeeze_rad

@@ -160,7 +160,7 @@ class ToolBody:
         """Return the live arrays that a step changes, from `predict` on, and that holds write into."""
         return *self._arrays.own_memory(), self.held, self.pad_m
 
-    def given_arrays(self) -> tuple[FloatArray, ...]:
+    def corrected_arrays(self) -> tuple[FloatArray, ...]:
         """Return the live arrays that `correct` and `update_pose` change."""
         return self.proxy, self.stretch, self.frame, self.length_m, self.segments
 

@@ -1,8 +1,8 @@
-"""The beginning of a simulation, kept whole and put back in place: to build another one takes a second, this a tick.
+"""A snapshot of a simulation's state, restored in place within a tick; building another simulation takes a second.
 
-What a simulation remembers lies in arrays, in the words of structs, and in attributes of many objects. All of them are
-found by following references from the simulation itself, so that no part can be forgotten here. Left out is what no
-step changes: the scene, the reduced duct, arrays that are not writable.
+The state is in arrays, in the memory of structs and in attributes of many objects. All of them are found by following
+references from the simulation, so that no part can be forgotten. Objects that no step changes are left out: the scene,
+the reduced duct, and arrays that are not writable.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ _OURS = "services.mechanics."
 _HOLDERS = (list, dict, set, deque)
 
 
-class Beginning:
-    """What `root` and all that it refers to remember now.
+class Snapshot:
+    """The present state of `root` and of everything that it refers to.
 
     Args:
         root: Objects of `services.mechanics`, or a tuple or list of them.
-        constant: Objects that never change, with whatever they refer to.
+        constant: Objects that never change, with everything that they refer to.
     """
 
     def __init__(self, root: object, constant: tuple[object, ...] = ()) -> None:
@@ -40,10 +40,10 @@ class Beginning:
             found.clear()
         self._follow(root, seen)
         self._copies = [array.copy() for array in self._live]
-        self._put_back = copy_table(self._live, self._copies)
+        self._restore = copy_table(self._live, self._copies)
 
-    def put_back(self) -> None:
-        """Make everything remember what it did then."""
+    def restore(self) -> None:
+        """Restore the state."""
         for each, attributes in self._attributes:
             for name, value in attributes.items():
                 if getattr(each, name, None) is not value:
@@ -51,19 +51,19 @@ class Beginning:
         for holder, content in self._holders:
             holder.clear()
             (holder.extend if isinstance(holder, list | deque) else holder.update)(content)
-        copy_arrays(self._put_back)
+        copy_arrays(self._restore)
 
     def _follow(self, root: object, seen: dict[int, object]) -> None:
-        """Note what `root` and all that it refers to remember, but for what was seen."""
+        """Save the state of `root` and of everything that it refers to, except objects seen before."""
         todo = [root]
         while todo:
             each = todo.pop()
             if id(each) not in seen:
                 seen[id(each)] = each
-                todo.extend(self._note(each))
+                todo.extend(self._save(each))
 
-    def _note(self, each: Any) -> Iterator[object]:
-        """Note what `each` remembers itself, and yield what it refers to."""
+    def _save(self, each: Any) -> Iterator[object]:
+        """Save the state of `each` itself, and yield the objects that it refers to."""
         if isinstance(each, np.ndarray):
             if isinstance(each.base, np.ndarray):
                 yield each.base
@@ -85,7 +85,7 @@ class Beginning:
 
 
 def _attributes_of(each: object) -> Iterator[tuple[str, Any]]:
-    """Yield the attributes of an object itself, those of slots too."""
+    """Yield an object's attributes, including those in slots."""
     yield from getattr(each, "__dict__", {}).items()
     for kind in type(each).__mro__:
         for name, value in vars(kind).items():

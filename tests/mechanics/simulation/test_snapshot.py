@@ -1,4 +1,4 @@
-"""A simulation that is put back to its beginning is a new one, to the bit."""
+"""A simulation restored from its snapshot is a new one, to the bit."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from services.cache_directory import cache_directory
-from services.mechanics.beginning import Beginning
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
+from services.mechanics.snapshot import Snapshot
 from services.scenes import load_duct, load_scene
 from services.scenes.hands import hands_of
 from tests.physics.conftest import SMALL
@@ -39,14 +39,14 @@ def test_what_is_put_back_goes_on_as_a_new_one_does_to_the_bit(effects: tuple[st
     scene = load_scene(SMALL, effects)
     duct = load_duct(scene, cache_directory(), lambda stage, fraction: None)
     simulation = Simulation(scene, duct)
-    beginning = Beginning(simulation, (scene, simulation.scene, duct, simulation.duct.reduced))
+    snapshot = Snapshot(simulation, (scene, simulation.scene, duct, simulation.duct.reduced))
     first = _states(simulation, 420)
     assert simulation.holds.active, "the hands hold nothing yet: little is there to be remembered"
     assert np.any(simulation.tool_results.force_n)
-    beginning.put_back()
+    snapshot.restore()
     assert _states(simulation, 420) == first
     assert _states(simulation, 420) != first, "what was remembered makes no difference: nothing is tested"
-    assert sum(array.nbytes for array in beginning._copies) < 30e6
+    assert sum(array.nbytes for array in snapshot._copies) < 30e6
 
 
 def test_lists_dictionaries_and_words_that_were_replaced_or_changed_come_back() -> None:
@@ -56,12 +56,12 @@ def test_lists_dictionaries_and_words_that_were_replaced_or_changed_come_back() 
     Part.__module__ = "services.mechanics.part"
     part, array, constant = Part(), np.arange(3.0), np.zeros(2)
     part.kept, part.number = {"a": [1, array], "q": deque([1]), "c": constant}, 1
-    beginning = Beginning(part, (constant,))
+    snapshot = Snapshot(part, (constant,))
     array[:] = constant[:] = 9.0
     part.kept["a"].append(2)
     part.kept["q"].append(2)
     kept, part.kept, part.number = part.kept, {}, 2
-    beginning.put_back()
+    snapshot.restore()
     assert part.kept is kept
     assert part.number == 1
     assert kept["a"][0] == 1
