@@ -71,7 +71,6 @@ def compile_for_physics(scene: SceneModel, duct: ReducedDuct) -> None:
     simulation.catheter.predict(1e-3)
     compile_rare_kernels(simulation)
     if simulation.catheter.plain_integrator is not None:
-        simulation.catheter.store_linearisation()
-        simulation.catheter.relinearise(0.0)
+        simulation.catheter.relinearise()
     _ = simulation.inserted_length_m
     simulation.solver.pricing.compile_kernels()

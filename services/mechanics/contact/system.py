@@ -155,11 +155,11 @@ class ContactSystem:
         k = self.rows.n_contacts
         return self.bodies.catheter.nonlinear_error_j(*self.rows.on_rod, self.force_n[:k])
 
-    def relinearise(self, share: float) -> None:
+    def relinearise(self) -> None:
         """Repeat the catheter's step, see `CatheterBody.relinearise`, and update the rows' slips by its new motion."""
         catheter = self.bodies.catheter
         add_rod_motion(self.rows.address, catheter.motion_m, -1.0)
-        catheter.relinearise(share)
+        catheter.relinearise()
         add_rod_motion(self.rows.address, catheter.motion_m, 1.0)
 
     def rest(self) -> None:
