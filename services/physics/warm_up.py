@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -113,7 +114,7 @@ def _write_touches(pairs: ContactPairs) -> None:
 class _FixedContactSearch:
     """Returns artificial contacts of a jaw, and no candidates to price."""
 
-    has_candidates, dropped = False, 0
+    has_candidates, dropped, reach_m = False, 0, math.inf
 
     def expect(self, moved_m: float) -> None:
         """Do nothing: pairs are artificial."""

@@ -12,6 +12,7 @@ import math
 from typing import Annotated
 
 from services.mechanics.arrays import BoolArray, ByteArray, FloatArray
+from services.mechanics.collision.candidate_list import FASTEST_AHEAD_M
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL, ContactPairs, pairs_at, write_pair
 from services.mechanics.collision.primitives import closest_of_segments
 from services.mechanics.compiled import kernel
@@ -114,7 +115,10 @@ def between_capsules(ends: FloatArray, who: tuple[int, int], s: float, t: float)
 def detect_capsules(
     memory: CapsuleMemory, tools: Tools, particles: FloatArray, sizes: tuple[FloatArray, float], pairs: ContactPairs
 ) -> None:
-    """Append pairs of tool segments with catheter segments; ``sizes`` holds (radii of these, margin)."""
+    """Append pairs of tool segments with catheter segments; ``sizes`` holds (radii of these, margin).
+
+    Pairs are remembered, with their normals, from as far as a step may move them together.
+    """
     n_segments = tools[0].shape[1]
     for tool in range(tools[0].shape[0]):
         for segment in range(n_segments):
@@ -123,10 +127,10 @@ def detect_capsules(
                 ends = segment_ends(tools, tool, segment)
                 for j in range(memory.active.shape[1]):
                     second = (row(particles, j), row(particles, j + 1))
-                    reach = tools[1][tool, segment] + sizes[0][j] + sizes[1]
+                    reach = tools[1][tool, segment] + sizes[0][j] + max(sizes[1], FASTEST_AHEAD_M)
                     s, t, distance, _ = meet(memory, i, j, ends, second, reach)
                     put_row(memory.found, j, (s, t, distance))
-                _write_nearest(memory, i, (tool, segment), (tools[1][tool, segment], sizes[0]), pairs)
+                _write_nearest(memory, i, (tool, segment), (tools[1][tool, segment], *sizes), pairs)
             else:
                 for j in range(memory.active.shape[1]):
                     memory.active[i, j] = 0
@@ -134,9 +138,9 @@ def detect_capsules(
 
 @kernel
 def _write_nearest(
-    memory: CapsuleMemory, i: int, who: tuple[int, int], radii: tuple[float, FloatArray], pairs: ContactPairs
+    memory: CapsuleMemory, i: int, who: tuple[int, int], sizes: tuple[float, FloatArray, float], pairs: ContactPairs
 ) -> None:
-    """Write the closest pair of first segment i with each second segment within reach; ``radii`` are those of both.
+    """Write the closest pair of first segment i with each second one within a margin; ``sizes`` are radii and margin.
 
     A particle shared by two segments gives the same pair twice: only the later writes it, unless on the other side.
     """
@@ -144,9 +148,10 @@ def _write_nearest(
     for j in range(last + 1):
         s, t, distance = row(found, j)
         is_again = j < last and t == 1.0 and found[j + 1, 1] == 0.0 and found[j + 1, 2] <= distance + _NO_DIRECTION_M
-        if distance < math.inf and not is_again:
+        gap_m = distance - (sizes[0] + sizes[1][j])
+        if gap_m < sizes[2] and not is_again:
             pair = (who[0], who[1], -1, CATHETER_SEGMENT, j, s, (1.0 - t, t, 0.0))
-            write_pair(pairs, pair, distance - (radii[0] + radii[1][j]), row_of(memory.normal, i, j))
+            write_pair(pairs, pair, gap_m, row_of(memory.normal, i, j))
 
 
 class SelfContactDetector:
@@ -176,6 +181,23 @@ class SelfContactDetector:
         if particle_positions_m.shape != self._shape:
             raise ValueError(f"particle positions have shape {particle_positions_m.shape}, not {self._shape}")
         _detect_self(self._memory.address, particle_positions_m, self._n_apart, self._sizes, pairs_out.address)
+
+    def clearance_m(self, particle_positions_m: FloatArray) -> float:
+        """Return a lower bound of the gap between any two segments that could meet, at positions (n, 3)."""
+        return float(_clearance_m(particle_positions_m, self._n_apart, self._sizes[0]))
+
+
+@kernel
+def _clearance_m(particles: FloatArray, n_apart: int, thickness: float) -> float:
+    least = math.inf
+    for i in range(particles.shape[0] - 1):
+        a, b = row(particles, i), row(particles, i + 1)
+        for j in range(i + n_apart, particles.shape[0] - 1):
+            c, d = row(particles, j), row(particles, j + 1)
+            lengths = math.sqrt(squared_distance(a, b)) + math.sqrt(squared_distance(c, d))
+            middles = math.sqrt(squared_distance(along(a, b, 1.0), along(c, d, 1.0)))
+            least = min(least, 0.5 * (middles - lengths) - thickness)
+    return least
 
 
 @kernel

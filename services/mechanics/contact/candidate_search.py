@@ -10,7 +10,14 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.bodies.sections import segment_radii
-from services.mechanics.collision.candidate_list import CandidateList, list_at, note_ends, want_ahead
+from services.mechanics.collision.candidate_list import (
+    FASTEST_AHEAD_M,
+    MOST_AHEAD_M,
+    CandidateList,
+    list_at,
+    note_ends,
+    want_ahead,
+)
 from services.mechanics.collision.candidates import Candidates, Where, candidates_at
 from services.mechanics.collision.capsules import CapsuleMemory, Tools, capsules_at, detect_capsules
 from services.mechanics.collision.pairs import ContactPairs, pairs_at
@@ -27,8 +34,6 @@ from services.mechanics.contact.spheres import Spheres, no_spheres, take_ends, t
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.strategies import STRATEGIES
 from services.mechanics.contact.working_set import (
-    FASTEST_AHEAD_M,
-    MOST_AHEAD_M,
     TOUCHING_M,
     choose,
     forget,
@@ -86,6 +91,11 @@ class CandidateSearch:
         self._spheres = spheres
         self._wall.make_room(self._end + spheres.count)
         self._make_room()
+
+    @property
+    def reach_m(self) -> float:
+        """How far pieces may move in the step and be seen, see `expect`."""
+        return float(self._most_m[0])
 
     @property
     def has_candidates(self) -> bool:

@@ -24,6 +24,10 @@ class ContactSearch(Protocol):
         """Whether anything is so near that it may touch within a step."""
 
     @property
+    def reach_m(self) -> float:
+        """How far a piece may move in a step and be seen."""
+
+    @property
     def dropped(self) -> int:
         """Candidates that found no room since the start."""
 

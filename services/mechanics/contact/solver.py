@@ -6,7 +6,14 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.contact.newton import add_step, list_unknowns, newton_step, room_for_step
 from services.mechanics.contact.problem import ContactProblem
-from services.mechanics.contact.solver_steps import SolverScratch, copy_forces, go_down, is_balanced, sweep, update_motion
+from services.mechanics.contact.solver_steps import (
+    SolverScratch,
+    copy_forces,
+    go_down,
+    is_balanced,
+    sweep,
+    update_motion,
+)
 from services.mechanics.contact.tresca import solve_in_turns
 
 # Times the tolerance: a first sweep that changes less is followed by another, which costs less than a Newton step.

@@ -42,8 +42,6 @@ TOUCHING_M = 30e-6
 ONE_POINT = 0.02
 #: What touches is merged within this part of the distance within which others are.
 TOUCHING_SHARE = 0.5
-#: Lists are made for what moves so far in a step, half a metre a second; for what is faster they reach further.
-MOST_AHEAD_M, FASTEST_AHEAD_M = 0.5e-3, 2e-3
 #: A step begins with rows for its members, and for the nearest others up to so many in all: what the rest would do,
 #: the price finds. To assemble and solve so many costs about what a price does.
 MOST_CHOSEN = 32

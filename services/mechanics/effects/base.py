@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -83,6 +84,10 @@ class Effect:
     def potential_energy_j(self, world: World) -> float:
         """Return the energy stored by the effect and its bodies, for the energy balance; zero by default."""
         return 0.0
+
+    def most_motion_m(self, particles_m: FloatArray) -> float:
+        """Return how far particles at (n, 3) may move in a step without a contact that the effect would miss."""
+        return math.inf
 
     def rest(self) -> None:
         """Begin to rest at a quality level without the effect; its stages are called until it `rests`."""

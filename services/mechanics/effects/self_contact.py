@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.capsules import SelfContactDetector
 from services.mechanics.effects.base import Effect, require_positive
 from services.mechanics.world import World
@@ -38,6 +39,10 @@ class SelfContact(Effect):
         n_apart = max(between, 2) + 1
         margin_m = world.scene.contact.margin_m
         self._detector = SelfContactDetector(properties.n_particles, radius_m, margin_m, n_apart)
+
+    def most_motion_m(self, particles_m: FloatArray) -> float:
+        """Return half the least gap: two strands may close it from both sides."""
+        return 0.5 * self._detector.clearance_m(particles_m)
 
     def wake(self) -> None:
         """Reset the sides of strands, which may have crossed meanwhile, to the present ones."""

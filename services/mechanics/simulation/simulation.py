@@ -87,7 +87,7 @@ class Simulation:
         self._stiffness = LocalStiffness(self.system.bodies, self.system.address, self.tool_results)
         self.cost_ns = [0] * len(STAGE_NAMES)
         self._marks_ns = [0] * (len(STAGE_NAMES) - 1)
-        self.splitter = StepSplitter(world)
+        self.splitter = StepSplitter(world, tuple(self.effects.values()))
         self._arguments = ArgumentCheck()
         self.watcher: Watcher | None = None
         for effect in stages["prepare"]:
@@ -137,14 +137,21 @@ class Simulation:
         return all(self._take_part(tools, dt_s / parts) for _ in range(parts))
 
     def _take_part(self, tools: ToolInputs, dt_s: float) -> bool:
-        """Advance by a substep, or by its halves if it would end in overlap; return whether the state is sound."""
+        """Advance by a substep, or by its halves if it would end in overlap; return whether the state is sound.
+
+        If only the catheter moved further than its lists reach, the substep is repeated with longer lists.
+        """
         self.duct.change_step(dt_s)
         if self.watcher is not None:
             self.watcher.begin()
         self._start.save()
         if not self._move(tools, dt_s) and dt_s > SHORTEST_STEP_S:
             self._start.restore()
-            return all(self._take_part(tools, 0.5 * dt_s) for _ in range(2))
+            count, moved_m = 2, self.splitter.moved_m
+            if self.search.reach_m < moved_m <= self.splitter.most_m:
+                self.search.expect(moved_m)
+                count = 1
+            return all(self._take_part(tools, dt_s / count) for _ in range(count))
         self._correct(dt_s)
         if self.watcher is not None:
             self.watcher.end(dt_s)
@@ -172,7 +179,7 @@ class Simulation:
         is_settled = self.solver.solve(dt_s)
         marks[5] = perf_counter_ns()
         self.cost_ns[:5] = map(add, self.cost_ns, map(sub, marks[1:], marks))
-        return is_settled and self.splitter.is_seen()
+        return self.splitter.is_seen(self.search.reach_m) and is_settled
 
     def _heal(self) -> None:
         """Restore the last sound state; no force acts on a tool in this tick."""

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
 
 from services.mechanics.arrays import BoolArray, FloatArray
 from services.mechanics.bodies.forceps.sweep import FASTEST_HAND_M_S
+from services.mechanics.collision.candidate_list import FASTEST_AHEAD_M, MOST_AHEAD_M
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.contact.working_set import FASTEST_AHEAD_M, MOST_AHEAD_M
+from services.mechanics.effects import Effect
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.world import World
 
@@ -39,24 +41,32 @@ moving_at = reader(Moving)
 class StepSplitter:
     """Splits long ticks, and steps in which something would move further than contact detection looks ahead.
 
-    At a step of 1 ms that begins at 2 m/s of the wall, and at 0.5 m/s of the catheter, whose contacts with tools and
-    itself no pricing checks. For longer steps these limits fall in proportion, because speeds change within them.
+    At a step of 1 ms that begins at 2 m/s, or at 0.5 m/s of a catheter whose contacts are not all priced: one that is
+    near itself, or of another strategy. For longer steps these limits fall in proportion, because speeds change within
+    them.
+
+    Attributes:
+        moved_m: float. How far the catheter moved in the step that was solved last.
+        most_m: float. How far it might have.
     """
 
-    def __init__(self, world: World) -> None:
-        self._world = world
+    def __init__(self, world: World, effects: Sequence[Effect]) -> None:
+        self._world, self._effects = world, effects
         catheter, duct = world.catheter, world.duct
         velocity = catheter.state.velocity_m_s
         self._moving = Moving(velocity=velocity, before=duct.q_start, after=duct.state.q)
         every = np.ones(len(velocity), np.bool_)
         self._way = catheter.start_m, catheter.state.position_m, every, every
         self._modes, self._longest = sampled_modes(world.duct.reduced.basis.Phi)
+        self._is_priced = world.system.strategy.knows_stiffness and catheter.plain_integrator is not None
+        self.moved_m, self.most_m = 0.0, MOST_AHEAD_M
 
     def compile_kernels(self) -> None:
         """Compile the kernels that only a fast wall needs."""
         furthest(self._modes, self._world.duct.q_start, self._world.duct.state.q)
         tools = self._world.tools
         furthest_point(tools.port_m, tools.hand, tools.present, tools.present)
+        self._most_motion_m(self._world.catheter.start_m, FASTEST_AHEAD_M)
 
     def parts(self, tools: ToolInputs, dt_s: float) -> tuple[int, float]:
         """Return the number of substeps of a step, and how far anything moves in one, in m.
@@ -76,21 +86,32 @@ class StepSplitter:
         if dt_s * FASTEST_HAND_M_S > seen_m:
             away_m = furthest_point(tools.position_m, body.hand, tools.present, body.present)
             moved_m = max(moved_m, min(away_m, dt_s * FASTEST_HAND_M_S))
+        free_m = share * self._most_motion_m(world.catheter.state.position_m, speed_m_s * dt_s / share)
         parts = 1
-        while dt_s > parts * SHORTEST_STEP_S and (moved_m > parts * most_m or speed_m_s * dt_s > parts * seen_m):
+        while dt_s > parts * SHORTEST_STEP_S and (moved_m > parts * most_m or speed_m_s * dt_s > parts * free_m):
             parts *= 2
         return parts, moved_m / parts
 
-    def is_seen(self) -> bool:
+    def is_seen(self, reach_m: float) -> bool:
         """Return whether catheter and wall moved no further in the solved step than contact detection looked ahead.
 
         A wall that snaps moves 10 mm in a millisecond: it could pass a jaw that was not among the candidates.
+        ``reach_m`` is how far the lists of the catheter reach.
         """
+        self.moved_m = furthest_point(*self._way)
+        self.most_m = self._most_motion_m(self._world.catheter.start_m, self.moved_m)
         duct, way = self._world.duct, speed_and_way(self._moving.address)[1]
         moved_m = self._longest * way  # an upper bound
         if moved_m > FASTEST_AHEAD_M:
             moved_m = furthest(self._modes, duct.q_start, duct.state.q)
-        return bool(moved_m <= FASTEST_AHEAD_M and furthest_point(*self._way) <= MOST_AHEAD_M)
+        return bool(moved_m <= FASTEST_AHEAD_M and self.moved_m <= min(reach_m, self.most_m))
+
+    def _most_motion_m(self, particles_m: FloatArray, moved_m: float) -> float:
+        """Return how far particles at (n, 3) may move with all their contacts seen, if they would by ``moved_m``."""
+        if moved_m <= MOST_AHEAD_M or not self._is_priced:
+            return MOST_AHEAD_M
+        within_m = min((effect.most_motion_m(particles_m) for effect in self._effects), default=FASTEST_AHEAD_M)
+        return max(min(FASTEST_AHEAD_M, within_m), MOST_AHEAD_M)
 
 
 def sampled_modes(Phi: FloatArray) -> tuple[FloatArray, float]:

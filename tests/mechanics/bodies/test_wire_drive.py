@@ -159,7 +159,7 @@ def test_a_step_that_is_taken_again_begins_with_the_wire_where_it_was(wired):
         before.extend(bool((now == then).all()) for now, then in zip(arrays, start[1], strict=True))
 
     simulation._start.restore = restore
-    simulation.splitter.is_seen = lambda: bool(before) and is_seen()
+    simulation.splitter.is_seen = lambda reach_m: bool(before) and is_seen(reach_m)
     simulation.step(inputs)
     assert before == [True] * (1 + len(arrays))
 
