@@ -14,8 +14,8 @@ class JawMoment:
     """Where a tool's jaws are as a step begins; make it before the step and ask it after.
 
     A jaw turns by half the opening; the middle of a layer that is squeezed comes after it by so much less as the layer
-    swells. `thinning_m_rad` is how much, in cells along the jaw and along its own normal, not along the row's. What
-    holds by friction is not among it.
+    swells. `indentation_slope_m_rad` is how much, in cells along the jaw and along its own normal, not along the row's.
+    What holds by friction is not among it.
     """
 
     def __init__(self, simulation: Simulation, tool: int) -> None:
@@ -36,7 +36,7 @@ class JawMoment:
                 continue
             arm_m = rows.point_m[row] - self._proxy[:3]
             total += side * float(self._frame[1] @ np.cross(arm_m, force))
-            if row not in simulation.squeeze.rows and rows.pad_m[row] > 0.0:
+            if row not in simulation.squeeze.rows and rows.rest_offset_m[row] > 0.0:
                 total += self._by_swelling_nm(row, side, arm_m, force)
         return total
 
@@ -46,14 +46,14 @@ class JawMoment:
         places = [(at_m, at_m * jaw - arm_m) for at_m in (*np.clip([arm_m @ jaw], 0.0, self._length_m), self._length_m)]
         at_m, way_m = min(places, key=lambda place: self._off_its_surface_m(*place))
         radial = way_m / np.linalg.norm(way_m)
-        swells = self._along(self._simulation.tools.thinning_m_rad, at_m)
+        swells = self._along(self._simulation.tools.indentation_slope_m_rad, at_m)
         return float(swells / abs(radial @ self._frame[0]) * (normal @ force) * (normal @ radial))
 
     def _off_its_surface_m(self, at_m: float, way_m: np.ndarray) -> float:
         """Return how far the middle of a layer, ``way_m`` (3,) from a place along a jaw, is from where jaws hold it."""
         half_m = 0.5 * self._simulation.scene.duct.thickness_m
         facing = abs(way_m @ self._frame[0]) / np.linalg.norm(way_m)
-        thinner_m = half_m - self._along(self._simulation.tools.thinned_m, at_m)
+        thinner_m = half_m - self._along(self._simulation.tools.indentation_m, at_m)
         held_m = 0.5 * self._radius_m + (0.5 * self._radius_m + thinner_m) / facing
         return abs(float(np.linalg.norm(way_m) - held_m))
 

@@ -14,7 +14,7 @@ from services.mechanics.collision.candidate_list import MOST_ENTRIES
 from services.mechanics.collision.candidates import Candidates, candidates_at
 from services.mechanics.collision.capsules import CapsuleMemory, Tools, capsules_at, detect_capsules
 from services.mechanics.collision.pairs import SHAFT, ContactPairs, pairs_at
-from services.mechanics.collision.pieces import N_TOOL_PIECES, take_pieces, write_piece_pair
+from services.mechanics.collision.pieces import N_TOOL_PIECES, write_piece_pair, write_pieces
 from services.mechanics.collision.wall_candidates import WallCandidates
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
@@ -59,7 +59,7 @@ class JawTouches:
         self._looks[:] = False
         self._looks[list(tools)] = True
         jaws = segments_m, self._jaw_radius_m, self._looks
-        take_pieces(self._wall.list.address, _NO_PARTICLES, jaws, self._sizes_m)
+        write_pieces(self._wall.list.address, _NO_PARTICLES, jaws, self._sizes_m)
         self._wall.follow(scene.q, scene.loads)
         self._wall.measure(self._found)
         self._capsules.reset()

@@ -121,7 +121,7 @@ class _FixedContactSearch:
 
     def begin(self, bodies: Moving, geometry: Address[ContactGeometry]) -> None:
         """Do nothing: no tool overlaps a body."""
-        bodies[2].waiting[:] = False
+        bodies[2].disengaged[:] = False
 
     def restore_start(self) -> None:
         """Do nothing: there is no state."""

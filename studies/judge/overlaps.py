@@ -102,7 +102,7 @@ class OverlapJudge:
     def _tool_overlaps(self, wall_m: FloatArray) -> Iterator[tuple[int, float, float]]:
         """Yield segment, how deep it is in the wall, and in the catheter."""
         tools, catheter = self._simulation.tools, self._simulation.catheter
-        for tool in map(int, np.flatnonzero(tools.present & ~tools.waiting)):
+        for tool in map(int, np.flatnonzero(tools.present & ~tools.disengaged)):
             for segment in np.flatnonzero(tools.radius_m[tool] > 0.0):
                 ends, radius_m = self._segments[tool, segment], float(tools.radius_m[tool, segment])
                 near, apart = np.empty((1, 3)), np.empty(1)

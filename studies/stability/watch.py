@@ -199,8 +199,10 @@ class Watch:
         """Return how deep the solver's rows say that something was when the step began, squeezed walls apart."""
         rows, tools = self._simulation.contacts, self._simulation.tools
         n = rows.n_contacts
-        squeezed = (rows.tool[:n] != NO_TOOL) & (rows.pad_m[:n] > tools.pad_m[rows.tool[:n]].max(axis=1))
-        depth_m = -rows.gap_m[:n] - np.where(squeezed, rows.pad_m[:n], 0.0)
+        squeezed = (rows.tool[:n] != NO_TOOL) & (
+            rows.rest_offset_m[:n] > tools.rest_offset_m[rows.tool[:n]].max(axis=1)
+        )
+        depth_m = -rows.gap_m[:n] - np.where(squeezed, rows.rest_offset_m[:n], 0.0)
         return float(depth_m[_HAS_GAP[rows.law[:n]]].max(initial=0.0))
 
 
@@ -213,7 +215,7 @@ class _Part:
     def __init__(self, simulation: Simulation) -> None:
         duct, catheter, tools = simulation.duct, simulation.catheter, simulation.tools
         arrays = *duct.state_arrays(), *catheter.state_arrays(), *tools.state_arrays()
-        self._live = *arrays, tools.present, tools.waiting, tools.held
+        self._live = *arrays, tools.present, tools.disengaged, tools.held
         self._copies = [each.copy() for each in self._live]
 
     def keep(self) -> None:

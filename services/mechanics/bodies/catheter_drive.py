@@ -92,7 +92,7 @@ class CatheterDrive:
     def holds(self) -> list[GraspHold]:
         """Return the drive's hold of the first particle while the tool is present; a lost hold is replaced."""
         tool, was_held = self._tool, self._is_held
-        self._is_held = bool(self._tools.present[tool] and not self._tools.waiting[tool])
+        self._is_held = bool(self._tools.present[tool] and not self._tools.disengaged[tool])
         if not self._is_held:
             return []
         if not was_held or self._hold_id in self._lost:

@@ -16,7 +16,7 @@ N_TOOL_PIECES = 3 * N_TOOLS
 
 
 @kernel
-def take_pieces(
+def write_pieces(
     address: Address[CandidateList], particles: FloatArray, tools: Tools, sizes: tuple[FloatArray, float]
 ) -> None:
     """Write the ends of all pieces and which are active; ``sizes`` are (radii of catheter segments, half the wall).

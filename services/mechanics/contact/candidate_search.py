@@ -21,7 +21,7 @@ from services.mechanics.collision.candidate_list import (
 from services.mechanics.collision.candidates import Candidates, Where, candidates_at
 from services.mechanics.collision.capsules import CapsuleMemory, Tools, capsules_at, detect_capsules
 from services.mechanics.collision.pairs import ContactPairs, pairs_at
-from services.mechanics.collision.pieces import N_TOOL_PIECES, take_pieces
+from services.mechanics.collision.pieces import N_TOOL_PIECES, write_pieces
 from services.mechanics.collision.placed_wall import WallPlacement
 from services.mechanics.collision.wall_candidates import WallCandidates
 from services.mechanics.compiled import kernel
@@ -30,7 +30,7 @@ from services.mechanics.contact.engagement import engage_tools
 from services.mechanics.contact.geometry import ContactGeometry
 from services.mechanics.contact.price import note_pressed, write_capsule_violations, write_chosen, write_violations
 from services.mechanics.contact.search import Moving
-from services.mechanics.contact.spheres import Spheres, no_spheres, take_ends, take_spheres
+from services.mechanics.contact.spheres import Spheres, no_spheres, write_end_positions, write_spheres
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.strategies import STRATEGIES
 from services.mechanics.contact.working_set import (
@@ -108,9 +108,9 @@ class CandidateSearch:
         listed, n = self._wall.list, duct.n_loads
         self._take_pieces(catheter.start_m, tools)
         if self._spheres.count:
-            take_spheres(listed.address, self._spheres.address, self._end, self._half_m)
+            write_spheres(listed.address, self._spheres.address, self._end, self._half_m)
         if self._apart_is_unknown:
-            self._working.apart_m[:] = merge_distance_m(listed.thickness, 2.0 * self._half_m)
+            self._working.merge_m[:] = merge_distance_m(listed.thickness, 2.0 * self._half_m)
             self._apart_is_unknown = False
         is_new = self._wall.is_new
         if is_new:  # nobody knows how anything moves
@@ -138,7 +138,7 @@ class CandidateSearch:
 
     def _take_pieces(self, particles_m: FloatArray, tools: ToolBody) -> None:
         poses = (tools.segments, tools.radius_m, tools.present)
-        take_pieces(self._wall.list.address, particles_m, poses, (self._radii_m, self._half_m))
+        write_pieces(self._wall.list.address, particles_m, poses, (self._radii_m, self._half_m))
 
     def tool_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
         """Append the chosen candidates of the tools, and what of them touches the catheter."""
@@ -242,4 +242,4 @@ def take_sphere_ends(
 ) -> None:
     """Write spheres where the solved step ends into a list."""
     state = state_at(state_address)
-    take_ends(list_at(list_address), state.geometry.spheres, (state.rows, state.force_n), first, half_m)
+    write_end_positions(list_at(list_address), state.geometry.spheres, (state.rows, state.force_n), first, half_m)

@@ -23,26 +23,26 @@ Surface = tuple[float, float, float, Vector]
 
 
 @kernel
-def touches(tools: ToolGeometry, tool: int) -> bool:
+def can_touch(tools: ToolGeometry, tool: int) -> bool:
     """Whether a tool touches anything: it is there, and does not wait."""
-    return bool(tools.present[tool] and not tools.waiting[tool])
+    return bool(tools.present[tool] and not tools.disengaged[tool])
 
 
 @kernel
-def is_touching(tools: ToolGeometry, p: int) -> bool:
+def piece_can_touch(tools: ToolGeometry, p: int) -> bool:
     """Return whether a piece touches anything: pieces of tools that are gone, or wait, do not."""
-    return bool(p >= N_TOOL_PIECES or touches(tools, p // N_SEGMENTS))
+    return bool(p >= N_TOOL_PIECES or can_touch(tools, p // N_SEGMENTS))
 
 
 @kernel
-def room_in_jaws(tools: ToolGeometry, p: int, s: float, normal: Vector) -> float:
+def overlap_in_jaws(tools: ToolGeometry, p: int, s: float, normal: Vector) -> float:
     """Return how deep the wall may be in a piece: what jaws squeezed away, or what lay in them when they took it."""
-    room: float = surface_of(tools, p, s, normal)[0]
+    room: float = jaw_surface(tools, p, s, normal)[0]
     return room
 
 
 @kernel
-def surface_of(tools: ToolGeometry, p: int, s: float, normal: Vector) -> Surface:
+def jaw_surface(tools: ToolGeometry, p: int, s: float, normal: Vector) -> Surface:
     """Return the surface that a piece has for the wall's middle surface, at a place along it and along its normal.
 
     Jaws are round: along a normal at an angle a to the way in which they open, the plane midway between them is
@@ -52,25 +52,25 @@ def surface_of(tools: ToolGeometry, p: int, s: float, normal: Vector) -> Surface
     if p >= N_TOOL_PIECES or p % N_SEGMENTS == SHAFT:
         return 0.0, 0.0, 0.0, normal
     tool, jaw = p // N_SEGMENTS, p % N_SEGMENTS
-    held: float = tools.pad[tool, DUCT_TRIANGLE] if tools.held[tool, DUCT_TRIANGLE] else 0.0
+    held: float = tools.rest_offset[tool, DUCT_TRIANGLE] if tools.held[tool, DUCT_TRIANGLE] else 0.0
     opens = scaled(row(tools.frame[tool], 0), 1.0 if jaw == JAW_A else -1.0)
     facing, radius = dot(normal, opens), tools.radius[tool, jaw]
     if facing <= 0.0:
         return held, held, 0.0, normal
     cell = min(max(s * N_CELLS - 0.5, 0.0), N_CELLS - 1.0)
     first = min(int(cell), N_CELLS - 2)
-    share, thinned, thinning = cell - first, tools.thinned[tool], tools.thinning[tool]
-    thinner, half = (1.0 - share) * thinned[first] + share * thinned[first + 1], 0.5 * (tools.layer + radius)
+    share, depth, slopes = cell - first, tools.indentation[tool], tools.indentation_slope[tool]
+    thinner, half = (1.0 - share) * depth[first] + share * depth[first + 1], 0.5 * (tools.wall_thickness + radius)
     room = (thinner - half * (1.0 - facing)) / facing
     if room <= held:
         return held, held, 0.0, normal
-    reach = radius + 0.5 * tools.layer
+    reach = radius + 0.5 * tools.wall_thickness
     gradient = along(normal, subtract(opens, scaled(normal, facing)), (half - thinner) / (facing**2 * (reach - room)))
     if 0.0 < s < 1.0:  # along itself a jaw has one normal
         start, end = row_of(tools.segments[tool], jaw, 0), row_of(tools.segments[tool], jaw, 1)
         axis = subtract(end, start)
-        rises = N_CELLS * (thinned[first + 1] - thinned[first]) / facing if 0.0 < cell < N_CELLS - 1.0 else 0.0
+        rises = N_CELLS * (depth[first + 1] - depth[first]) / facing if 0.0 < cell < N_CELLS - 1.0 else 0.0
         gradient = along(gradient, axis, -(dot(gradient, axis) + rises) / dot(axis, axis))
     size = math.sqrt(dot(gradient, gradient))
-    slope = ((1.0 - share) * thinning[first] + share * thinning[first + 1]) / facing
+    slope = ((1.0 - share) * slopes[first] + share * slopes[first + 1]) / facing
     return room, reach - (reach - room) / size, slope / size, scaled(gradient, 1.0 / size)

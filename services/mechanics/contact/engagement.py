@@ -30,9 +30,9 @@ def engage_tools(
     """Let tools that wait touch, unless a candidate shows them in the wall, or a pair in the catheter."""
     found, pairs, geometry = candidates_at(found_address), pairs_at(pairs_address), geometry_at(geometry_address)
     tools, clear_m = geometry.tools, min(CLEAR_M, 2.0 * CLEAR_OF_WALL * geometry.wall.half_thickness)
-    for tool in range(tools.waiting.shape[0]):
-        if tools.waiting[tool] and tools.present[tool]:
-            tools.waiting[tool] = _is_inside(found, pairs, tool, clear_m)
+    for tool in range(tools.disengaged.shape[0]):
+        if tools.disengaged[tool] and tools.present[tool]:
+            tools.disengaged[tool] = _is_inside(found, pairs, tool, clear_m)
 
 
 @kernel
@@ -48,15 +48,15 @@ def _is_inside(found: Candidates, pairs: ContactPairs, tool: int, clear_m: float
 
 
 @kernel
-def take_pads(pairs_address: Address[ContactPairs], geometry_address: Address[ContactGeometry], is_told: bool) -> None:
-    """Set the pads of jaws that held nothing of a kind at the start of the step; ``is_told`` is whether by a caller."""
-    pairs, tools = pairs_at(pairs_address), geometry_at(geometry_address).tools
+def set_rest_offsets(pairs_address: Address[ContactPairs], geometry: Address[ContactGeometry], is_told: bool) -> None:
+    """Set the rest offsets of jaws that held nothing of a kind; ``is_told`` is whether a caller requested the hold."""
+    pairs, tools = pairs_at(pairs_address), geometry_at(geometry).tools
     for tool in range(tools.held.shape[0]):
         for kind in range(tools.held.shape[1]):
             if not tools.held[tool, kind]:
-                tools.pad[tool, kind] = 0.0
+                tools.rest_offset[tool, kind] = 0.0
     for index in range(pairs.count):
         tool, kind = pairs.tool[index], pairs.target_kind[index]
         is_new = pairs.tool_segment[index] != SHAFT and not tools.held[tool, kind]
         if is_new and (is_told or kind == CATHETER_SEGMENT):
-            tools.pad[tool, kind] = max(tools.pad[tool, kind], -pairs.gap_m[index])
+            tools.rest_offset[tool, kind] = max(tools.rest_offset[tool, kind], -pairs.gap_m[index])

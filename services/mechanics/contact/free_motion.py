@@ -45,7 +45,7 @@ def taken_back(rows: ContactRows, row: int, recovery: float, dt_s: float) -> flo
     An overlap at the start is a linearisation error of the last tick. Only the fraction ``recovery`` of it is taken
     back in a millisecond, and at a bounded speed, because it is a velocity that nobody has put in.
     """
-    gap: float = rows.gap_m[row] + rows.pad_m[row]
+    gap: float = rows.gap_m[row] + rows.rest_offset_m[row]
     if gap > 0.0:
         return gap
     fastest = RECOVERY_M_S if rows.tool[row] == NO_TOOL else TOOL_RECOVERY_M_S

@@ -35,12 +35,12 @@ class ToolGeometry(Struct):
     motion: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
     rolled: Annotated[FloatArray, N_TOOLS]
     present: Annotated[BoolArray, N_TOOLS]
-    waiting: Annotated[BoolArray, N_TOOLS]  # whether they touch nothing yet
+    disengaged: Annotated[BoolArray, N_TOOLS]  # whether they touch nothing yet
     held: Annotated[BoolArray, N_TOOLS, 2]  # whether the jaws hold something of each target kind
-    pad: Annotated[FloatArray, N_TOOLS, 2]  # how deep it may be in them, in m
-    thinned: Annotated[FloatArray, N_TOOLS, N_CELLS]  # and one that they squeeze, along them
-    thinning: Annotated[FloatArray, N_TOOLS, N_CELLS]  # by how much more than that per radian of opening, in m
-    layer: float  # how thick the wall is, in m
+    rest_offset: Annotated[FloatArray, N_TOOLS, 2]  # how deep it may be in them, in m
+    indentation: Annotated[FloatArray, N_TOOLS, N_CELLS]  # and one that they squeeze, along them
+    indentation_slope: Annotated[FloatArray, N_TOOLS, N_CELLS]  # by how much more than that per radian of opening, in m
+    wall_thickness: float  # how thick the wall is, in m
 
 
 class RodGeometry(Struct):
@@ -80,12 +80,12 @@ class ContactGeometry(Struct):
                 motion=tools.motion,
                 rolled=tools.rolled_rad,
                 present=tools.present,
-                waiting=tools.waiting,
+                disengaged=tools.disengaged,
                 held=tools.held,
-                pad=tools.pad_m,
-                thinned=tools.thinned_m,
-                thinning=tools.thinning_m_rad,
-                layer=2.0 * bodies.half_thickness_m,
+                rest_offset=tools.rest_offset_m,
+                indentation=tools.indentation_m,
+                indentation_slope=tools.indentation_slope_m_rad,
+                wall_thickness=2.0 * bodies.half_thickness_m,
             ),
             rod=RodGeometry(position=catheter.start_m, motion=catheter.motion_m, radius=catheter.radii_m),
             wall=WallGeometry(

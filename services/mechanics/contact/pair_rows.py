@@ -6,7 +6,7 @@ from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, 
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import put_row, write_frame
 from services.mechanics.compiled.vectors import row as row_at
-from services.mechanics.contact.clearance import surface_of, touches
+from services.mechanics.contact.clearance import can_touch, jaw_surface
 from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, ToolGeometry, WallGeometry
 from services.mechanics.contact.identity import pair_identity
 from services.mechanics.contact.laws import number_of
@@ -36,7 +36,7 @@ def append_pairs(pairs: ContactPairs, geometry: ContactGeometry, rows: ContactRo
     for index in range(pairs.count):
         tool, segment = pairs.tool[index], pairs.tool_segment[index]
         kind, target = pairs.target_kind[index], pairs.target[index]
-        if tool != NO_TOOL and not touches(geometry.tools, tool):
+        if tool != NO_TOOL and not can_touch(geometry.tools, tool):
             continue
         identity = pair_identity(tool, segment, pairs.particle[index], kind, target)
         row = append_row(rows, _UNILATERAL, identity)
@@ -62,10 +62,10 @@ def _tool_side(pairs: ContactPairs, index: int, tools: ToolGeometry, rows: Conta
     ends, radial, radius = tools.segments[tool, segment], pairs.normal[index], tools.radius[tool, segment]
     kind, reach, opens = pairs.target_kind[index], radius, 0.0
     if kind == DUCT_TRIANGLE:
-        room, rows.pad_m[row], opens, normal = surface_of(tools, 3 * tool + segment, s, row_at(pairs.normal, index))
-        if rows.pad_m[row] != room:  # it is squeezed, or the piece's normal is the surface's
-            reach = radius + 0.5 * tools.layer - room
-            put_row(rows.frame[row], 0, normal)
+        room, rows.rest_offset_m[row], opens, n = jaw_surface(tools, 3 * tool + segment, s, row_at(pairs.normal, index))
+        if rows.rest_offset_m[row] != room:  # it is squeezed, or the piece's normal is the surface's
+            reach = radius + 0.5 * tools.wall_thickness - room
+            put_row(rows.frame[row], 0, n)
             write_frame(rows.frame[row, 0], rows.frame[row])
     for axis in range(3):
         centre, along = (1.0 - s) * ends[0, axis] + s * ends[1, axis], rows.frame[row, 0, axis]
@@ -76,7 +76,7 @@ def _tool_side(pairs: ContactPairs, index: int, tools: ToolGeometry, rows: Conta
     for axis in range(3):  # as a wall gets thicker in the step in which jaws open, its middle goes half as far as they
         rows.lever[row, axis, 3] += opens * rows.frame[row, 0, axis]
     if kind == CATHETER_SEGMENT and segment != SHAFT and tools.held[tool, kind]:
-        rows.pad_m[row] = tools.pad[tool, kind]
+        rows.rest_offset_m[row] = tools.rest_offset[tool, kind]
         rows.force_limit_n[row] = 0.0  # its hold bears all that acts along the jaws
     add_tool_motion(rows, row, tools)
 

@@ -35,33 +35,33 @@ from services.mechanics.collision.pieces import N_TOOL_PIECES, write_piece_pair
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.compiled.vectors import Vector, dot, put_row, row, row_of, scaled, squared_distance, unit
-from services.mechanics.contact.clearance import is_touching, room_in_jaws, surface_of
+from services.mechanics.contact.clearance import jaw_surface, overlap_in_jaws, piece_can_touch
 from services.mechanics.contact.geometry import ToolGeometry
 from services.mechanics.contact.identity import PARTICLE, target_kind_of, target_of, tool_segment_of
 from services.mechanics.contact.laws import HAS_GAP
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.working_set import (
-    ONE_POINT,
+    SAME_POINT,
     WorkingSet,
     age,
     has_chosen_near,
-    keep_place,
     place_at_rest,
     renew,
     set_at,
     sort_by_key,
+    store_pressed,
 )
 from services.mechanics.contact.writer import room_for_rows
 
 #: A violation whose points and normal are those of a row is that row's: it knows the step's start only to first order.
 _SAME_ROW = 0.999
 #: A piece that is so deep, as a part of the distance between axis and middle surface, has no normal to rely on.
-DEEP = 0.5
+UNRELIABLE_DEPTH = 0.5
 #: A row that was deeper than the tolerance ends no deeper than it began, but for this part of the tolerance.
-CREEP = 0.1
+ALLOWED_GROWTH = 0.1
 #: Of the distance between axis and middle surface: violations nearer to each other than this get one row.
-ONE_VIOLATION = 0.1
+VIOLATION_SPACING = 0.1
 #: Rows that one price may add: the deepest first, the others are priced again.
 MOST_NEW_ROWS = 24
 
@@ -90,7 +90,7 @@ def write_violations(
     working.n_chosen = 0
     for place in range(n):
         i = working.order[place]
-        near = ONE_VIOLATION * listed.thickness[found.piece[i]]
+        near = VIOLATION_SPACING * listed.thickness[found.piece[i]]
         if working.n_chosen < most and not (
             has_chosen_near(found, working, i, near) or _has_row(listed, found, working, state, i)
         ):
@@ -115,23 +115,23 @@ def _find_violations(
         if found.gap_m[i] >= -tolerance_m:
             continue
         p, t = found.piece[i], found.triangle[i]
-        if not is_touching(tools, p):
+        if not piece_can_touch(tools, p):
             continue
         normal = row(found.normal, i)
-        end = found.gap_m[i] + room_in_jaws(tools, p, found.s[i], normal)
+        end = found.gap_m[i] + overlap_in_jaws(tools, p, found.s[i], normal)
         if end >= -tolerance_m:
             continue
         d, s, _, before = closest_pair(start, listed.clusters.triangles, p, t)
-        if found.gap_m[i] < -DEEP * listed.thickness[p] or dot(normal, before) < 0.0:
+        if found.gap_m[i] < -UNRELIABLE_DEPTH * listed.thickness[p] or dot(normal, before) < 0.0:
             # The axis went through the middle surface, or nearly: it is to stay on the side of the start.
             normal, ends = before, (listed.ends, listed.position)
             away = offset(ends, listed.clusters.triangles, (p, t), found.s[i], row(found.weight, i))
             end = dot(before, away) - listed.thickness[p]
             if end >= -tolerance_m:
                 continue
-        elif _is_row(state.rows, p, t):
-            begun = d - listed.thickness[p] + room_in_jaws(tools, p, s, before)
-            if end >= begun - CREEP * tolerance_m:
+        elif _has_pair_row(state.rows, p, t):
+            begun = d - listed.thickness[p] + overlap_in_jaws(tools, p, s, before)
+            if end >= begun - ALLOWED_GROWTH * tolerance_m:
                 continue
         put(out, (p, t), (end, found.s[i], row(found.weight, i), normal))
     return out.count
@@ -141,8 +141,8 @@ def _find_violations(
 def _has_row(listed: CandidateList, found: Candidates, working: WorkingSet, state: ContactState, i: int) -> bool:
     """Return whether a row is this violation already, at the same points and along the same normal."""
     p, t, rows, corner = found.piece[i], found.triangle[i], state.rows, listed.clusters.triangles
-    normal = surface_of(state.geometry.tools, p, found.s[i], row(found.normal, i))[3]
-    near, place = ONE_POINT * listed.thickness[p], row(working.at_rest, i)
+    normal = jaw_surface(state.geometry.tools, p, found.s[i], row(found.normal, i))[3]
+    near, place = SAME_POINT * listed.thickness[p], row(working.at_rest, i)
     for at in range(rows.n_contacts):
         if is_of(rows, at, p, t) and dot(row(rows.frame[at], 0), normal) > _SAME_ROW:
             known = place_at_rest(working.rest, corner, t, row(rows.duct_weight, at))
@@ -152,7 +152,7 @@ def _has_row(listed: CandidateList, found: Candidates, working: WorkingSet, stat
 
 
 @kernel
-def _is_row(rows: ContactRows, p: int, t: int) -> bool:
+def _has_pair_row(rows: ContactRows, p: int, t: int) -> bool:
     n = 0
     for at in range(rows.n_contacts):
         n += is_of(rows, at, p, t)
@@ -191,7 +191,7 @@ def _write_violation(
     p, t, s, w, normal = found.piece[i], found.triangle[i], found.s[i], row(found.weight, i), row(found.normal, i)
     away = offset(start, listed.clusters.triangles, (p, t), s, w)
     distance = math.sqrt(dot(away, away))
-    if room_in_jaws(to[0], p, s, normal) > 0.0:
+    if overlap_in_jaws(to[0], p, s, normal) > 0.0:
         _, s, normal = nearest_to(start, listed.clusters.triangles, (p, t), w)
     elif dot(away, normal) < listed.thickness[p] and distance > 0.0:
         normal = scaled(away, 1.0 / distance)
@@ -213,22 +213,23 @@ def write_capsule_violations(
     listed, memory, state = list_at(addresses[0]), capsules_at(addresses[1]), state_at(addresses[2])
     pairs, (half_m, tolerance_m), tools, count = pairs_at(pairs_address), sizes, state.geometry.tools, 0
     for i in range(N_TOOL_PIECES):
-        pad_m = tools.pad[i // 3, CATHETER_SEGMENT] if i % 3 != SHAFT and tools.held[i // 3, CATHETER_SEGMENT] else 0.0
+        is_held = i % 3 != SHAFT and tools.held[i // 3, CATHETER_SEGMENT]
+        rest_offset_m = tools.rest_offset[i // 3, CATHETER_SEGMENT] if is_held else 0.0
         for j in range(memory.active.shape[1]):
-            if memory.active[i, j] == 0 or not is_touching(tools, i):
+            if memory.active[i, j] == 0 or not piece_can_touch(tools, i):
                 continue
             side, apart_m = row_of(memory.normal, i, j), listed.thickness[i] + listed.thickness[N_TOOL_PIECES + j]
-            apart_m -= 2.0 * half_m + pad_m
+            apart_m -= 2.0 * half_m + rest_offset_m
             s, t, distance, normal = meet_again(listed.ends, (i, N_TOOL_PIECES + j), side)
             is_again = t == 1.0 and j + 1 < memory.active.shape[1] and memory.active[i, j + 1] == 1
             if is_again or distance - apart_m >= -tolerance_m:
                 continue
-            if distance >= meet_again(start, (i, N_TOOL_PIECES + j), side)[2] - CREEP * tolerance_m:
+            if distance >= meet_again(start, (i, N_TOOL_PIECES + j), side)[2] - ALLOWED_GROWTH * tolerance_m:
                 continue
             away = between_capsules(start, (i, N_TOOL_PIECES + j), s, t)
             if dot(away, normal) < apart_m and dot(away, side) > 0.0:  # round a corner, see `_write_violation`
                 normal = unit(away)
-            if not _is_known(state.rows, i, j, t, normal):
+            if not _has_capsule_row(state.rows, i, j, t, normal):
                 count += 1
                 if count <= min(MOST_NEW_ROWS, room_for_rows(state.rows) - pairs.count):
                     pair = (i // 3, i % 3, -1, CATHETER_SEGMENT, j, s, (1.0 - t, t, 0.0))
@@ -237,14 +238,14 @@ def write_capsule_violations(
 
 
 @kernel
-def _is_known(rows: ContactRows, i: int, j: int, t: float, normal: Vector) -> bool:
+def _has_capsule_row(rows: ContactRows, i: int, j: int, t: float, normal: Vector) -> bool:
     """Return whether a row is of a piece of a tool and a segment of the catheter, nearly there and along the normal."""
     for at in range(rows.n_contacts):
         identity = rows.identity[at]
         if identity < 0 or not HAS_GAP[rows.law[at]] or target_kind_of(identity) != CATHETER_SEGMENT:
             continue
         is_of_pair = rows.tool[at] == i // 3 and tool_segment_of(identity) == i % 3 and target_of(identity) == j
-        is_there = abs(rows.rod_weight[at, 3] + t) < ONE_POINT
+        is_there = abs(rows.rod_weight[at, 3] + t) < SAME_POINT
         if is_of_pair and is_there and dot(row_of(rows.frame, at, 0), normal) > _SAME_ROW:
             return True
     return False
@@ -280,5 +281,5 @@ def note_pressed(state_address: Address[ContactState], set_address: Address[Work
             p = piece_of(rows, at)
             if 0 <= p < working.life.shape[0]:
                 renew(working, p, target_of(identity))
-                if rows.pad_m[at] > 0.0:
-                    keep_place(working, p, target_of(identity), row(rows.duct_weight, at))
+                if rows.rest_offset_m[at] > 0.0:
+                    store_pressed(working, p, target_of(identity), row(rows.duct_weight, at))

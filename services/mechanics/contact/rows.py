@@ -24,7 +24,7 @@ class ContactRows(Struct):
         frame: (C, 3, 3) float64. Rows: normal (towards the first body) and two tangents.
         point_m: (C, 3) float64. Where the force acts on the first body.
         gap_m: (C,) float64. Distance of the surfaces at the start of the step.
-        pad_m: (C,) float64. How deep the surfaces may overlap before they push each other.
+        rest_offset_m: (C,) float64. How deep the surfaces may overlap before they push each other.
         taken_m: (C,) float64. What of the gap counts in this step: all of a distance, of an overlap (negative) what is
             taken back.
         slip_m: (C, 3) float64. Motion of the first body relative to the target over the step without contact forces, in
@@ -57,7 +57,7 @@ class ContactRows(Struct):
     frame: Annotated[FloatArray, "c", 3, 3]
     point_m: Annotated[FloatArray, "c", 3]
     gap_m: Annotated[FloatArray, "c"]
-    pad_m: Annotated[FloatArray, "c"]
+    rest_offset_m: Annotated[FloatArray, "c"]
     taken_m: Annotated[FloatArray, "c"]
     slip_m: Annotated[FloatArray, "c", 3]
     elastic_m: Annotated[FloatArray, "c", 3]

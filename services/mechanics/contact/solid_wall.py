@@ -78,7 +78,7 @@ def _strain(wall: SolidWall, tool: int, cell: int, opening_rad: float) -> float:
 
 
 @kernel
-def write_thinned(
+def write_indentation(
     wall: SolidWall, tool: int, openings_rad: tuple[float, float], out: FloatArray, slope: FloatArray
 ) -> None:
     """Write how much nearer than half its thickness the middle of each layer is to its jaw, (N_CELLS,) in m.
@@ -93,15 +93,15 @@ def write_thinned(
         out[:] = slope[:] = 0.0
         return
     for cell in range(N_CELLS):
-        out[cell] = share * _thinned_m(wall, tool, cell, start_rad)
-        slope[cell] = (share * _thinned_m(wall, tool, cell, end_rad) - out[cell]) / (end_rad - start_rad)
+        out[cell] = share * _indentation_m(wall, tool, cell, start_rad)
+        slope[cell] = (share * _indentation_m(wall, tool, cell, end_rad) - out[cell]) / (end_rad - start_rad)
 
 
 @kernel
-def _thinned_m(wall: SolidWall, tool: int, cell: int, opening_rad: float) -> float:
+def _indentation_m(wall: SolidWall, tool: int, cell: int, opening_rad: float) -> float:
     thinner = wall.thickness_m - max(apart_m(wall, tool, cell, opening_rad), 0.0)
-    thinned: float = 0.25 * max(thinner, 0.0)
-    return thinned
+    indentation: float = 0.25 * max(thinner, 0.0)
+    return indentation
 
 
 @kernel

@@ -47,7 +47,7 @@ def no_spheres() -> Spheres:
 
 
 @kernel
-def take_spheres(
+def write_spheres(
     list_address: Address[CandidateList], spheres_address: Address[Spheres], first: int, half_m: float
 ) -> None:
     """Write spheres where the step begins into a list, as pieces from ``first`` on."""
@@ -57,7 +57,7 @@ def take_spheres(
 
 
 @kernel
-def take_ends(
+def write_end_positions(
     listed: CandidateList, spheres: Spheres, solved: tuple[ContactRows, FloatArray], first: int, half_m: float
 ) -> None:
     """Write spheres where the step ends, with the ``solved`` rows' forces (k, 3) along world axes."""

@@ -35,7 +35,7 @@ from services.mechanics.contact.solid_wall import (
     cell_m,
     resist,
     stored,
-    write_thinned,
+    write_indentation,
     yields_to,
 )
 from services.mechanics.contact.state import ContactState, state_at
@@ -141,7 +141,7 @@ def append_squeezes(
     for tool in range(tools.present.shape[0]):
         squeeze.row[tool, _WALL] = squeeze.row[tool, _CATHETER] = _NO_ROW
         squeeze.start_rad[tool] = tools.proxy[tool, 3]
-        _write_thinned(squeeze, tools, state.geometry.tools, tool)
+        _write_indentation(squeeze, tools, state.geometry.tools, tool)
         if tools.present[tool]:
             _append_catheter(rows, tools, squeeze, tool)
             _append_wall(rows, tools, squeeze, tool)
@@ -149,14 +149,14 @@ def append_squeezes(
 
 
 @kernel
-def _write_thinned(squeeze: SqueezeArrays, tools: ToolArrays, out: ToolGeometry, tool: int) -> None:
+def _write_indentation(squeeze: SqueezeArrays, tools: ToolArrays, out: ToolGeometry, tool: int) -> None:
     """Write how thin the wall is, and becomes by the opening at which the jaws end if the torque on them stays."""
     start_rad = tools.proxy[tool, 3]
     motion_rad = tools.free[tool, 3] + squeeze.pushed_rad[tool] - start_rad
     if abs(motion_rad) < LEAST_MOTION_RAD:
         motion_rad = LEAST_MOTION_RAD
     openings_rad = start_rad, start_rad + motion_rad
-    write_thinned(squeeze.wall, tool, openings_rad, out.thinned[tool], out.thinning[tool])
+    write_indentation(squeeze.wall, tool, openings_rad, out.indentation[tool], out.indentation_slope[tool])
 
 
 @kernel
@@ -271,7 +271,7 @@ def follow_squeezes(
                 squeeze.dissipated_j += force * _lever_m(rows, row) * (squeeze.start_rad[tool] - opening)
                 if what == _CATHETER:
                     squeeze.stored_j[tool, what] = 0.5 * rows.softness_m_n[row, 0] * force * force
-        if tools.present[tool] and not tools.waiting[tool]:
+        if tools.present[tool] and not tools.disengaged[tool]:
             _find_wall(rows, state.geometry.wall, tools, squeeze.reach, tool)
             _occupy(squeeze, tool, opening, dt_s)
         else:

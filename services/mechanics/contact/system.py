@@ -99,7 +99,7 @@ class ContactSystem:
     def let_go_of_tools(self) -> None:
         """Tell the duct of the last step's forces by tools that are gone."""
         duct, tools = self.bodies.duct, self.bodies.tools
-        if self._applied_forces and tools.have_left:
+        if self._applied_forces and tools.have_vanished:
             if not self._gone_is_known:
                 k = self.rows.n_contacts
                 by = self.rows.tool[:k]

@@ -30,7 +30,7 @@ from services.mechanics.compiled.vectors import (
     squared_distance,
     subtract,
 )
-from services.mechanics.contact.clearance import is_touching, room_in_jaws
+from services.mechanics.contact.clearance import overlap_in_jaws, piece_can_touch
 from services.mechanics.contact.geometry import ContactGeometry, ToolGeometry, geometry_at
 
 #: Two contacts of a body with normals further apart than 26 degrees hold different things.
@@ -39,7 +39,7 @@ SAME_NORMAL = 0.9
 #: will; and what has none may end no deeper, see `simulation.step_solver`.
 TOUCHING_M = 30e-6
 #: Nearer than this part of the distance between axis and middle surface, two points are one, whatever they do.
-ONE_POINT = 0.02
+SAME_POINT = 0.02
 #: What touches is merged within this part of the distance within which others are.
 TOUCHING_SHARE = 0.5
 #: A step begins with rows for its members, and for the nearest others up to so many in all: what the rest would do,
@@ -54,8 +54,8 @@ class WorkingSet(Struct):
 
     life: Annotated[ByteArray, "p", "m"]  # steps left of each member
     member: Annotated[LongArray, "k", 2]  # the features that have any left
-    apart_m: Annotated[FloatArray, "p"]  # within which two contacts of a piece are merged
-    clear_m: Annotated[FloatArray, "c"]  # gap and what of the wall is squeezed away
+    merge_m: Annotated[FloatArray, "p"]  # within which two contacts of a piece are merged
+    clearance_m: Annotated[FloatArray, "c"]  # gap and what of the wall is squeezed away
     key: Annotated[FloatArray, "c"]
     order: Annotated[LongArray, "c"]
     chosen: Annotated[LongArray, "c"]
@@ -96,20 +96,20 @@ def merge_distance_m(thickness_m: FloatArray, wall_m: float) -> FloatArray:
 def choose(
     addresses: tuple[Address[CandidateList], Address[Candidates], Address[WorkingSet]],
     before: Where,
-    ahead: FloatArray,
+    row_gap: FloatArray,
     geometry_address: Address[ContactGeometry],
 ) -> None:
     """Choose candidates for rows; ``chosen`` names them, nearest first.
 
-    Those of a piece are chosen whose clearance is at most ``ahead`` (p,), or will be if everything goes on as since
-    ``before``, when the last step began. Tools that are gone, or wait, touch nothing.
+    A candidate is chosen if its clearance is at most ``row_gap`` (p,), or will be if everything moves on as since
+    ``before``, when the last step began. Absent and disengaged tools get no rows.
     """
     listed, found, working = list_at(addresses[0]), candidates_at(addresses[1]), set_at(addresses[2])
     tools = geometry_at(geometry_address).tools
     for i in range(found.count):
-        _note_candidate(found, working, listed, tools, i)
+        _rate_candidate(found, working, listed, tools, i)
     for k in range(working.n_pressed):
-        _put_pressed(listed, found, working, tools, k)
+        _add_pressed(listed, found, working, tools, k)
     sort_by_key(working, found.count)
     working.n_chosen = 0
     for k in range(found.count):
@@ -117,33 +117,33 @@ def choose(
         if working.n_chosen >= MOST_CHOSEN and not _is_member(found, working, i):
             break
         p = found.piece[i]
-        if not is_touching(tools, p):
+        if not piece_can_touch(tools, p):
             continue
-        clear_m = working.clear_m[i]
-        is_near = clear_m <= ahead[p] or clear_m + _gained_m(listed, found, before, i) <= ahead[p]
-        if is_near and not _is_known(found, working, i):
+        clearance_m = working.clearance_m[i]
+        is_near = clearance_m <= row_gap[p] or clearance_m + _predicted_change_m(listed, found, before, i) <= row_gap[p]
+        if is_near and not _is_duplicate(found, working, i):
             working.chosen[working.n_chosen] = i
             working.n_chosen += 1
 
 
 @kernel
-def _put_pressed(listed: CandidateList, found: Candidates, working: WorkingSet, tools: ToolGeometry, k: int) -> None:
+def _add_pressed(listed: CandidateList, found: Candidates, working: WorkingSet, tools: ToolGeometry, k: int) -> None:
     """Let a place that pressed be a candidate if it has less clearance than the closest pair."""
     p, t, w, nearest = working.pressed[k, 0], working.pressed[k, 1], row(working.weight, k), math.inf
     for i in range(found.count):
         if found.piece[i] == p and found.triangle[i] == t:
-            nearest = min(nearest, working.clear_m[i])
+            nearest = min(nearest, working.clearance_m[i])
     if nearest == math.inf or found.count == found.gap_m.shape[0]:
         return
     distance, s, normal = nearest_to((listed.ends, listed.position), listed.clusters.triangles, (p, t), w)
     if distance > 0.0:
         put(found, (p, t), (distance - listed.thickness[p], s, w, normal))
-        _note_candidate(found, working, listed, tools, found.count - 1)
-        found.count -= working.clear_m[found.count - 1] >= nearest
+        _rate_candidate(found, working, listed, tools, found.count - 1)
+        found.count -= working.clearance_m[found.count - 1] >= nearest
 
 
 @kernel
-def _gained_m(listed: CandidateList, found: Candidates, before: Where, i: int) -> float:
+def _predicted_change_m(listed: CandidateList, found: Candidates, before: Where, i: int) -> float:
     """Return by how much a gap grows in a step in which its points move as since ``before``."""
     place, corner = (found.piece[i], found.triangle[i]), listed.clusters.triangles
     s, w = found.s[i], row(found.weight, i)
@@ -152,11 +152,11 @@ def _gained_m(listed: CandidateList, found: Candidates, before: Where, i: int) -
 
 
 @kernel
-def _note_candidate(found: Candidates, working: WorkingSet, listed: CandidateList, tools: ToolGeometry, i: int) -> None:
+def _rate_candidate(found: Candidates, working: WorkingSet, listed: CandidateList, tools: ToolGeometry, i: int) -> None:
     t, corner = found.triangle[i], listed.clusters.triangles
     put_row(working.at_rest, i, place_at_rest(working.rest, corner, t, row(found.weight, i)))
-    working.clear_m[i] = found.gap_m[i] + room_in_jaws(tools, found.piece[i], found.s[i], row(found.normal, i))
-    working.key[i] = working.clear_m[i] - (1.0 if _is_member(found, working, i) else 0.0)
+    working.clearance_m[i] = found.gap_m[i] + overlap_in_jaws(tools, found.piece[i], found.s[i], row(found.normal, i))
+    working.key[i] = working.clearance_m[i] - (1.0 if _is_member(found, working, i) else 0.0)
 
 
 @kernel
@@ -171,12 +171,12 @@ def place_at_rest(rest: FloatArray, corner: IntArray, t: int, w: Vector) -> Vect
 
 
 @kernel
-def _is_known(found: Candidates, working: WorkingSet, i: int) -> bool:
+def _is_duplicate(found: Candidates, working: WorkingSet, i: int) -> bool:
     """Return whether a chosen candidate stands for this one."""
-    near = working.apart_m[found.piece[i]]
+    near = working.merge_m[found.piece[i]]
     if _is_member(found, working, i):
-        near = 2.0 * ONE_POINT * near
-    elif working.clear_m[i] <= TOUCHING_M:
+        near = 2.0 * SAME_POINT * near
+    elif working.clearance_m[i] <= TOUCHING_M:
         near *= TOUCHING_SHARE
     return has_chosen_near(found, working, i, near)
 
@@ -245,7 +245,7 @@ def renew(working: WorkingSet, p: int, t: int) -> None:
 
 
 @kernel
-def keep_place(working: WorkingSet, p: int, t: int, w: Vector) -> None:
+def store_pressed(working: WorkingSet, p: int, t: int, w: Vector) -> None:
     """Keep the place of a feature that pressed beside its closest pair, for the next step."""
     if working.n_pressed < working.pressed.shape[0]:
         working.pressed[working.n_pressed, 0], working.pressed[working.n_pressed, 1] = p, t

@@ -42,7 +42,7 @@ def append_row(rows: ContactRows, law: int, identity: int) -> int:
     rows.tool[row], rows.stone[row] = NO_TOOL, NO_STONE
     rows.duct_weight[row] = 0.0
     rows.rod_weight[row] = 0.0
-    rows.gap_m[row] = rows.pad_m[row] = 0.0
+    rows.gap_m[row] = rows.rest_offset_m[row] = 0.0
     rows.slip_m[row] = 0.0
     rows.friction[row] = 0.0
     put_under_law(rows, row, law)

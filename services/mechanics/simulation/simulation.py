@@ -18,7 +18,7 @@ from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
 from services.mechanics.bodies.lumen import MovingLumen
 from services.mechanics.bodies.wire_drive import build_wire_drive
 from services.mechanics.collision.pairs import ContactPairs
-from services.mechanics.contact.engagement import take_pads
+from services.mechanics.contact.engagement import set_rest_offsets
 from services.mechanics.contact.local_stiffness import LocalStiffness
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.search import ContactSearch
@@ -308,12 +308,12 @@ class Simulation:
         search.begin(self._moving, system.geometry.address)
         search.tool_pairs(self.catheter, self.tools, found)
         search.catheter_pairs(catheter_pairs)
-        if self.tools.have_come:
+        if self.tools.have_appeared:
             search.engage(found, system.geometry.address)
         wanted = self._grasp(tools, found) if tools.holds is None else tools.holds
         self.holds.follow(wanted if self.drive is None else [*wanted, *self.drive.holds()])
         if self.holds.took_up:
-            take_pads(found.address, system.geometry.address, tools.holds is not None)
+            set_rest_offsets(found.address, system.geometry.address, tools.holds is not None)
         for effect in self._stages["add_pairs"]:
             effect.add_pairs(self.world, dt_s)
         system.append(found)
@@ -327,7 +327,7 @@ class Simulation:
         held: list[GraspHold] = []
         for grasp in self.grasps:
             tool = grasp.tool
-            if self.tools.present[tool] and not self.tools.waiting[tool]:
+            if self.tools.present[tool] and not self.tools.disengaged[tool]:
                 jaws = JawState(float(self.tools.proxy[tool, 3]), float(tools.jaw_angle_rad[tool]))
                 held += grasp.update(pairs, jaws)
             else:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from services.mechanics.bodies.forceps.kinematics import N_CELLS
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, JAW_A, JAW_B, NO_TOOL, SHAFT, ContactPairs
-from services.mechanics.contact.clearance import room_in_jaws, surface_of
+from services.mechanics.contact.clearance import jaw_surface, overlap_in_jaws
 from services.mechanics.contact.working_set import TOUCHING_M
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
@@ -115,7 +115,7 @@ def test_beside_the_line_in_which_jaws_are_nearest_there_is_more_room(simulation
     """By walking along the normal from the jaw to the plane midway between the jaws."""
     tools, thickness_m = simulation.system.geometry.tools, small_scene.duct.thickness_m
     tools.frame[0] = np.eye(3)
-    tools.thinned[0] = 0.5 * thickness_m - 0.25 * apart_m
+    tools.indentation[0] = 0.5 * thickness_m - 0.25 * apart_m
     radius_m = tools.radius[0, JAW_A]
     for angle in (0.0, 0.2, 0.5):
         normal = np.array([np.cos(angle), np.sin(angle), 0.0])
@@ -123,27 +123,27 @@ def test_beside_the_line_in_which_jaws_are_nearest_there_is_more_room(simulation
         x_m = (radius_m + walk_m) * normal[0]
         half_layer_m = 0.5 * walk_m[np.searchsorted(x_m, radius_m + 0.5 * apart_m)]
         expected_m = max(0.5 * thickness_m - half_layer_m, 0.0)
-        assert room_in_jaws(tools, JAW_A, 0.5, tuple(normal)) == pytest.approx(expected_m, abs=1e-8)
+        assert overlap_in_jaws(tools, JAW_A, 0.5, tuple(normal)) == pytest.approx(expected_m, abs=1e-8)
 
 
 def test_between_jaws_there_is_as_much_room_as_they_have_squeezed_away(simulation):
     """Only towards each other, and cell by cell along them."""
     tools = simulation.system.geometry.tools
     tools.frame[0] = np.eye(3)  # they open along x
-    tools.thinned[0] = 1e-4 * np.arange(N_CELLS)
+    tools.indentation[0] = 1e-4 * np.arange(N_CELLS)
     opening = np.array([1.0, 0.0, 0.0])
     between = {JAW_A: tuple(opening), JAW_B: tuple(-opening)}
     for jaw, normal in between.items():
         away = tuple(-np.array(normal))
         for cell in range(N_CELLS):
             s = (cell + 0.5) / N_CELLS
-            assert room_in_jaws(tools, jaw, s, normal) == pytest.approx(1e-4 * cell)
-            assert room_in_jaws(tools, jaw, s, away) == 0.0
-        assert room_in_jaws(tools, jaw, 1.0 / N_CELLS, normal) == pytest.approx(0.5e-4)
-    assert room_in_jaws(tools, SHAFT, 0.5, between[JAW_A]) == 0.0
-    assert room_in_jaws(tools, 3 + JAW_A, 0.5, between[JAW_A]) == 0.0, "of the other tool"
-    tools.held[0, DUCT_TRIANGLE], tools.pad[0] = True, 0.2e-3
-    assert room_in_jaws(tools, JAW_A, 0.0, tuple(-opening)) == pytest.approx(0.2e-3)
+            assert overlap_in_jaws(tools, jaw, s, normal) == pytest.approx(1e-4 * cell)
+            assert overlap_in_jaws(tools, jaw, s, away) == 0.0
+        assert overlap_in_jaws(tools, jaw, 1.0 / N_CELLS, normal) == pytest.approx(0.5e-4)
+    assert overlap_in_jaws(tools, SHAFT, 0.5, between[JAW_A]) == 0.0
+    assert overlap_in_jaws(tools, 3 + JAW_A, 0.5, between[JAW_A]) == 0.0, "of the other tool"
+    tools.held[0, DUCT_TRIANGLE], tools.rest_offset[0] = True, 0.2e-3
+    assert overlap_in_jaws(tools, JAW_A, 0.0, tuple(-opening)) == pytest.approx(0.2e-3)
 
 
 def test_a_catheter_whose_axis_pierces_the_wall_is_not_sound(simulation):
@@ -167,7 +167,10 @@ def test_rows_of_a_film_are_seen_whoever_is_prepared_first(small_scene, small_du
     height_m = off_m - 0.5 * catheter.outer_diameter_m
     catheter = replace(catheter, tip_position_m=(10e-3, -height_m * np.sin(np.pi / 12), -height_m * np.cos(np.pi / 12)))
     simulation = Simulation(replace(small_scene, catheter=catheter), small_duct)
-    steps = [lambda: simulation.search.see_ahead(0.4e-3), lambda: simulation.world.add_spheres(np.array([1e-3]))]
+    steps = [
+        lambda: simulation.search.see_ahead(0.4e-3),
+        lambda: simulation.world.add_spheres(np.array([1e-3])),
+    ]
     for step in steps if film_first else reversed(steps):
         step()
     pairs = ContactPairs.allocate(256)
@@ -183,22 +186,22 @@ def test_the_normal_of_the_surface_of_jaws_is_the_gradient_of_the_clearance(simu
     """By moving the wall's point a little: along the piece's own normal the clearance grows more slowly, or faster."""
     tools = simulation.system.geometry.tools
     tools.frame[0], tools.segments[0, JAW_A] = np.eye(3), [[0.0, 0.0, 0.0], [0.0, 0.0, 10e-3]]
-    tools.thinned[0] = 0.4e-3 * np.linspace(1.0, 0.9, N_CELLS)
+    tools.indentation[0] = 0.4e-3 * np.linspace(1.0, 0.9, N_CELLS)
     reach_m = tools.radius[0, JAW_A] + 0.5 * small_scene.duct.thickness_m
 
     def clearance_m(point_m):
         away_m = np.array([0.0, 0.0, point_m[2]]) - point_m
         distance_m = np.linalg.norm(away_m)
-        room = room_in_jaws(tools, JAW_A, float(point_m[2] / 10e-3), tuple(away_m / distance_m))
+        room = overlap_in_jaws(tools, JAW_A, float(point_m[2] / 10e-3), tuple(away_m / distance_m))
         return distance_m - reach_m + room
 
     radial = np.array([np.cos(angle), np.sin(angle), 0.0])
-    room = room_in_jaws(tools, JAW_A, 0.52, tuple(radial))
+    room = overlap_in_jaws(tools, JAW_A, 0.52, tuple(radial))
     at_m = np.array([0.0, 0.0, 5.2e-3]) - (reach_m - room) * radial
     assert room > 0.0
     assert clearance_m(at_m) == pytest.approx(0.0, abs=1e-12)
     gradient = [(clearance_m(at_m - way) - clearance_m(at_m + way)) / 2e-8 for way in 1e-8 * np.eye(3)]
     size = np.linalg.norm(gradient)
-    _, pad_m, _, normal = surface_of(tools, JAW_A, 0.52, tuple(radial))
+    _, rest_offset_m, _, normal = jaw_surface(tools, JAW_A, 0.52, tuple(radial))
     assert np.array(normal) == pytest.approx(gradient / size, abs=1e-5)
-    assert pad_m == pytest.approx(reach_m - (reach_m - room) / size, abs=1e-9)
+    assert rest_offset_m == pytest.approx(reach_m - (reach_m - room) / size, abs=1e-9)

@@ -7,7 +7,15 @@ import pytest
 from scipy.integrate import quad
 
 from services.mechanics.bodies.forceps.kinematics import N_CELLS
-from services.mechanics.contact.solid_wall import SolidWall, apart_m, cell_m, resist, stored, write_thinned, yields_to
+from services.mechanics.contact.solid_wall import (
+    SolidWall,
+    apart_m,
+    cell_m,
+    resist,
+    stored,
+    write_indentation,
+    yields_to,
+)
 
 TOOL = 1
 MODULUS, LAYERS, RADIUS, LENGTH = 3e5, 2e-3, 1e-3, 15e-3
@@ -69,14 +77,14 @@ def test_nothing_is_squeezed_to_nothing(wall):
 def test_a_layer_has_half_of_the_room_between_jaws_that_squeeze_it_and_its_ridge_has_no_more(wall):
     """Its middle is in the middle of its half, from the hinge to the tips; it goes from there as the jaws open."""
     wall.occupied[TOOL, 10:] = 0.8
-    (thinned, slope), cells = np.zeros((2, N_CELLS)), range(N_CELLS)
+    (indentation, slope), cells = np.zeros((2, N_CELLS)), range(N_CELLS)
     arms_m = np.array([cell_m(wall, TOOL, cell) for cell in cells])
     for opening in openings(wall):
         start_m, end_m = (
             np.array([apart_m(wall, TOOL, cell, at) for cell in cells]) for at in (opening, opening + 1e-4)
         )
-        write_thinned(wall, TOOL, (opening, opening + 1e-4), thinned, slope)
-        np.testing.assert_allclose(thinned, 0.8 * 0.25 * (LAYERS - np.clip(start_m, 0.0, LAYERS)), atol=1e-15)
+        write_indentation(wall, TOOL, (opening, opening + 1e-4), indentation, slope)
+        np.testing.assert_allclose(indentation, 0.8 * 0.25 * (LAYERS - np.clip(start_m, 0.0, LAYERS)), atol=1e-15)
         has_room, is_free = (start_m > 0.0) & (end_m < LAYERS), (end_m < 0.0) | (start_m > LAYERS)
         np.testing.assert_allclose(slope[has_room], -0.2 * (arms_m * np.cos(0.5 * opening))[has_room], rtol=1e-4)
         assert not slope[is_free].any()
@@ -84,9 +92,9 @@ def test_a_layer_has_half_of_the_room_between_jaws_that_squeeze_it_and_its_ridge
 
 def test_jaws_that_squeeze_nothing_leave_a_wall_as_thick_as_it_is(wall):
     wall.occupied[TOOL] = 0.0
-    thinned, slope = np.ones((2, N_CELLS))
-    write_thinned(wall, TOOL, (0.2, 0.25), thinned, slope)
-    assert not thinned.any()
+    indentation, slope = np.ones((2, N_CELLS))
+    write_indentation(wall, TOOL, (0.2, 0.25), indentation, slope)
+    assert not indentation.any()
     assert not slope.any()
 
 

@@ -14,8 +14,8 @@ from services.mechanics.contact.working_set import (
     LIFE_STEPS,
     MOST_CHOSEN,
     N_TOOL_PIECES,
-    ONE_POINT,
     SAME_NORMAL,
+    SAME_POINT,
     TOUCHING_M,
     TOUCHING_SHARE,
     age,
@@ -34,7 +34,7 @@ THICKNESS_M = np.linspace(1e-3, 3e-3, N_PIECES)
 
 def tools_alone():
     """Return the geometry of two tools with jaws that open along z, and squeeze nothing."""
-    tools = ToolGeometry.zeros(layer=WALL_M)
+    tools = ToolGeometry.zeros(wall_thickness=WALL_M)
     tools.present[:], tools.radius[:], tools.segments[:, :, 1, 0] = True, 1e-3, 10e-3
     tools.frame[:] = np.eye(3)[[2, 1, 0]]
     rod = RodGeometry.zeros(n=2)
@@ -52,7 +52,7 @@ class Chooser:
         self.before, self.ahead_m = (self.list.ends.copy(), MESH.vertices_m.copy()), np.full(N_PIECES, np.inf)
         self.geometry = tools_alone()
         self.set = new_working_set(MESH.vertices_m, N_PIECES, len(MESH.triangles), 512)
-        self.set.apart_m[:] = merge_distance_m(THICKNESS_M, WALL_M)
+        self.set.merge_m[:] = merge_distance_m(THICKNESS_M, WALL_M)
 
     def choose(self, candidates):
         """Return which of the candidates, (piece, triangle, weights, normal, gap) each, are chosen, nearest first."""
@@ -101,9 +101,9 @@ def test_who_is_left_out_is_stood_for_by_one_nearby_that_is_nearer(seed, n, n_me
     assert [rank[k] for k in chosen] == sorted(rank[k] for k in chosen)
 
     def merge_m(k):
-        apart_m = chooser.set.apart_m[candidates[k][0]]
+        apart_m = chooser.set.merge_m[candidates[k][0]]
         if is_member[k]:
-            return 2.0 * ONE_POINT * apart_m
+            return 2.0 * SAME_POINT * apart_m
         return apart_m * (TOUCHING_SHARE if candidates[k][4] <= TOUCHING_M else 1.0)
 
     def stands_for(one, k):
@@ -202,5 +202,5 @@ def test_what_a_waiting_tool_is_in_takes_no_room_from_others():
     others = [(7, t, w, normal, gap_m) for _, t, w, normal, gap_m in random_candidates(rng, 8)]
     of_tool = [(1, t, w, normal, -1e-3) for _, t, w, normal, _ in random_candidates(rng, 30)]
     alone = Chooser().choose(others)
-    chooser.geometry.tools.waiting[0] = True
+    chooser.geometry.tools.disengaged[0] = True
     assert chooser.choose(others + of_tool) == alone

@@ -140,7 +140,7 @@ def overlaps_m(simulation):
     """How deep a tool is in the wall, which is as thick as its jaws have left it, by the places that touch."""
     rows = simulation.contacts
     touching = [row for row in range(rows.n_contacts) if rows.tool[row] == TOOL and HAS_GAP[rows.law[row]]]
-    return {int(rows.identity[row]): -rows.gap_m[row] - rows.pad_m[row] for row in touching}
+    return {int(rows.identity[row]): -rows.gap_m[row] - rows.rest_offset_m[row] for row in touching}
 
 
 @pytest.mark.parametrize("squeeze", by_day(["shut near the mouth"], ["shut at the middle"]))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL
 from services.mechanics.contact.identity import target_kind_of, target_of
-from services.mechanics.contact.price import MOST_NEW_ROWS, ONE_VIOLATION, piece_of
+from services.mechanics.contact.price import MOST_NEW_ROWS, VIOLATION_SPACING, piece_of
 from services.mechanics.contact.working_set import N_TOOL_PIECES
 from services.mechanics.scene import QualityLevel
 from services.mechanics.scene.tools import ToolInputs
@@ -45,7 +45,7 @@ class PriceJudge:
             if gap_m < -tolerance_m - SLACK_M and (p, t) not in known:
                 beside = points[[self._is_one_body(p, q) for q, _ in written]]
                 squares = [point_triangle(tuple(point), *map(tuple, corners[t])) for point in beside]
-                near_m = ONE_VIOLATION * thickness_m[p] * max(1.5, *(self._stretch(corners, q) for _, q in written))
+                near_m = VIOLATION_SPACING * thickness_m[p] * max(1.5, *(self._stretch(corners, q) for _, q in written))
                 assert min(squares, default=np.inf) < near_m**2, (
                     f"piece {p} ends {-1e6 * gap_m:.0f} um deep in triangle {t} and has no row"
                 )
@@ -55,7 +55,7 @@ class PriceJudge:
         """Return ends of pieces (p, 2, 3) with zero thickness where none is, and corners of triangles (m, 3, 3)."""
         simulation = self._simulation
         tools, line = simulation.tools, simulation.catheter.state.position_m
-        radius_m = np.where((tools.present & ~tools.waiting)[:, None], tools.radius_m, 0.0)
+        radius_m = np.where((tools.present & ~tools.disengaged)[:, None], tools.radius_m, 0.0)
         thickness_m = np.concatenate([radius_m.ravel(), np.full(len(line) - 1, simulation.catheter.radius_m)])
         thickness_m[thickness_m > 0.0] += 0.5 * simulation.scene.duct.thickness_m
         ends = np.concatenate([tools.segments.reshape(-1, 2, 3), np.stack([line[:-1], line[1:]], axis=1)])

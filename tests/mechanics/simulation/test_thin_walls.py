@@ -66,7 +66,7 @@ def test_a_tool_that_comes_back_half_a_thin_wall_deep_goes_on_waiting(cache_dir,
     simulation = thin(cache_dir)[1]
     tools, found = simulation.tools, Candidates.zeros(c=50)
     found.piece[:], found.gap_m[49], found.count = N_SEGMENTS + JAW_A, -depth_m, 50
-    tools.present[:] = tools.waiting[:] = True
+    tools.present[:] = tools.disengaged[:] = True
     no_pairs = ContactPairs.allocate(1)
     engage_tools(found.address, no_pairs.address, simulation.system.geometry.address)
-    assert tools.waiting.tolist() == [False, waits]
+    assert tools.disengaged.tolist() == [False, waits]

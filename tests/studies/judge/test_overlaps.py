@@ -72,7 +72,7 @@ def test_jaws_that_leave_the_wall_half_its_room_have_squeezed_the_rest_away(
 ) -> None:
     tools, poses = simulation.tools, simulation.tools.segments.copy()
     monkeypatch.setattr("studies.judge.overlaps.pose_tools", lambda _, out: out.__setitem__(slice(None), poses))
-    tools.present[:], tools.waiting[:] = (False, True), False
+    tools.present[:], tools.disengaged[:] = (False, True), False
     top_m, radius_m = RADIUS_M, float(tools.radius_m[1, 1])
     for jaw, side in ((1, 1.0), (2, -1.0)):
         away_m = radius_m + 0.5 * HALF_WALL_M

@@ -153,7 +153,7 @@ def test_what_jaws_have_squeezed_away_is_no_overlap():
     rows = simulation.contacts
     n = rows.n_contacts
     in_jaws = (rows.tool[:n] == 1) & np.array(HAS_GAP)[rows.law[:n]]
-    assert (rows.pad_m[:n] * in_jaws).max() > 0.1e-3
+    assert (rows.rest_offset_m[:n] * in_jaws).max() > 0.1e-3
     found = Watch(simulation, 0.1)
     found.end(1e-3)
     for _ in range(10):

@@ -22,7 +22,7 @@ MOST_TURNED_RAD = 1e3
 # Stiffness of the opening of a tool without jaws, which nothing loads: any number but zero.
 NO_JAWS_NM_RAD = 1.0
 # Flags of a tool in a step: it lags behind its hand; it has vanished since the last step; it has appeared and waits.
-BEHIND, LEFT, CAME = 1, 2, 4
+LAGGING, VANISHED, APPEARED = 1, 2, 4
 
 
 class ToolArrays(Struct):
@@ -35,7 +35,7 @@ class ToolArrays(Struct):
     stiffness: Annotated[FloatArray, N_TOOLS, N_COORDINATES]  # of the couplings
     damping: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
     present: Annotated[BoolArray, N_TOOLS]
-    waiting: Annotated[BoolArray, N_TOOLS]
+    disengaged: Annotated[BoolArray, N_TOOLS]
     unsound_s: Annotated[FloatArray, N_TOOLS]  # how long the input of each tool has been invalid
     roll: Annotated[FloatArray, N_TOOLS]  # at the end of the step
     rolled: Annotated[FloatArray, N_TOOLS]  # over the step
@@ -71,10 +71,10 @@ class ToolBody:
         motion: (2, 4) float64. From the start of the step to ``free``.
         rolled_rad: (2,) float64. Roll over the step; it follows the hand, as nothing resists it.
         held: (2, 2) bool. Whether the jaws of each tool hold wall (`DUCT_TRIANGLE`) or catheter (`CATHETER_SEGMENT`).
-        pad_m: (2, 2) float64. Depth of the held wall or catheter in the jaws below which they do not push it, see
-            `contact.engagement`.
-        thinned_m: (2, N_CELLS) float64. Thinning of a squeezed wall, from its middle to a jaw, by cells along the jaws.
-        thinning_m_rad: (2, N_CELLS) float64. Change of that per radian of opening in this step, negative.
+        rest_offset_m: (2, 2) float64. Depth of the held wall or catheter in the jaws up to which they do not push it,
+            see `contact.engagement`.
+        indentation_m: (2, N_CELLS) float64. Loss of a squeezed wall's half thickness, by cells along the jaws.
+        indentation_slope_m_rad: (2, N_CELLS) float64. Change of that per radian of opening in this step, negative.
         jaw_stop_rad: (2,) float64. Opening below which a held catheter resists the jaws; -inf without one.
         stop_arm_m: (2,) float64. Distance of that catheter from the hinge, along the shaft.
         frame: (2, 3, 3) float64. Rows b, h, d of each tool.
@@ -84,7 +84,7 @@ class ToolBody:
         compliance: (2, 4) float64. Motion of the proxy at the end of the step per force (m/N) and per torque (rad/(N
             m)).
         present: (2,) bool. Tools that are present; the others have no contact.
-        waiting: (2,) bool. Tools that have appeared and have no contact until they overlap nothing; see
+        disengaged: (2,) bool. Tools that have appeared and have no contact until they overlap nothing; see
             `contact.engagement`.
     """
 
@@ -97,8 +97,8 @@ class ToolBody:
         jaws = [f.jaws for f in forceps]
         self.radius_m = np.array([[f.body_radius_m] + [f.jaws.jaw_radius_m if f.jaws else 0.0] * 2 for f in forceps])
         self.held = np.zeros((N_TOOLS, 2), np.bool_)
-        self.pad_m = np.zeros((N_TOOLS, 2))
-        self.thinned_m, self.thinning_m_rad = np.zeros((2, N_TOOLS, N_CELLS))
+        self.rest_offset_m = np.zeros((N_TOOLS, 2))
+        self.indentation_m, self.indentation_slope_m_rad = np.zeros((2, N_TOOLS, N_CELLS))
         self._arrays = a = ToolArrays.zeros(jaw_stop=np.full(N_TOOLS, -np.inf))
         self.address = a.address
         self._flags = 0
@@ -110,7 +110,7 @@ class ToolBody:
         a.damping[:, :3] = [[f.coupling_damping_n_s_m] for f in forceps]
         a.stiffness[:, 3] = [j.jaw_stiffness_nm_rad if j else NO_JAWS_NM_RAD for j in jaws]
         a.damping[:, 3] = [j.jaw_damping_nm_s_rad if j else 0.0 for j in jaws]
-        self.port_m, self.present, self.waiting = a.port, a.present, a.waiting
+        self.port_m, self.present, self.disengaged = a.port, a.present, a.disengaged
         self.roll_rad, self.rolled_rad = a.roll, a.rolled
         self.stiffness, self.damping, self.compliance = a.stiffness, a.damping, a.compliance
         self.hand, self.stretch, self.proxy, self.free, self.motion = a.hand, a.stretch, a.proxy, a.free, a.motion
@@ -123,19 +123,19 @@ class ToolBody:
         return self._arrays.refused
 
     @property
-    def is_behind(self) -> bool:
+    def is_lagging(self) -> bool:
         """Whether a tool has not reached the commanded pose because that is too far for one step."""
-        return bool(self._flags & BEHIND)
+        return bool(self._flags & LAGGING)
 
     @property
-    def have_left(self) -> bool:
+    def have_vanished(self) -> bool:
         """Whether a tool that was present in the last step is absent now."""
-        return bool(self._flags & LEFT)
+        return bool(self._flags & VANISHED)
 
     @property
-    def have_come(self) -> bool:
+    def have_appeared(self) -> bool:
         """Whether a tool is present and waits."""
-        return bool(self._flags & CAME)
+        return bool(self._flags & APPEARED)
 
     def predict(self, inputs: ToolInputs, dt_s: float) -> None:
         """Move the hands and compute the proxies' motion without contact; poses remain those of the start.
@@ -158,7 +158,7 @@ class ToolBody:
 
     def step_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays that a step changes, from `predict` on, and that holds write into."""
-        return *self._arrays.own_memory(), self.held, self.pad_m
+        return *self._arrays.own_memory(), self.held, self.rest_offset_m
 
     def corrected_arrays(self) -> tuple[FloatArray, ...]:
         """Return the live arrays that `correct` and `update_pose` change."""
@@ -186,7 +186,7 @@ def predict_proxies(
 ) -> int:
     """Follow the hands' positions (2, 3), openings (2,) and rolls (2,); see `ToolBody.predict`.
 
-    Return the union of the flags `BEHIND`, `LEFT` and `CAME` of both tools.
+    Return the union of the flags `LAGGING`, `VANISHED` and `APPEARED` of both tools.
     """
     tools = tools_at(address)
     flags = 0
@@ -194,7 +194,7 @@ def predict_proxies(
         is_there, roll_before = present[tool], tools.roll[tool]
         if _is_sound(position[tool], tools.port[tool], opening[tool], roll[tool]):
             if _move_hand(tools, tool, (position[tool], opening[tool], roll[tool]), is_there, dt_s):
-                flags |= BEHIND
+                flags |= LAGGING
             tools.unsound_s[tool] = 0.0
         elif is_there:
             tools.refused += 1
@@ -204,12 +204,12 @@ def predict_proxies(
             for axis in range(tools.hand.shape[1]):
                 tools.stretch[tool, axis], tools.start[tool, axis] = 0.0, tools.hand[tool, axis]
                 tools.proxy[tool, axis] = tools.hand[tool, axis]
-            tools.waiting[tool] = True
+            tools.disengaged[tool] = True
         tools.rolled[tool] = tools.roll[tool] - roll_before if is_there and tools.present[tool] else 0.0
         if tools.present[tool] and not is_there:
-            flags |= LEFT
-        if is_there and tools.waiting[tool]:
-            flags |= CAME
+            flags |= VANISHED
+        if is_there and tools.disengaged[tool]:
+            flags |= APPEARED
         tools.present[tool] = is_there
         for axis in range(tools.hand.shape[1]):
             rate = tools.damping[tool, axis] / dt_s
@@ -237,10 +237,10 @@ def _move_hand(
     for axis in range(hand.shape[0]):
         tools.start[tool, axis] = hand[axis]
     tools.roll[tool] = sweep(tools.port[tool], pose, target, sizes, hand)
-    is_behind = tools.roll[tool] != target[2] or hand[3] != target[1]
+    is_lagging = tools.roll[tool] != target[2] or hand[3] != target[1]
     for axis in range(3):
-        is_behind = is_behind or hand[axis] != target[0][axis]
-    return bool(is_there and is_behind)
+        is_lagging = is_lagging or hand[axis] != target[0][axis]
+    return bool(is_there and is_lagging)
 
 
 @kernel

@@ -93,7 +93,7 @@ def _push(rows: ContactRows, row: int, motion: Vector, gains: PenaltyGains) -> N
     order feeds energy in at any stiffness. The damper of a particle is at most what halves its speed in a step. What
     pulls does so at any gap.
     """
-    force, gap = rows.force_n[row], rows.gap_m[row] + rows.pad_m[row] + 0.5 * motion[0]
+    force, gap = rows.force_n[row], rows.gap_m[row] + rows.rest_offset_m[row] + 0.5 * motion[0]
     damping = gains.damping_n_s_m
     if _is_of_rod(rows, row):
         damping = min(damping, 0.5 * gains.lightest_kg / gains.dt_s)

@@ -83,5 +83,5 @@ def test_it_is_said_while_a_tool_is_behind_its_hand():
     for jump_m in (0.0, 1.2e-3, 0.0, 0.0, 0.0):
         inputs.position_m[1, 2] += jump_m
         tools.predict(inputs, 1e-3)
-        behind.append(tools.is_behind)
+        behind.append(tools.is_lagging)
     assert behind == [False, True, True, False, False]
