@@ -7,6 +7,7 @@ import math
 import os
 import signal
 import time
+from pathlib import Path
 
 from services.gateway.servo_law import MAX_STEP_S
 from services.runtime.config import load_rig
@@ -52,6 +53,12 @@ def force_rates_n_s(samples: list[Sample]) -> list[float]:
         for a, b in itertools.pairwise(samples)
         if b.incarnation == a.incarnation and b.tick == a.tick + 1
     ]
+
+
+def drives_of(gateway: int) -> list[int]:
+    """Return the processes of a gateway's emulated drives: one, or none."""
+    children = Path(f"/proc/{gateway}/task/{gateway}/children").read_text().split()
+    return [int(pid) for pid in children if b"drive_process" in Path(f"/proc/{pid}/cmdline").read_bytes()]
 
 
 def strike(rig: Rig, name: str, number: signal.Signals) -> None:

@@ -133,7 +133,7 @@ class OdriveGrasp(GraspHandle, ABC):
             self._set_up(link)
             link.send(cansimple.SET_AXIS_STATE, cansimple.pack_word(AxisState.CLOSED_LOOP))
         except can.CanError as error:
-            self.fault = f"CAN: {error}"
+            self.fault = f"the grasp drive (node {self.node}): CAN: {error}"
         self._arming_until_ns = self._clock.monotonic_ns() + round(_ARM_TIMEOUT_S * 1e9)
 
     def clear_fault(self) -> None:
@@ -142,7 +142,7 @@ class OdriveGrasp(GraspHandle, ABC):
         link = self._link
         if link is None or self._opening is not None:
             return
-        if self.reopens and self._is_silent(link, self._clock.monotonic_ns()):
+        if self.reopens and (not self.may_come() or self._is_silent(link, self._clock.monotonic_ns())):
             self._opening = BackgroundOpen(partial(self._reopen, link.bus))
         elif self._wanted:
             self._arm(link)
@@ -236,7 +236,7 @@ class OdriveGrasp(GraspHandle, ABC):
         try:
             self._link.send_torque(turn_nm if self.file.opens_with_positive_motor else -turn_nm)
         except can.CanError as error:
-            self.ready, self.fault = False, f"CAN: {error}"
+            self.ready, self.fault = False, f"the grasp drive (node {self.node}): CAN: {error}"
 
     def close(self) -> None:
         """Set zero torque and idle state, and close the bus."""
@@ -250,7 +250,7 @@ class OdriveGrasp(GraspHandle, ABC):
             link.send_torque(0.0)
             link.send(cansimple.SET_AXIS_STATE, cansimple.pack_word(AxisState.IDLE))
         except can.CanError as error:
-            self.fault = f"CAN: {error}"  # the drive's watchdog disarms it
+            self.fault = f"the grasp drive (node {self.node}): CAN: {error}"  # the drive's watchdog disarms it
         finally:
             with contextlib.suppress(can.CanError):  # an unplugged adapter cannot even be closed
                 link.bus.shutdown()

@@ -13,6 +13,7 @@ from services.runtime.flight import flight_directory
 from tests.other_user import as_other_user, needs_other_user
 from tests.patience import PATIENCE_S
 from tests.rig.conftest import Rig
+from tests.rig.faults import drives_of
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(600), needs_other_user]
 
@@ -77,7 +78,7 @@ def test_nothing_of_a_running_rig_is_to_be_had_by_another_user(rig: Rig) -> None
 
 def _assert_that_the_can_bus_is_nobody_elses(gateway: int) -> None:
     """Frames to the emulated drives travel between sockets without a name: there is nothing to send to or to bind."""
-    (drives,) = [pid for pid in _children(gateway) if b"drive_process" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+    (drives,) = drives_of(gateway)
     links = [os.readlink(each) for each in Path(f"/proc/{drives}/fd").iterdir()]
     inodes = {found[1] for link in links if (found := re.fullmatch(r"socket:\[(\d+)\]", link))}
     assert len(inodes) >= 3, "the gateway's orders, and a bus a drive"

@@ -6,15 +6,20 @@ in `tests.proofs.faults`.
 
 from __future__ import annotations
 
+import os
+import re
 import signal
 
 import pytest
 
+from protocol.bodies import GatewayState
+from services.cli.arm import page_address, run_command, state_at
 from services.cli.attempt import run_order
+from services.runtime.config import load_rig
 from tests.obeyed import until_obeyed
 from tests.patience import PATIENCE_S
 from tests.rig.conftest import Rig
-from tests.rig.faults import FAULTS, engage, force_n, force_rates_n_s, rate_limit_n_s, strike
+from tests.rig.faults import FAULTS, drives_of, engage, force_n, force_rates_n_s, rate_limit_n_s, strike
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(600)]
 
@@ -64,3 +69,36 @@ def test_an_attempt_begins_again_stands_and_goes_on_with_limp_arms_and_without_a
 )
 def test_a_process_that_dies_or_hangs(rig: Rig, name: str, number: signal.Signals) -> None:
     strike(rig, name, number)
+
+
+def test_dead_drives_stand_in_the_history_and_arming_the_rig_at_once_brings_them_back(rig: Rig) -> None:
+    """They are the gateway's own, not the supervisor's: nobody restarts them unasked, and force goes on."""
+    observer, overrides = rig.observer, (f"transport.directory={rig.directory / 'bus'}",)
+    address = page_address(load_rig("stub", overrides))
+    engage(rig)
+    before, killed_s = observer.pids(), state_at(address)["t"]
+    (dead,) = drives_of(before["gateway"])
+    os.kill(dead, signal.SIGKILL)
+    gone = r"the grasp drive \(node {}\): CAN: the emulated drive does not listen.*"
+    sentence = re.compile("gateway: .*left: " + gone.format(1) + "right: " + gone.format(2))
+
+    def is_told() -> bool:
+        events = state_at(address)["events"]
+        return any(each["t"] >= killed_s and sentence.match(each["text"]) for each in events)
+
+    observer.until(is_told, PATIENCE_S, "both drives in the history")
+    assert not drives_of(before["gateway"])
+    assert observer.pids() == before
+    until_obeyed(lambda: run_command("arm", "stub", overrides, None, None))
+    devices = observer.devices = []
+    try:
+        observer.until(lambda: len(devices) > 100 and _are_well(devices[-100:]), PATIENCE_S, "handles without a fault")
+    finally:
+        observer.devices = None
+    assert drives_of(before["gateway"])
+    engage(rig)
+    assert observer.pids() == before
+
+
+def _are_well(devices: list[GatewayState]) -> bool:
+    return not any(each.fault for state in devices for each in state.instruments)
