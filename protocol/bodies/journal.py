@@ -16,8 +16,8 @@ class Journal(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     """Processed ticks, in runs with equal facts.
 
     Facts of haptics: by how many ticks the newest known state of physics was older than the device frame, -1 for none;
-    1 if it was fresh; 0. Facts of physics: ticks that the simulation was to go on by; rung of the quality ladder; how
-    often it had begun anew.
+    1 if it was fresh; the frame's sequence less its tick, as a tick at which the rig's time stands has several. Facts
+    of physics: ticks that the simulation was to go on by; rung of the quality ladder; how often it had begun anew.
     """
 
     noted: Annotated[int, Meta(ge=0, description="ticks noted before these, since the process began")]

@@ -50,6 +50,8 @@ class Instrument:
     def warm(self) -> None:
         """Run every kernel of a tick once, with force off, so that none is compiled in a tick."""
         self.read(0)
+        if self.grasp is not None:  # physics would take a handle that nobody has read for shut
+            self.grasp.read(0, self._handle)
         self.servo.step(1, self._motion, 0.0, calibrated=False)
         self.servo.step_grasp(1, self._handle)
         pose.force_to_arm(self.servo.force_n, self._mount, self._arm_force)

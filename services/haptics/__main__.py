@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from protocol import Frame
 from protocol.bodies import ContactModel, GatewayState, PhysicsState, ToolContacts
+from protocol.bodies.haptics import tool_table
 from services.cache_directory import cache_directory
 from services.haptics.grasping import Grasping
 from services.haptics.instruments import InstrumentTable
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 RATE_HZ = 1000.0
 STAGES = ("model", "detect", "send")
+_NO_CONTACTS = ToolContacts(tick=-1, tools=tool_table(()))
 
 
 class Haptics:
@@ -47,7 +49,7 @@ class Haptics:
         self.grasping = Grasping(scene, duct, *tables)
         self._ttl_s = 0.02
         self._solved: PhysicsState | None = None
-        self._published_tick, self.ticks_per_step = 0, 1
+        self._contacts, self.ticks_per_step = _NO_CONTACTS, 1
         self._begins: int | None = None
         self._began_tick = 0
         process.health.counts = self._counts
@@ -65,9 +67,9 @@ class Haptics:
         self._bus.publish("haptics.contact_model", model, origin_ns=frame.origin_ns, valid=known, at_once=True)
         modelled = time.monotonic_ns()
         age = state.tick - self._seen_tick if self._seen_tick >= 0 else -1
-        self._journal.note(state.tick, (age, int(known), 0))
+        self._journal.note(state.tick, (age, int(known), frame.sequence - state.tick))
         self._meter.tick = state.tick
-        is_published = 0 < state.tick - self._published_tick < self.ticks_per_step
+        is_published = 0 < state.tick - self._contacts.tick < self.ticks_per_step
         # The hand has its model. Tools and grasps for physics are due once a step, with its last tick.
         self._meter.periods_allowed = 1 if is_published else self.ticks_per_step
         publish_ns = (0, 0) if is_published else self._publish_contacts(frame, modelled)
@@ -78,22 +80,25 @@ class Haptics:
         if self._begins is not None and state.begins > self._begins:
             self.grasping.begin_again()
             self._solved = None
-            self._began_tick, self._published_tick = state.tick, 0
+            self._began_tick, self._contacts = state.tick, _NO_CONTACTS
         elif state.tick < self._began_tick:  # the gateway has restarted
             self._began_tick = 0
         self._begins = state.begins
 
     def _publish_contacts(self, frame: Frame, began_ns: int) -> tuple[int, int]:
-        """Detect the contacts of closing jaws and send tools and grasps to physics; return both durations, in ns."""
+        """Detect the contacts of closing jaws and send tools and grasps to physics; return both durations, in ns.
+
+        While the rig's time stands, those of its tick are sent again: physics steps once, with any of them.
+        """
         state: GatewayState = frame.body
-        self._published_tick = state.tick
-        if self._solved is not None:
-            self.grasping.update_shapes(self._solved)
-            self._solved = None
-        hands, held = self.grasping.follow(self._instruments.count), self.grasping.update()
+        if state.tick != self._contacts.tick:
+            if self._solved is not None:
+                self.grasping.update_shapes(self._solved)
+                self._solved = None
+            hands, held = self.grasping.follow(self._instruments.count), tuple(map(hold_body, self.grasping.update()))
+            self._contacts = ToolContacts(tick=state.tick, tools=hands, holds=held, begins=state.begins)
         detected = time.monotonic_ns()
-        body = ToolContacts(tick=state.tick, tools=hands, holds=tuple(map(hold_body, held)), begins=state.begins)
-        self._bus.publish("haptics.contacts", body, origin_ns=frame.origin_ns, valid=frame.valid)
+        self._bus.publish("haptics.contacts", self._contacts, origin_ns=frame.origin_ns, valid=frame.valid)
         return detected - began_ns, time.monotonic_ns() - detected
 
     def _take_reactions(self, solved: Frame | None) -> bool:

@@ -93,7 +93,7 @@ def read_inputs(path: Path) -> RecordedInputs:
     for recorded in takewhile(_FirstIncarnation(inputs), read_frames(path, (_DEVICES, *_JOURNALS, *_SOLVED))):
         frame = recorded.frame
         if frame.topic == _DEVICES:
-            devices[frame.body.tick] = frame
+            devices[frame.sequence] = frame
         elif frame.topic == "physics.state":
             inputs.states[frame.body.tick] = frame.body
         elif frame.topic == "haptics.contacts":
@@ -146,17 +146,17 @@ def _intakes(
 ) -> Iterator[Intake]:
     if not devices:
         raise RecordingError(f"{inputs.path}: cannot be run again: {_DEVICES} is not in it")
-    first, last = min(devices), min(max(devices), max(physics), max(haptics))
+    first, last = min(devices), min(devices[max(devices)].body.tick, max(physics), max(haptics))
     for tick in sorted(each for each in haptics if each <= last):
-        frame = devices.get(tick)
-        if frame is None and tick < first:
+        age, is_fresh, ahead = haptics[tick]
+        frame = devices.get(tick + ahead)
+        if frame is None and tick + ahead < first:
             inputs.guessed += not _rests(devices, first)
             body = msgspec.structs.replace(devices[first].body, tick=tick)
             frame = msgspec.structs.replace(devices[first], body=body)
         if frame is None:
             inputs.ended = f"the device frame of tick {tick} is missing"
             return
-        age, is_fresh, _ = haptics[tick]
         ticks, level, _ = physics.get(tick, (0, 0, 0))
         yield Intake(tick, frame, tick - age if age >= 0 else -1, bool(is_fresh), ticks, level)
 

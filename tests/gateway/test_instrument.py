@@ -119,6 +119,12 @@ def test_both_devices_are_opened_and_closed(bench: Bench) -> None:
     assert bench.instrument.state().state == "off"
 
 
+def test_the_first_frame_tells_where_the_handle_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    new = Bench(monkeypatch).instrument
+    new.warm()
+    assert new.state().handle_angle_rad == 0.4
+
+
 def test_force_goes_to_the_arm_in_its_own_frame(bench: Bench) -> None:
     bench.run(20, PUSH)
     np.testing.assert_allclose(bench.arm.written, (1.0, 0.0, 0.0), atol=1e-12)

@@ -1,4 +1,7 @@
-"""A recording of haptics and physics in memory, whose ticks are late and lost by chance, as on a busy host."""
+"""A recording of haptics and physics in memory, whose ticks are late and lost by chance, as on a busy host.
+
+At its start, and later, the rig's time stands for a while, and hands go on.
+"""
 
 from __future__ import annotations
 
@@ -20,6 +23,7 @@ from tests.physics.conftest import PORTS, SMALL, Rig
 LADDER = "quality=[{name: full}, {name: steps of 2 ms, ticks_per_step: 2}]"
 RECORDED = ("gateway.state", "haptics.journal", "physics.journal", "physics.state", "haptics.contacts")
 SEEN_EVERY = 20  # states and contacts that are kept
+STANDS = dict.fromkeys((0, 240, 400), 7)  # frames of a tick at which time stands
 
 
 def record(path: Path, rig: Rig, ticks: int, seed: int = 0) -> Path:
@@ -31,7 +35,7 @@ def record(path: Path, rig: Rig, ticks: int, seed: int = 0) -> Path:
     listener = MemoryBus(rig.hub, reads_every=RECORDED)
     out = bus.Outbox(topic("gateway.state"), 1)
     is_fresh = rig.haptics_process.bus.is_fresh
-    for tick in range(ticks):
+    for tick in (each for each in range(ticks) for _ in range(STANDS.get(each, 1))):
         state = _hands(tick, chance)
         rig.hub.send("gateway.state", out.seal(state, time.monotonic_ns(), True))
         if chance.random() < 0.05:
