@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import ellipk
 
 from services.mechanics.bodies.catheter import CatheterBody
-from services.mechanics.bodies.guide_wire import frame_of, wire_tube
+from services.mechanics.bodies.guide_wire import GuideWire, frame_of, wire_tube
 from services.mechanics.effects import build_effects
 from services.mechanics.effects.base import NoSettings
+from services.mechanics.rod import ImplicitIntegrator, Supports, straight_rod
 from services.mechanics.rod.guide_wire import resist
 from services.mechanics.rod.material_frame import initial_frame
 from services.mechanics.scene import CatheterScene, CatheterSection, GuideWireScene, SceneModel, WireDriveScene
@@ -152,3 +154,38 @@ def test_torsion_is_of_both():
     wanted = 2.0 * (own * tube + other * wire) / (LENGTH_M / N)
     np.testing.assert_allclose(rod.wire.model.torsion[: N - 1], wanted, rtol=1e-9)
     assert wire_tube(WIRE).torsional_stiffness_n_m2() == pytest.approx(2.0 * other * wire)
+
+
+def pressed(push_n, aside_n, steps=400):
+    """Particles of the pair, clamped behind, at rest under a push back along its axis at the catheter's tip."""
+    scene = SceneModel(catheter=CATHETER, forceps=(WireDriveScene(),), effects={"twist": NoSettings()})
+    properties = scene_rod(scene, build_effects(scene).values())
+    rod, state = ImplicitIntegrator(properties, Supports(held=(0, 1))), straight_rod(properties, (0, 0, 0), (1, 0, 0))
+    GuideWire(CATHETER, properties, rod, state)
+    load = np.zeros_like(state.position_m)
+    load[N] = (-push_n, 0.0, aside_n)
+    for _ in range(steps):
+        rod.predict(state, load, 1.0)
+        state.halt()
+    return state.position_m
+
+
+FREE_M = (N - 0.5) * LENGTH_M / N  # to the joint in the middle of a clamp's last segment
+EULER_N = np.pi**2 * sum(stiffnesses(CATHETER)) / (2.0 * FREE_M) ** 2
+CHAIN = (np.pi / (4 * N - 2)) ** 2 / 3.0  # a chain of N joints buckles at 4 EI / l^2 sin^2(pi / (4 N - 2))
+
+
+@pytest.mark.parametrize("share", [0.5, 0.95])
+def test_it_gives_way_aside_as_a_column_of_both_does_near_its_euler_load(share):
+    """What the load is off by grows as the way aside does; the chain's error and its shortening are as large."""
+    push_n, wave_1_m = share * EULER_N, 0.5 * np.pi * np.sqrt(share) / FREE_M
+    aside_n = 1e-4 * push_n
+    wanted_m = aside_n / push_n * (np.tan(wave_1_m * FREE_M) / wave_1_m - FREE_M)
+    assert pressed(push_n, aside_n)[N, 2] == pytest.approx(wanted_m, rel=2.0 * CHAIN / (1.0 - share))
+
+
+def test_it_buckles_at_the_euler_load_of_both():
+    """Beyond it a column turns its end by an angle of which the load tells (Euler's elastica)."""
+    x = pressed(1.05 * EULER_N, 1e-4 * EULER_N)
+    turned_rad = np.arccos((x[N] - x[N - 1])[0] / np.linalg.norm(x[N] - x[N - 1]))
+    assert (ellipk(np.sin(0.5 * turned_rad) ** 2) / (0.5 * np.pi)) ** 2 == pytest.approx(1.05, rel=1e-3)
