@@ -1,7 +1,7 @@
-r"""The set of forces that a contact's law admits, and what a solve asks of it: one function each, for all laws.
+r"""The set of forces that a contact's law admits, and the operations of the solvers on it, alike for all laws.
 
 With :math:`f_n` along the row's first axis and :math:`f_t` along the others the set is :math:`l \le f_n \le h` and
-:math:`|f_t| \le r`, where r is Coulomb's :math:`\mu f_n` or a number; see `laws`.
+:math:`|f_t| \le r`, where r is Coulomb's :math:`\mu f_n` or a fixed number; see `laws`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from services.mechanics.contact.laws import HAS_FRICTION, IS_DAMPER, NEEDS_LIMIT
 from services.mechanics.contact.problem import ContactProblem, Unknowns, add_unknown, give
 from services.mechanics.contact.rows import ContactRows
 
-# The local solves put a sliding force on its limit to rounding; anything closer than this is on it.
+# The local solves set a sliding force to its limit up to rounding; a force above this share of it counts as sliding.
 ON_THE_LIMIT = 1.0 - 1e-9
 _NEWTON_STEPS = 12
 _CLOSE = 1e-12
@@ -48,7 +48,7 @@ def _multiple(count: float, limit: float) -> float:
 def relax(problem: ContactProblem, W: FloatArray, block: int) -> None:
     """Solve the law of one contact with the others fixed: the normal force, then the force along the surface.
 
-    One that is held along the normal whatever the force is solved for exactly: with it eliminated, then with it.
+    A contact that is held along its normal at any force is solved exactly: its normal is eliminated first.
     """
     row, rows, motion, force = 3 * block, problem.rows, problem.motion, problem.rows.force_n[block]
     low, high = normal_range(rows, block)
@@ -100,10 +100,10 @@ def bounded(a: float, b: float, c: float, r_1: float, r_2: float, most: float) -
 
 @kernel
 def add_unknowns(problem: ContactProblem, block: int, out: Unknowns, n: int) -> int:
-    """List what a Newton step may change of a contact, and return the new number of unknowns.
+    """List the force components of a contact that a Newton step may change, and return the new number of unknowns.
 
-    The normal inside its interval; both tangents inside the disk, on its edge the direction across the force. What
-    slides by friction has more of it the more it is pressed.
+    These are the normal inside its interval, and both tangents inside the disk; on the edge of the disk only the
+    direction across the force. The friction of a sliding contact changes with its normal force.
     """
     rows, row, motion, force = problem.rows, 3 * block, problem.motion, problem.rows.force_n[block]
     low, high = normal_range(rows, block)
@@ -136,7 +136,7 @@ def project(rows: ContactRows, row: int) -> None:
 
 @kernel
 def room(rows: ContactRows, row: int, change: tuple[float, float, float]) -> float:
-    """Return what part of a change of the force, 1 at most, goes before the contact opens or slips."""
+    """Return the largest share, at most 1, of a change of the force at which the contact neither opens nor slips."""
     force, (d_0, d_1, d_2), (low, high) = rows.force_n[row], change, normal_range(rows, row)
     share, end = 1.0, force[0] + d_0
     if end < low or end > high:
@@ -162,7 +162,7 @@ def _way_to_edge(a: float, b: float, c: float) -> float:
 
 @kernel
 def slides(rows: ContactRows, row: int) -> bool:
-    """Return whether a force is on the edge of its disk, or, without one, at an end that it is held by."""
+    """Return whether a force is on the edge of its disk or, without a disk, at an end of its interval."""
     law, force = rows.law[row], rows.force_n[row]
     if HAS_FRICTION[law] or RUBS[law] > 0.0:
         is_pressed = force[0] > 0.0 or not HAS_FRICTION[law]

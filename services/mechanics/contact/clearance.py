@@ -1,10 +1,10 @@
-"""How deep pieces may be in the wall: the surface of jaws between which it is squeezed.
+"""The surface of jaws that squeeze the wall, and the overlap of jaws and undeformed wall that it allows.
 
-Jaws have come nearer to the middle of a layer by what they have squeezed away of it. That is less beside the line in
-which they are nearest, and further out along them, where they are wider open. So what the middle surface touches is no
-round bar: it is flatter, and its normal lies nearer to the way in which the jaws open. A row's force acts along it, as
-the gradient of what it holds at zero. Along the piece's own normal it would do work on a wall that slides over the
-jaws, and no row would know that such a wall also comes deeper: in a jammed catheter prices then add five in each tick.
+A jaw that squeezes a layer of the wall is nearer to the layer's middle surface by its indentation. The indentation is
+smaller beside the line in which the jaws are nearest, and further out along them, where they are wider open. So the
+middle surface touches no round bar: the surface is flatter, and its normal lies nearer to the direction in which the
+jaws open. The force of a row acts along the gradient of the clearance that the row holds at zero. Along the piece's own
+normal it would do work on a wall that slides over the jaws, and the row would miss that the wall also comes deeper.
 """
 
 from __future__ import annotations
@@ -19,35 +19,36 @@ from services.mechanics.compiled.vectors import Vector, along, dot, row, row_of,
 from services.mechanics.contact.geometry import ToolGeometry
 
 Surface = tuple[float, float, float, Vector]
-"""Room along the piece's normal; along that of the surface, with its change per radian of opening; this normal."""
+"""Allowed overlap (m) along the piece's normal; that along the surface's, its slope (m/rad); the surface's normal."""
 
 
 @kernel
 def can_touch(tools: ToolGeometry, tool: int) -> bool:
-    """Whether a tool touches anything: it is there, and does not wait."""
+    """Return whether a tool can touch: it is present and engaged."""
     return bool(tools.present[tool] and not tools.disengaged[tool])
 
 
 @kernel
 def piece_can_touch(tools: ToolGeometry, p: int) -> bool:
-    """Return whether a piece touches anything: pieces of tools that are gone, or wait, do not."""
+    """Return whether a piece can touch: pieces of absent or disengaged tools cannot."""
     return bool(p >= N_TOOL_PIECES or can_touch(tools, p // N_SEGMENTS))
 
 
 @kernel
 def overlap_in_jaws(tools: ToolGeometry, p: int, s: float, normal: Vector) -> float:
-    """Return how deep the wall may be in a piece: what jaws squeezed away, or what lay in them when they took it."""
+    """Return how deep (m) the wall may overlap a piece: by the jaws' indentation, or the rest offset of a hold."""
     room: float = jaw_surface(tools, p, s, normal)[0]
     return room
 
 
 @kernel
 def jaw_surface(tools: ToolGeometry, p: int, s: float, normal: Vector) -> Surface:
-    """Return the surface that a piece has for the wall's middle surface, at a place along it and along its normal.
+    """Return the surface of a piece for the wall's middle surface, at a place ``s`` along it and along a normal.
 
-    Jaws are round: along a normal at an angle a to the way in which they open, the plane midway between them is
-    (r + h / 2) / cos(a) - r away from a jaw of radius r, h being their distance, and the middle of a layer half as far.
-    For a = 0 half a layer is thinner by t / 2 - h / 4. Where the normal does not lead out of the jaws, nothing is.
+    Jaws are round: along a normal at an angle a to their opening direction, the plane midway between them is (r + h /
+    2) / cos(a) - r away from a jaw of radius r, with h the distance of the jaws; the middle of a layer is half as far.
+    For a = 0 half a layer is thinner by t / 2 - h / 4. Along a normal that does not point out of the jaws nothing is
+    squeezed.
     """
     if p >= N_TOOL_PIECES or p % N_SEGMENTS == SHAFT:
         return 0.0, 0.0, 0.0, normal

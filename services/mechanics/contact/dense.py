@@ -1,4 +1,4 @@
-"""Elimination of a dense matrix within a tick, in panels: a few columns at a time reach the rest at once."""
+"""Gaussian elimination of a dense matrix in panels: the rest is updated once for every few columns."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def _complete_rows(A: FloatArray, first: int, end: int) -> None:
 
 @kernel
 def _update_rest(A: FloatArray, first: int, end: int) -> None:
-    """Take the panel's rows, times their factors, from all rows below. A short panel is the last: nothing is left."""
+    """Subtract the panel's rows, times their factors, from all rows below; below a short panel there are none."""
     n = A.shape[0]
     if end - first < PANEL:
         return

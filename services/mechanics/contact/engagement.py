@@ -1,12 +1,11 @@
-"""Tools that appear: they touch nothing until nothing is where they are.
+"""Engagement of tools: a tool that appears inside a body has no contacts until it is clear of the body.
 
-A tool that appears inside something, as one does that was gone for a moment while it pressed, would be pushed out of it
-by energy that no hand has put in. So it is limp until it has been withdrawn, or what is there has gone; from then on it
-pushes what it meets.
+A tool appears inside a body after it was absent for a moment while it pressed. A contact would push it out with energy
+that no hand has put in. So the tool is disengaged until it has been withdrawn, or the body has moved away.
 
-What jaws take hold of may lie in them already: some micrometres of a catheter that they close on, and more of what a
-caller tells them to hold, who saw it some steps ago. They let it in no further, and do not throw it out of the hold. A
-wall that jaws close on themselves is squeezed between them instead.
+A body may overlap the jaws when a hold of it begins: by micrometres where jaws close on a catheter, by more where a
+caller requests a hold of what it saw some steps ago. This overlap becomes the rest offset of the contact: it may not
+grow, and it does not push. A wall that jaws close on by themselves is squeezed instead (`squeeze`).
 """
 
 from __future__ import annotations
@@ -18,8 +17,8 @@ from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.geometry import ContactGeometry, geometry_at
 
-# Contacts at rest overlap by less; a tool that comes that deep pushes nothing away that is felt. But for thin walls,
-# of which that may be all.
+# Contacts at rest overlap by less, and a tool that engages at this depth pushes unnoticeably. On thin walls the limit
+# is a share of the thickness.
 CLEAR_M, CLEAR_OF_WALL = 10e-6, 0.125
 
 
@@ -27,7 +26,7 @@ CLEAR_M, CLEAR_OF_WALL = 10e-6, 0.125
 def engage_tools(
     found_address: Address[Candidates], pairs_address: Address[ContactPairs], geometry_address: Address[ContactGeometry]
 ) -> None:
-    """Let tools that wait touch, unless a candidate shows them in the wall, or a pair in the catheter."""
+    """Engage the disengaged tools that overlap neither the wall (candidates) nor the catheter (pairs)."""
     found, pairs, geometry = candidates_at(found_address), pairs_at(pairs_address), geometry_at(geometry_address)
     tools, clear_m = geometry.tools, min(CLEAR_M, 2.0 * CLEAR_OF_WALL * geometry.wall.half_thickness)
     for tool in range(tools.disengaged.shape[0]):

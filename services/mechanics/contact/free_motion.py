@@ -1,4 +1,4 @@
-"""Gaps and slips at the end of the step without contact forces: what the laws ask to be zero or positive."""
+"""Gaps and slips at the end of the step without contact forces, which the contact laws constrain."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from services.mechanics.contact.rows import ContactRows
 
 @kernel
 def subtract_duct_motion(rows: ContactRows, displacement: FloatArray, motion: FloatArray, first: int) -> None:
-    """Take the duct's displacement out of the gaps, and its free motion over the step out of the slips.
+    """Subtract the duct's displacement from the gaps, and its free motion over the step from the slips.
 
-    A law that fixes a distance asks for it at the end of the step, so its slip loses the whole displacement.
+    A law that fixes a distance constrains it at the end of the step, so its slip loses the whole displacement.
 
     Args:
         displacement, motion: (k, 3) float64. Displacement of the contact points at the start of the step and their free
@@ -30,20 +30,20 @@ def subtract_duct_motion(rows: ContactRows, displacement: FloatArray, motion: Fl
                 rows.slip_m[row, axis] -= u
 
 
-# An overlap of up to a tenth of a millimetre, more than contacts in motion leave, is taken back at its own rate; a
-# deeper one, which something drove in, no faster than that.
+# An overlap of up to 0.1 mm, more than contacts in motion leave, is recovered at its own rate; a deeper one, which
+# something drove in, no faster than this.
 RECOVERY_M_S = 20e-3
-# A tool that the wall throws back is held by a hand, which takes what comes of it; and it must not lag behind jaws that
-# close, whose levers turn within a step.
+# A hand holds the tool that a wall pushes back, and absorbs the energy; the tool must not lag behind closing jaws,
+# whose levers turn within a step.
 TOOL_RECOVERY_M_S = 0.1
 
 
 @kernel
 def taken_back(rows: ContactRows, row: int, recovery: float, dt_s: float) -> float:
-    """Return what of the gap of a row counts in a step: all of a distance, of an overlap what may be taken back.
+    """Return the part of a row's gap (m) that counts in a step: all of a distance, the recovered part of an overlap.
 
-    An overlap at the start is a linearisation error of the last tick. Only the fraction ``recovery`` of it is taken
-    back in a millisecond, and at a bounded speed, because it is a velocity that nobody has put in.
+    An overlap at the start is a linearisation error of the last tick. Only the fraction ``recovery`` of it is recovered
+    per millisecond, and at a bounded speed, because this is a velocity that nobody has put in.
     """
     gap: float = rows.gap_m[row] + rows.rest_offset_m[row]
     if gap > 0.0:
@@ -54,10 +54,10 @@ def taken_back(rows: ContactRows, row: int, recovery: float, dt_s: float) -> flo
 
 @kernel
 def free_motion(rows: ContactRows, recovery: float, dt_s: float, out: FloatArray) -> None:
-    """Write what the contact law asks to be zero or positive without contact forces into ``out`` (3 k,), in m.
+    """Write gaps and slips without contact forces, which the contact laws constrain, into ``out`` (3 k,), in m.
 
-    Tangents: the slip, on top of the elastic slip that is remembered.
-    Normal: the gap at the end of the step, of an overlap what is `taken_back`, under a law that has a gap.
+    Along the tangents this is the slip plus the elastic slip at the start. Along the normal it is the gap at the end of
+    the step if the law has a gap; of an overlap it is the part that `taken_back` returns.
     """
     for row in range(rows.n_contacts):
         for axis in range(3):

@@ -1,4 +1,4 @@
-"""What contact rows are built from: where tools, catheter and duct are, and how they move without contact forces."""
+"""Geometry that contact rows are built from: poses of tools, catheter and duct, and their motion without contacts."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ class ToolGeometry(Struct):
     motion: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
     rolled: Annotated[FloatArray, N_TOOLS]
     present: Annotated[BoolArray, N_TOOLS]
-    disengaged: Annotated[BoolArray, N_TOOLS]  # whether they touch nothing yet
+    disengaged: Annotated[BoolArray, N_TOOLS]  # without contacts until clear, see `engagement`
     held: Annotated[BoolArray, N_TOOLS, 2]  # whether the jaws hold something of each target kind
-    rest_offset: Annotated[FloatArray, N_TOOLS, 2]  # how deep it may be in them, in m
-    indentation: Annotated[FloatArray, N_TOOLS, N_CELLS]  # and one that they squeeze, along them
-    indentation_slope: Annotated[FloatArray, N_TOOLS, N_CELLS]  # by how much more than that per radian of opening, in m
-    wall_thickness: float  # how thick the wall is, in m
+    rest_offset: Annotated[FloatArray, N_TOOLS, 2]  # overlap with the held body up to which none pushes, m
+    indentation: Annotated[FloatArray, N_TOOLS, N_CELLS]  # loss of the squeezed wall's half thickness, m
+    indentation_slope: Annotated[FloatArray, N_TOOLS, N_CELLS]  # its change with the opening, m/rad
+    wall_thickness: float  # m
 
 
 class RodGeometry(Struct):

@@ -1,4 +1,4 @@
-"""Rows of the holds, and what they do when they slip; one slot of arrays a hold."""
+"""Contact rows of grasp holds, and their sliding; each hold occupies one slot of the arrays."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ from services.mechanics.rod.curve import point_on_curve
 from services.mechanics.scene.tools import N_TOOLS
 
 _GRIP = number_of("grip")
-# The axis of a catheter's row that lies along it; the first one is across the jaws.
+# The axis of a catheter's row that lies along the catheter; the first axis is across the jaws.
 _ALONG = 1
-# A direction in which a point is guided, not held.
+# Softness of the direction in which the held wall is free.
 LOOSE_SOFTNESS_M_N = 1.0
-# Sine between catheter and opening below which jaws round it are not across it.
+# Least sine of the angle between catheter and opening direction at which a direction across the jaws is defined.
 LEAST_ACROSS = 0.1
 
 
@@ -39,7 +39,7 @@ class HoldArrays(Struct):
     """Holds by slot; ``order`` lists the slots in use, in the order of their rows."""
 
     order: Annotated[IntArray, "h"]
-    number: Annotated[LongArray, "h"]  # the request's
+    number: Annotated[LongArray, "h"]  # `GraspHold.hold_id`
     tool: Annotated[ByteArray, "h"]
     target_kind: Annotated[ByteArray, "h"]
     target: Annotated[IntArray, "h"]
@@ -91,7 +91,7 @@ def _tool_side(holds: HoldArrays, slot: int, tools: ToolGeometry, rows: ContactR
 
 @kernel
 def _catheter_side(holds: HoldArrays, slot: int, geometry: ContactGeometry, rows: ContactRows, row: int) -> None:
-    """Take the held point off, and turn the frame across the jaws and along the catheter."""
+    """Subtract the held point from the slip, and align the frame across the jaws and along the catheter."""
     rod = geometry.rod
     first, weights, slope = point_on_curve(rod.position, _place(holds, slot))
     put_on_curve(rows, row, first, weights)
@@ -100,7 +100,7 @@ def _catheter_side(holds: HoldArrays, slot: int, geometry: ContactGeometry, rows
             rows.slip_m[row, axis] -= weights[k] * (rod.position[first + k, axis] + rod.motion[first + k, axis])
     tangent, opening = unit(slope), row_of(geometry.tools.frame, holds.tool[slot], 0)
     across = along(opening, tangent, -dot(opening, tangent))
-    if dot(across, across) < LEAST_ACROSS**2:  # it stands on the jaws, and what is across them is anybody's guess
+    if dot(across, across) < LEAST_ACROSS**2:  # it stands on the jaws: any direction across will do
         across, _ = tangents(tangent[0], tangent[1], tangent[2])
     across = unit(across)
     put_row_of(rows.frame, row, 0, across)
@@ -110,14 +110,14 @@ def _catheter_side(holds: HoldArrays, slot: int, geometry: ContactGeometry, rows
 
 @kernel
 def _place(holds: HoldArrays, slot: int) -> float:
-    """Return where along the catheter a held point of it is, in segments."""
+    """Return the place of a held point along the catheter, in segments."""
     place: float = holds.target[slot] + holds.weights[slot, 1]
     return place
 
 
 @kernel
 def _put_at(holds: HoldArrays, slot: int, at: float, n_segments: int) -> None:
-    """Let a held point of the catheter be ``at`` so many segments; what is beyond an end is lost."""
+    """Set the place ``at`` of a held point along the catheter, in segments; beyond an end the hold is lost."""
     if not 0.0 <= at <= n_segments:
         holds.lost[slot] = True
     at = min(max(at, 0.0), float(n_segments))
@@ -128,7 +128,7 @@ def _put_at(holds: HoldArrays, slot: int, at: float, n_segments: int) -> None:
 
 @kernel
 def _wall_side(holds: HoldArrays, slot: int, wall: WallGeometry, rows: ContactRows, row: int) -> None:
-    """Take the rest position off; the displacement goes with that of all other contacts."""
+    """Subtract the rest position from the slip; `subtract_duct_motion` subtracts the displacement."""
     corners, weights = wall.triangles[holds.target[slot]], holds.weights[slot]
     put_on_duct(rows, row, corners, weights)
     for corner in range(3):
@@ -138,7 +138,7 @@ def _wall_side(holds: HoldArrays, slot: int, wall: WallGeometry, rows: ContactRo
 
 @kernel
 def _let_jaws_close(tool: int, tools: ToolGeometry, rows: ContactRows, row: int) -> None:
-    """Leave it to the jaws themselves where between them a wall is that they hold: there they squeeze it."""
+    """Free the held point along the opening direction: the jaws squeeze a held wall there (`squeeze`)."""
     for axis in range(3):
         for other in range(3):
             rows.frame[row, axis, other] = tools.frame[tool, axis, other]
@@ -149,7 +149,7 @@ def _let_jaws_close(tool: int, tools: ToolGeometry, rows: ContactRows, row: int)
 def slide_holds(
     state_address: Address[ContactState], holds_address: Address[HoldArrays], span: tuple[int, int]
 ) -> tuple[float, bool]:
-    """Let the holds at their limit take the motion that the solve left them; ``span`` is first row and number of rows.
+    """Slide the holds at their limit by the motion that the solve left; ``span`` is (first row, number of rows).
 
     Return the energy in J that this dissipated, and whether a hold was lost.
     """
@@ -183,7 +183,7 @@ def _to_world(rows: ContactRows, row: int, motion: tuple[float, float, float], o
 
 @kernel
 def _slide_along(holds: HoldArrays, slot: int, slip: FloatArray, position: FloatArray) -> None:
-    """Move the held point along the catheter by the axial part of ``slip``, and take that part off."""
+    """Move the held point along the catheter by the axial part of ``slip``, and subtract that part."""
     _, _, slope = point_on_curve(position, _place(holds, slot))
     tangent = unit(slope)
     axial = dot((slip[0], slip[1], slip[2]), tangent)
@@ -194,7 +194,7 @@ def _slide_along(holds: HoldArrays, slot: int, slip: FloatArray, position: Float
 
 @kernel
 def _slide_in_jaws(holds: HoldArrays, slot: int, slip: FloatArray, tools: ToolGeometry) -> None:
-    """Move the point in the jaws; beyond them it is lost."""
+    """Move the held point in the jaws by ``-slip``; beyond the jaws the hold is lost."""
     tool, anchor = holds.tool[slot], holds.anchor[slot]
     frame = tools.frame[tool]
     for axis in range(3):

@@ -16,9 +16,9 @@ from services.mechanics.rod.curve import point_on_curve
 from services.mechanics.scene import ToolScene
 from services.mechanics.scene.tools import N_TOOLS, GraspHold
 
-# Of what comes from a peer, which may have rounded it.
+# Tolerance of weights from a peer, which may have rounded them.
 WEIGHT_TOLERANCE = 1e-3
-# A grasp holds two points; more come only from a peer that has lost its mind.
+# A grasp holds two points; only a faulty peer requests more.
 CAPACITY = 16
 
 
@@ -55,18 +55,18 @@ class ActiveHold:
 class HoldRegistry:
     """The holds of both tools: follows the requests, fills rows, and lets slipping holds slide.
 
-    A hold on the catheter slides along it first, so that a forceps that slips ends up further along the
-    catheter; what is left of the slip moves the point in the jaws. A point that leaves the jaws, or the
-    catheter's end, is lost. `CAPACITY` holds at most; what is asked for beyond that is not taken up.
+    A hold on the catheter slides along it first, so that a forceps that slips ends up further along the catheter; the
+    rest of the slip moves the point in the jaws. A point that leaves the jaws, or the catheter's end, is lost. At most
+    `CAPACITY` holds are active; further requests are dropped.
 
     Attributes:
         active: dict of int to ActiveHold. By the requests' numbers, in the order of their rows.
         rows: range. Rows of the holds in this step; fewer than are active where rows ran out.
         dropped: int. Requests that found no room since the start, each counted in every step.
-        refused: int. Requests since the start that name nothing that is there, jaws included, or hold it with a NaN;
-            counted in every step.
-        lost: set of int. Numbers of holds that were lost and are still asked for.
-        took_up: bool. Whether a hold was taken up in this step.
+        refused: int. Requests since the start that name a target or jaws that do not exist, or contain a NaN; counted
+            in every step.
+        lost: set of int. Numbers of holds that were lost and are still requested.
+        took_up: bool. Whether a hold began in this step.
     """
 
     def __init__(self, forceps: tuple[ToolScene, ...], system: ContactSystem) -> None:
@@ -97,7 +97,7 @@ class HoldRegistry:
                 self._arrays.reach[tool] = width_m, jaws.jaw_length_m + width_m
 
     def follow(self, requests: list[GraspHold]) -> None:
-        """Take up new requests, update limits, drop what is no longer asked for, or by a tool that is gone."""
+        """Begin newly requested holds, update limits, and drop holds without a request or whose tool is absent."""
         self.took_up = False
         if requests or self.active:
             self._follow(requests)
@@ -133,14 +133,14 @@ class HoldRegistry:
         self.lost.update(lost)
 
     def lose(self) -> None:
-        """Let go of everything; who goes on asking for the same holds does not get them."""
+        """Release all holds; requests for the same holds are ignored from then on."""
         self.lost |= set(self.active)
         for hold_id in list(self.active):
             self._drop(hold_id)
         self.rows = range(0)
 
     def stop_jaws(self, tools: ToolBody) -> None:
-        """Write into the tools what they hold, and where a catheter between their jaws resists them."""
+        """Write into the tools what they hold, and the opening below which a held catheter resists the jaws."""
         requests = [hold.request for hold in self.active.values()]
         stops = [(each.tool, each.target_kind, each.jaw_angle_rad, _carries(each)) for each in requests]
         if stops == self._stops:
@@ -175,16 +175,16 @@ class HoldRegistry:
 
     @property
     def in_use(self) -> tuple[Address[HoldArrays], int]:
-        """Where kernels find the holds, and how many there are."""
+        """The address of the holds' arrays, and the number of active holds."""
         return self._arrays.address, len(self.active)
 
     def limit_rows(self) -> None:
-        """Limit every hold to what its grasp can carry."""
+        """Limit the force of every hold to what its grasp carries."""
         for row, hold in zip(self.rows, self.active.values(), strict=False):
             self._system.rows.force_limit_n[row] = hold.request.limit_n
 
     def slide(self) -> None:
-        """Let the holds that are at their limit take the motion that the solve left them."""
+        """Slide the holds at their limit by the motion that the solve left."""
         if not self.rows:
             return
         dissipated_j, is_lost = slide_holds(
@@ -212,7 +212,7 @@ class HoldRegistry:
         self._list_slots()
 
     def _is_sound(self, request: GraspHold) -> bool:
-        """Whether a request means something; what does not is counted. Of what is held, only the limit is asked."""
+        """Return whether a request is valid, and count it if not; of an active hold only the limit is checked."""
         known = self.active.get(request.hold_id)
         if known is not None and known.request is request and request.limit_n >= 0.0:
             return True
@@ -244,14 +244,15 @@ class HoldRegistry:
 
 
 def _carries(request: GraspHold) -> bool:
-    """Whether a hold stands for the jaws' contacts: jaws that open, and squeeze no more, hold no catheter back.
+    """Return whether a hold replaces the contacts of the jaws with its target.
 
-    They must meet it then, or it goes through them. A wall's contacts stay beside its hold anyhow.
+    Jaws that open and no longer squeeze carry no catheter: they must collide with it then, or it would pass through
+    them. The contacts of a wall stay beside its hold in any case.
     """
     return request.limit_n > 0.0 or request.target_kind != CATHETER_SEGMENT
 
 
 def _are_weights(u: float, v: float, w: float) -> bool:
-    """Whether these are those of a point of what they are given for, and not of one beside it."""
+    """Return whether these are barycentric weights of a point inside its triangle or segment."""
     least = -WEIGHT_TOLERANCE
     return abs(u + v + w - 1.0) <= WEIGHT_TOLERANCE and u >= least and v >= least and w >= least

@@ -12,8 +12,8 @@ stone       7 gallstone, plus 1
 law         7 number of the contact law
 ======== ==== =================================================
 
-Without the target it names the first body and the kind of target only: what is left of the name of a contact that
-slid on to the next triangle. Holds are named by their own numbers instead, and are negative.
+Without the target an identity names the first body and the kind of target only, which stay the same when a contact
+slides on to the next triangle. Holds are identified by their own numbers instead, and are negative.
 """
 
 from __future__ import annotations
@@ -72,13 +72,13 @@ def with_law(identity: int, law: int) -> int:
 
 @kernel
 def hold_identity(number: int) -> int:
-    """Return the identity of a hold; without its target it still is that of this hold only."""
+    """Return the identity of a hold, which is unique to the hold even without its target."""
     return -(number + 1) * TARGET.size
 
 
 @kernel
 def without_target(identity: int) -> int:
-    """Return what names the first body and the kind of target only."""
+    """Return the part of an identity that names the first body and the kind of target."""
     return identity >> TARGET_KIND.shift
 
 

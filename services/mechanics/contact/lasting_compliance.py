@@ -1,10 +1,10 @@
-r"""What wall and catheter give way over longer than a step, where a tool touches them.
+r"""Compliance of wall and catheter over several steps where a tool touches them, for the local stiffness.
 
-The Delassus operator of a step is that of an impulse: most of it is inertia, :math:`m / \Delta t^2` of what is touched,
-which a step later has given way. A hand goes on with a force that was solved for it for some ticks, along a way that
-is smooth over them; the stiffness that it then meets is that of one step of backward Euler as long as those ticks:
-:math:`\tau^2 (M + \tau C + \tau^2 K)^{-1}` for the catheter, :math:`\tau^2 / (1 + 2 \zeta \omega \tau + \omega^2
-\tau^2)` for a mode of the wall. Symmetric, positive, and for any longer step nearer to the static one, from above.
+The Delassus operator of a step is that of an impulse: most of it is the inertia :math:`m / \Delta t^2` of the touched
+body, which has given way a step later. A servo uses a solved force for some ticks, over which its hand moves smoothly;
+the stiffness that the hand meets is that of one step of backward Euler as long as those ticks: :math:`\tau^2 (M + \tau
+C + \tau^2 K)^{-1}` for the catheter, :math:`\tau^2 / (1 + 2 \zeta \omega \tau + \omega^2 \tau^2)` for a mode of the
+wall. It is symmetric and positive, and approaches the static stiffness from above as the step grows.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from services.mechanics.contact.rows import ContactRows
 from services.mechanics.rod.contact_response import compliance, factor_for_contacts
 from services.mechanics.rod.model import RodModel, RodWork, work_at
 
-#: So long a servo goes on with a local model as it is.
+#: Time for which a servo uses a local model without an update.
 LASTING_S = 5e-3
 
 WallPlaces = Address[DuctLoads]
 RodPlaces = tuple[Address[CatheterTouch], Address[RodModel], Address[RodWork], bool]
-"""Where a catheter by implicit steps is, and whether it is one; of others a step's compliance is all that is known."""
+"""Arrays of a catheter with an implicit step, and whether it has one; of others only a step's compliance is known."""
 
 
 class LastingArrays(Struct):
-    """What modes (r,) give way over `LASTING_S`, and work space for m axes and a catheter of n particles."""
+    """Compliances of r modes over `LASTING_S`, and work space for m axes and a catheter of n particles."""
 
-    modes: Annotated[FloatArray, "r"]  # change of a mode per force on it that lasts
-    more: Annotated[FloatArray, "r"]  # the same, less what a step's impulse changes
+    modes: Annotated[FloatArray, "r"]  # change of a mode per lasting force on it
+    more: Annotated[FloatArray, "r"]  # the same, minus the change by the impulse of one step
     shapes: Annotated[FloatArray, "m", "r"]  # of the modes, along the axes
     slot: Annotated[IntArray, "n"]
     particles: Annotated[IntArray, "n"]
@@ -55,7 +55,7 @@ lasting_at = reader(LastingArrays)
 
 @kernel
 def add_of_wall(rows: ContactRows, closed: IntArray, wall: WallPlaces, lasting: LastingArrays, out: FloatArray) -> None:
-    """Add what the modes give way beyond a step to the compliance (k, k) of closed axes (k, 2), lower half."""
+    """Add the modes' compliance beyond that of a step to the compliance (k, k) of closed axes (k, 2), lower half."""
     duct, n_modes = loads_at(wall), lasting.more.shape[0]
     for mode in range(n_modes):
         lasting.more[mode] = lasting.modes[mode] - duct.gains[0, mode]
@@ -91,9 +91,9 @@ def _product(first: FloatArray, gain: FloatArray, second: FloatArray) -> float:
 def add_of_catheter(
     rows: ContactRows, closed: IntArray, rod: RodPlaces, lasting: LastingArrays, is_factored: bool, out: FloatArray
 ) -> bool:
-    """Add what the catheter gives way beyond a step to the compliance (k, k) of closed axes (k, 2), lower half.
+    """Add the catheter's compliance beyond that of a step to the compliance (k, k) of closed axes (k, 2), lower half.
 
-    ``is_factored`` says whether its matrix for `LASTING_S` is; returned is whether the one for the step is gone.
+    ``is_factored`` is whether the matrix for `LASTING_S` is factorised. Return whether the step's factors are gone.
     """
     count = _list_particles(rows, closed, lasting) if rod[3] else 0
     if count == 0 or not (is_factored or factor_for_contacts(rod[1:3], LASTING_S)):
@@ -112,7 +112,7 @@ def add_of_catheter(
 
 @kernel
 def _list_particles(rows: ContactRows, closed: IntArray, lasting: LastingArrays) -> int:
-    """List the particles that closed axes act on, ascending, and their places; return how many."""
+    """List the particles that closed axes act on, ascending, and their places; return their number."""
     slot = lasting.slot
     slot[:] = -1
     for i in range(closed.shape[0]):
@@ -125,7 +125,7 @@ def _list_particles(rows: ContactRows, closed: IntArray, lasting: LastingArrays)
 
 @kernel
 def _subtract_step(touch: CatheterTouch, particles: IntArray, out: FloatArray) -> None:
-    """Take the compliance of the step, between all particles that contacts touch, out of ``out`` (3 p, 3 p)."""
+    """Subtract the step's compliance between the listed particles from ``out`` (3 p, 3 p)."""
     size = 0
     for particle in range(touch.slot.shape[0]):
         size = max(size, 3 * (touch.slot[particle] + 1))
@@ -140,7 +140,7 @@ def _subtract_step(touch: CatheterTouch, particles: IntArray, out: FloatArray) -
 def _move_particles(
     rows: ContactRows, row: int, axis: int, slot: IntArray, between: FloatArray, out: FloatArray
 ) -> bool:
-    """Write what a unit force along an axis moves the particles by (3 p,); False where it acts on none."""
+    """Write the motion (3 p,) of the particles per unit force along an axis; return False if it acts on none."""
     acts = False
     for column in range(between.shape[0]):
         out[column] = 0.0
@@ -157,7 +157,7 @@ def _move_particles(
 
 @kernel
 def _moved_along(rows: ContactRows, row: int, axis: int, lasting: LastingArrays) -> float:
-    """What `_move_particles` has moved the point of an axis by, along it."""
+    """Return the motion of an axis's point along the axis, after `_move_particles`."""
     total = 0.0
     for point in range(rows.rod_node.shape[1]):
         weight = rows.rod_weight[row, point]

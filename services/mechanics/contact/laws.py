@@ -22,17 +22,18 @@ class Law:
     Attributes:
         softness_m_n: tuple of float. Compliance of the surfaces along the normal and both tangents: none is perfectly
             rigid, and W stays positive where contacts are redundant.
-        sinks_m_s_n: float. How fast a newton presses surfaces into each other along the normal, beyond any softness.
+        sinks_m_s_n: float. Speed per newton at which surfaces creep into each other along the normal, beyond any
+            softness.
         pulls, pushes: float. Largest normal forces on the first body, as multiples.
         rubs: float. Largest force along the surface, as a multiple.
         has_friction: bool. Whether that is the coefficient of friction times the pressure beside it.
-        needs_limit: bool. Whether nothing is borne where the limit is zero, whatever the multiples.
-        limit_n: float. What ``force_limit_n`` is until somebody writes another.
+        needs_limit: bool. Whether a row whose limit is zero bears nothing, whatever the multiples.
+        limit_n: float. Initial ``force_limit_n`` of a row.
         has_gap: bool. Whether ``gap_m`` is a distance of two surfaces: a negative one is an overlap.
-        fixes_distance: bool. Whether the whole distance of two points at the end of the step is asked for, not its
+        fixes_distance: bool. Whether the law constrains the distance of two points at the end of the step, not its
             change.
         elastic_axes: int. Along how many of the row's last axes the contact remembers its elastic slip.
-        is_damper: bool. Whether its softness is of a rate, so that it is no stiffness to a hand.
+        is_damper: bool. Whether its softness belongs to a rate, so that a hand feels no stiffness.
     """
 
     softness_m_n: tuple[float, float, float]
@@ -49,12 +50,12 @@ class Law:
     is_damper: bool = False
 
 
-# 1 um/N is what polished surfaces of a few square millimetres give way.
+# Polished surfaces of a few square millimetres give way by 1 um/N.
 SURFACE_SOFTNESS_M_N = 1e-6
-# How fast a newton presses surfaces into each other: within 5 ms by 5 um, as deep as it ever does. They come out of it
-# by a share of it in a time (`free_motion.taken_back`): a viscous layer with a spring beside it, the same at any step.
+# Creep per newton: 5 um in 5 ms, the deepest that it gets. Surfaces recover a share of it per time
+# (`free_motion.taken_back`): a viscous layer with a spring beside it, the same at any step.
 SINKS_M_S_N = 1e-3
-# Pads of the jaws and the catheter's wall give way; held points do not fight over rounding.
+# The jaws' pads and the catheter's wall give way, so that held points do not strain each other by rounding.
 GRIP_SOFTNESS_M_N = 1e-4
 # A lip of rubber: 2 um at 20 mN.
 SEAL_SOFTNESS_M_N = 1e-4
@@ -67,8 +68,7 @@ LAWS: dict[str, Law] = {
         softness_m_n=(0.0, SURFACE_SOFTNESS_M_N, SURFACE_SOFTNESS_M_N),
         sinks_m_s_n=SINKS_M_S_N, has_friction=True, has_gap=True, elastic_axes=2,
     ),
-    # What is between jaws: held across them (the first axis) whatever the force while they squeeze, by friction along
-    # them.
+    # A body between jaws: held across them (the first axis) at any force while they squeeze, by friction along them.
     "grip": Law(
         softness_m_n=(GRIP_SOFTNESS_M_N,) * 3, pulls=math.inf, rubs=1.0, needs_limit=True, fixes_distance=True,
     ),
@@ -76,7 +76,7 @@ LAWS: dict[str, Law] = {
     "film": Law(softness_m_n=(NO_LOAD_M_N,) * 3, pulls=math.inf, rubs=math.inf, is_damper=True),
     # A seal holds along the first axis up to its limit, with an elastic length that is in the row's slip already.
     "seal": Law(softness_m_n=(SEAL_SOFTNESS_M_N,) * 3, pulls=1.0, pushes=1.0),
-    # What jaws squeeze pushes them apart. Its slip begins where a spring between them would carry nothing.
+    # Squeezed material pushes jaws apart. Its slip counts from where a spring between them would carry nothing.
     "squeeze": Law(softness_m_n=(SURFACE_SOFTNESS_M_N,) * 3),
 }  # fmt: skip
 

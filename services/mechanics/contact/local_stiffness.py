@@ -1,4 +1,4 @@
-"""The stiffness between each hand and the world, for as long as a hand goes on with what was solved for it."""
+"""The local stiffness between each hand and the world, which a servo uses until the next solve."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class LocalStiffness:
         self._arguments = (contacts, bodies.tools.address, *arrays, duct.loads_address, places)
 
     def write(self) -> None:
-        """Write them; to be called once the step is over."""
+        """Write the stiffnesses; call this once the step is over."""
         if local_stiffness(*self._arguments) and self._rod is not None:
             self._rod.is_factored = False
 
@@ -81,7 +81,7 @@ def local_stiffness(
     `LASTING_S`, see `lasting_compliance`. S contains the couplings as they act over one step, dampers included; what a
     damper adds is taken out (1/K minus the step's compliance is put in), so that the result is a spring.
 
-    True where the catheter's matrix was factorised for another step than this one: its factors are gone.
+    Return True if the catheter's matrix was factorised for another step length: the step's factors are gone.
     """
     state, tools = state_at(state_address), tools_at(tools_address)
     out, lasting = stiffness_at(out_address), lasting_at(lasting_address)
@@ -144,7 +144,7 @@ def _fill_closed(rows: ContactRows, W: FloatArray, closed: IntArray, S: FloatArr
 
 @kernel
 def _add_excess(tools: ToolArrays, tool: int, S: FloatArray, G: FloatArray) -> None:
-    """Add what the coupling's spring gives way beyond spring and damper in one step, to the lower half of S."""
+    """Add the compliance of the coupling's spring beyond that of spring and damper in a step, lower half of S."""
     for coordinate in range(G.shape[1]):
         excess = 1.0 / tools.stiffness[tool, coordinate] - tools.compliance[tool, coordinate]
         for i in range(S.shape[0]):

@@ -1,4 +1,4 @@
-r"""A Newton step on the contact law: all that is closed now, solved together instead of one block after another.
+r"""A Newton step on the contact law: all closed contacts are solved together instead of one block after another.
 
 Every degree of freedom that the law leaves to a block's force is an unknown with a *test* direction, along which the
 motion has to vanish, and a *column* direction, along which the force changes:
@@ -8,10 +8,10 @@ motion has to vanish, and a *column* direction, along which the force changes:
 - what slides on the edge of its disk, :math:`u = -\lambda f` with :math:`|f| = r`: the directions across f. There
   the motion along the unknown is :math:`-\lambda` times the force's change, which adds :math:`\lambda` to the diagonal.
 
-That is the exact derivative of the law while nobody changes between open, sticking and sliding: near the solution
-the step converges quadratically. Who is what is found by the sweeps in between. Where somebody changes within the step,
-it is good as far as that goes (`room_for_step`): so the methods of active sets for quadratic programs find who is open
-(Nocedal and Wright, "Numerical Optimization", 16.5).
+This is the exact derivative of the law while no contact changes between open, sticking and sliding, so near the
+solution the step converges quadratically. The sweeps in between find the states of the contacts. If a contact changes
+its state within the step, the step is valid up to there (`room_for_step`), as in active-set methods for quadratic
+programs (Nocedal and Wright, "Numerical Optimization", 16.5).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from services.mechanics.contact.problem import ContactProblem, Unknowns
 
 @kernel
 def list_unknowns(problem: ContactProblem, out: Unknowns) -> int:
-    """Fill ``out`` with what can change in the present state, and return how many unknowns that is."""
+    """List the unknowns of all contacts in their present states in ``out``, and return their number."""
     n, rows = 0, problem.rows
     for block in range(rows.n_contacts):
         n = add_unknowns(problem, block, out, n)
@@ -34,7 +34,7 @@ def list_unknowns(problem: ContactProblem, out: Unknowns) -> int:
 
 @kernel
 def newton_step(problem: ContactProblem, W: FloatArray, unknowns: Unknowns, n: int) -> bool:
-    """Write how far each of the n unknowns goes into ``unknowns.step``; False where the matrix is singular."""
+    """Write the change of each of the n unknowns into ``unknowns.step``; return False if the matrix is singular."""
     motion = problem.motion
     test, column, step, along = unknowns.test, unknowns.column, unknowns.step, unknowns.along
     A = unknowns.matrix[: n * n].reshape(n, n)
@@ -54,9 +54,9 @@ def newton_step(problem: ContactProblem, W: FloatArray, unknowns: Unknowns, n: i
 
 @kernel
 def room_for_step(problem: ContactProblem, unknowns: Unknowns, n: int, change: FloatArray) -> float:
-    """Return what part of the step, 1 at most, goes before the first contact opens or slips.
+    """Return the largest share of the step, at most 1, at which no contact opens or slips.
 
-    ``change`` (k, 3) takes what the whole step would change of the forces.
+    ``change`` (k, 3) takes the change of the forces over the whole step, in N.
     """
     rows, share = problem.rows, 1.0
     for block in range(rows.n_contacts):
@@ -72,7 +72,7 @@ def room_for_step(problem: ContactProblem, unknowns: Unknowns, n: int, change: F
 
 @kernel
 def add_step(problem: ContactProblem, unknowns: Unknowns, n: int, share: float) -> None:
-    """Add so much of the step to the forces and put every contact back into what its law admits."""
+    """Add a share of the step to the forces, and project the force of every contact into its law's set."""
     rows = problem.rows
     for i in range(n):
         block = unknowns.block[i]

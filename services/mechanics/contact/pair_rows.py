@@ -1,4 +1,4 @@
-"""From candidate pairs to contact rows, with the bodies' present positions."""
+"""Contact rows from candidate pairs, at the bodies' present positions."""
 
 from __future__ import annotations
 
@@ -29,9 +29,8 @@ _UNILATERAL = number_of("unilateral")
 def append_pairs(pairs: ContactPairs, geometry: ContactGeometry, rows: ContactRows) -> None:
     """Append pairs to ``rows`` as unilateral contacts.
 
-    Gap and slip still lack the duct's displacement, which needs its modes: see `subtract_duct_motion`. Jaws go on
-    colliding with what they hold: a fold of the wall is held at two points, and so is a catheter. Pairs of a tool that
-    is gone, or waits, are left out.
+    Gap and slip still lack the duct's displacement, which needs its modes: see `subtract_duct_motion`. Jaws also
+    collide with what they hold, because holds tie only two points. Pairs of absent or disengaged tools are skipped.
     """
     for index in range(pairs.count):
         tool, segment = pairs.tool[index], pairs.tool_segment[index]
@@ -57,13 +56,13 @@ def append_pairs(pairs: ContactPairs, geometry: ContactGeometry, rows: ContactRo
 
 @kernel
 def _tool_side(pairs: ContactPairs, index: int, tools: ToolGeometry, rows: ContactRows, row: int) -> None:
-    """Lay the first body on a tool. Where a wall is squeezed its middle surface is what the force acts on."""
+    """Make a tool the first body. On a squeezed wall the force acts at the wall's middle surface."""
     tool, segment, s = pairs.tool[index], pairs.tool_segment[index], pairs.tool_parameter[index]
     ends, radial, radius = tools.segments[tool, segment], pairs.normal[index], tools.radius[tool, segment]
     kind, reach, opens = pairs.target_kind[index], radius, 0.0
     if kind == DUCT_TRIANGLE:
         room, rows.rest_offset_m[row], opens, n = jaw_surface(tools, 3 * tool + segment, s, row_at(pairs.normal, index))
-        if rows.rest_offset_m[row] != room:  # it is squeezed, or the piece's normal is the surface's
+        if rows.rest_offset_m[row] != room:  # squeezed: the surface's normal replaces the piece's
             reach = radius + 0.5 * tools.wall_thickness - room
             put_row(rows.frame[row], 0, n)
             write_frame(rows.frame[row, 0], rows.frame[row])
@@ -73,7 +72,7 @@ def _tool_side(pairs: ContactPairs, index: int, tools: ToolGeometry, rows: Conta
         # J is the start of both jaws.
         rows.point_m[row, axis] = centre - radial[axis] * reach - tools.segments[tool, 1, 0, axis]
     put_on_tool(rows, row, tools, tool, segment)
-    for axis in range(3):  # as a wall gets thicker in the step in which jaws open, its middle goes half as far as they
+    for axis in range(3):  # the middle of a wall that thickens as jaws open moves half as far as they do
         rows.lever[row, axis, 3] += opens * rows.frame[row, 0, axis]
     if kind == CATHETER_SEGMENT and segment != SHAFT and tools.held[tool, kind]:
         rows.rest_offset_m[row] = tools.rest_offset[tool, kind]
@@ -96,7 +95,7 @@ def _catheter_side(pairs: ContactPairs, index: int, rod: RodGeometry, rows: Cont
 
 @kernel
 def _sphere_side(pairs: ContactPairs, index: int, geometry: ContactGeometry, rows: ContactRows, row: int) -> None:
-    """Lay the first body on a sphere: they are numbered after the segments of the catheter."""
+    """Make a sphere the first body; spheres are numbered after the segments of the catheter."""
     spheres, sphere = geometry.spheres, pairs.particle[index] - (geometry.rod.position.shape[0] - 1)
     rows.stone[row] = sphere
     for axis in range(3):

@@ -1,17 +1,17 @@
-r"""What contacts give to bodies in a step must not be more than what friction, impacts and couplings take.
+r"""Passivity of a step's contacts: they give bodies no more energy than friction, impacts and couplings dissipate.
 
-Forces f that move contact points by u against each other put :math:`f \cdot u` into what they act on. That is negative
-where a law is solved for, but for two things: an overlap that is taken back, whose motion nobody has put in, and a
-solve that was cut short. So as much of the overlaps is taken back as is paid for in the same step: small work whole,
-large work up to a level. What a step could have paid for is what the next one begins with, so that jaws that are shut
-on a wall are solved once. Where that is too much all the same, as others bear the load then, none is taken back:
-a solve of the laws alone gives nothing.
+Forces f that move contact points by u against each other put :math:`f \cdot u` into the bodies. This is negative for a
+solution of the contact laws, but for two things: a recovered overlap, whose motion nobody has put in, and a solve that
+was cut short. So overlaps are recovered only as far as the same step pays for it: small work entirely, large work up to
+a level. A step begins with the payment that the last one could have made, so that jaws that are shut on a wall are
+solved once. If this is still too much, because other contacts bear the load then, nothing is recovered: a solve of the
+laws alone gives nothing.
 
-Jaws at rest would keep their last micrometres of overlap for ever, and a force that these falsify by a per cent. So
-there is a small credit: a share of what hands have put in lately. It is paid back by what friction and impacts take.
+Jaws at rest would keep their last micrometres of overlap for ever, which falsify a force by a per cent. So there is a
+small credit, a share of the recent work of the hands, which the dissipation of friction and impacts repays.
 
-Nothing is asked in the first tenth of a second: what a scene begins with inside each other, as a wall does that a hand
-presses while physics is started anew, comes apart by the bounded recovery, and is felt from then on.
+No limit holds in the first tenth of a second: bodies that overlap when a scene begins, as a wall does that a hand
+presses while physics restarts, come apart by the bounded recovery, and are felt from then on.
 """
 
 from __future__ import annotations
@@ -29,26 +29,26 @@ from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import solve_contacts
 from services.mechanics.contact.solver_steps import SolverScratch
 
-# A step may give so much, and owes nothing for it: a ten-thousandth of what a catheter's length holds at a tenth of a
-# metre per second. One that lies still on flat triangles gives a sixth of it, as its points go from one to the next.
+# Energy that a step may give without owing it: a ten-thousandth of what a catheter's length holds at a tenth of a metre
+# per second. A catheter that lies still on flat triangles gives a sixth of it, as its points change triangles.
 SLACK_J = 1e-10
-# Of the work of the hands within `LATELY_S`: so much may be owed.
+# Share of the work of the hands within `LATELY_S` that may be owed.
 CREDIT = 2e-3
 LATELY_S = 1.0
-# So long after its start a scene may be coming out of what it began in.
+# Time after its start in which a scene may separate bodies that overlapped.
 BEGINS_S = 0.1
-# Of what pays for taking back: less is taken back then, so that less friction pays.
+# Share of the dissipation that pays for recovery: with less recovery, friction dissipates less too.
 PAID = 0.9
 _HALVINGS = 30
 
 
 class Ledger(Struct):
-    """What contacts owe, and what they may, in J.
+    """Energy that contacts owe, and the limits on it, in J.
 
-    ``paid_j`` is what the last step could have paid for taking overlaps back, infinite where that was all; ``worked_j``
-    the work of the hands lately, and ``most_j`` the most of it lately. ``begun_s`` is for how long there have been
-    contacts since the start; it is over once nothing touches. A step may be solved several times, of which the last is
-    what happens: ``solves`` counts them, and ``before`` holds the others as they were when it began.
+    ``paid_j`` is what the last step could have paid for recovery, infinite if it recovered everything; ``worked_j`` is
+    the recent work of the hands, and ``most_j`` its recent maximum. ``begun_s`` is the time with contacts since the
+    start, which is over once nothing touches. A step may be solved several times, of which the last counts: ``solves``
+    counts them, and ``before`` holds the other entries as they were at the start of the step.
     """
 
     paid_j: float = math.inf
@@ -68,9 +68,9 @@ def solve_passively(
     work: tuple[SolverScratch, Ledger],
     hands: tuple[ToolArrays, float],
 ) -> int:
-    """Do as `solve_contacts`, and again while contacts give more than is taken; return the number of sweeps.
+    """Solve as `solve_contacts`, and again while contacts give more than is paid for; return the number of sweeps.
 
-    ``work`` is its scratch, and what is owed; ``hands`` are the tools and the step's length.
+    ``work`` is (scratch, ledger); ``hands`` are the tools and the length of the step in s.
     """
     rows, (scratch, ledger) = problem.rows, work
     _open(ledger)
@@ -99,7 +99,7 @@ def solve_passively(
 
 @kernel
 def _open(ledger: Ledger) -> None:
-    """Begin a step's entries, or take back those of a solve of this step that is not what happens."""
+    """Save the ledger at the first solve of a step, and restore it at the others."""
     before = ledger.before
     if ledger.solves == 0:
         before[0], before[1], before[2] = ledger.paid_j, ledger.owed_j, ledger.worked_j
@@ -112,7 +112,7 @@ def _open(ledger: Ledger) -> None:
 
 @kernel
 def _note_hands(ledger: Ledger, tools: ToolArrays, dt_s: float) -> None:
-    """Enter the work of the hands on the couplings, as these were stretched when the step began."""
+    """Enter the work of the hands on the couplings, with the couplings' stretch at the start of the step."""
     kept = max(1.0 - dt_s / LATELY_S, 0.0)
     ledger.worked_j *= kept
     for tool in range(tools.stretch.shape[0]):
@@ -125,14 +125,14 @@ def _note_hands(ledger: Ledger, tools: ToolArrays, dt_s: float) -> None:
 
 @kernel
 def _over_j(problem: ContactProblem, hands: tuple[ToolArrays, float]) -> float:
-    """Return what contacts give beyond what the couplings take: these are asked only where it is anything."""
+    """Return the energy (J) that contacts give beyond the couplings' dissipation, which is computed only if needed."""
     given: float = given_j(problem)
     return given - taken_by_couplings_j(problem.rows, hands[0], hands[1]) if given > SLACK_J else given
 
 
 @kernel
 def taken_by_couplings_j(rows: ContactRows, tools: ToolArrays, dt_s: float) -> float:
-    """Return what dampers and implicit steps of the couplings take out with the solved forces, in J."""
+    """Return the energy (J) that dampers and implicit steps of the couplings dissipate with the solved forces."""
     total = 0.0
     for tool in range(tools.stretch.shape[0]):
         for coordinate in range(tools.stretch.shape[1]):
@@ -152,7 +152,7 @@ def taken_by_couplings_j(rows: ContactRows, tools: ToolArrays, dt_s: float) -> f
 
 @kernel
 def given_j(problem: ContactProblem) -> float:
-    """Return what contacts between surfaces give to what they act on, the springs of their friction included, in J."""
+    """Return the energy (J) that contacts between surfaces give to bodies and to the springs of their friction."""
     rows, motion, total = problem.rows, problem.motion, 0.0
     for row in range(rows.n_contacts):
         force = rows.force_n[row]
@@ -180,10 +180,10 @@ def _elastic_m(rows: ContactRows, row: int, axis: int) -> float:
 
 @kernel
 def take_back_at_most(rows: ContactRows, paid_j: float, free: FloatArray) -> bool:
-    """Take no more of the overlaps back than ``paid_j`` pays for with the present forces; return whether that is less.
+    """Limit the recovery of overlaps to the work ``paid_j`` (J) of the present forces; return whether any is limited.
 
-    Where nothing is paid none is, also of what bears no force yet. ``free`` (3 k,) is the motion without contact
-    forces, as `free_motion` has written it.
+    Without payment nothing is recovered, not even where no force acts yet. ``free`` (3 k,) is the motion without
+    contact forces, as `free_motion` has written it.
     """
     if 0.0 < paid_j >= work_j(rows):
         return False
@@ -198,7 +198,7 @@ def take_back_at_most(rows: ContactRows, paid_j: float, free: FloatArray) -> boo
 
 @kernel
 def work_j(rows: ContactRows) -> float:
-    """Return the work of all rows on the ways by which overlaps are taken back."""
+    """Return the work (J) of all rows over the recovery of their overlaps."""
     total = 0.0
     for row in range(rows.n_contacts):
         total += _work_j(rows, row)
@@ -207,7 +207,7 @@ def work_j(rows: ContactRows) -> float:
 
 @kernel
 def _work_j(rows: ContactRows, row: int) -> float:
-    """Return the work of a row on the way by which its overlap is taken back."""
+    """Return the work (J) of a row over the recovery of its overlap."""
     if not HAS_GAP[rows.law[row]]:
         return 0.0
     work: float = -max(rows.force_n[row, 0], 0.0) * min(rows.taken_m[row], 0.0)
@@ -216,7 +216,7 @@ def _work_j(rows: ContactRows, row: int) -> float:
 
 @kernel
 def _level(rows: ContactRows, paid_j: float) -> float:
-    """Return up to what the work of each row may be, so that all together do what is paid for."""
+    """Return the limit (J) on the work of each row at which all rows together do the work that is paid for."""
     low, high = 0.0, paid_j
     for _ in range(_HALVINGS):
         middle, total = 0.5 * (low + high), 0.0

@@ -1,9 +1,9 @@
-"""The price of a candidate: how deep it would be at the end of the solved step.
+"""Pricing of candidates (constraint generation): which of them need a row, as they end the solved step too deep.
 
-Closest distances of all candidates are measured where the step ends, less what jaws have squeezed away. Who ends deeper
-than it began, or than nothing, by more than a tolerance, joins the working set with the points of the end, and the
-solve goes on. (Constraint generation: the complementarity problem is solved over the rows that matter, and the others
-are proved not to.)
+The closest distances of all candidates are measured at the end of the step, less the overlap in squeezing jaws. A
+candidate that ends deeper than it began, or than zero, by more than a tolerance joins the working set with its points
+at the end, and the solve goes on. So the complementarity problem is solved over the rows that matter, and the others
+are shown not to.
 """
 
 from __future__ import annotations
@@ -54,19 +54,19 @@ from services.mechanics.contact.working_set import (
 )
 from services.mechanics.contact.writer import room_for_rows
 
-#: A violation whose points and normal are those of a row is that row's: it knows the step's start only to first order.
+#: Least cosine between the normals of a violation and of a row at the same points that covers it.
 _SAME_ROW = 0.999
-#: A piece that is so deep, as a part of the distance between axis and middle surface, has no normal to rely on.
+#: Share of the distance between axis and middle surface: a piece that is deeper has no reliable normal.
 UNRELIABLE_DEPTH = 0.5
-#: A row that was deeper than the tolerance ends no deeper than it began, but for this part of the tolerance.
+#: Share of the tolerance by which a row that begins too deep may end deeper.
 ALLOWED_GROWTH = 0.1
-#: Of the distance between axis and middle surface: violations nearer to each other than this get one row.
+#: Share of the distance between axis and middle surface: violations nearer to each other get one row.
 VIOLATION_SPACING = 0.1
-#: Rows that one price may add: the deepest first, the others are priced again.
+#: Most rows that one pricing adds, the deepest first; the others are priced again.
 MOST_NEW_ROWS = 24
 
 Found = tuple[Address[Candidates], Address[Candidates]]
-"""Candidates where the step ends, and room for those of them that end too deep."""
+"""Candidates at the end of the step, and room for those of them that end too deep."""
 Addresses = tuple[Address[CandidateList], Found, Address[WorkingSet], Address[ContactState]]
 
 
@@ -74,7 +74,7 @@ Addresses = tuple[Address[CandidateList], Found, Address[WorkingSet], Address[Co
 def write_violations(
     addresses: Addresses, start: Where, tolerance_m: float, pairs_address: Address[ContactPairs]
 ) -> int:
-    """Write pairs of those candidates that end too deep, the deepest of each place, and return how many.
+    """Write pairs of the candidates that end too deep, the deepest of each place, and return their number.
 
     Candidates are measured where the step ends; ``start`` is where it began.
     """
@@ -108,7 +108,7 @@ def _find_violations(
     start: Where,
     tolerance_m: float,
 ) -> int:
-    """Copy the candidates that end too deep; ``gap_m`` becomes the end's gap with what is squeezed away."""
+    """Copy the candidates that end too deep; ``gap_m`` becomes the gap at the end plus the allowed overlap."""
     (found, out), tools = candidates, state.geometry.tools
     out.count = 0
     for i in range(found.count):
@@ -123,7 +123,7 @@ def _find_violations(
             continue
         d, s, _, before = closest_pair(start, listed.clusters.triangles, p, t)
         if found.gap_m[i] < -UNRELIABLE_DEPTH * listed.thickness[p] or dot(normal, before) < 0.0:
-            # The axis went through the middle surface, or nearly: it is to stay on the side of the start.
+            # The axis went through the middle surface, or nearly: the piece must stay on the side of the start.
             normal, ends = before, (listed.ends, listed.position)
             away = offset(ends, listed.clusters.triangles, (p, t), found.s[i], row(found.weight, i))
             end = dot(before, away) - listed.thickness[p]
@@ -139,7 +139,7 @@ def _find_violations(
 
 @kernel
 def _has_row(listed: CandidateList, found: Candidates, working: WorkingSet, state: ContactState, i: int) -> bool:
-    """Return whether a row is this violation already, at the same points and along the same normal."""
+    """Return whether a row covers this violation already, at the same points and along the same normal."""
     p, t, rows, corner = found.piece[i], found.triangle[i], state.rows, listed.clusters.triangles
     normal = jaw_surface(state.geometry.tools, p, found.s[i], row(found.normal, i))[3]
     near, place = SAME_POINT * listed.thickness[p], row(working.at_rest, i)
@@ -183,10 +183,10 @@ def piece_of(rows: ContactRows, at: int) -> int:
 def _write_violation(
     listed: CandidateList, found: Candidates, i: int, start: Where, to: tuple[ToolGeometry, ContactPairs]
 ) -> None:
-    """Write a violation as a pair, its gap being that of the end.
+    """Write a violation as a pair with the gap at the end of the step.
 
-    Round a corner a pair may seem to overlap at the start, along the end's normal, where it does not: then the normal
-    is that between its points at the start.
+    Round a corner a pair may seem to overlap at the start along the normal of the end, though it does not. Its normal
+    is then that between its points at the start.
     """
     p, t, s, w, normal = found.piece[i], found.triangle[i], found.s[i], row(found.weight, i), row(found.normal, i)
     away = offset(start, listed.clusters.triangles, (p, t), s, w)
@@ -205,10 +205,10 @@ def write_capsule_violations(
     sizes: tuple[float, float],
     pairs_address: Address[ContactPairs],
 ) -> int:
-    """Append pairs of tools with segments of the catheter that end too deep, and return how many there are.
+    """Append pairs of tools with segments of the catheter that end too deep, and return their number.
 
-    ``start`` (p, 2, 3) are the pieces where the step began; ``sizes`` are half the wall, which is part of a piece's
-    thickness, and the tolerance. A pair keeps the side on which it began.
+    ``start`` (p, 2, 3) are the ends of the pieces where the step began; ``sizes`` are half the wall's thickness, which
+    is part of a piece's thickness, and the tolerance, both in m. A pair keeps the side on which it began.
     """
     listed, memory, state = list_at(addresses[0]), capsules_at(addresses[1]), state_at(addresses[2])
     pairs, (half_m, tolerance_m), tools, count = pairs_at(pairs_address), sizes, state.geometry.tools, 0
@@ -239,7 +239,7 @@ def write_capsule_violations(
 
 @kernel
 def _has_capsule_row(rows: ContactRows, i: int, j: int, t: float, normal: Vector) -> bool:
-    """Return whether a row is of a piece of a tool and a segment of the catheter, nearly there and along the normal."""
+    """Return whether a row couples a piece of a tool with a segment of the catheter near this place and normal."""
     for at in range(rows.n_contacts):
         identity = rows.identity[at]
         if identity < 0 or not HAS_GAP[rows.law[at]] or target_kind_of(identity) != CATHETER_SEGMENT:
@@ -270,7 +270,7 @@ def write_chosen(
 
 @kernel
 def note_pressed(state_address: Address[ContactState], set_address: Address[WorkingSet]) -> None:
-    """Let the working set be a step older, and what presses have its life before it."""
+    """Age the working set by a step, and renew the features that press."""
     rows, working = state_at(state_address).rows, set_at(set_address)
     age(working)
     working.n_pressed = 0

@@ -1,4 +1,4 @@
-"""The contact problem of a step, and what a Newton step solves for."""
+"""The contact problem of a step, and the unknowns of a Newton step."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class ContactProblem(Struct):
     Attributes:
         rows: ContactRows. Laws, limits, and the present forces.
         motion: (3 C,) float64. Gaps and slips at the end of the step with the present forces, in m.
-        change: (3,) float64. What the last relaxation changed of a contact's force, in N.
+        change: (3,) float64. Change of a contact's force in the last relaxation, in N.
     """
 
     rows: ContactRows
@@ -27,7 +27,7 @@ class ContactProblem(Struct):
 
 
 class Unknowns(Struct):
-    """What a Newton step solves for, at most m unknowns; see `newton`."""
+    """Unknowns of a Newton step, at most m; see `newton`."""
 
     block: Annotated[IntArray, "m"]
     test: Annotated[FloatArray, "m", 3]
@@ -40,7 +40,7 @@ class Unknowns(Struct):
 
 @kernel
 def give(problem: ContactProblem, W: FloatArray, block: int, axis: int, force_n: float) -> None:
-    """Give a contact another force along an axis, note the change, and bring the motion of all rows up to date.
+    """Set the force of a contact along an axis, store the change, and update the motion of all rows.
 
     An update along a row of the symmetric W vectorises, a dot product would not.
     """

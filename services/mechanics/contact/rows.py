@@ -14,7 +14,7 @@ NO_STONE = -1
 
 
 class ContactRows(Struct):
-    """Preallocated struct of arrays of the contacts and holds of one step; the first ``n_contacts`` mean anything.
+    """Preallocated struct of arrays of the contacts and holds of one step; the first ``n_contacts`` are valid.
 
     Rows are made by `writer.append_row` only.
 
@@ -24,17 +24,17 @@ class ContactRows(Struct):
         frame: (C, 3, 3) float64. Rows: normal (towards the first body) and two tangents.
         point_m: (C, 3) float64. Where the force acts on the first body.
         gap_m: (C,) float64. Distance of the surfaces at the start of the step.
-        rest_offset_m: (C,) float64. How deep the surfaces may overlap before they push each other.
-        taken_m: (C,) float64. What of the gap counts in this step: all of a distance, of an overlap (negative) what is
-            taken back.
+        rest_offset_m: (C,) float64. Overlap of the surfaces up to which they do not push each other.
+        taken_m: (C,) float64. Part of the gap that counts in this step: all of a distance, the recovered part of an
+            overlap (negative).
         slip_m: (C, 3) float64. Motion of the first body relative to the target over the step without contact forces, in
             world axes.
         elastic_m: (C, 3) float64. Elastic slip at the start of the step, in world axes, for laws that remember it; see
             `warm_start.store_anchors`.
-        held_j: (C,) float64. What the springs of its friction stored with the force of the last step, in J.
+        held_j: (C,) float64. Energy that the springs of its friction stored with the force of the last step, in J.
         friction: (C,) float64. Coefficient of Coulomb friction, for laws that have it.
-        rubbing_n: (C,) float64. Friction that a contact bears whatever presses it, for laws that have it: nothing, but
-            within a solve.
+        rubbing_n: (C,) float64. Bound of friction whatever the normal force, for laws with friction: zero but within a
+            solve.
         force_limit_n: (C,) float64. Largest force, for laws that have one.
         softness_m_n: (C, 3) float64. Compliance of the touching surfaces themselves, along the rows of the frame.
         force_n: (C, 3) float64. Solved force on the first body, along the rows of the frame.
@@ -48,7 +48,7 @@ class ContactRows(Struct):
         n_contacts: int. Contacts and holds in use.
         dropped: int. Rows that found no room since the start.
         dt_s: float. Length of the step, for laws that know speeds.
-        reserved: int. Room that is left for the rows of holds, which come last: without a row a hold would be stretched
+        reserved: int. Room that is kept for the rows of holds, which come last: a hold without a row would stretch
             unfelt.
     """
 
@@ -105,7 +105,7 @@ rows_at = reader(ContactRows)
 
 @kernel
 def add_rod_motion(address: Address[ContactRows], motion: FloatArray, sign: float) -> None:
-    """Add so many times the catheter's free motion (n, 3) to the slips of the rows that it has a part in."""
+    """Add ``sign`` times the catheter's free motion (n, 3) to the slips of the rows in which it takes part."""
     rows = rows_at(address)
     for row in range(rows.n_contacts):
         for point in range(N_ROD_POINTS):

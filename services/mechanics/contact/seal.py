@@ -1,4 +1,4 @@
-"""The introducer's friction as one contact row: what its seal and its wall hold of the catheter, along its axis.
+"""The introducer's friction as one contact row: its seal and its wall hold the catheter along the axis.
 
 The wall's friction acts where the seal is, at the exit: within the introducer the catheter hardly stretches.
 """
@@ -39,7 +39,7 @@ seal_at = reader(SealMemory)
 class IntroducerSeal:
     """Friction of an introducer: elastoplastic, so that it breaks away at its limit at any speed and never creeps.
 
-    A catheter that sleeps needs no row: what the seal holds is part of its rest.
+    A catheter that sleeps needs no row: the force of the seal is part of its equilibrium.
     """
 
     def __init__(self, catheter: CatheterBody, system: ContactSystem) -> None:
@@ -57,12 +57,12 @@ class IntroducerSeal:
 
     @property
     def dissipated_j(self) -> float:
-        """What slipping has taken out so far."""
+        """Energy that slipping has dissipated so far, in J."""
         return self._memory.dissipated_j
 
     @property
     def stored_j(self) -> float:
-        """What its lip stores."""
+        """Energy that the seal's lip stores, in J."""
         return 0.5 * self._memory.elastic_m**2 / SEAL_SOFTNESS_M_N
 
     @property
@@ -79,7 +79,7 @@ class IntroducerSeal:
         self._memory.row, self._memory.elastic_m = _NO_ROW, 0.0
 
     def append_row(self) -> None:
-        """Append its row, unless nothing is held or the catheter sleeps."""
+        """Append the seal's row, unless it bears nothing or the catheter sleeps."""
         n_rows = 0
         if self._is_there and not self._catheter.slept:
             n_rows = append_seal(self._system.address, self._catheter.integrator.model.address, self._memory.address)
@@ -88,7 +88,7 @@ class IntroducerSeal:
         self._catheter.n_own_rows = n_rows
 
     def slide(self) -> None:
-        """Take up what the solve has left of the step."""
+        """Update the elastic slip by the motion that the solve left."""
         if self._catheter.n_own_rows:
             slide_seal(self._system.address, self._memory.address, not self._system.strategy.acts_in_next_step)
 
@@ -130,7 +130,7 @@ def append_seal(
 
 @kernel
 def slide_seal(state_address: Address[ContactState], seal_address: Address[SealMemory], has_moved: bool) -> None:
-    """Keep the elastic slip that the solve ended with; ``has_moved`` is whether its motions are those with forces."""
+    """Store the elastic slip at the end of the solve; ``has_moved`` is whether motions include the contact forces."""
     state, seal = state_at(state_address), seal_at(seal_address)
     rows, row = state.rows, seal.row
     force, motion = rows.force_n[row, 0], state.problem.motion[3 * row]

@@ -1,8 +1,8 @@
-r"""Two layers of wall between two jaws, once their inner sides have met: how they resist being squeezed together.
+r"""Resistance of two layers of wall that two jaws squeeze, once the inner sides of the layers have met.
 
 A jaw is a round bar of radius r, the layers an elastic foundation between two of them (Johnson, "Contact Mechanics",
-1985, 4.3): what is squeezed by the share :math:`\epsilon = 1 - h / H` of its thickness H = 2 t is wider the more it is
-squeezed, and per length of jaw
+1985, 4.3). The strain :math:`\epsilon = 1 - h / H` of their thickness H = 2 t also widens the squeezed strip, so the
+force per length of jaw is
 
 .. math:: w = \tfrac43 \frac{E}{1 - \nu^2} \sqrt{r H} \; \frac{\epsilon^{3/2}}{1 - \epsilon} .
 
@@ -13,9 +13,9 @@ Rosen et al., J. Biomech. Eng. 130:021020, 2008) would come on top; for a duct's
 
 Jaws open like scissors: at a distance s from the hinge they are :math:`h = 2 s \sin(\theta / 2) - 2 r` apart.
 
-Wall that is given up, of which a share o is left, yields by :math:`(1 - o)^2 (H + 2 r)`: as much as lets the jaws shut
-by the time that nothing is left. A law that only got weaker would hold them nearly as far apart to the end, dividing
-by the thickness that is left: 29 mN m of a hand's torque were gone in a tick.
+A cell that is being released, with a share o left, yields by :math:`(1 - o)^2 (H + 2 r)`, so that the jaws are shut
+when nothing is left. A law that only became weaker would hold them nearly as far apart to the end, because it divides
+by the thickness that is left; then a hand loses 29 mN m of torque in one tick.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Struct
 from services.mechanics.scene.tools import N_TOOLS
 
-_FULL = 1.0 - 1e-9  # jaws that something else shuts: what they store is a number
+_FULL = 1.0 - 1e-9  # keeps the stored energy finite where something else shuts the jaws
 
 
 class SolidWall(Struct):
     """Cells of both tools' jaws, and the wall in them.
 
     Attributes:
-        occupied: (2, N_CELLS) float64. How much of each cell has wall in it, 0 to 1.
-        free_m: (2, N_CELLS) float64. Thickness of what is in each cell while nothing squeezes it: that of both layers,
-            or less where they came between jaws that had less room.
+        occupied: (2, N_CELLS) float64. Share of each cell that wall fills, 0 to 1.
+        free_m: (2, N_CELLS) float64. Unsqueezed thickness of the wall in each cell: that of both layers, or less where
+            they came between jaws that had less room.
         length_m, radius_m: (2,) float64. Of the jaws.
         thickness_m: float. Of both layers.
         modulus_pa: float. E / (1 - nu^2).
@@ -54,21 +54,21 @@ class SolidWall(Struct):
 
 @kernel
 def cell_m(wall: SolidWall, tool: int, cell: int) -> float:
-    """Return how far from the hinge the middle of a cell is."""
+    """Return the distance (m) of the middle of a cell from the hinge."""
     place: float = wall.length_m[tool] * (cell + 0.5) / N_CELLS
     return place
 
 
 @kernel
 def apart_m(wall: SolidWall, tool: int, cell: int, opening_rad: float) -> float:
-    """Return how far apart the jaws are in a cell; below zero near the hinge, where they are as thick as that."""
+    """Return the distance (m) between the jaws in a cell; negative near the hinge, where the jaws overlap."""
     apart: float = 2.0 * (cell_m(wall, tool, cell) * math.sin(0.5 * opening_rad) - wall.radius_m[tool])
     return apart
 
 
 @kernel
 def _strain(wall: SolidWall, tool: int, cell: int, opening_rad: float) -> float:
-    """Return the strain of what is in a cell: positive if squeezed, 1 or more if there is no room for it, or 0.0."""
+    """Return the strain of the wall in a cell: positive if squeezed, 1 or more if it has no room, 0.0 if empty."""
     if wall.occupied[tool, cell] == 0.0:
         return 0.0
     free, given_up = wall.free_m[tool, cell], 1.0 - wall.occupied[tool, cell]
@@ -81,10 +81,10 @@ def _strain(wall: SolidWall, tool: int, cell: int, opening_rad: float) -> float:
 def write_indentation(
     wall: SolidWall, tool: int, openings_rad: tuple[float, float], out: FloatArray, slope: FloatArray
 ) -> None:
-    """Write how much nearer than half its thickness the middle of each layer is to its jaw, (N_CELLS,) in m.
+    """Write the indentation of each layer, (N_CELLS,) in m: how much nearer its middle is to its jaw when squeezed.
 
-    And by how much that changes from the first to the second opening, (N_CELLS,) in m/rad. Jaws that squeeze a fold in
-    some of their cells leave no more room to its ridge, which only one of them touches, or none.
+    ``slope`` takes its change from the first to the second opening, (N_CELLS,) in m/rad. Jaws that squeeze a fold in
+    some of their cells leave no more room to its ridge, which only one jaw touches, or none.
     """
     (start_rad, end_rad), share = openings_rad, 0.0
     for cell in range(N_CELLS):
@@ -108,7 +108,7 @@ def _indentation_m(wall: SolidWall, tool: int, cell: int, opening_rad: float) ->
 def resist(wall: SolidWall, tool: int, opening_rad: float) -> tuple[float, float, float]:
     """Return torque that opens the jaws (N m), its fall with the opening (N m/rad), and the force on each jaw (N).
 
-    Infinite where there is no room for the wall.
+    All are infinite where there is no room for the wall.
     """
     torque, fall, total = 0.0, 0.0, 0.0
     cosine, sine = math.cos(0.5 * opening_rad), math.sin(0.5 * opening_rad)
@@ -159,9 +159,9 @@ def _scale_n(wall: SolidWall, tool: int, cell: int) -> float:
 def yields_to(wall: SolidWall, tool: int, free_rad: float, compliance: float) -> float:
     """Return the opening at which the wall alone holds jaws that would go to ``free_rad``, at most 1e-8 too small.
 
-    They give way by ``compliance`` (rad/(N m)): the root of ``opening - free - compliance torque``, which only rises.
-    There is room for the wall there: of so little wall, or so soft a one, that it holds the jaws within 1e-8 of where
-    there is none, the opening is as much too large instead.
+    The jaws give way by ``compliance`` (rad/(N m)), so this is the root of ``opening - free - compliance torque``,
+    which only rises. The torque is finite there. If the wall is so thin or so soft that the root is within 1e-8 of an
+    opening without room, the result is as much too large instead.
     """
     low, high = free_rad, free_rad + 1.0
     torque = resist(wall, tool, low)[0]

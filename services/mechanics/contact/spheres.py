@@ -1,4 +1,4 @@
-"""Spheres that touch wall and catheter: where they are, how they move, and what a force moves them by.
+"""Spheres that touch wall and catheter: their positions, their motion and their compliance.
 
 Their owner, an effect, writes the arrays before contacts are found, and reads the forces of their rows afterwards.
 """
@@ -15,12 +15,12 @@ from services.mechanics.compiled.vectors import Vector, along, put_row_of, row
 from services.mechanics.contact.identity import STONE
 from services.mechanics.contact.rows import NO_STONE, ContactRows, rows_at
 
-#: As many as the identity of a contact can name.
+#: Most spheres that the identity of a contact can tell apart.
 MOST_SPHERES = STONE.size - 1
 
 
 class Spheres(Struct):
-    """Room for s spheres, of which the first ``count`` are there; in m and m/N, along world axes."""
+    """Room for s spheres, of which the first ``count`` exist; in m and m/N, along world axes."""
 
     start: Annotated[FloatArray, "s", 3]  # of the step
     motion: Annotated[FloatArray, "s", 3]  # over it, without contact forces
