@@ -1,16 +1,16 @@
-r"""What is between the jaws of a tool resists their closing: one pair of opposite forces on both jaws each.
+r"""Squeezing between the jaws of a tool: a pair of opposite forces on both jaws resists their closing.
 
 A wall that is pinched shut is solid between them (`solid_wall`); a catheter that they hold stops them. The torque at
 the handle is the moment of these forces and of those of the other contacts, and nothing else.
 
-The wall's torque is a convex function of the opening. In a step it stands for the chord from where the jaws are to
-where the wall alone would let them go, or, where they open, for its tangent: both lie on the side where the jaws take
-out no more than the wall gives up, so a step is passive, whatever its length and whatever else pushes the jaws.
+The wall's torque is a convex function of the opening. A step replaces it by the chord from where the jaws are to where
+the wall alone would let them go or, if they open, by its tangent. Both lie on the side where the jaws gain no more
+energy than the wall releases, so a step is passive, whatever its length and whatever else pushes the jaws.
 
-Cells of the jaws are taken by the wall that is pressed from both sides in them, at no more than the thickness that
-there is room for, and given up gradually: what is squeezed never grows by more wall, which nobody would have squeezed.
-Jaws come as much nearer to the middle of each layer as that gets thinner, and as they open it goes half of their way:
-so much of the wall's own force opens them, and the rest is the other layer's.
+A cell along the jaws is occupied by wall that is pressed from both sides in it, at no more than the thickness that has
+room, and is released gradually. So a squeezed cell never gains wall, which nobody would have squeezed. Each jaw is
+nearer to the middle of its layer as the layer gets thinner, and this middle moves half as far as opening jaws do: so
+the wall's own force opens them in part, and the rest acts on the other layer.
 """
 
 from __future__ import annotations
@@ -47,24 +47,24 @@ from services.mechanics.scene.tools import N_TOOLS
 _SQUEEZE, _GRIP = number_of("squeeze"), number_of("grip")
 _NO_ROW = -1
 _WALL, _CATHETER = 0, 1
-# Wall that is not pressed any more gives up the cell that it is squeezed in within so long.
+# Time in which a cell is released whose wall is not pressed any more.
 LETS_GO_S = 0.05
-# Two layers do not slip in where there is less room than this share of their thickness.
+# Two layers occupy no cell with less room than this share of their thickness.
 LEAST_ROOM = 0.2
-# Slower than this a torque is taken to be constant over a step.
+# A torque is taken as constant over a smaller motion than this.
 _SMALL_RAD = 1e-9
-# Over less than this the thickness of a wall is as good as linear in the opening: 1 um at the tips.
+# Over a smaller motion the thickness of a wall is linear in the opening: 1 um at the tips.
 LEAST_MOTION_RAD = 1e-4
 
 
 class SqueezeArrays(Struct):
-    """What both tools squeeze, and the rows of this step: of the wall and of the catheter."""
+    """Squeezed wall and catheter of both tools, and their rows in this step."""
 
     wall: SolidWall
     row: Annotated[IntArray, N_TOOLS, 2]
     arm_m: Annotated[FloatArray, N_TOOLS, 2]
     start_rad: Annotated[FloatArray, N_TOOLS]
-    pushed_rad: Annotated[FloatArray, N_TOOLS]  # how much wider contacts held the jaws at the end of the last step
+    pushed_rad: Annotated[FloatArray, N_TOOLS]  # opening that contacts added in the last step
     stored_j: Annotated[FloatArray, N_TOOLS, 2]
     reach: Annotated[FloatArray, 2, 2, 2]  # scratch: of sides of the surface and jaws, first and last place pressed
     dissipated_j: float = 0.0
@@ -76,10 +76,10 @@ squeeze_at = reader(SqueezeArrays)
 
 
 class JawSqueeze:
-    """What the jaws of both tools squeeze.
+    """The wall and the catheter that the jaws of both tools squeeze.
 
     Attributes:
-        occupied: (2, N_CELLS) float64. How much of each cell along the jaws has both layers of the wall in it, 0 to 1.
+        occupied: (2, N_CELLS) float64. Share of each cell along the jaws that both layers of the wall fill, 0 to 1.
     """
 
     def __init__(self, duct: DuctScene, tools: tuple[ToolScene, ...], system: ContactSystem) -> None:
@@ -101,16 +101,16 @@ class JawSqueeze:
 
     @property
     def stored_j(self) -> float:
-        """What the squeezed wall stores."""
+        """Energy that the squeezed wall and catheter store, in J."""
         return float(self._arrays.stored_j.sum())
 
     @property
     def dissipated_j(self) -> float:
-        """What steps, and cells that were given up, have taken out so far."""
+        """Energy that steps and released cells have dissipated so far, in J."""
         return self._arrays.dissipated_j
 
     def forget(self) -> None:
-        """Squeeze nothing."""
+        """Release everything."""
         arrays = self._arrays
         arrays.wall.occupied[:] = arrays.stored_j[:] = 0.0
         arrays.pushed_rad[:] = 0.0
@@ -118,15 +118,15 @@ class JawSqueeze:
         arrays.put_zero("first", "count")
 
     def append_rows(self, tools: ToolBody) -> None:
-        """Append the rows of what may be squeezed in this step."""
+        """Append the rows of walls and catheters that may be squeezed in this step."""
         append_squeezes(self._system.address, tools.address, self._arrays.address)
 
     def follow(self, tools: ToolBody, dt_s: float) -> None:
-        """Enter what the jaws have done, once they have, and see where there is wall between them."""
+        """Update the energies once the jaws have moved, and occupy and release cells."""
         follow_squeezes(self._system.address, tools.address, self._arrays.address, dt_s)
 
     def react(self) -> None:
-        """Write the forces on the other jaws, once the solve has found those on the first ones."""
+        """Write the forces on jaws B, once the solve has found those on jaws A."""
         write_reactions(self._system.address, self._arrays.address)
 
 
@@ -150,7 +150,7 @@ def append_squeezes(
 
 @kernel
 def _write_indentation(squeeze: SqueezeArrays, tools: ToolArrays, out: ToolGeometry, tool: int) -> None:
-    """Write how thin the wall is, and becomes by the opening at which the jaws end if the torque on them stays."""
+    """Write the wall's indentation, and its change up to the opening that the present torque would leave."""
     start_rad = tools.proxy[tool, 3]
     motion_rad = tools.free[tool, 3] + squeeze.pushed_rad[tool] - start_rad
     if abs(motion_rad) < LEAST_MOTION_RAD:
@@ -194,7 +194,7 @@ def _append_wall(rows: ContactRows, tools: ToolArrays, squeeze: SqueezeArrays, t
 
 @kernel
 def _soften_tangents(rows: ContactRows, tools: ToolArrays, row: int) -> None:
-    """Write the softness of what is squeezed and of the jaws' coupling together where penalty contact looks for it."""
+    """Write the compliance of the squeezed body plus the jaws' coupling on the tangents, for penalty contact."""
     lever = _lever_m(rows, row)
     for axis in range(1, 3):
         rows.softness_m_n[row, axis] = rows.softness_m_n[row, 0] + lever * lever * tools.compliance[rows.tool[row], 3]
@@ -212,7 +212,7 @@ def _lever_m(rows: ContactRows, row: int) -> float:
 def _append_pair(rows: ContactRows, tools: ToolArrays, tool: int, what: tuple[int, float, float]) -> int:
     """Append a force on jaw A and the row of its reaction on jaw B; return the first row, or `NO_ROOM`.
 
-    ``what`` is squeezed: its kind, how far along the jaws, and the opening at which it would resist no more.
+    ``what`` is (target kind, distance along the jaws in m, opening in rad at which it would resist no more).
     """
     kind, along, opening = what
     if rows.n_contacts + 2 > rows.gap_m.shape[0]:
@@ -242,7 +242,7 @@ def _append_pair(rows: ContactRows, tools: ToolArrays, tool: int, what: tuple[in
 
 @kernel
 def write_reactions(state_address: Address[ContactState], squeeze_address: Address[SqueezeArrays]) -> None:
-    """Write on every jaw B what is opposite to the force on jaw A."""
+    """Write on every jaw B the opposite of the force on jaw A."""
     state, squeeze = state_at(state_address), squeeze_at(squeeze_address)
     for row in range(squeeze.first, squeeze.first + squeeze.count, 2):
         for axis in range(3):
@@ -257,7 +257,7 @@ def follow_squeezes(
     squeeze_address: Address[SqueezeArrays],
     dt_s: float,
 ) -> None:
-    """Enter the energies of the step, and let cells be taken and given up by what was pressed in it."""
+    """Update the energies of the step, and occupy and release cells by what was pressed in it."""
     state, tools, squeeze = state_at(state_address), tools_at(tools_address), squeeze_at(squeeze_address)
     rows = state.rows
     for tool in range(tools.present.shape[0]):
@@ -315,7 +315,7 @@ def _is_outside(wall: WallGeometry, triangle: int, normal: FloatArray) -> bool:
 
 @kernel
 def _occupy(squeeze: SqueezeArrays, tool: int, opening_rad: float, dt_s: float) -> None:
-    """Take cells with two layers between both jaws, at the thickness they have then, and give up those without wall."""
+    """Occupy cells with two layers between both jaws, at their present thickness, and release cells without wall."""
     wall, reach = squeeze.wall, squeeze.reach
     beside = 0.5 * wall.length_m[tool] / N_CELLS
     for cell in range(N_CELLS):

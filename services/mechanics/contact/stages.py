@@ -1,4 +1,4 @@
-"""What a step of contacts begins and ends with: one kernel each, on the state behind one address."""
+"""Stages before and after a contact solve: one kernel each, on the state behind one address."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def complete_new(
 
 @kernel
 def subtract_motion(state_address: Address[ContactState], motion: FloatArray, first: int) -> None:
-    """Take more of the duct's free motion (k, 3) over the step out of the slips of complete rows from ``first`` on."""
+    """Subtract further free motion (k, 3) of the duct from the slips of complete rows from ``first`` on."""
     rows = state_at(state_address).rows
     for row in range(first, rows.n_contacts):
         for axis in range(3):
@@ -86,7 +86,7 @@ def _complete(state: ContactState, displacement: FloatArray, motion: FloatArray)
 
 @kernel
 def finish(state: ContactState) -> None:
-    """Write who slides and the solved forces along world axes, and remember both for a warm start."""
+    """Write sliding flags and world-axis forces of the solved contacts, and store both for a warm start."""
     mark_sliding(state.rows, state.slides)
     write_world_forces(state.rows, state.force_n)
     store_forces(state.memory, state.rows, state.force_n, state.slides, state.geometry.wall.vertices)
@@ -123,7 +123,7 @@ def give_forces(
 ) -> bool:
     """Correct the end of the step of all bodies; ``tool_force`` (2, 4) takes the generalised forces on the tools.
 
-    ``pays`` is whether all that the catheter stores is known here, as it is without twist, see `contact_energy_gain`.
+    ``pays`` is whether a catheter without twist pays for its energy gain here, see `contact_energy_gain`.
     ``motion`` and ``step`` are those of `contact_response.correct`; False, and nothing corrected, where that is False.
     """
     state, catheter = state_at(addresses[0]), step_at(addresses[2])

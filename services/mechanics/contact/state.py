@@ -20,7 +20,7 @@ class ContactState(Struct):
     Attributes:
         problem: ContactProblem. Of these rows; its motion are gaps and slips at the end of the step.
         memory: ForceMemory. Of the last step.
-        ledger: Ledger. What contacts owe.
+        ledger: Ledger. Energy that contacts owe.
         delassus: (m m,) float64. Delassus operator W, packed as (3 k, 3 k) for k contacts.
         force_n: (c, 3) float64. Forces on the first bodies along world axes.
         slides: (c,) bool

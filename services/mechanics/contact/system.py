@@ -97,7 +97,7 @@ class ContactSystem:
         self._gone_is_known = True
 
     def let_go_of_tools(self) -> None:
-        """Tell the duct of the last step's forces by tools that are gone."""
+        """Remove from the duct the last step's forces by tools that have vanished."""
         duct, tools = self.bodies.duct, self.bodies.tools
         if self._applied_forces and tools.have_vanished:
             if not self._gone_is_known:
@@ -132,7 +132,7 @@ class ContactSystem:
 
     @contextmanager
     def old_friction(self) -> Iterator[None]:
-        """Let who sets coefficients of friction set those of the rows that were added last."""
+        """Restrict changes of friction coefficients to the rows that were added last."""
         first = self._first_new
         kept = self.rows.friction[:first].copy()
         yield
@@ -163,7 +163,7 @@ class ContactSystem:
         add_rod_motion(self.rows.address, catheter.motion_m, 1.0)
 
     def rest(self) -> None:
-        """Forget the forces of the last tick: nothing is touched."""
+        """Forget the forces of the last tick, as nothing touches."""
         self.sweeps = 0
         self._state.memory.n_contacts = 0
         self._state.ledger.begun_s = BEGINS_S
@@ -191,7 +191,7 @@ class ContactSystem:
                 rod.pay_for_change(catheter.state, catheter.step_address)
             catheter.note_contacts(k)
         else:
-            if k or self._applied_forces:  # once without any, so that the last ones are taken back
+            if k or self._applied_forces:  # once more without forces, to remove the last ones
                 forces = self.force_n[:k]
                 bodies.duct.correct(*rows.on_duct, forces)
                 catheter.correct(*rows.on_rod, forces)

@@ -1,4 +1,4 @@
-"""What contacts do to the tools: forces, moments about the port, jaw torque, and the stiffness felt."""
+"""Contact loads on the tools: forces, moments about the port, and jaw torque."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.scene.tools import N_TOOLS, ToolResults
 
-# What a hand of half a metre a second draws out of a coupling of 500 N/m. What snaps, as a grip that is lost, is felt
-# as a ramp of this slope instead of as a blow.
+# A hand at 0.5 m/s loads a coupling of 500 N/m at this rate. A force that snaps, as of a lost grip, is felt as a ramp
+# of this slope instead of a blow.
 FORCE_RATE_N_S = 250.0
 
 
 class ReportArrays(Struct):
-    """The arrays of `ToolResults`, and what they are worked out from besides the contacts."""
+    """The arrays of `ToolResults`, and the generalised contact forces that they follow from."""
 
     force: Annotated[FloatArray, N_TOOLS, 3]
     port_moment: Annotated[FloatArray, N_TOOLS, 3]
@@ -73,7 +73,7 @@ def report(
     report_address: Address[ReportArrays],
     dt_s: float,
 ) -> float:
-    """Write what the tools feel; return how deep the catheter overlaps wall or itself at the start of a step, in m."""
+    """Write the tools' loads; return the catheter's deepest overlap (m) with wall or itself at the step's start."""
     state, tools, out = state_at(state_address), tools_at(tools_address), report_at(report_address)
     _moments(state.rows, state.force_n, tools.port, out.port_moment)
     for tool in range(out.loads.shape[0]):
@@ -87,7 +87,7 @@ def report(
 
 @kernel
 def _follow_force(is_present: bool, load: FloatArray, most: float, out: FloatArray) -> None:
-    """Change the force (3,) to that of the contacts by ``most`` N at most; a tool that is gone feels none at once."""
+    """Change the force (3,) towards that of the contacts by at most ``most`` N; absent tools get none at once."""
     change_2 = 0.0
     for axis in range(3):
         change_2 += (load[axis] - out[axis]) ** 2

@@ -1,17 +1,17 @@
-r"""Friction and pressure in turns, for solves that run in circles: each turn has an end, the last leaves no overlap.
+r"""Friction and pressure solved in turns, where a solve cycles: each turn ends, the last leaves no overlap.
 
-Coulomb's law has no potential: friction changes with the pressure, whose work is another. So neither a sweep nor a
-Newton step need lead nearer to the solution, and a few contacts may open, slip and close again in the same order for
-ever. With bounds :math:`|f_t| \le r` in the place of :math:`\mu f_n` (Tresca's friction) the solution is where a
-strictly convex potential is least, and active sets find it. From its pressures come the next bounds,
-:math:`r = \mu f_n`; Coulomb's solution is where these do not change (Panagiotopoulos, 1975; Haslinger, Hlavacek and
-Necas, "Numerical Methods for Unilateral Problems in Solid Mechanics", 1996). As a turn tells who is open, sticks and
-slides, a Newton step on Coulomb's law from there mostly ends it.
+Coulomb's law has no potential, because the bound of friction changes with the pressure. So neither a sweep nor a Newton
+step need approach the solution, and a few contacts may open, slip and close again in the same order for ever. With
+bounds :math:`|f_t| \le r` in the place of :math:`\mu f_n` (Tresca's friction) the solution is the minimum of a strictly
+convex potential, and active sets find it. Its pressures give the next bounds, :math:`r = \mu f_n`; Coulomb's solution
+is where these do not change (Panagiotopoulos, 1975; Haslinger, Hlavacek and Necas, "Numerical Methods for Unilateral
+Problems in Solid Mechanics", 1996). A turn finds which contacts are open, stick and slide, so a Newton step on
+Coulomb's law from there mostly ends the solve.
 
-Where turns do not come to an end either, bounds are halved, and what is above :math:`\mu f_n` even so bears none. Then
-some turn is the last: all pressures are as the law asks, nothing overlaps, and friction acts against the slip and is
-nowhere above its cone, but below it at some contact that slides. What is missing there is missing for one step. In a
-solve that has gone through `MOST_BLOCKS` nothing that slides bears any in the last turn.
+If the turns do not converge either, bounds are halved, and a contact whose friction still exceeds :math:`\mu f_n` bears
+none. Then the turns end: all pressures obey the law, nothing overlaps, and friction opposes the slip and is nowhere
+above its cone, but below it at some sliding contact, for this one step. In a solve that has used up `MOST_BLOCKS` no
+sliding contact bears friction in the last turn.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver_steps import SolverScratch, copy_forces, go_down, sweep, update_motion
 
-# So many turns for Coulomb's law at most, and no other once they have cost half of `MOST_BLOCKS`.
+# Most turns for Coulomb's law; none begins once they have cost half of `MOST_BLOCKS`.
 MOST_TURNS = 6
-# Then bounds are this part of what coefficients allow. With all of it half as much friction is left: more contacts are
-# above their cones, lose theirs, and the load that it bore goes to others.
+# Share of the coefficients' bounds after that. With all of it half as much friction is left: more contacts exceed their
+# cones, lose their friction, and the load goes to others.
 LEFT = 0.5
-# A turn that has not come to its end after so many sweeps, each after Newton steps, leaves the rest to the next.
+# Most sweeps of a turn, each after Newton steps; the rest is left to the next turn.
 MOST_SWEEPS_A_TURN = 20
-# A sweep of k contacts goes through k^2 blocks of W. After so many, 1.5 ms, the next turn is the last.
+# Blocks of W, 1.5 ms, after which the next turn is the last. A sweep of k contacts visits k^2 of them.
 MOST_BLOCKS = 600_000
 
 
@@ -42,9 +42,7 @@ MOST_BLOCKS = 600_000
 def solve_in_turns(
     problem: ContactProblem, W: FloatArray, tolerance_n: float, scratch: SolverScratch, spent: int
 ) -> int:
-    """Solve the contact problem from its present forces, in place, and return what it cost, in sweeps.
-
-    That includes those ``spent`` before.
+    """Solve the contact problem from its present forces, in place; return the cost in sweeps, ``spent`` included.
 
     Coefficients of friction that had to be lowered stay so: with them the forces obey Coulomb's law.
     """
@@ -81,7 +79,7 @@ def _give_bounds(rows: ContactRows, friction: FloatArray, share: float) -> None:
 
 @kernel
 def _press(problem: ContactProblem, W: FloatArray, tolerance_n: float, scratch: SolverScratch) -> int:
-    """Find the least of the potential within the bounds; return what it cost, in sweeps."""
+    """Minimise the potential within the bounds; return the cost in sweeps."""
     cost, sweeps = 0, 0
     while sweeps < MOST_SWEEPS_A_TURN:
         cost += go_down(problem, W, scratch) + 1
@@ -93,9 +91,9 @@ def _press(problem: ContactProblem, W: FloatArray, tolerance_n: float, scratch: 
 
 @inlined_kernel
 def _rub(problem: ContactProblem, W: FloatArray, tolerance_n: float, scratch: SolverScratch) -> tuple[int, bool]:
-    """Try a Newton step on Coulomb's law; return what it cost, and whether it solved it. If not, forces are as before.
+    """Try a Newton step on Coulomb's law; return its cost, and whether it solved the law. If not, restore the forces.
 
-    What slides on its bound slides with what its coefficient allows.
+    The friction of a contact on its bound is first set to what its coefficient allows.
     """
     rows, k, unknowns = problem.rows, problem.rows.n_contacts, scratch.unknowns
     copy_forces(rows.force_n, scratch.force, k)
@@ -120,7 +118,7 @@ def _rub(problem: ContactProblem, W: FloatArray, tolerance_n: float, scratch: So
 
 @kernel
 def _take_bounds(rows: ContactRows, friction: FloatArray) -> bool:
-    """Let contacts bear no friction whose friction is above their cone; return whether there are any."""
+    """Remove the friction of contacts that exceed their cone; return whether there are any."""
     is_above = False
     for row in range(rows.n_contacts):
         force, limit = rows.force_n[row], friction[row] * rows.force_n[row, 0]
@@ -139,7 +137,7 @@ def _scale(force: FloatArray, factor: float) -> None:
 
 @kernel
 def _lower_coefficients(rows: ContactRows, friction: FloatArray) -> None:
-    """Take the bounds away; what slides on one that was lowered has a coefficient with which it slides."""
+    """Remove the bounds; a contact that slides on a lowered bound gets the coefficient with which it slides."""
     for row in range(rows.n_contacts):
         if HAS_GAP[rows.law[row]]:
             force, limit = rows.force_n[row], friction[row] * rows.force_n[row, 0]

@@ -1,8 +1,7 @@
-"""Last tick's contact forces as the start of this tick's solve, found again by the bodies and their place on the wall.
+"""Warm start of a solve: rows take last tick's forces, matched by the bodies and their place on the wall.
 
-The elastic slip of friction goes with them, to the next triangle as well; it is forgotten when the surfaces part.
-
-Which triangle a contact is of says little: on an edge it is now the one, now the other.
+The elastic slip of friction moves with them, to the next triangle as well; it is forgotten when the surfaces part. A
+triangle alone does not identify a contact: on an edge it alternates between two.
 """
 
 from __future__ import annotations
@@ -35,17 +34,17 @@ class ForceMemory(Struct):
     n_contacts: int = 0
 
 
-#: A contact that sticks is where it was by less.
+#: A contact that sticks moves on the wall by less in a step.
 SAME_PLACE_M = 50e-6
 
 
 @kernel
 def recall_forces(memory: ForceMemory, rows: ContactRows, slides: BoolArray, vertices_m: FloatArray) -> None:
-    """Fill ``rows.force_n``, ``elastic_m``, ``held_j`` and ``slides`` (C,) with what is remembered, or with zero.
+    """Fill ``rows.force_n``, ``elastic_m``, ``held_j`` and ``slides`` (C,) from the memory, or with zero.
 
-    First what is of the same first body and at the same place on the wall, whose undeformed nodes are ``vertices_m``
-    (n, 3), or of the same pair beside the wall; then what is nearest of the same body against the same kind of target,
-    so that a contact which slid on keeps its force. A remembered force is given away once.
+    A row first takes the force of the same first body at the same place on the wall, whose undeformed nodes are
+    ``vertices_m`` (n, 3), or, beside the wall, of the same pair; then the nearest of the same body against the same
+    kind of target, so that a contact which slid on keeps its force. Each remembered force is used once.
     """
     memory.taken[: memory.n_contacts] = False
     for row in range(rows.n_contacts):
@@ -61,7 +60,7 @@ def recall_forces(memory: ForceMemory, rows: ContactRows, slides: BoolArray, ver
 
 @kernel
 def _nearest(memory: ForceMemory, rows: ContactRows, row: int, vertices_m: FloatArray, anywhere: bool) -> int:
-    """Return the nearest force of the row's bodies that is left, only where it was unless ``anywhere``; or -1."""
+    """Return the nearest unused force of the row's bodies, only at its old place unless ``anywhere``; or -1."""
     identity, at, nearest = rows.identity[row], _place_m(rows, row, vertices_m), -1
     is_on_wall, least = at != (0.0, 0.0, 0.0), math.inf if anywhere else SAME_PLACE_M**2
     for old in range(memory.n_contacts):
@@ -84,7 +83,7 @@ def _place_m(rows: ContactRows, row: int, vertices_m: FloatArray) -> Vector:
 
 @kernel
 def _recall(memory: ForceMemory, rows: ContactRows, row: int, old: int, slides: BoolArray) -> bool:
-    """Give a row what is remembered at a place of the memory; return whether there is any."""
+    """Copy entry ``old`` of the memory to a row; return whether there is one."""
     if old < 0:
         return False
     memory.taken[old] = True
@@ -105,7 +104,7 @@ def _recall(memory: ForceMemory, rows: ContactRows, row: int, old: int, slides: 
 def store_forces(
     memory: ForceMemory, rows: ContactRows, forces: FloatArray, slides: BoolArray, vertices_m: FloatArray
 ) -> None:
-    """Remember the solved forces (C, 3) along world axes, where they act on the undeformed wall, and who slides."""
+    """Store the solved forces (C, 3) along world axes, their places on the undeformed wall, and sliding flags."""
     memory.n_contacts = rows.n_contacts
     for row in range(rows.n_contacts):
         put_row(memory.place_m, row, _place_m(rows, row, vertices_m))
@@ -125,7 +124,6 @@ def store_anchors(problem: ContactProblem, slides: BoolArray, out: FloatArray) -
     cone bounds the force the anchor follows: :math:`e = -c f_t` (elastoplastic friction; the return mapping of a
     plastic bar in Simo and Hughes, "Computational Inelasticity", 1998, ch. 1). What a solve that was cut short leaves
     open is part of e: the next one takes it up.
-
 
     ``slides`` (C,) says where the force is on its cone.
     """

@@ -1,11 +1,11 @@
 """The working set: which candidates become contact rows, by one rule.
 
-What touches gets a row, and what will if everything moves on as in the last step. Of these candidates come by
-increasing clearance (the gap, and what jaws have squeezed away), members of the set first. One whose place at rest and
-normal are near those of a chosen one of the same body stands for nothing new and is left out, unless it nearly touches:
-a point that touches and has no row would sink in, and be pushed out once it is seen. What pressed stays a member for a
-while, under its feature (piece and triangle). In jaws that squeeze the closest pair need not have the least clearance:
-there a place that pressed is a candidate in the next step too, or the price would have to find it anew in each.
+A candidate gets a row if it touches, or will if everything moves on as in the last step. Candidates are taken by
+increasing clearance (the gap plus the indentation by jaws), members of the set first. A candidate whose undeformed
+place and normal are near those of a chosen one of the same body is a duplicate and is left out, unless it nearly
+touches: a touching point without a row would sink in, and be pushed out later. A feature (piece and triangle) that
+pressed stays a member for some steps. Between squeezing jaws the closest pair need not have the least clearance: a
+place that pressed is a candidate in the next step too, or pricing would have to find it in each step.
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ from services.mechanics.compiled.vectors import (
 from services.mechanics.contact.clearance import overlap_in_jaws, piece_can_touch
 from services.mechanics.contact.geometry import ContactGeometry, ToolGeometry, geometry_at
 
-#: Two contacts of a body with normals further apart than 26 degrees hold different things.
+#: Least cosine between the normals of duplicates, 26 degrees.
 SAME_NORMAL = 0.9
-#: A gap below this touches: surfaces at rest overlap or part by less. A step begins with rows for what touches, or
-#: will; and what has none may end no deeper, see `simulation.step_solver`.
+#: Largest gap that counts as touching: surfaces at rest overlap or part by less. A step begins with rows for candidates
+#: that touch, or will; those without a row may end no deeper, see `simulation.step_solver`.
 TOUCHING_M = 30e-6
-#: Nearer than this part of the distance between axis and middle surface, two points are one, whatever they do.
+#: Share of the distance between axis and middle surface within which two points are the same.
 SAME_POINT = 0.02
-#: What touches is merged within this part of the distance within which others are.
+#: Touching candidates are merged within this share of the merge distance.
 TOUCHING_SHARE = 0.5
-#: A step begins with rows for its members, and for the nearest others up to so many in all: what the rest would do,
-#: the price finds. To assemble and solve so many costs about what a price does.
+#: A step begins with rows for its members, and for the nearest others up to this number in all; pricing finds the rest.
+#: To assemble and solve so many rows costs about as much as to price.
 MOST_CHOSEN = 32
-#: So many steps a member lives on that presses no more.
+#: Steps for which a feature that no longer presses stays a member.
 LIFE_STEPS = 3
 
 
@@ -54,8 +54,8 @@ class WorkingSet(Struct):
 
     life: Annotated[ByteArray, "p", "m"]  # steps left of each member
     member: Annotated[LongArray, "k", 2]  # the features that have any left
-    merge_m: Annotated[FloatArray, "p"]  # within which two contacts of a piece are merged
-    clearance_m: Annotated[FloatArray, "c"]  # gap and what of the wall is squeezed away
+    merge_m: Annotated[FloatArray, "p"]  # distance within which contacts of a piece are merged
+    clearance_m: Annotated[FloatArray, "c"]  # gap plus the wall's indentation
     key: Annotated[FloatArray, "c"]
     order: Annotated[LongArray, "c"]
     chosen: Annotated[LongArray, "c"]
@@ -75,7 +75,7 @@ set_at = reader(WorkingSet)
 def new_working_set(
     rest_m: FloatArray, n_pieces: int, n_triangles: int, capacity: int, n_spheres: int = 0
 ) -> WorkingSet:
-    """Return an empty set for candidates of so many pieces, the last of them spheres, with the triangles of a wall."""
+    """Return an empty set for candidates of ``n_pieces``, the last of them spheres, with a wall's triangles."""
     life = np.zeros((n_pieces, n_triangles), np.int8)
     extents = {"p": n_pieces, "m": n_triangles, "c": capacity, "k": capacity}
     rest, first_sphere = np.ascontiguousarray(rest_m), n_pieces - n_spheres
@@ -128,7 +128,7 @@ def choose(
 
 @kernel
 def _add_pressed(listed: CandidateList, found: Candidates, working: WorkingSet, tools: ToolGeometry, k: int) -> None:
-    """Let a place that pressed be a candidate if it has less clearance than the closest pair."""
+    """Make a place that pressed a candidate if it has less clearance than the closest pair."""
     p, t, w, nearest = working.pressed[k, 0], working.pressed[k, 1], row(working.weight, k), math.inf
     for i in range(found.count):
         if found.piece[i] == p and found.triangle[i] == t:
@@ -222,7 +222,7 @@ def sort_by_key(working: WorkingSet, count: int) -> None:
 
 @kernel
 def age(working: WorkingSet) -> None:
-    """Let all members be a step older."""
+    """Age all members by a step."""
     kept = 0
     for k in range(working.n_members):
         p, t = working.member[k, 0], working.member[k, 1]
@@ -235,7 +235,7 @@ def age(working: WorkingSet) -> None:
 
 @kernel
 def renew(working: WorkingSet, p: int, t: int) -> None:
-    """Make a feature a member, with all of its life before it."""
+    """Make a feature a member with its full life."""
     if working.life[p, t] == 0:
         if working.n_members == working.member.shape[0]:
             return
@@ -246,7 +246,7 @@ def renew(working: WorkingSet, p: int, t: int) -> None:
 
 @kernel
 def store_pressed(working: WorkingSet, p: int, t: int, w: Vector) -> None:
-    """Keep the place of a feature that pressed beside its closest pair, for the next step."""
+    """Store the place of a feature that pressed beside its closest pair, for the next step."""
     if working.n_pressed < working.pressed.shape[0]:
         working.pressed[working.n_pressed, 0], working.pressed[working.n_pressed, 1] = p, t
         put_row(working.weight, working.n_pressed, w)

@@ -1,4 +1,4 @@
-"""The one writer of contact rows: a row begun, and its first body and target laid down on tools, catheter and duct."""
+"""The only writer of contact rows: it begins a row, and sets first body and target on tools, catheter and duct."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from services.mechanics.contact.laws import LIMIT_N, SINKS, SOFTNESS_M_N
 from services.mechanics.contact.rows import NO_STONE, ContactRows
 
 NO_ROOM = -1
-# Where the two particles of a side stand in a row.
+# Places of the two particles of each side in a row.
 FIRST_SIDE, TARGET_SIDE = 0, 2
-# And the first of the three of a target on the curve, which leave no room for a first side.
+# Place of the first of three particles of a target on the curve, which leave no room for a first side.
 _ON_CURVE = 1
 
 
@@ -82,7 +82,7 @@ def append_double(rows: ContactRows, source: int, law: int) -> int:
 
 @kernel
 def put_on_tool(rows: ContactRows, row: int, tools: ToolGeometry, tool: int, segment: int) -> None:
-    """Lay the first body on a tool; ``point_m`` holds p - J and becomes absolute."""
+    """Make a tool the first body; ``point_m`` holds p - J and becomes absolute."""
     arm, lever = rows.point_m[row], rows.lever[row]
     rows.tool[row] = tool
     contact_lever(tools.frame[tool], tools.length[tool], segment, arm, lever)
@@ -104,21 +104,21 @@ def add_tool_motion(rows: ContactRows, row: int, tools: ToolGeometry) -> None:
 
 @kernel
 def put_on_rod(rows: ContactRows, row: int, side: int, nodes: tuple[int, int], weights: tuple[float, float]) -> None:
-    """Lay one side on the catheter, between two particles; weights are positive on the first side, else negative."""
+    """Put one side on the catheter, between two particles; weights are positive on the first side, else negative."""
     rows.rod_node[row, side], rows.rod_node[row, side + 1] = nodes[0], nodes[1]
     rows.rod_weight[row, side], rows.rod_weight[row, side + 1] = weights[0], weights[1]
 
 
 @kernel
 def put_on_curve(rows: ContactRows, row: int, first: int, weights: Vector) -> None:
-    """Lay the target on the catheter's curve, on three particles from ``first`` on with these weights, see `curve`."""
+    """Put the target on the catheter's curve, on three particles from ``first`` on with these weights, see `curve`."""
     for k in range(3):
         rows.rod_node[row, _ON_CURVE + k], rows.rod_weight[row, _ON_CURVE + k] = first + k, -weights[k]
 
 
 @kernel
 def put_on_duct(rows: ContactRows, row: int, corners: IntArray, weights: FloatArray) -> None:
-    """Lay the target on the duct, at barycentric weights (3,) in the triangle of these corners (3,)."""
+    """Put the target on the duct, at barycentric weights (3,) in the triangle of these corners (3,)."""
     for corner in range(3):
         rows.duct_node[row, corner] = corners[corner]
         rows.duct_weight[row, corner] = weights[corner]

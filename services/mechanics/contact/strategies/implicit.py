@@ -1,4 +1,4 @@
-"""Contact forces from the compliance in contact space: no stiffness of contact, no penetration at rest."""
+"""Implicit contact forces, from the compliance in contact space: no contact stiffness, no penetration at rest."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from services.mechanics.rod.contact_response import compliance, factor_for_conta
 from services.mechanics.rod.model import RodModel, RodWork, work_at
 from services.mechanics.scene import ContactSettings
 
-# A sweep that changes a force by less than moves the wall by this part of its thickness where it gives way most has
-# ended a solve: a wall of a hundredth of a millimetre goes by a whole one under some micronewtons.
+# Share of the wall's thickness: a solve ends once a sweep changes forces by less than what moves the softest place of
+# the wall so far. Some micronewtons move a wall of a hundredth of a millimetre by a whole one.
 LEAST_OF_WALL = 0.01
-# What `assemble` returns: done; blocks of the wall are missing and nothing is done; the catheter's matrix is not SPD.
-# The last stands for a wall or a catheter of another kind.
+# Outcomes of `assemble`: done; nothing done, as blocks of the wall are missing; the catheter's matrix is not SPD; no
+# kernel for this kind of wall or catheter.
 ASSEMBLED, MISSING, NOT_DEFINITE, NO_KERNEL = 1, 0, -1, -2
 
 
@@ -52,7 +52,7 @@ class ImplicitStrategy(ContactStrategy):
             self._assemble_by_body(anew=outcome == MISSING)
 
     def _assemble_at_once(self) -> int:
-        """Gather W in one kernel, where the bodies are such that there is one; return what it does, or `NO_KERNEL`."""
+        """Gather W in one kernel, if there is one for the bodies; return its outcome, or `NO_KERNEL`."""
         bodies, catheter = self._bodies, self._bodies.catheter
         rod, kept_address = catheter.plain_integrator, bodies.duct.kept_address
         if rod is None or kept_address is None:
@@ -71,7 +71,7 @@ class ImplicitStrategy(ContactStrategy):
         add_body_compliances(self._address, (catheter.slot, between), bodies.tools.compliance)
 
     def compile_kernels(self) -> None:
-        """Assemble the rows of the last step as while blocks of the wall are missing."""
+        """Assemble the rows of the last step as if blocks of the wall were missing."""
         self._assemble_by_body(anew=True)
 
     def solve(self, iterations: int, dt_s: float) -> int:
@@ -130,10 +130,10 @@ def assemble(
 def add_body_compliances(
     state_address: Address[ContactState], catheter: tuple[IntArray, FloatArray], tools: FloatArray
 ) -> None:
-    """Add what other bodies give way to the duct's compliance, and turn W into the contacts' frames.
+    """Add the compliance of the other bodies to the duct's, and rotate W into the contacts' frames.
 
-    In the lower blocks of W, world axes, the duct's is there. ``catheter`` are slots of its particles and compliance
-    (3 p, 3 p) between them, ``tools`` (2, 4) those of the couplings.
+    The lower blocks of W hold the duct's compliance along world axes. ``catheter`` are slots of its particles and
+    compliance (3 p, 3 p) between them, ``tools`` (2, 4) the compliance of the couplings.
     """
     _add_body_compliances(state_at(state_address), catheter, tools)
 

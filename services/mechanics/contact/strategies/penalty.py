@@ -21,7 +21,7 @@ from services.mechanics.scene import ContactSettings
 
 # Below this sliding speed penalty friction grows in proportion to it: an explicit force cannot stick.
 SLIP_SPEED_M_S = 1e-3
-# Films that a particle between two walls shares its drag out to.
+# Number of films on a particle between two walls, which share its drag.
 SHARES = 2.0
 
 
@@ -49,7 +49,7 @@ class PenaltyStrategy(ContactStrategy):
         self._lightest_kg = float(bodies.catheter.properties.particle_mass_kg().min())
 
     def assemble(self) -> None:
-        """Nothing: a penalty asks no body how it gives way."""
+        """Do nothing: penalty contact needs no compliance of the bodies."""
 
     def solve(self, iterations: int, dt_s: float) -> int:
         """Write the penalty of every contact."""
@@ -90,8 +90,8 @@ def _push(rows: ContactRows, row: int, motion: Vector, gains: PenaltyGains) -> N
     r"""Write :math:`f_n = \max(0, -k g - c \dot g)` where surfaces overlap, and regularised friction.
 
     The gap is that in the middle of the step: with the one at its start a force that is held over a step of second
-    order feeds energy in at any stiffness. The damper of a particle is at most what halves its speed in a step. What
-    pulls does so at any gap.
+    order feeds energy in at any stiffness. The damper of a particle is at most what halves its speed in a step. A
+    pulling force acts at any gap.
     """
     force, gap = rows.force_n[row], rows.gap_m[row] + rows.rest_offset_m[row] + 0.5 * motion[0]
     damping = gains.damping_n_s_m
@@ -106,10 +106,10 @@ def _push(rows: ContactRows, row: int, motion: Vector, gains: PenaltyGains) -> N
 
 @kernel
 def _hold(rows: ContactRows, row: int, motion: Vector, gains: PenaltyGains) -> None:
-    """Write what stops the slip: of held points by the spring of penalty contact, else by the surfaces' own softness.
+    """Write the force that opposes the slip: by the penalty spring at held points, else by the row's softness.
 
-    An explicit force is no stiffer than what stops a particle within so many steps as two of them share it out to:
-    more would throw it back. What carries nothing along the tangents has its own and a coupling's softness there.
+    An explicit force is no stiffer than what stops a particle within a step, shared by `SHARES` films: more would throw
+    it back. A law without tangential forces has its own compliance plus a coupling's on the tangents.
     """
     least = SHARES * gains.dt_s**2 / gains.lightest_kg if _is_of_rod(rows, row) else 0.0
     for axis in range(3):

@@ -1,4 +1,4 @@
-"""What a solve strategy is."""
+"""The base class of solve strategies."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class ContactStrategy:
         raise NotImplementedError
 
     def compile_kernels(self) -> None:
-        """Run what a step runs seldom, after one with contacts: nothing, unless it says so."""
+        """Compile the kernels that a step runs seldom, after a step with contacts; by default there are none."""
 
     def solve(self, iterations: int, dt_s: float) -> int:
-        """Find forces, sliding states and the forces along world axes; return the number of sweeps."""
+        """Find forces, sliding states and world-axis forces; return the number of sweeps."""
         raise NotImplementedError
