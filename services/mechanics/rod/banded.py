@@ -1,4 +1,4 @@
-"""LDL^T of a symmetric positive definite matrix of half-bandwidth 8: particles that see two neighbours each way.
+"""LDL^T of a symmetric positive definite matrix of half-bandwidth 8: each particle has two neighbours each way.
 
 Storage is by columns, ``band[j, a] = A[j + a, j]``, padded by 8 columns so that every inner loop has a constant length
 and vectorises; the padding holds zeros in the band and does not reach the solution.
@@ -17,12 +17,12 @@ _WIDTH = HALF_BANDWIDTH + 1
 
 
 def empty_columns(n_dofs: int) -> FloatArray:
-    """Zeroed right-hand sides for `solve_ldl_block`, padding included."""
+    """Return zeroed right-hand sides for `solve_ldl_block`, padding included."""
     return np.zeros((n_dofs + 2 * HALF_BANDWIDTH, RHS_BLOCK))
 
 
 def empty_band(n_dofs: int) -> FloatArray:
-    """Zeroed storage of a matrix of ``n_dofs`` rows, padding included."""
+    """Return zeroed storage of a matrix of ``n_dofs`` rows, padding included."""
     return np.zeros((n_dofs + HALF_BANDWIDTH, _WIDTH))
 
 
@@ -66,7 +66,7 @@ def solve_ldl(band: FloatArray, rhs: FloatArray) -> None:
 
 @kernel
 def _lower(band: FloatArray, row: int, a: int) -> float:
-    """L[row, row - a]; zero before the first column."""
+    """Return L[row, row - a], zero before the first column."""
     return band[row - a, a] if row >= a else 0.0
 
 
@@ -75,8 +75,8 @@ def solve_ldl_block(band: FloatArray, first_dof: int, rhs: FloatArray) -> None:
     """Solve in place RHS_BLOCK right-hand sides, (n_dofs + 16, RHS_BLOCK), for the unknowns from ``first_dof`` on.
 
     Unknown j is row j + 8, between zeroed paddings; the eight rows before ``first_dof`` must be zero too. Rows before
-    those are neither read nor written, which saves the part of the forward sweep where nothing happens and the part of
-    the backward sweep whose answer is not asked for. Written out by diagonals: a new value stays in registers.
+    those are neither read nor written: their forward sweep would change nothing, and their solution is not needed. The
+    loops are written out by diagonals, so that a new value stays in registers.
     """
     n_dofs = band.shape[0] - HALF_BANDWIDTH
     for j in range(first_dof, n_dofs):

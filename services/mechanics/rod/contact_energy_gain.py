@@ -27,9 +27,9 @@ LEAST_J = 1e-9
 
 @inlined_kernel
 def pay_for_change(model: RodModel, work: RodWork, step: FreeStep, motion: Motion, dt_s: float) -> None:
-    """Take the energy that a step has gained out of the velocities of a rod without twist.
+    """Subtract the energy that a step has gained from the velocities of a rod without twist.
 
-    ``work.rhs`` is what contact forces have changed them by.
+    ``work.rhs`` is the change of the velocities by contact forces.
     """
     if is_looked_at(model, work, step, motion, dt_s):
         pay(model, step, motion, 0.0)
@@ -39,7 +39,7 @@ def pay_for_change(model: RodModel, work: RodWork, step: FreeStep, motion: Motio
 def pay_for_change_with_twist(
     rod: Addresses, address: Address[FreeStep], motion: Motion, dt_s: float, twist: TwistTask
 ) -> None:
-    """Do as `pay_for_change` of a rod whose material frame stores energy as well; the frame stays where it is."""
+    """Do as `pay_for_change` for a rod whose material frame also stores energy; the frame is not changed."""
     model, step, x = model_at(rod[0]), step_at(address), motion[0]
     if is_looked_at(model, work_at(rod[1]), step, motion, dt_s):
         pay(model, step, motion, energy_at(twist, x) - energy_at(twist, step.start))
@@ -47,9 +47,9 @@ def pay_for_change_with_twist(
 
 @kernel
 def is_looked_at(model: RodModel, work: RodWork, step: FreeStep, motion: Motion, dt_s: float) -> bool:
-    """Whether contact forces have changed by anything that counts; not where held particles move: a hand works there.
+    """Return whether changes of contact forces matter; not where held particles move, as a hand works there.
 
-    ``work.rhs`` is what contact forces have changed velocities by.
+    ``work.rhs`` is the change of the velocities by contact forces.
     """
     x, swung_j = motion[0], 0.0
     for k in range(model.held.shape[0]):
@@ -64,7 +64,7 @@ def is_looked_at(model: RodModel, work: RodWork, step: FreeStep, motion: Motion,
 
 @kernel
 def pay(model: RodModel, step: FreeStep, motion: Motion, more_j: float) -> None:
-    """Take what a step has gained out of the velocities, ``more_j`` of it in what only others know of."""
+    """Subtract a step's energy gain from the velocities; ``more_j`` (J) is the part of energies not computed here."""
     (x, v), gained_j, kinetic_j = motion, step.owed_j + more_j, 0.0
     for i in range(x.shape[0]):
         for c in range(3):

@@ -2,8 +2,8 @@
 
 It goes from the middle of each segment to the middle of the next one, tangent to both, and straight on to the first
 and the last particle. The polygon of the particles has a kink at each of them; where such a kink slides past a point
-that holds it, the direction of the hold springs over, and a step, which takes it as it was, is off by the turn times
-its way. Along this curve the direction turns with the way.
+that holds it, the direction of the hold jumps. A step keeps the direction of its start, so its error would be the jump
+times the distance that slides. Along this curve the direction changes continuously.
 """
 
 from __future__ import annotations
@@ -56,15 +56,15 @@ def closest_on_curve(x: FloatArray, segment: int, s: float, p: Vector) -> CurveP
     offset, slope, _ = _curve_at(x, at, p)
     length = math.sqrt(dot(slope, slope))
     tangent = scaled(slope, 1.0 / length if length > 0.0 and 0.0 < at < last else 0.0)
-    # What rounding leaves of the place along the curve must not brake a rod that slides.
+    # A rod that slides must not be braked by the rounding error of the place along the curve.
     return CurvePoint(first, weights, tangent, along(offset, tangent, -dot(offset, tangent)))
 
 
 @kernel
 def point_on_curve(x: FloatArray, at: float) -> tuple[int, Vector, Vector]:
-    """Return where the curve through ``x`` (n, 3) is ``at`` so many segments, and its slope there, in m a segment.
+    """Return the point of the curve through ``x`` (n, 3) at ``at`` segments, and the slope there, in m a segment.
 
-    It is there the sum of three particles, from the first number returned on, with the weights that come next.
+    The point is the sum of three particles from the first returned number on, with the returned weights.
     """
     first, weights, slope, _ = _weights_at(at, x.shape[0])
     return first, weights, combine(slope, row(x, first), row(x, first + 1), row(x, first + 2))
@@ -72,7 +72,7 @@ def point_on_curve(x: FloatArray, at: float) -> tuple[int, Vector, Vector]:
 
 @kernel
 def _weights_at(at: float, n: int) -> tuple[int, Vector, Vector, Vector]:
-    """First of three particles, and their weights in the point, the slope and the bend ``at`` so many segments."""
+    """Return the first of three particles, and their weights in point, slope and bend at ``at`` segments."""
     if at <= 0.5:
         return 0, (1.0 - at, at, 0.0), (-1.0, 1.0, 0.0), (0.0, 0.0, 0.0)
     if at >= n - 1.5:
@@ -86,7 +86,7 @@ def _weights_at(at: float, n: int) -> tuple[int, Vector, Vector, Vector]:
 
 @kernel
 def _curve_at(x: FloatArray, at: float, p: Vector) -> tuple[Vector, Vector, Vector]:
-    """Offset of the curve from p, its slope and its bend: derivatives by the number of segments, in m."""
+    """Return the curve's offset from p, slope and bend: derivatives by the number of segments, in m."""
     first, point, slope, bend = _weights_at(at, x.shape[0])
     a, b, c = row(x, first), row(x, first + 1), row(x, first + 2)
     return subtract(combine(point, a, b, c), p), combine(slope, a, b, c), combine(bend, a, b, c)

@@ -13,8 +13,8 @@ Damping acts on strains as if the particles were displaced by ``lead`` more. The
 velocities, and acts along a segment and on the angle of a joint; that of an implicit step, its numerical damping, acts
 wherever there is stiffness. ``lead[0]`` is the sum of both, ``lead[1]`` the step's alone.
 
-``scale`` throughout is what the stiffness is multiplied with in the band: scale[0] where the material's damping acts
-too (along a segment, in the plane of bending), scale[1] where only stiffness does; zero: no tangent is wanted.
+``scale`` is the factor of the stiffness in the band: scale[0] where the material's damping acts too (along a segment,
+in the plane of bending), scale[1] where only stiffness acts; with zero no tangent is added.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from services.mechanics.rod.model import RodModel, RodWork
 Scale = tuple[float, float]
 
 _STRAIGHT = 1e-12  # sine of an angle below which the bending plane is taken as any plane
-_NO_PLANE = 1e-6  # angle below which bending is damped alike in every plane: it has none yet
+_NO_PLANE = 1e-6  # angle below which bending has no plane, and is damped alike in every plane
 SHORTEST = 1e-2  # of the rest length: a segment crushed below it bends as if it were that long
 
 
 @kernel
 def any_normal(t: Vector) -> Vector:
-    """A unit vector normal to the unit vector ``t``."""
+    """Return a unit vector normal to the unit vector ``t``."""
     other = (1.0, 0.0, 0.0) if abs(t[0]) < 0.6 else (0.0, 1.0, 0.0)
     normal = cross(t, other)
     scale = 1.0 / math.sqrt(dot(normal, normal))
@@ -62,8 +62,8 @@ def segment_geometry(model: RodModel, work: RodWork) -> None:
 def mean_elongation(model: RodModel, work: RodWork) -> None:
     """Replace elongations in the middle of a step by the mean of those at its ends, where rotation is no stretch.
 
-    With the segment's direction in the middle and ``chord``, its length there over the mean of the lengths, that makes
-    the stretch force do exactly the work that stretch energy changes by (the discrete derivative of Simo and Tarnow
+    With the direction of the segment in the middle and ``chord``, its length there over the mean of the lengths, the
+    work of the stretch force is exactly the change of the stretch energy (the discrete derivative of Simo and Tarnow
     1992, and Gonzalez 1996).
     """
     x = work.previous_position
@@ -82,7 +82,7 @@ def mean_elongation(model: RodModel, work: RodWork) -> None:
 
 @kernel
 def bending_angle(t: Vector, u: Vector) -> tuple[float, Vector]:
-    """Angle between unit vectors, and the unit binormal t x u (any normal of t where they are parallel)."""
+    """Return the angle between unit vectors, and the unit binormal t x u (any normal of t if they are parallel)."""
     b = cross(t, u)
     sine = math.sqrt(dot(b, b))
     cosine = dot(t, u)
@@ -93,7 +93,7 @@ def bending_angle(t: Vector, u: Vector) -> tuple[float, Vector]:
 
 @kernel
 def geometric_bending(theta: float) -> float:
-    """(theta/2) cot(theta/2): bending stiffness out of the plane of a bent joint relative to the one in its plane."""
+    """Return (theta/2) cot(theta/2), the bending stiffness of a bent joint out of its plane over that in its plane."""
     half = 0.5 * theta
     if half < 1e-4:
         return 1.0 - half * half / 3.0
@@ -102,7 +102,7 @@ def geometric_bending(theta: float) -> float:
 
 @kernel
 def stretch_energy(model: RodModel, work: RodWork) -> float:
-    """Stretch energy [J] at the geometry in ``work``."""
+    """Return the stretch energy [J] at the geometry in ``work``."""
     total = 0.0
     for j in range(work.length.shape[0]):
         total += 0.5 * model.EA[j] / model.rest_length[j] * (work.length[j] - model.rest_length[j]) ** 2
@@ -111,7 +111,7 @@ def stretch_energy(model: RodModel, work: RodWork) -> float:
 
 @kernel
 def bending_energy(model: RodModel, work: RodWork) -> float:
-    """Bending energy [J] of the inner joints at the geometry in ``work``."""
+    """Return the bending energy [J] of the inner joints at the geometry in ``work``."""
     total = 0.0
     for i in range(model.joint_stiffness.shape[0]):
         theta, _ = bending_angle(row(work.tangent, i), row(work.tangent, i + 1))
@@ -138,7 +138,7 @@ def add_stretch(model: RodModel, work: RodWork) -> None:
 
 @kernel
 def _lead(work: RodWork, j: int) -> tuple[Vector, Vector]:
-    """What both leads do to segment j."""
+    """Return how much both leads move the ends of segment j apart."""
     u, v = work.lead[0], work.lead[1]
     return (
         (u[j + 1, 0] - u[j, 0], u[j + 1, 1] - u[j, 1], u[j + 1, 2] - u[j, 2]),
@@ -148,7 +148,7 @@ def _lead(work: RodWork, j: int) -> tuple[Vector, Vector]:
 
 @kernel
 def geometric_stretch(model: RodModel, work: RodWork, j: int) -> float:
-    """Stiffness of segment j across itself: its tension over its length, nothing where it is compressed."""
+    """Return the stiffness of segment j across itself: tension over length, zero if compressed."""
     k = model.EA[j] / model.rest_length[j]
     return float(k * max(0.0, work.taut[j]) / max(work.length[j], model.rest_length[j]))
 
@@ -178,7 +178,7 @@ def add_stretch_tangent(model: RodModel, work: RodWork, scale: Scale) -> None:
 def joint_gradient(t: Vector, u: Vector, lengths: tuple[float, float], b: Vector, gradient: FloatArray) -> None:
     """Fill gradient[0] with d theta / d x of the three particles, gradient[1] with the same for out-of-plane bending.
 
-    An infinite length is a tangent that no particle turns: a wall.
+    An infinite length stands for a wall, a tangent that no particle turns.
     """
     p = cross(b, t)
     w = cross(b, u)
@@ -195,7 +195,7 @@ def joint_gradient(t: Vector, u: Vector, lengths: tuple[float, float], b: Vector
 
 @kernel
 def joint_strain(gradient: FloatArray, u: FloatArray, first: int) -> float:
-    """Strain that displacements u (n, 3) add to a joint whose three particles start at ``first``."""
+    """Return the strain that displacements u (n, 3) add to a joint of three particles from ``first`` on."""
     strain = 0.0
     for c in range(3):
         strain += gradient[c] * u[first, c] + gradient[3 + c] * u[first + 1, c] + gradient[6 + c] * u[first + 2, c]
@@ -222,7 +222,7 @@ def add_rank_one(band: FloatArray, first: int, vector: FloatArray, factor: float
 
 @kernel
 def add_bending(model: RodModel, work: RodWork) -> None:
-    """Add the bending forces -k (theta + d theta/dx . lead) d theta/dx, and note what their tangent follows from."""
+    """Add the bending forces -k (theta + d theta/dx . lead) d theta/dx, and store what their tangent needs."""
     for i in range(model.joint_stiffness.shape[0]):
         t = row(work.tangent, i)
         u = row(work.tangent, i + 1)
@@ -239,13 +239,13 @@ def add_bending(model: RodModel, work: RodWork) -> None:
 
 @kernel
 def bent_length(model: RodModel, work: RodWork, j: int) -> float:
-    """Length of a segment for bending: no shorter than `SHORTEST` lets it be."""
+    """Return the length of a segment for bending, at least `SHORTEST` of its rest length."""
     return float(max(work.length[j], SHORTEST * model.rest_length[j]))
 
 
 @kernel
 def bending_excess(model: RodModel, work: RodWork, scale: float) -> float:
-    """Bending energy [J] after ``scale`` times the solution moves the rod, minus its quadratic model.
+    """Return the bending energy [J] after ``scale`` times the solution moves the rod, minus its quadratic model.
 
     The model is that of the forces and the tangent of `add_bending`, without damping.
     """
@@ -266,7 +266,7 @@ def bending_excess(model: RodModel, work: RodWork, scale: float) -> float:
 
 @kernel
 def _moved_tangent(work: RodWork, j: int, scale: float) -> Vector:
-    """Direction of segment j after ``scale`` times the solution moves it; as it was where that is none."""
+    """Return the direction of segment j after ``scale`` times the solution moves it; the old one if it vanishes."""
     t, length = row(work.tangent, j), work.length[j]
     edge = (
         length * t[0] + scale * (work.rhs[3 * j + 3] - work.rhs[3 * j]),

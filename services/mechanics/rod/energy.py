@@ -22,7 +22,7 @@ class RodEnergy:
 
     Attributes:
         bending_j: float. Of joints and of clamped ends.
-        support_j: float. What the introducer's springs hold.
+        support_j: float. Of the introducer's springs.
     """
 
     kinetic_j: float
@@ -33,12 +33,12 @@ class RodEnergy:
 
     @property
     def total_j(self) -> float:
-        """Kinetic plus everything stored."""
+        """Kinetic plus stored energy."""
         return self.kinetic_j + self.elastic_j
 
     @property
     def elastic_j(self) -> float:
-        """Everything stored, in the rod and in the springs of its supports."""
+        """Energy stored in the rod and in the springs of its supports."""
         return self.stretch_j + self.bending_j + self.twist_j + self.support_j
 
 
@@ -66,7 +66,7 @@ def rod_energy(
 
 @kernel
 def _energies(model_address: Address[RodModel], work_address: Address[RodWork]) -> tuple[float, float, float]:
-    """Return what stretch, bending and introducer store."""
+    """Return the energies stored in stretch, bending and introducer, in J."""
     model, work = model_at(model_address), work_at(work_address)
     segment_geometry(model, work)
     support_j = introducer_energy(model, work.position) if model.introducer.is_there else 0.0

@@ -36,9 +36,9 @@ def add_internal_forces(model: RodModel, work: RodWork, scale: Scale) -> None:
 
 @inlined_kernel
 def add_internal_tangent(model: RodModel, work: RodWork, scale: Scale) -> None:
-    """Add to ``work.band`` the tangent of the forces that were added last, which are nowhere dearer than in bending.
+    """Add to ``work.band`` the tangent of the forces that were added last, without computing most of them again.
 
-    The few forces of the supports are added a second time: the force in ``work`` is not valid afterwards.
+    The few forces of the supports are added a second time, so the force in ``work`` is not valid afterwards.
     """
     _add_tangent(model, work, scale)
     _add_supports(model, work, scale)
@@ -65,7 +65,7 @@ def _add_supports(model: RodModel, work: RodWork, scale: Scale) -> None:
 
 @kernel
 def _move_by_lead(work: RodWork, share: float) -> None:
-    """Take the particles to where the step's damping wants them, and back: for springs that hold positions."""
+    """Move the particles by the step's lead, and back, for springs that hold positions."""
     for i in range(work.position.shape[0]):
         for c in range(3):
             work.position[i, c] += share * work.lead[1, i, c]

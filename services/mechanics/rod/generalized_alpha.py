@@ -6,11 +6,11 @@ and damping C with
 
     M dv/dt + K (1 + e p)^3/(1 + 3 e p) x + C (1 + 2 e^2 p^2/(1 + 3 e p)) v = f
 
-where the midpoint rule (e = 0) has K x + C v. All it has beyond that rule are therefore forces on strains taken
-further by a displacement of the particles, their *lead*, and a velocity that leads in the same way; both follow from a
-velocity w that follows v as dw/dt = (v - w)/(3 e dt/2), the only memory. So, unlike the usual form with accelerations,
-it keeps what makes the midpoint rule good in large rotations: internal forces have directions that conserve angular
-momentum, and stretch does the work that its energy changes by.
+where the midpoint rule (e = 0) has K x + C v. So it differs from that rule only by a displacement added to the
+particles' strains, their *lead*, and by a velocity that leads in the same way; both follow from a velocity w that
+follows v as dw/dt = (v - w)/(3 e dt/2), the only memory. So, unlike the usual form with accelerations, it keeps two
+properties of the midpoint rule in large rotations: the directions of internal forces conserve angular momentum, and the
+work of stretch is the change of its energy.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class StepForm(NamedTuple):
 
 @kernel
 def generalized_alpha(dt_s: float, rho: float) -> StepForm:
-    """The second-order step of spectral radius rho."""
+    """Return the second-order step of spectral radius rho."""
     e = (1.0 - rho) / (1.0 + rho)
     slow = 1.0 / (1.0 + 3.0 * e)
     follow = 2.0 * slow if e > 0.0 else 1.0
@@ -49,17 +49,17 @@ def generalized_alpha(dt_s: float, rho: float) -> StepForm:
 
 @kernel
 def implicit_euler(dt_s: float) -> StepForm:
-    """The step of first order that never raises the energy."""
+    """Return the first-order step, which never raises the energy."""
     return StepForm(dt_s, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
 @kernel
 def stiffness_scale(form: StepForm) -> float:
-    """What dv moves a strain by, times dt: the factor of stiffness in the step's matrix."""
+    """Return dt times the change of a strain by dv: the factor of stiffness in the step's matrix."""
     return float(form.dt_s * form.dt_s * (form.mean * (form.at + form.lead_lag) + form.lead_change))
 
 
 @kernel
 def damping_scale(form: StepForm) -> float:
-    """What dv changes the velocity of damping by, times dt: the factor of damping in the step's matrix."""
+    """Return dt times the change of the damping's velocity by dv: the factor of damping in the step's matrix."""
     return float(form.dt_s * (form.mean * (1.0 + form.speed_lag) + form.speed_change))

@@ -2,8 +2,8 @@
 
 Concentric tubes without clearance (Dupont, Lock, Itkowitz and Butler, "Design and control of concentric-tube robots",
 IEEE Transactions on Robotics 2010): stiffnesses add, and the rod's rest curvature is the mean of both, weighted by
-stiffness. Two numbers tell the wire: how far it is out of the tip, and its roll against the catheter.
-The segments beyond the tip share what is out evenly; a place on the wire is counted from its own tip.
+stiffness. The wire has two coordinates: its length out of the tip, and its roll against the catheter.
+The segments beyond the tip divide that length evenly; places on the wire are counted from its own tip.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from services.mechanics.compiled.vectors import Vector, along, cross, dot, put_r
 from services.mechanics.rod.elasticity import bending_angle
 from services.mechanics.rod.material_frame import Frame
 
-_STEP_M, _STEP_RAD = 1e-5, 1e-4  # of differences: of a segment, and of a radian, far below what bends it noticeably
+_STEP_M, _STEP_RAD = 1e-5, 1e-4  # steps of difference quotients, far below what changes the bending noticeably
 
 
 class GuideWireModel(Struct):
@@ -51,13 +51,13 @@ class GuideWireModel(Struct):
 
 
 Place = tuple[float, float]
-"""How far the wire is out, m, and its roll, rad."""
+"""Length of the wire out of the tip, m, and its roll, rad."""
 wire_at = reader(GuideWireModel)
 
 
 @kernel
 def lay(address: Address[GuideWireModel], place: Place) -> None:
-    """Write what the rod is with the wire at a place."""
+    """Write the properties of the common rod with the wire at a place."""
     wire, last = wire_at(address), wire_at(address).mass.shape[0] - 1
     for i in range(wire.joint_stiffness.shape[0]):
         bending, rest, torsion, twist, _ = _joint(wire, i, place)
@@ -72,9 +72,9 @@ def lay(address: Address[GuideWireModel], place: Place) -> None:
 
 @kernel
 def stored(address: Address[GuideWireModel], x: FloatArray, frame: Frame, place: Place) -> tuple[float, float]:
-    """Energy [J] of the rod at ``x`` that depends on the wire's place, and what both hold against each other besides.
+    """Return the energies [J] of the rod at ``x`` that depend on the wire's place: first that of its present shape.
 
-    The latter is what bending to the common rest shape costs.
+    The second is the energy of bending wire and catheter to their common rest shape.
     """
     wire = wire_at(address)
     total, against = _bent(wire, frame, place)
@@ -99,7 +99,7 @@ def _bent(wire: GuideWireModel, frame: Frame, place: Place) -> tuple[float, floa
 
 @kernel
 def _rotation(frame: Frame, i: int) -> tuple[float, Vector]:
-    """Angle of a joint, and its rotation about m1 and m2 (the mean of both segments' frames)."""
+    """Return the angle of a joint, and its rotation about m1 and m2 (the mean of both segments' frames)."""
     t, u = row(frame[0], i), row(frame[0], i + 1)
     theta, b = bending_angle(t, u)
     first = along(row(frame[1], i), row(frame[1], i + 1), 1.0)
@@ -109,9 +109,9 @@ def _rotation(frame: Frame, i: int) -> tuple[float, Vector]:
 
 @kernel
 def _piece(wire: GuideWireModel, start: float, end: float, roll: float) -> tuple[float, float, float, float]:
-    """Bending stiffness of the piece of wire between two places, and its rest rotation about the catheter's m1, m2.
+    """Return bending stiffness and rest rotation about the catheter's m1, m2 of the wire between two places.
 
-    Then the mean of the squares of what it would be if all of the piece were bent as each of its parts.
+    The last number is the mean square of that rotation if the whole piece were bent as each of its parts.
     """
     bent, squared = (0.0, 0.0, 0.0), 0.0
     for at, sign in ((start, -1.0), (end, 1.0)):
@@ -128,7 +128,7 @@ def _piece(wire: GuideWireModel, start: float, end: float, roll: float) -> tuple
 
 @kernel
 def _wire_joint(wire: GuideWireModel, i: int, place: Place) -> tuple[float, float, float, float]:
-    """What the wire alone is at joint i: half a segment on either side of it."""
+    """Return the properties of the wire alone at joint i: half a segment on either side of it."""
     beyond = place[0] / (wire.mass.shape[0] - 1 - wire.tip)
     before = wire.rest_length[0] if i < wire.tip else beyond
     after = wire.rest_length[0] if i + 1 < wire.tip else beyond
@@ -169,12 +169,12 @@ def _joint(wire: GuideWireModel, i: int, place: Place) -> tuple[float, tuple[flo
 def resist(
     address: Address[GuideWireModel], x: FloatArray, frame: Frame, load: FloatArray, place: Place
 ) -> tuple[float, float, float, float, float, float]:
-    """What the wire answers when it is moved: pushes [N] that move it out, hold it, and let it in; then torques.
+    """Return the pushes [N] that move the wire out, hold it, and let it in, then torque, its slope and its friction.
 
-    The push at its tip is what loads (n, 3) beyond the catheter's tip do on its way out, and what bending asks for. On
-    its way back each joint of the catheter adds friction times the force that holds the wire on the curve: what that
-    takes of its bending, and of the push (the capstan). The torques [N m] are what the shape asks for, its slope
-    [N m/rad], and the most that friction takes.
+    The push at the wire's tip opposes the loads (n, 3) beyond the catheter's tip and the bending on the wire's way out.
+    On the way back each joint of the catheter adds friction times the force that holds the wire on the curve, from its
+    bending and from the push (the capstan). The torque [N m] and its slope [N m/rad] follow from the shape; friction
+    limits the last torque [N m].
     """
     wire, tip = wire_at(address), wire_at(address).tip
     push = _slope(wire, frame, place, (_STEP_M, 0.0))[0]
@@ -194,7 +194,7 @@ def resist(
 
 @kernel
 def _slope(wire: GuideWireModel, frame: Frame, place: Place, step: Place) -> tuple[float, float]:
-    """First and second derivative of what bending and torsion store by the wire's place, the joints' angles kept."""
+    """Return both derivatives of the bending and torsion energy by the wire's place, at fixed angles of the joints."""
     size = step[0] + step[1]
     behind, apart_behind = _bent(wire, frame, (place[0] - step[0], place[1] - step[1]))
     here, apart_here = _bent(wire, frame, place)
@@ -205,7 +205,7 @@ def _slope(wire: GuideWireModel, frame: Frame, place: Place, step: Place) -> tup
 
 @kernel
 def _across(own: Vector, t: Vector, u: Vector, push: float) -> float:
-    """The force across the wire at a joint that bends it from t to u, and bears a push along it."""
+    """Return the force across the wire at a joint that bends it from t to u, and bears a push along it."""
     middle = along(t, u, 1.0)
     force = along(own, subtract(t, u), push)
     beside = along(force, middle, -dot(force, middle) / max(dot(middle, middle), 1e-12))

@@ -26,7 +26,7 @@ Motion = tuple[FloatArray, FloatArray]
 Moving = tuple[FloatArray, FloatArray, FloatArray]
 Addresses = tuple[Address[RodModel], Address[RodWork]]
 
-_TOLERANCE = 1e-3  # unasked stretch energy left by a step, over the energy in motion
+_TOLERANCE = 1e-3  # spurious stretch energy that a step leaves, over the energy in motion
 _PATIENCE: int = np.int64(2)  # type: ignore[assignment]  # steps of second order before implicit Euler takes it
 
 
@@ -40,12 +40,12 @@ def predict(
 ) -> int:
     """Advance motion = (x, v, w) in place without contacts; return the Newton iterations taken.
 
-    ``step`` is (dt, spectral radius, most iterations, whether this is the first step).
-    Zero iterations, and motion as it was, mean that a number was not finite. One iteration of the second-order step is
-    enough where it leaves behind unasked stretch within _TOLERANCE of the energy in motion. Else segments turn too far,
-    or the step would gain energy, and implicit Euler takes it: it minimises |y - dt v|_M^2 / (2 dt^2) + V(x + y) - f.y
-    over the ways y, and a Newton iteration is cut short where it would raise that. So large rotations in one step do
-    not become stretch, and stretch not motion.
+    ``step`` is (dt, spectral radius, most iterations, whether this is the first step). Zero iterations, with motion
+    unchanged, mean that a number was not finite. One iteration of the second-order step is enough if its spurious
+    stretch energy is within _TOLERANCE of the energy in motion. If segments turn too far, or the step would gain
+    energy, implicit Euler takes the step: it minimises |y - dt v|_M^2 / (2 dt^2) + V(x + y) - f.y over the
+    displacements y, and a line search shortens a Newton iteration that would raise this. So large rotations in one step
+    do not become stretch, and stretch does not become motion.
     """
     model, work, (x, v, _) = model_at(addresses[0]), work_at(addresses[1]), motion
     dt_s, rho, max_iterations, is_start = step
@@ -84,7 +84,7 @@ def _grow(model: RodModel, time_s: float) -> None:
 def _newton(
     model: RodModel, work: RodWork, motion: Moving, external: FloatArray, task: tuple[StepForm, float, int]
 ) -> int:
-    """Iterate; return the iterations taken, negative where the last one was not good enough, 0 for what is not finite.
+    """Iterate; return the iterations taken, negative if the last was not good enough, 0 if a number is not finite.
 
     ``task`` is (form, energy in motion, most iterations).
     """
@@ -123,14 +123,14 @@ def _add_solution(work: RodWork, share: float) -> None:
 
 @kernel
 def _mean_velocity(model: RodModel, work: RodWork, v: FloatArray, form: StepForm, i: int, c: int) -> float:
-    """A held particle moves evenly to its target, and jumps to that velocity."""
+    """Return the mean velocity; a held particle moves evenly to its target, and jumps to that velocity."""
     mean = 1.0 if model.is_held[i] else form.mean
     return float(v[i, c] + mean * work.velocity_change[i, c])
 
 
 @kernel
 def _take_configuration(model: RodModel, work: RodWork, motion: Moving, form: StepForm) -> None:
-    """Positions, leads and velocities that forces are taken at, for the velocity change found so far."""
+    """Write the positions, leads and velocities at which forces are taken, for the velocity change found so far."""
     x, v, w = motion
     dv = work.velocity_change
     work.is_middle = form.at < 1.0
@@ -149,7 +149,7 @@ def _take_configuration(model: RodModel, work: RodWork, motion: Moving, form: St
 
 @kernel
 def _take_end(model: RodModel, work: RodWork, motion: Moving, form: StepForm) -> None:
-    """Where the step ends, with the velocity change found."""
+    """Write the positions at the end of the step, for the velocity change found."""
     x, v, _ = motion
     for i in range(x.shape[0]):
         for c in range(3):
@@ -169,7 +169,7 @@ def _finish(model: RodModel, work: RodWork, motion: Moving, form: StepForm) -> N
 
 @kernel
 def _newton_direction(model: RodModel, work: RodWork) -> float:
-    """Replace the right-hand side by the solution; return their scalar product, NaN for a matrix that is not SPD."""
+    """Replace the right-hand side by the solution; return their scalar product, NaN if the matrix is not SPD."""
     remove_held(model, work)
     for i in range(work.rhs.shape[0]):
         work.residual[i] = work.rhs[i]
@@ -184,7 +184,7 @@ def _newton_direction(model: RodModel, work: RodWork) -> float:
 
 @inlined_kernel
 def _assemble(model: RodModel, work: RodWork, external: FloatArray, form: StepForm) -> None:
-    """Residual dt f - M dv into the right-hand side, and A, both at the current iterate."""
+    """Write the residual dt f - M dv into the right-hand side, and A, both at the current iterate."""
     n = external.shape[0]
     for i in range(n):
         for c in range(3):
@@ -210,7 +210,7 @@ def assemble_again(model: RodModel, work: RodWork, form: StepForm) -> None:
 
 @kernel
 def _begin_matrix(model: RodModel, work: RodWork, form: StepForm) -> tuple[float, float]:
-    """Write mass and drag, and return the scales of the tangents that are to be added."""
+    """Write mass and drag, and return the scales of the tangents that come next."""
     stiff, damped = stiffness_scale(form), damping_scale(form)
     work.band[:] = 0.0
     for i in range(model.mass.shape[0]):
@@ -221,7 +221,7 @@ def _begin_matrix(model: RodModel, work: RodWork, form: StepForm) -> tuple[float
 
 @kernel
 def remove_held(model: RodModel, work: RodWork) -> None:
-    """Take held particles out of the system: unit diagonal, zero couplings, zero right-hand side."""
+    """Remove held particles from the system: unit diagonal, zero couplings, zero right-hand side."""
     for k in range(model.held.shape[0]):
         for c in range(3):
             j = 3 * model.held[k] + c

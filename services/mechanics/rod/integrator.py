@@ -1,4 +1,4 @@
-"""What every rod integrator offers, and the integrators by the name that a scene gives them."""
+"""The interface of rod integrators, and the integrators by their names in scenes."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from services.mechanics.rod.twist import TwistModel
 class RodIntegrator(Protocol):
     """A step in two halves, with the contacts solved in between.
 
-    `predict` ends the step as if nothing more were touched than what its forces say; `compliance` or `solve` say how
-    far contact forces move its end: dx = position_gain_s2 A^-1 f, dv = velocity_gain_s A^-1 f; `correct` applies them.
+    `predict` ends the step under the given forces alone; `compliance` or `solve` give the response of its end to
+    contact forces: dx = position_gain_s2 A^-1 f, dv = velocity_gain_s A^-1 f; `correct` applies them.
     """
 
     properties: RodProperties

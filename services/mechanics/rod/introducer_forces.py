@@ -1,10 +1,10 @@
 """Forces of the introducer that a rod slides through, with their positive semidefinite tangent.
 
-Held are the points of the rod's curve nearest to the ends of the axis, to these, and every particle between to the
-axis; a particle's spring grows from nothing at a plane to its full stiffness one segment inside, so that sliding in or
+Springs hold the points of the rod's curve nearest to the ends of the axis to these ends, and every particle between to
+the axis; a particle's spring grows from zero at a plane to its full stiffness one segment inside, so that sliding in or
 out changes no force by a jump. Stops keep both ends of the rod from leaving; a step that runs into one is taken by
-implicit Euler, because a stop that acts half a step late would add energy. All springs are the gradient of an
-energy, so they dissipate nothing; friction is solved with the contacts.
+implicit Euler, because a stop that acts half a step late would add energy. All springs are the gradient of an energy,
+so they dissipate nothing; friction is solved with the contacts.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def add_introducer(model: RodModel, work: RodWork, scale: float) -> None:
 
 @kernel
 def introducer_energy(model: RodModel, x: FloatArray) -> float:
-    """Energy [J] of the springs that hold a rod at ``x`` (n, 3) to the axis of the introducer, and of its stops."""
+    """Return the energy [J] of the introducer's springs and stops for a rod at ``x`` (n, 3)."""
     passage = find_passage(model.introducer, x)
     total = 0.0
     for i in range(passage.first, passage.last + 1):
@@ -101,20 +101,20 @@ def _quadratic_change(model: RodModel, work: RodWork, x: FloatArray, scale: floa
 
 @kernel
 def _across(o: Vector, d: Vector, direction: Vector) -> float:
-    """Change of |o|^2 / 2 by a motion d, of which only what is across a direction counts twice."""
+    """Return the change of |o|^2 / 2 by a motion d, with the second-order term across a direction only."""
     parallel = dot(d, direction)
     return dot(o, d) + 0.5 * (dot(d, d) - parallel * parallel)
 
 
 @kernel
 def _moved(work: RodWork, i: int, scale: float) -> Vector:
-    """Motion of particle i by ``scale`` times the solution."""
+    """Return the motion of particle i by ``scale`` times the solution."""
     return (scale * work.rhs[3 * i], scale * work.rhs[3 * i + 1], scale * work.rhs[3 * i + 2])
 
 
 @kernel
 def _moved_point(work: RodWork, point: CurvePoint, scale: float) -> Vector:
-    """Motion of a point of the curve by ``scale`` times the solution."""
+    """Return the motion of a point of the curve by ``scale`` times the solution."""
     total = scaled(_moved(work, point.first, scale), point.weights[0])
     total = along(total, _moved(work, point.first + 1, scale), point.weights[1])
     return along(total, _moved(work, point.first + 2, scale), point.weights[2])
@@ -145,7 +145,7 @@ def _hold_particle(model: RodModel, work: RodWork, i: int, axial: float, scale: 
 
 @kernel
 def _hold_end(model: RodModel, work: RodWork, i: int, axial: float, scale: float) -> None:
-    """Hold the curve near segment i to an end of the axis where it is nearest to it: the push is normal to the rod."""
+    """Hold the curve's nearest point near segment i to an end of the axis: the push is normal to the rod."""
     point = passing_point(work.position, i, end_point(model.introducer, axial))
     k = model.introducer.stiffness
     for particle in range(3):
@@ -157,13 +157,13 @@ def _hold_end(model: RodModel, work: RodWork, i: int, axial: float, scale: float
 
 @kernel
 def passing_point(x: FloatArray, i: int, end: Vector) -> CurvePoint:
-    """The point of the curve that is nearest to an end of the axis, where the polygon is with segment i."""
+    """Return the curve's point nearest to an end of the axis; segment i is nearest of the polygon."""
     return closest_on_curve(x, i, closest_on_segment(x, i, end)[0], end)
 
 
 @kernel
 def _add_tangent(work: RodWork, particles: tuple[int, int], weights: Vector, direction: Vector, lateral: float) -> None:
-    """Gauss-Newton stiffness ``lateral`` of a point held across a direction; ``particles`` are (first, how many)."""
+    """Add the Gauss-Newton stiffness of a point held across a direction; ``particles`` are (first, how many)."""
     first, count = particles
     for c in range(3):
         for b in range(3):

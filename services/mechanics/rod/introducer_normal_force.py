@@ -1,11 +1,11 @@
 """Normal force of the introducer's wall on a rod, to which its Coulomb friction is proportional.
 
-In a bore without clearance a wall that bends a rod straight pushes with a couple. Its moment follows from what is
-outside, its arm from how the wall bears: in the rod's model, from the particles' distance alone, so that the sum of the
-pushes on particles hangs on where they lie and grows without end as they come closer. But a rod knows nothing of what
-happens within a few of its diameters. So each push counts as spread along the axis over the bearing length, by a
-quadratic B-spline, and pushes that overlap add up as vectors: a single push counts whole, wherever it is, and a couple
-M as 2 M / a, with the arm a = 4/9 of the bearing length, on any resolution finer than that.
+In a bore without clearance a wall that bends a rod straight pushes with a couple. Its moment follows from the loads
+outside, its arm from the bearing of the wall. In the rod's model the arm is the distance of the particles, so the sum
+of the pushes on particles depends on their places and grows without bound as they come closer. But a rod model does not
+resolve a few of its diameters. So each push is spread along the axis over the bearing length, by a quadratic B-spline,
+and overlapping pushes add up as vectors: a single push counts whole, wherever it is, and a couple M as 2 M / a, with
+the arm a = 4/9 of the bearing length, on any resolution finer than that.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ _SPANS = 3
 
 @kernel
 def introducer_normal_force(model: RodModel, x: FloatArray, passage: Passage) -> float:
-    """Integral [N] along the axis of how hard the introducer's wall pushes on the rod at ``x`` (n, 3).
+    """Return the integral [N] along the axis of the push of the introducer's wall on the rod at ``x`` (n, 3).
 
-    A sum of samples that stay where they are while the rod slides. As they divide the spline's spans evenly, the shares
-    that a push has in them add up to 1 exactly.
+    It is a sum of samples at fixed places while the rod slides. They divide the spline's spans evenly, so the shares of
+    a push in them add up to 1 exactly.
     """
     introducer = model.introducer
     span = introducer.bearing_length / _SPANS
@@ -61,7 +61,7 @@ def introducer_normal_force(model: RodModel, x: FloatArray, passage: Passage) ->
 
 @kernel
 def _end_offset(model: RodModel, x: FloatArray, passage: Passage, is_entry: bool) -> Vector:
-    """How far the rod is from an end of the axis; zero where it does not pass."""
+    """Return the offset of the rod from an end of the axis; zero where it does not pass."""
     introducer = model.introducer
     if not (passage.has_entry if is_entry else passage.has_exit):
         return (0.0, 0.0, 0.0)
@@ -71,7 +71,7 @@ def _end_offset(model: RodModel, x: FloatArray, passage: Passage, is_entry: bool
 
 @kernel
 def _spline(s: float) -> float:
-    """The quadratic B-spline of unit knots about 0; of area 1."""
+    """Return the quadratic B-spline of unit knots about 0, of area 1."""
     s = abs(s)
     if s < 0.5:
         return 0.75 - s * s

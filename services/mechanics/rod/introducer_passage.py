@@ -1,7 +1,7 @@
 """Which part of a rod is in its introducer: the particles between its points nearest to the ends of the axis.
 
-Found anew from the positions alone: a free part that swings across an end plane beside the introducer, folds back
-along it, or is pulled round its edge, is not taken for the part inside.
+It is found in every step from the positions alone: a free part that swings across an end plane beside the introducer,
+folds back along it, or is pulled round its edge, is not taken for the part inside.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from services.mechanics.rod.supports import IntroducerSprings
 class Passage(NamedTuple):
     """Particles ``first`` to ``last`` are between entry and exit; segments first - 1 and last pass through these.
 
-    ``has_entry``, ``has_exit`` say whether there are such segments: not where an end of the rod is inside.
+    ``has_entry``, ``has_exit`` are whether these segments exist: not where an end of the rod is inside.
     """
 
     first: int
@@ -31,7 +31,7 @@ class Passage(NamedTuple):
 
 @kernel
 def axial_position(introducer: IntroducerSprings, x: FloatArray, i: int) -> float:
-    """Distance of particle i beyond the entry plane."""
+    """Return the distance (m) of particle i beyond the entry plane."""
     total = 0.0
     for c in range(3):
         total += (x[i, c] - introducer.entry[c]) * introducer.axis[c]
@@ -40,7 +40,7 @@ def axial_position(introducer: IntroducerSprings, x: FloatArray, i: int) -> floa
 
 @kernel
 def offset_from_axis(introducer: IntroducerSprings, x: FloatArray, i: int) -> Vector:
-    """From the axis to particle i."""
+    """Return the vector from the axis to particle i."""
     along = axial_position(introducer, x, i)
     return (
         x[i, 0] - introducer.entry[0] - along * introducer.axis[0],
@@ -51,7 +51,7 @@ def offset_from_axis(introducer: IntroducerSprings, x: FloatArray, i: int) -> Ve
 
 @kernel
 def end_point(introducer: IntroducerSprings, axial: float) -> Vector:
-    """The point of the axis at an axial position."""
+    """Return the point of the axis at an axial position."""
     return (
         introducer.entry[0] + axial * introducer.axis[0],
         introducer.entry[1] + axial * introducer.axis[1],
@@ -61,7 +61,7 @@ def end_point(introducer: IntroducerSprings, axial: float) -> Vector:
 
 @kernel
 def closest_on_segment(x: FloatArray, i: int, p: Vector) -> tuple[float, Vector]:
-    """Where along segment i (0 to 1) the rod is nearest to p, and the vector from p to there."""
+    """Return where along segment i (0 to 1) the rod is nearest to p, and the vector from p to there."""
     r = (x[i, 0] - p[0], x[i, 1] - p[1], x[i, 2] - p[2])
     e = (x[i + 1, 0] - x[i, 0], x[i + 1, 1] - x[i, 1], x[i + 1, 2] - x[i, 2])
     squared = dot(e, e)
@@ -71,7 +71,7 @@ def closest_on_segment(x: FloatArray, i: int, p: Vector) -> tuple[float, Vector]
 
 @kernel
 def _closest_segment(x: FloatArray, count: int, p: Vector) -> tuple[int, float]:
-    """Of the first ``count`` segments the one nearest to p, and where along it."""
+    """Return which of the first ``count`` segments is nearest to p, and where along it."""
     nearest, best, at = np.inf, 0, 0.0
     for i in range(count):
         s, o = closest_on_segment(x, i, p)
@@ -83,11 +83,11 @@ def _closest_segment(x: FloatArray, count: int, p: Vector) -> tuple[int, float]:
 
 @kernel
 def find_passage(introducer: IntroducerSprings, x: FloatArray) -> Passage:
-    """The part of the rod at ``x`` (n, 3) that is in the introducer.
+    """Return the part of the rod at ``x`` (n, 3) that is in the introducer.
 
-    The springs keep the rod at both ends of the axis, so what is nearest to them passes there; as the energy is that of
-    the least distance it stays continuous should another part ever come as near. An end of the rod that is nearest
-    itself, and inside, means that nothing passes.
+    The springs keep the rod at both ends of the axis, so the points nearest to them pass there; the springs' energy is
+    that of the least distance, so it stays continuous should another part ever come as near. If an end of the rod is
+    nearest and inside, nothing passes.
     """
     n = x.shape[0]
     length = introducer.length
@@ -105,9 +105,9 @@ def find_passage(introducer: IntroducerSprings, x: FloatArray) -> Passage:
 
 @kernel
 def depth_weight(model: RodModel, i: int, axial: float) -> tuple[float, float]:
-    """Share of the full stiffness that holds particle i at an axial position, and its derivative.
+    """Return the share of the full stiffness that holds particle i at an axial position, and its derivative.
 
-    The ends of the rod stay held where they are beyond the far plane: a stop gives way a little.
+    The ends of the rod stay held beyond the far plane, because a stop gives way a little.
     """
     length = model.introducer.length
     ramp = min(model.rest_length[0], 0.5 * length)
@@ -120,7 +120,7 @@ def depth_weight(model: RodModel, i: int, axial: float) -> tuple[float, float]:
 
 @kernel
 def stop_overlap(model: RodModel, x: FloatArray, passage: Passage) -> tuple[int, float]:
-    """The particle that is beyond a stop and by how far, towards the exit positive; (0, 0.0) where there is none.
+    """Return the particle that is beyond a stop and by how far (m), positive towards the exit; (0, 0.0) if none is.
 
     The first particle stops two segments (at most half the introducer) before the exit, and the particle
     ``least_tip_m`` before the tip stops at the exit. Both are the ends of what may slide: a rod cannot leave its

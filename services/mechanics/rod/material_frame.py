@@ -22,7 +22,7 @@ NO_WALLS = np.full((2, 3), np.nan)
 
 @dataclass
 class MaterialFrame:
-    """How the material is rolled about the centreline: one director per segment, and one in the wall of a clamped end.
+    """The roll of the material about the centreline: one director per segment, and one in the wall of a clamped end.
 
     The walls stand before the first segment and behind the last one, with directions of their own, so that a rod of n
     particles has m = n - 1 directors and up to two more. "First" and "last" below mean the walls where there are any.
@@ -40,7 +40,7 @@ class MaterialFrame:
     last_path_m: FloatArray | None = None
 
     def copy(self) -> MaterialFrame:
-        """An independent frame with the same values."""
+        """Return an independent frame with the same values."""
         path_m = None if self.last_path_m is None else self.last_path_m.copy()
         return MaterialFrame(self.tangent.copy(), self.m1.copy(), self.twist_rad.copy(), self.end_is_held, path_m)
 
@@ -49,7 +49,7 @@ class MaterialFrame:
         self.last_path_m = None
 
     def path(self, position_m: FloatArray) -> FloatArray:
-        """(2, n, 3): last positions of the particles, and what `expect_middle` writes."""
+        """Return (2, n, 3): last positions of the particles, and those that `expect_middle` writes."""
         if self.last_path_m is None:
             self.last_path_m = np.stack([position_m, position_m])
         return self.last_path_m
@@ -82,7 +82,7 @@ def initial_frame(
 def roll(frame: MaterialFrame, segment: int, angle_rad: float) -> None:
     """Turn the first (0) or last (-1) director in place by an angle of any size about its tangent.
 
-    What a hand does that rolls the rod; a roll of the last one lasts only where ``frame.end_is_held``.
+    A hand that rolls the rod does this; a roll of the last director lasts only if ``frame.end_is_held``.
     """
     last = len(frame.m1) - 1
     rotate_frame((frame.tangent, frame.m1, frame.twist_rad), segment % (last + 1), angle_rad)
@@ -114,7 +114,7 @@ def _unit(m: Vector) -> Vector:
 
 @kernel
 def transport(m: Vector, t: Vector, u: Vector) -> Vector:
-    """Parallel transport of a director m from tangent t to tangent u: the least rotation that takes t to u."""
+    """Return a director m in parallel transport from tangent t to u: by the least rotation that takes t to u."""
     b = cross(t, u)
     c = dot(t, u)
     turned = m
@@ -128,7 +128,7 @@ def transport(m: Vector, t: Vector, u: Vector) -> Vector:
 
 @kernel
 def rotate_frame(frame: Frame, j: int, angle: float) -> None:
-    """Turn segment j's director about its tangent and keep count of the twist of its joints."""
+    """Turn segment j's director about its tangent, and update the twist of its joints."""
     tangent, m1, twist = frame
     m = row(m1, j)
     m2 = cross(row(tangent, j), m)
@@ -144,7 +144,7 @@ def rotate_frame(frame: Frame, j: int, angle: float) -> None:
 
 @kernel
 def follow(x: FloatArray, frame: Frame, first: int) -> None:
-    """Carry the directors to the tangents of positions ``x``, and measure the twist of each joint (turns counted).
+    """Transport the directors to the tangents of positions ``x``, and measure the twist of each joint (turns counted).
 
     ``first`` is the row of the first segment, 1 behind a wall; walls stay.
     """

@@ -34,18 +34,18 @@ class RodModel(Struct):
 class RodWork(Struct):
     """What a step fills: the configuration that forces are taken at, the forces, and the banded system."""
 
-    previous_position: Annotated[FloatArray, "n", 3]  # how the last step ended
-    position: Annotated[FloatArray, "n", 3]  # what forces are taken at
+    previous_position: Annotated[FloatArray, "n", 3]  # at the end of the last step
+    position: Annotated[FloatArray, "n", 3]  # at which forces are taken
     end_position: Annotated[FloatArray, "n", 3]  # of the step whose middle ``position`` is
-    lead: Annotated[FloatArray, 2, "n", 3]  # how far damping takes strains on, m: all of it, and the step's alone
+    lead: Annotated[FloatArray, 2, "n", 3]  # displacement that damping adds to strains, m: all, and the step's alone
     force: Annotated[FloatArray, "n", 3]
     tangent: Annotated[FloatArray, "n - 1", 3]  # of the segments
     length: Annotated[FloatArray, "n - 1"]
-    elongation: Annotated[FloatArray, "n - 1"]  # what stretches a segment, m
-    taut: Annotated[FloatArray, "n - 1"]  # what stretched it at the start of the step, m: what makes it stiff across
-    chord: Annotated[FloatArray, "n - 1"]  # its length over the mean of those at both ends of the step
+    elongation: Annotated[FloatArray, "n - 1"]  # of the segments, m
+    taut: Annotated[FloatArray, "n - 1"]  # elongation at the start of the step, m; it stiffens a segment across
+    chord: Annotated[FloatArray, "n - 1"]  # length over the mean of those at both ends of the step
     joint: Annotated[FloatArray, "n - 2", 2, 9]  # gradients of bending in and out of the plane of each joint
-    aside: Annotated[FloatArray, "n - 2"]  # what of a joint's stiffness there is out of its plane
+    aside: Annotated[FloatArray, "n - 2"]  # share of a joint's stiffness out of its plane
     has_plane: Annotated[BoolArray, "n - 2"]
     gradient: Annotated[FloatArray, 2, 9]  # of a joint with a wall
     turn: Annotated[FloatArray, "turns", 9]  # gradients of the joints' twist, see `turning`; none without a frame
@@ -54,7 +54,7 @@ class RodWork(Struct):
     rhs: Annotated[FloatArray, "padded"]
     residual: Annotated[FloatArray, "padded"]  # a copy of the right-hand side
     velocity_change: Annotated[FloatArray, "n", 3]  # the implicit step's solution
-    leading_velocity: Annotated[FloatArray, "n", 3]  # what drag acts on in it
+    leading_velocity: Annotated[FloatArray, "n", 3]  # on which drag acts in it
     is_middle: bool = False  # whether ``position`` is in the middle of a step from ``previous_position``
     first_joint: int = 0  # row of the first joint between two segments in ``turn``, 1 behind a wall
     hits_stop: bool = False  # whether that step would end in a stop of the introducer
@@ -64,7 +64,7 @@ model_at, work_at = reader(RodModel), reader(RodWork)
 
 
 def build_model(properties: RodProperties, supports: Supports) -> RodModel:
-    """Lay the numbers out. Raises ValueError if the supports do not fit the rod."""
+    """Return the arrays of a rod. Raises ValueError if the supports do not fit the rod."""
     EI = properties.per_segment("bending_stiffness_n_m2")
     held = supports.held_indices(properties.n_particles)
     is_held = np.zeros(properties.n_particles, dtype=np.bool_)
@@ -87,7 +87,7 @@ def build_model(properties: RodProperties, supports: Supports) -> RodModel:
 
 
 def allocate_work(n_particles: int, n_turns: int = 0) -> RodWork:
-    """Zeroed arrays for one rod, with so many twisted joints; nothing else is allocated while stepping."""
+    """Return zeroed arrays for one rod with ``n_turns`` twisted joints; a step allocates nothing else."""
     n, band = n_particles, empty_band(3 * n_particles)
     tangent = np.tile([1.0, 0.0, 0.0], (n - 1, 1))
     extents = {"n": n, "n - 1": n - 1, "n - 2": n - 2, "padded": len(band), "turns": n_turns}

@@ -21,9 +21,9 @@ _HALVINGS = 6
 
 @kernel
 def put_held(model: RodModel, work: RodWork, x: FloatArray, v: FloatArray, target: FloatArray, dt_s: float) -> float:
-    """First iterate: no change of velocity, but held particles go evenly to their target (NaN: stay).
+    """Start without change of velocity, but move held particles evenly to their target (NaN: stay).
 
-    Returns the energy in motion [J], at least that of hardly visible motion.
+    Return the energy in motion [J], at least that of hardly visible motion.
     """
     kinetic, floor = 0.0, 0.0
     for i in range(x.shape[0]):
@@ -41,7 +41,7 @@ def put_held(model: RodModel, work: RodWork, x: FloatArray, v: FloatArray, targe
 
 @kernel
 def turns_little(model: RodModel, x: FloatArray, v: FloatArray, dt_s: float) -> bool:
-    """Whether no segment turns or stretches by more than _FARTHEST in a step."""
+    """Return whether no segment turns or stretches by more than _FARTHEST in a step."""
     for j in range(x.shape[0] - 1):
         most = (_FARTHEST * model.rest_length[j] / dt_s) ** 2
         squared = 0.0
@@ -54,10 +54,10 @@ def turns_little(model: RodModel, x: FloatArray, v: FloatArray, dt_s: float) -> 
 
 @kernel
 def start_guarded(model: RodModel, work: RodWork, x: FloatArray, v: FloatArray, step: tuple[float, float]) -> None:
-    """Let free particles start with a share of their velocity: 1, a half, a quarter... or nothing.
+    """Start free particles with a share of their velocity: 1, a half, a quarter... or nothing.
 
-    So that going on with it stretches the rod by no more than half of the kinetic energy that it spends. ``step`` is
-    (dt, energy in motion).
+    The share is small enough that the start stretches the rod by at most half of the kinetic energy that it spends.
+    ``step`` is (dt, energy in motion).
     """
     dt_s, kinetic = step
     share = 1.0
@@ -74,7 +74,7 @@ def start_guarded(model: RodModel, work: RodWork, x: FloatArray, v: FloatArray, 
 
 @kernel
 def _stretched(model: RodModel, work: RodWork, x: FloatArray, v: FloatArray, way: tuple[float, float]) -> float:
-    """Stretch energy with held particles at their target and free ones gone on by a share of their way."""
+    """Return the stretch energy with held particles at their target and free ones moved by a share of their way."""
     share, dt_s = way
     total = 0.0
     for j in range(model.EA.shape[0]):
@@ -93,9 +93,9 @@ def _stretched(model: RodModel, work: RodWork, x: FloatArray, v: FloatArray, way
 
 @inlined_kernel
 def line_search(model: RodModel, work: RodWork, form: StepForm, energy: tuple[float, float]) -> tuple[float, float]:
-    """Share of the Newton step to take, and the energy beyond the quadratic model that is left by it.
+    """Return the share of the Newton step to take, and the energy [J] that it leaves beyond the quadratic model.
 
-    Of stretch, bending and the introducer: all that is not linear.
+    This energy is of stretch, bending and the introducer: of all that is not linear.
 
     ``energy`` is (decrease that the quadratic model promises for the full step, excess that does not matter).
     """
@@ -114,9 +114,9 @@ def line_search(model: RodModel, work: RodWork, form: StepForm, energy: tuple[fl
 
 @kernel
 def _end_lengths(work: RodWork, form: StepForm, share: float, j: int) -> tuple[float, float, float, float]:
-    """Length of segment j at the end of the step before and after a share of the solution moves that.
+    """Return the length of segment j at the end of the step before and after a share of the solution moves it.
 
-    Then how far it moves the segment's ends apart along its direction where forces are taken, and that squared in all
+    Then follows the motion of its ends apart, along its direction where forces are taken, and squared in all
     directions.
     """
     x = work.previous_position
@@ -135,7 +135,7 @@ def _end_lengths(work: RodWork, form: StepForm, share: float, j: int) -> tuple[f
 
 @kernel
 def _excess_stretch(model: RodModel, work: RodWork, form: StepForm, share: float) -> float:
-    """Stretch energy at the end of the step after a share of the solution moves that, minus its quadratic model.
+    """Return the stretch energy at the step's end after a share of the solution moves it, minus its quadratic model.
 
     The model is that of the matrix: with the segments' directions and tensions where forces are taken.
     """
@@ -153,11 +153,10 @@ def _excess_stretch(model: RodModel, work: RodWork, form: StepForm, share: float
 
 @kernel
 def correct_stretch(model: RodModel, work: RodWork, form: StepForm) -> float:
-    """Replace the solution by its correction for the stretch that it has in truth, with the same matrix.
+    """Replace the solution by its correction for the exact stretch, with the same matrix; return its energy [J].
 
     Without it the error, a segment's turn times its particles' motion aside, would come back a step later as a force
     along the segment that has turned on: a stiff rod turning by some hundredths of a radian a step would flutter.
-    Returns the stretch energy [J] of the error.
     """
     n = work.velocity_change.shape[0]
     energy = 0.0

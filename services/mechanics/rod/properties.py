@@ -42,7 +42,7 @@ class RodProperties:
     rest_curvature_1_m: FloatArray | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what has no physical meaning. Raises ValueError with the name of the offending quantity."""
+        """Check that all quantities have a physical meaning. Raises ValueError that names the offending one."""
         if self.n_segments < 2:
             raise ValueError(f"n_segments is {self.n_segments}; a rod needs at least 2 segments")
         for name in ("length_m", "radius_m", "linear_density_kg_m", "axial_stiffness_n"):
@@ -83,11 +83,11 @@ class RodProperties:
         return np.ascontiguousarray(np.broadcast_to(value, (self.n_segments,)))
 
     def particle_mass_kg(self) -> FloatArray:
-        """(n,) lumped masses: half of each neighbouring segment; their sum is the mass of the rod."""
+        """Return the lumped masses (n,), half of each neighbouring segment; their sum is the mass of the rod."""
         return self._lump(self.per_segment("linear_density_kg_m"))
 
     def particle_drag_n_s_m(self) -> FloatArray:
-        """(n,) viscous drag coefficients, lumped like the mass."""
+        """Return the viscous drag coefficients (n,), lumped like the mass."""
         return self._lump(self.per_segment("viscous_drag_n_s_m2"))
 
     def _lump(self, per_length: FloatArray) -> FloatArray:
@@ -95,12 +95,12 @@ class RodProperties:
         return np.concatenate((half[:1], half[:-1] + half[1:], half[-1:]))
 
     def sound_m_s(self) -> float:
-        """Fastest speed of sound along it, sqrt(EA / rho A)."""
+        """Return the largest speed of sound along the rod, sqrt(EA / rho A)."""
         stiffness, density = self.per_segment("axial_stiffness_n"), self.per_segment("linear_density_kg_m")
         return float(np.sqrt(np.max(stiffness / density)))
 
     def joint_stiffness_n_m(self, name: str = "bending_stiffness_n_m2") -> FloatArray:
-        """(n_segments - 1,) moment per radian of each inner joint, EI/l: two half segments in series."""
+        """Return the moment per radian (n_segments - 1,) of the inner joints, EI/l: two half segments in series."""
         stiffness = self.per_segment(name)
         total = stiffness[:-1] + stiffness[1:]
         series = np.divide(2.0 * stiffness[:-1] * stiffness[1:], total, out=np.zeros_like(total), where=total > 0.0)
@@ -118,15 +118,15 @@ class RoundTube:
     poisson_ratio: float = 0.45
 
     def area_m2(self) -> float:
-        """Cross section A."""
+        """Return the cross section A."""
         return float(np.pi / 4.0 * (self.outer_diameter_m**2 - self.inner_diameter_m**2))
 
     def second_moment_m4(self) -> float:
-        """I = pi (d_o^4 - d_i^4) / 64; the polar moment of a round section is 2 I."""
+        """Return I = pi (d_o^4 - d_i^4) / 64; the polar moment of a round section is 2 I."""
         return float(np.pi / 64.0 * (self.outer_diameter_m**4 - self.inner_diameter_m**4))
 
     def torsional_stiffness_n_m2(self) -> float:
-        """GJ of the round section, J = 2 I."""
+        """Return GJ of the round section, J = 2 I."""
         shear_modulus_pa = self.youngs_modulus_pa / (2.0 * (1.0 + self.poisson_ratio))
         return 2.0 * self.second_moment_m4() * shear_modulus_pa
 
@@ -139,7 +139,7 @@ class RoundTube:
         internal_damping_s: float = 0.0,
         viscous_drag_n_s_m2: float = 0.0,
     ) -> RodProperties:
-        """A rod of this tube; ``twist`` adds its GJ, else the rod has no material frame."""
+        """Return a rod of this tube; ``twist`` adds its GJ, else the rod has no material frame."""
         inertia = self.second_moment_m4()
         return RodProperties(
             n_segments,

@@ -18,7 +18,7 @@ from services.mechanics.rod.step_gains import StepGains
 from services.mechanics.rod.supports import Supports
 from services.mechanics.rod.twist import TwistModel, add_frame_forces, build_twist_model
 
-SAFETY = 0.9  # of the computed limit, for the geometric stiffness that a strong pull adds to it
+SAFETY = 0.9  # share of the computed limit, as a strong pull adds geometric stiffness
 
 
 class SemiImplicitIntegrator(StepGains):
@@ -88,7 +88,7 @@ class SemiImplicitIntegrator(StepGains):
         np.fill_diagonal(out, np.repeat(self.position_gain_s2 * self._free_inverse_mass[particles], 3))
 
     def correct(self, state: RodState, contact_force_n: FloatArray) -> None:
-        """Add to ``state`` in place what contact forces (n, 3), as one kick over the step, change since `predict`."""
+        """Add to ``state`` in place its change by contact forces (n, 3), as one kick over the step of `predict`."""
         kick = self._dt_s * self._free_inverse_mass[:, None] * contact_force_n
         state.velocity_m_s += kick
         state.position_m += self._dt_s * kick
@@ -98,7 +98,7 @@ class SemiImplicitIntegrator(StepGains):
 def _predict(
     addresses: Addresses, motion: Motion, external: FloatArray, target: FloatArray, step: tuple[float, int]
 ) -> bool:
-    """All substeps; False where a number is not finite."""
+    """Take all substeps; return False if a number is not finite."""
     model, work = model_at(addresses[0]), work_at(addresses[1])
     dt_s, substeps = step
     _set_held_velocity(model, motion, target, dt_s)
@@ -122,7 +122,7 @@ def _set_held_velocity(model: RodModel, motion: Motion, target: FloatArray, dt_s
 
 @kernel
 def _semi_implicit_euler(model: RodModel, work: RodWork, motion: Motion, external: FloatArray, h: float) -> None:
-    """Eq. (28) once, with the forces of eq. (27) at the old positions and velocities."""
+    """Apply eq. (28) once, with the forces of eq. (27) at the old positions and velocities."""
     x, v = motion
     for i in range(x.shape[0]):
         for c in range(3):

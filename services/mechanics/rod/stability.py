@@ -14,11 +14,11 @@ from services.mechanics.rod.supports import IntroducerSprings
 
 
 def largest_frequency_rad_s(model: RodModel) -> float:
-    """Largest angular frequency [rad/s] of the unstretched straight rod, held particles taken out.
+    """Return the largest angular frequency [rad/s] of the unstretched straight rod, held particles removed.
 
-    The largest eigenvalue of M^-1/2 K M^-1/2, K from the same kernels as the step, clamped ends included; an introducer
-    counts as if it held every particle twice, as it may next to one of its ends, and stopped it. A pull T adds about
-    4 T/(m l0).
+    It is the root of the largest eigenvalue of M^-1/2 K M^-1/2, with K from the same kernels as the step, clamped ends
+    included. An introducer counts as if it held every particle twice, as it may near one of its ends, and stopped it. A
+    pull T adds about 4 T/(m l0).
     """
     n = model.mass.shape[0]
     work = allocate_work(n)
@@ -51,10 +51,10 @@ def largest_frequency_rad_s(model: RodModel) -> float:
 
 
 def stable_time_step(model: RodModel) -> float:
-    """Limit of semi-implicit Euler [s]: (omega h)^2 + 2 c h < 4 for every mode, c = b/m + beta omega^2.
+    """Return the limit of semi-implicit Euler [s]: (omega h)^2 + 2 c h < 4 for every mode, c = b/m + beta omega^2.
 
-    From the Jury conditions of ``v += -h (omega^2 x + c v), x += h v``, taken at the largest frequency, where both
-    terms are largest, and the largest drag per mass.
+    It follows from the Jury conditions of ``v += -h (omega^2 x + c v), x += h v``, taken at the largest frequency,
+    where both terms are largest, and the largest drag per mass.
     """
     omega = largest_frequency_rad_s(model)
     c = float(np.max(model.drag / model.mass)) + model.beta * omega**2

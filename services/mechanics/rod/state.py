@@ -1,4 +1,4 @@
-"""Where the particles of a rod are and how fast they move."""
+"""Positions and velocities of a rod's particles."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ class RodState:
         position_m, velocity_m_s: (n, 3), n = n_segments + 1.
         frame: The material frame of a rod with torsional stiffness; None for one without, and until the first step
             makes an untwisted one.
-        slow_velocity_m_s: (n, 3) velocities that follow the others within about a step: what the implicit step's
-            numerical damping remembers. None before the first step, and where velocities were made up: the step then
+        slow_velocity_m_s: (n, 3) velocities that follow the others within about a step: the memory of the implicit
+            step's numerical damping. None before the first step, and where velocities were set by hand: the step then
             starts anew.
     """
 
@@ -31,7 +31,7 @@ class RodState:
     slow_velocity_m_s: FloatArray | None = None
 
     def copy(self) -> RodState:
-        """An independent state with the same values."""
+        """Return an independent state with the same values."""
         frame = None if self.frame is None else self.frame.copy()
         slow = None if self.slow_velocity_m_s is None else self.slow_velocity_m_s.copy()
         return RodState(self.position_m.copy(), self.velocity_m_s.copy(), frame, slow)
@@ -59,7 +59,7 @@ def straight_rod(properties: RodProperties, start_m: ArrayLike, direction: Array
 
 
 def rod_along(properties: RodProperties, curve_m: ArrayLike) -> RodState:
-    """A rod at rest laid along a polyline (k, 3) from its first point, particles equally spaced by arc length.
+    """Return a rod at rest along a polyline (k, 3) from its first point, particles equally spaced by arc length.
 
     Raises ValueError if the polyline is shorter than the rod.
     """

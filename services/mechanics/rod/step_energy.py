@@ -13,8 +13,8 @@ from services.mechanics.rod.elasticity import bending_angle
 from services.mechanics.rod.introducer_forces import introducer_energy, introducer_excess
 from services.mechanics.rod.model import RodModel, RodWork
 
-# Of a segment length (or a radian) in a step: a rod that turns less and slides less through an introducer is not
-# checked.
+# Motion in a step, of a segment length (or in radian): below it a rod is not checked that turns, or that slides through
+# an introducer.
 _SLOW = 0.02
 _SLIDES = 0.05
 # Allowed gain of a step over its kinetic energy: the energy of a second-order step oscillates by some of that.
@@ -26,7 +26,7 @@ _STRAIN = 1e-4
 
 @kernel
 def elastic_energy(model: RodModel, x: FloatArray) -> float:
-    """Energy [J] of stretch, bending, clamps and introducer of a rod at ``x`` (n, 3); no scratch is touched."""
+    """Return the energy [J] of stretch, bending, clamps and introducer of a rod at ``x`` (n, 3), without scratch."""
     total, before = 0.0, (0.0, 0.0, 0.0)
     last = x.shape[0] - 2
     for j in range(last + 1):
@@ -48,11 +48,11 @@ def elastic_energy(model: RodModel, x: FloatArray) -> float:
 
 @inlined_kernel
 def gains(model: RodModel, x: FloatArray, v: FloatArray, work: RodWork, load: FloatArray) -> bool:
-    """Whether the step from (x, v) to the end in ``work`` gains more than ``load`` (n, 3), held over it, puts in.
+    """Return whether the step from (x, v) to the end in ``work`` gains more than the work of the ``load`` (n, 3).
 
-    A step that turns and slides the rod by little is not looked at, unless it slides back at its end: a bent rod may
+    A step that turns and slides the rod by little is not checked, unless it slides back at its end: a bent rod may
     swing to and fro in its introducer from step to step, and gain a tenth each time. Nor is one whose held particles
-    move: a hand works there.
+    move, because a hand works there.
     """
     end, dv = work.end_position, work.velocity_change
     slides = model.introducer.is_there and (_slides(model, x, end) or _slides_back(model, v, dv))
@@ -73,7 +73,7 @@ def gains(model: RodModel, x: FloatArray, v: FloatArray, work: RodWork, load: Fl
 
 @kernel
 def energy_of(model: RodModel, v: FloatArray, dv: FloatArray) -> float:
-    """Kinetic energy [J] at the velocities v + dv (n, 3)."""
+    """Return the kinetic energy [J] at the velocities v + dv (n, 3)."""
     total = 0.0
     for i in range(v.shape[0]):
         for c in range(3):
@@ -83,7 +83,7 @@ def energy_of(model: RodModel, v: FloatArray, dv: FloatArray) -> float:
 
 @kernel
 def _turns_little(model: RodModel, x: FloatArray, end: FloatArray) -> bool:
-    """Whether the ends of no segment move further than _SLOW of its length relative to each other."""
+    """Return whether no segment's ends move further than _SLOW of its length relative to each other."""
     for j in range(x.shape[0] - 1):
         squared = 0.0
         for c in range(3):
@@ -96,7 +96,7 @@ def _turns_little(model: RodModel, x: FloatArray, end: FloatArray) -> bool:
 
 @kernel
 def _slides(model: RodModel, x: FloatArray, end: FloatArray) -> bool:
-    """Whether the first particle, which the introducer guides, moves by so much that it is worth a look."""
+    """Return whether the first particle, which the introducer guides, moves further than _SLIDES of a segment."""
     squared = 0.0
     for c in range(3):
         squared += (end[0, c] - x[0, c]) ** 2
@@ -105,7 +105,7 @@ def _slides(model: RodModel, x: FloatArray, end: FloatArray) -> bool:
 
 @kernel
 def _slides_back(model: RodModel, v: FloatArray, dv: FloatArray) -> bool:
-    """Whether the first particle moves the other way along the introducer at the end of a step."""
+    """Return whether the first particle reverses its motion along the introducer in a step."""
     before, change = 0.0, 0.0
     for c in range(3):
         before += v[0, c] * model.introducer.axis[c]
@@ -115,12 +115,13 @@ def _slides_back(model: RodModel, v: FloatArray, dv: FloatArray) -> bool:
 
 @inlined_kernel
 def energy_beside(model: RodModel, x: FloatArray, work: RodWork, dt_s: float) -> float:
-    """Energy [J] that the solution in ``work`` moves a rod at ``x`` (n, 3) to, beside what its linear step reckons.
+    """Return the energy [J] at the end of a linear correction beyond its quadratic model, for a rod at ``x`` (n, 3).
 
-    Of stretch, by what the lengths of its segments differ: a force that was let go in one step throws the rod along its
-    tangents, and what that stretches comes back as motion. And of the introducer, by what its springs hold more: a rod
-    that is bent hard at its edge is pulled along the kink that was there before. Nothing, where it is less than a
-    thousandth of what is in the motion that contacts bring, or than a small strain of one segment.
+    The solution in ``work`` is the correction. The energy of stretch counts by the error of the segments' lengths: a
+    force that drops in one step throws the rod along its tangents, and the stretch comes back as motion. The
+    introducer's counts by the error of its springs: a rod that is bent hard at its edge is pulled along the kink that
+    was there before. It is zero where it is less than a thousandth of the motion that contacts bring, or than a small
+    strain of one segment.
     """
     beside, kinetic, moved = 0.0, 0.0, work.rhs
     for j in range(x.shape[0]):

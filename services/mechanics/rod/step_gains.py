@@ -1,4 +1,4 @@
-"""What rod integrators share: who is held, and what a contact force changes by the length of the step."""
+"""The base of rod integrators: held particles, and the gains of the step's response to contact forces."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ class StepGains:
 
     @property
     def held(self) -> IntArray:
-        """(h,) held particles; row k of ``held_target_m`` says where held[k] shall be when a step ends (NaN: stay)."""
+        """(h,) held particles; row k of ``held_target_m`` is where held[k] must be at the end of a step (NaN: stay)."""
         return self.model.held
 
     @property
     def position_gain_s2(self) -> float:
-        """What A^-1 f is multiplied with to give the position change of the step: dt^2."""
+        """Factor of A^-1 f in the position change of the step: dt^2."""
         return self._dt_s**2
 
     @property
     def velocity_gain_s(self) -> float:
-        """What A^-1 f is multiplied with to give the velocity change of the step: dt."""
+        """Factor of A^-1 f in the velocity change of the step: dt."""
         return self._dt_s

@@ -13,7 +13,7 @@ from services.mechanics.compiled.struct import Struct
 
 
 class IntroducerSprings(Struct):
-    """An introducer as kernels see it: see `Introducer` for what the numbers mean."""
+    """An introducer as kernels see it; `Introducer` describes the numbers."""
 
     entry: Annotated[FloatArray, 3]
     axis: Annotated[FloatArray, 3]  # unit vector from entry to exit
@@ -42,8 +42,8 @@ class Introducer:
             integrator.
         friction: Coulomb coefficient against the wall, 0 for none. To the rod the introducer is smooth: this friction
             and that of the seal are solved with the contacts, see `services.mechanics.contact.seal`.
-        bearing_length_m: Over which a push of the wall is spread along the axis, for friction: finer than a few
-            diameters a rod does not know how it bears.
+        bearing_length_m: Length over which a push of the wall is spread along the axis, for friction: a rod model does
+            not resolve a few diameters.
         seal_friction_n: Friction of a seal at the exit, whatever the rod's push on the wall.
         stop_stiffness_n_m: Of both stops.
         least_tip_m: Length at the end of the rod that stays beyond the exit, to be grasped again.
@@ -109,7 +109,7 @@ class Supports:
         return np.array(indices, dtype=np.int32)
 
     def wall_directions(self) -> FloatArray:
-        """(2, 3) unit directions at both ends; NaN rows where there is none."""
+        """Return the unit directions (2, 3) at both ends; NaN rows where there is none."""
         rows = np.full((2, 3), np.nan)
         for row, direction in zip(rows, (self.start_direction, self.end_direction), strict=True):
             if direction is not None:
@@ -122,5 +122,5 @@ class Supports:
 
 
 def clamped(direction: ArrayLike) -> Supports:
-    """The first particle held and its tangent kept: a cantilever."""
+    """Return the supports of a cantilever: the first particle held and its tangent kept."""
     return Supports(held=(0,), start_direction=direction)

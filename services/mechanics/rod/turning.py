@@ -1,11 +1,10 @@
-"""The stiffness with which a step resists the twist of joints at the angles that the directors have in it.
+"""The stiffness with which a step resists the twist of joints while the directors stay.
 
-Directors give way to what moves a rod, but only in the next step: this one is given their forces as numbers. So the
-step itself has to be as stiff as the rod is while its directors stay, or what gives way would be thrown back (the
-splitting of Eyre 1998: what is convex belongs into the implicit step). Bending is in its matrix; a curved joint that is
-tilted out of its plane is twisted besides, by tan(theta/2) of both tilts, at torsional stiffness k. That force is
--k g (g.(x - x0)), g the gradient of the twist and x0 where the frame's forces are taken: nothing, if the step goes
-there.
+Directors relax in the next step only: this step takes their forces as given numbers. So the step's matrix must be as
+stiff as the rod is with fixed directors, or the motion to which they give way would be thrown back (the splitting of
+Eyre 1998: convex terms belong into the implicit step). Bending is in the matrix; a curved joint that is tilted out of
+its plane is also twisted, by tan(theta/2) of both tilts, at torsional stiffness k. The force is -k g (g.(x - x0)), with
+g the gradient of the twist and x0 where the frame's forces are taken: zero if the step goes there.
 """
 
 from __future__ import annotations
@@ -41,7 +40,7 @@ def note_turns(rod: Address[RodWork], twist: Address[TwistModel], x: FloatArray,
 
 @kernel
 def first_of(work: RodWork, i: int) -> int:
-    """The first of the three particles of twist joint i; of a wall's joint those at that end."""
+    """Return the first of the three particles of twist joint i; for a joint with a wall, of those at that end."""
     return int(min(max(i - work.first_joint, 0), work.position.shape[0] - 3))
 
 
@@ -58,6 +57,6 @@ def add_turns(work: RodWork) -> None:
 
 @kernel
 def add_turns_tangent(work: RodWork, scale: float) -> None:
-    """Add their tangent, times scale."""
+    """Add the tangent of these forces, times ``scale``."""
     for i in range(work.turn.shape[0]):
         add_rank_one(work.band, 3 * first_of(work, i), work.turn[i], scale)

@@ -1,14 +1,13 @@
 """Torsion and rest curvature of the material frame, in torsional equilibrium at every step.
 
 Torsional waves are some hundred times faster than bending, so the frames always take the angles of least energy (a
-tridiagonal Newton step) and carry no inertia; the roll of the first director is prescribed, that of the last one may
-be.
+tridiagonal Newton step) and have no inertia. The roll of the first director is prescribed, that of the last one may be.
 
 Torsion: ``kt/2 (m - m0)^2``, kt = GJ/l0, m the twist of a joint. Between the wall of a clamped end and its segment is
 half a joint, kt = 2 GJ/l0, as there is for bending: the rod twists over all of its length. Rest curvature changes the
 bending energy ``k/2 |w|^2`` (w = theta b, the rotation vector of the joint) into ``k/2 |w - w0|^2``; w0 turns with the
-frames. At equilibrium angles the forces on the particles are the gradient at fixed angles. They sum to zero; their
-moment is balanced by what prescribes the roll.
+frames. At equilibrium angles the forces on the particles are the gradient at fixed angles. They sum to zero;
+the support that prescribes the roll balances their moment.
 """
 
 from __future__ import annotations
@@ -51,7 +50,7 @@ twist_at = reader(TwistModel)
 
 
 def build_twist_model(properties: RodProperties, walls: FloatArray = NO_WALLS) -> TwistModel | None:
-    """The arrays of the material frame, or None for a rod without torsional stiffness.
+    """Return the arrays of the material frame, or None for a rod without torsional stiffness.
 
     ``walls`` (2, 3) are the directions of clamped ends, NaN where there is none.
     """
@@ -87,13 +86,11 @@ def build_twist_model(properties: RodProperties, walls: FloatArray = NO_WALLS) -
 def add_frame_forces(model: TwistModel, state: RodState, force_n: FloatArray, *, of_next_step: bool = False) -> None:
     """Bring the frames of ``state`` to its positions and to torsional equilibrium, and add their forces to ``force_n``.
 
-    With ``of_next_step`` to where `expect_middle` expects them in the middle of the next step, to second order;
-    then it is to be called once before each.
+    With ``of_next_step`` the positions are those that `expect_middle` predicts for the middle of the next step, to
+    second order; call it once before each step then. The forces enter a step as given numbers; the implicit matrix
+    contains their change while the directors stay (`turning`).
 
     Raises ValueError if the frame was made for other clamped ends.
-
-    The forces enter a step as given numbers; what they change by in it, while the directors stay, is in the implicit
-    matrix (`turning`).
     """
     if state.frame is None:
         state.frame = initial_frame(state.position_m, walls=model.walls)
@@ -111,7 +108,7 @@ def add_frame_forces(model: TwistModel, state: RodState, force_n: FloatArray, *,
 
 
 def twist_energy(model: TwistModel, state: RodState) -> float:
-    """Torsion energy, and what rest curvature adds to the bending energy of a straight rod [J], at the frames as is."""
+    """Return the energy [J] of torsion and of rest curvature beyond a straight rod's bending, at the present frames."""
     if state.frame is None:
         return 0.0
     frame = (state.frame.tangent, state.frame.m1, state.frame.twist_rad)
@@ -120,7 +117,7 @@ def twist_energy(model: TwistModel, state: RodState) -> float:
 
 @kernel
 def energy_at(task: Task, x: FloatArray) -> float:
-    """What `twist_energy` returns of a frame that was brought to particles at ``x`` (n, 3); this one stays."""
+    """Return `twist_energy` of a frame that follows particles at ``x`` (n, 3); the task's frame is not changed."""
     model, (tangent, m1, twist), end_is_held = twist_at(task[0]), task[1], task[2]
     for j in range(tangent.shape[0]):
         for c in range(3):
@@ -149,9 +146,9 @@ def _update(task: Task, x: FloatArray, f: FloatArray) -> None:
 
 @kernel
 def relax(model: TwistModel, frame: Frame, end_is_held: bool) -> None:
-    """One Newton step of the angles towards least energy; exact for a rod without rest curvature.
+    """Take one Newton step of the angles towards least energy; it is exact for a rod without rest curvature.
 
-    The matrix is the torsion's tridiagonal one plus the positive part of what rest curvature adds to the diagonal.
+    The matrix is the torsion's tridiagonal one plus the positive part of the diagonal terms of rest curvature.
     """
     diagonal, angle = model.diagonal, model.angle
     n = angle.shape[0]
@@ -184,14 +181,14 @@ def _has_rest_curvature(model: TwistModel, i: int) -> bool:
 
 @kernel
 def _joint_rotation(frame: Frame, i: int) -> Vector:
-    """Rotation vector w = theta b of a joint."""
+    """Return the rotation vector w = theta b of a joint."""
     theta, b = bending_angle(row(frame[0], i), row(frame[0], i + 1))
     return (theta * b[0], theta * b[1], theta * b[2])
 
 
 @kernel
 def _rest_vector(model: TwistModel, frame: Frame, i: int, j: int) -> tuple[Vector, Vector]:
-    """Half the rest rotation of joint i as segment j's frame holds it, and its derivative by that frame's angle."""
+    """Return half the rest rotation of joint i in segment j's frame, and its derivative by that frame's angle."""
     m = row(frame[1], j)
     m2 = cross(row(frame[0], j), m)
     a = 0.5 * model.rest_rotation[i, 0]
@@ -242,7 +239,7 @@ def add_forces(model: TwistModel, x: FloatArray, frame: Frame, f: FloatArray) ->
 
 @kernel
 def inverse_lengths(model: TwistModel, x: FloatArray, p: int) -> tuple[float, float]:
-    """One over the lengths of the segments before and behind particle p; 0.0 where there is none."""
+    """Return the inverse lengths of the segments before and behind particle p; 0.0 where there is none."""
     before = 1.0 / max(_distance(x, p - 1), model.shortest) if p > 0 else 0.0
     after = 1.0 / max(_distance(x, p), model.shortest) if p < x.shape[0] - 1 else 0.0
     return before, after
@@ -275,7 +272,7 @@ def _rest_curvature_gradient(model: TwistModel, frame: Frame, i: int, g: Vector)
 
 @kernel
 def _projected(t: Vector, a: Vector, b: Vector, factor: tuple[float, float], offset: Vector) -> Vector:
-    """Offset + the part normal to t of factor[0] a + factor[1] b."""
+    """Return ``offset`` + the part normal to t of factor[0] a + factor[1] b."""
     v = (factor[0] * a[0] + factor[1] * b[0], factor[0] * a[1] + factor[1] * b[1], factor[0] * a[2] + factor[1] * b[2])
     along = dot(t, v)
     return (offset[0] + v[0] - along * t[0], offset[1] + v[1] - along * t[1], offset[2] + v[2] - along * t[2])
@@ -283,7 +280,7 @@ def _projected(t: Vector, a: Vector, b: Vector, factor: tuple[float, float], off
 
 @kernel
 def _angle_over_sine(theta: float) -> tuple[float, float]:
-    """theta/sin(theta), which makes t x u the rotation vector, and its derivative by cos(theta)."""
+    """Return theta/sin(theta), which makes t x u the rotation vector, and its derivative by cos(theta)."""
     if theta < 1e-3:
         return 1.0 + theta * theta / 6.0, -1.0 / 3.0 - 2.0 / 15.0 * theta * theta
     sine = max(math.sin(theta), 1e-3)
