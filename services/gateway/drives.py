@@ -12,7 +12,7 @@ import sys
 import threading
 
 from services.gateway import drive_orders
-from services.gateway.drive_orders import Add, Ask, BeginAgain, GoOn, Order, SetPace
+from services.gateway.drive_orders import Add, Ask, Order
 from services.gateway.hand_motion import HandMotion
 from services.gateway.local_bus import LocalBus
 
@@ -70,20 +70,10 @@ class DriveProcess:
         self._process.wait()
         self._orders.close()
 
-    def go_on(self, node: int) -> None:
-        """Start the hand's motion of a drive without torque. Never waits, and does nothing if the process has ended."""
+    def order(self, order: Order) -> None:
+        """Give an order to a drive. Never waits, and does nothing if the process has ended."""
         with contextlib.suppress(OSError):
-            self._tell(GoOn(node))
-
-    def begin_again(self, node: int) -> None:
-        """Reset the hand of a drive to its start; otherwise as `go_on`."""
-        with contextlib.suppress(OSError):
-            self._tell(BeginAgain(node))
-
-    def keep_pace(self, node: int, pace: float) -> None:
-        """Set the pace of a drive's hand; otherwise as `go_on`."""
-        with contextlib.suppress(OSError):
-            self._tell(SetPace(node, pace))
+            self._tell(order)
 
     def applied_nm(self, node: int) -> float:
         """Return the torque that a drive applies now, waiting for its answer."""

@@ -11,6 +11,7 @@ from pydantic import Field
 
 from services.gateway import driver, drives, hand_motion
 from services.gateway.device_files import GraspFile
+from services.gateway.drive_orders import BeginAgain, GoOn, SetPace
 from services.gateway.driver import Place
 from services.gateway.drivers.grasp_odrive_can import OdriveGrasp
 from services.gateway.hand_motion import HandMotion
@@ -75,18 +76,18 @@ class Driver(OdriveGrasp):
         """Start the hand's motion without torque."""
         if self._drives is not None and not self._goes_on:
             self._goes_on = True
-            self._drives.go_on(self.node)
+            self._drives.order(GoOn(self.node))
 
     def begin_again(self) -> None:
         """Restart the hand's motion, with the torque or by `go_on`."""
         self._goes_on = False
         if self._drives is not None:
-            self._drives.begin_again(self.node)
+            self._drives.order(BeginAgain(self.node))
 
     def keep_pace(self, pace: float) -> None:
         """Set the pace of the hand's motion."""
         if self._drives is not None:
-            self._drives.keep_pace(self.node, pace)
+            self._drives.order(SetPace(self.node, pace))
 
     def may_come(self) -> bool:
         """Return whether the drive's process is running."""
