@@ -70,6 +70,7 @@ class Outputs:
         self._basis_hash = basis_hash
         self._inserted_m, self._n_contacts = 0.0, 0
         self._inserted_is_old, self._inserted_period = False, -1
+        self._said: PhysicsState | None = None
         self._kinds = np.zeros(simulation.contacts.capacity, np.int8)
         self._table = np.zeros((N_TOOLS, REACTION_COLUMNS)) if felt is None else felt
         hands = np.zeros((N_TOOLS, TOOL_COLUMNS))
@@ -90,8 +91,13 @@ class Outputs:
         )
 
     def publish(self, bus: Bus, answered: Frame, *, valid: bool) -> None:
-        """Send the state that answers a frame of tools, as a single frame, since each one wakes haptics."""
-        state = self.state(answered.body.tick, answered.body.tools)
+        """Send the state that answers a frame of tools, as a single frame, since each one wakes haptics.
+
+        A tick at which the rig's time stands has one state, whatever is measured meanwhile.
+        """
+        if self._said is None or answered.body.tick != self._said.tick:
+            self._said = self.state(answered.body.tick, answered.body.tools)
+        state = self._said
         period = state.tick // _INSERTED_EVERY  # steps of two ticks may all end at odd ticks
         self._inserted_is_old |= period != self._inserted_period
         self._inserted_period = period
@@ -99,7 +105,7 @@ class Outputs:
 
     def forget(self) -> None:
         """Discard rarely measured values, because the scene has restarted."""
-        self._inserted_m, self._inserted_is_old = 0.0, True
+        self._inserted_m, self._inserted_is_old, self._said = 0.0, True, None
 
     def settle(self) -> bool:
         """Measure values that are only displayed, between two ticks, for the next frames; return whether it was due."""

@@ -35,6 +35,21 @@ def test_the_inserted_length_is_measured_between_two_ticks_and_sixty_times_a_sec
     assert sorted(set(told)) == pytest.approx([0.0, 0.01, 0.02, 0.03])
 
 
+def test_while_the_rigs_time_stands_its_tick_has_one_state(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else a recording would keep one that running it again does not give."""
+    monkeypatch.setattr(Simulation, "inserted_length_m", 0.01)
+    observer, told = MemoryBus(rig.hub, reads=["physics.state"]), []
+    for tick in (0, 0, 0, 1):
+        rig.tick = tick
+        rig.turn(FAR, FAR)
+        rig.physics.settle()
+        frame = observer.latest("physics.state")
+        assert frame is not None
+        told.append(frame.body)
+    assert told[0] == told[1] == told[2]
+    assert [each.catheter.inserted_length_m for each in told] == [0.0, 0.0, 0.0, 0.01]
+
+
 def test_between_the_same_two_ticks_it_measures_looks_for_orders_or_reports(
     rig: Rig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
