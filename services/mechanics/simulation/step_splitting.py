@@ -41,8 +41,8 @@ moving_at = reader(Moving)
 class StepSplitter:
     """Splits long ticks, and steps in which something would move further than contact detection looks ahead.
 
-    At a step of 1 ms that begins at 2 m/s, or at 0.5 m/s of a catheter whose contacts are not all priced: one that is
-    near itself, or of another strategy. For longer steps these limits fall in proportion, because speeds change within
+    At a step of 1 ms that begins at 2 m/s, or at 0.5 m/s of a catheter whose contacts are not all priced (one that is
+    near itself, or of another strategy) or in which a guide wire slides. For longer steps these limits fall in proportion, because speeds change within
     them.
 
     Attributes:
@@ -58,7 +58,8 @@ class StepSplitter:
         every = np.ones(len(velocity), np.bool_)
         self._way = catheter.start_m, catheter.state.position_m, every, every
         self._modes, self._longest = sampled_modes(world.duct.reduced.basis.Phi)
-        self._is_priced = world.system.strategy.knows_stiffness and catheter.plain_integrator is not None
+        is_priced = world.system.strategy.knows_stiffness and catheter.plain_integrator is not None
+        self._goes_far = is_priced and catheter.wire is None  # what grows as it moves that far gains energy
         self.moved_m, self.most_m = 0.0, MOST_AHEAD_M
 
     def compile_kernels(self) -> None:
@@ -108,7 +109,7 @@ class StepSplitter:
 
     def _most_motion_m(self, particles_m: FloatArray, moved_m: float) -> float:
         """Return how far particles at (n, 3) may move with all their contacts seen, if they would by ``moved_m``."""
-        if moved_m <= MOST_AHEAD_M or not self._is_priced:
+        if moved_m <= MOST_AHEAD_M or not self._goes_far:
             return MOST_AHEAD_M
         within_m = min((effect.most_motion_m(particles_m) for effect in self._effects), default=FASTEST_AHEAD_M)
         return max(min(FASTEST_AHEAD_M, within_m), MOST_AHEAD_M)

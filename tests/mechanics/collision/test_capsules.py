@@ -48,6 +48,13 @@ def test_no_catheter_passes_through_a_jaw(speed_m_s):
     assert y <= 0.0
 
 
+@pytest.mark.parametrize(("gap_m", "is_row", "is_remembered"), [(0.4e-3, 1, 1), (1.9e-3, 0, 1), (2.1e-3, 0, 0)])
+def test_a_pair_is_remembered_from_as_far_as_a_step_may_bring_it_together(gap_m, is_row, is_remembered):
+    jaw, y = Jaw(1), JAW_M + CATHETER_M + gap_m
+    found = jaw.meets([95.3e-3, y, -7e-3], [95.3e-3, y, 7e-3], bar(90e-3, 100e-3, 2))
+    assert (found.count, jaw.memory.active[JAW_A, 0]) == (is_row, is_remembered)
+
+
 def test_a_catheter_may_go_around_the_tip_of_a_jaw():
     jaw, radius = Jaw(1), JAW_M + CATHETER_M + 0.1e-3
     for angle in np.linspace(-0.5 * np.pi, 1.5 * np.pi, 200):

@@ -44,3 +44,16 @@ def test_neighbours_do_not_meet():
     assert detect(SelfContactDetector(51, RADIUS_M, 0.1e-3), straight).count == 0
     with pytest.raises(ValueError, match="n_apart"):
         SelfContactDetector(51, RADIUS_M, MARGIN_M, n_apart=1)
+
+
+@pytest.mark.parametrize("rise_m", [2e-3, 4e-3, 12e-3])
+def test_no_strands_are_nearer_than_the_clearance_and_it_is_no_idle_bound(rise_m):
+    """Against points every tenth of a segment; midpoints and lengths alone tell it to a segment's length."""
+    line, n_apart = loop_of(rise_m=rise_m), 10
+    share = np.linspace(0.0, 1.0, 11)[:, None, None]
+    points = line[:-1] + share * (line[1:] - line[:-1])
+    every = np.linalg.norm(points[:, None, :, None] - points[None, :, None, :], axis=-1).min(axis=(0, 1))
+    apart = np.abs(np.subtract.outer(np.arange(59), np.arange(59))) >= n_apart
+    gap_m = every[apart].min() - 2.0 * RADIUS_M
+    clearance_m = SelfContactDetector(60, RADIUS_M, MARGIN_M, n_apart).clearance_m(line)
+    assert gap_m - np.linalg.norm(np.diff(line, axis=0), axis=1).max() <= clearance_m <= gap_m

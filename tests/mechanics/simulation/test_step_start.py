@@ -9,9 +9,11 @@ from services.mechanics.collision.candidate_list import FASTEST_AHEAD_M
 from services.mechanics.contact.tool_loads import FORCE_RATE_N_S
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
+from studies.judge.overlaps import OverlapJudge
 from studies.stability.drive import reduced_duct
 from studies.stability.families.abuse import KINDS
 from studies.stability.finely import contact_forces_n
+from studies.stability.situations import beside
 
 LEAVES, RETURNS = 300, 330
 ROUNDING = 1e-10
@@ -86,6 +88,27 @@ def test_a_catheter_that_snaps_goes_no_further_in_a_part_than_contacts_are_seen_
     assert sum(dt_s for dt_s, _ in ways.parts) == pytest.approx(1e-3)
     assert len(ways.parts) > 1
     assert max(way_m for _, way_m in ways.parts) <= FASTEST_AHEAD_M
+
+
+def test_a_catheter_thrown_at_a_tool_stops_at_it_though_it_was_no_candidate():
+    """The gap is larger than that from which pairs get rows, and a step at that speed longer: the price must see it."""
+    play = beside()
+    simulation, tools = Simulation(play.scene, reduced_duct(play.scene)), ToolInputs()
+    play.hands.write(0, tools)
+    for _ in range(150):
+        simulation.step(tools)
+    for _ in range(40):
+        tools.position_m[0, 2] -= 0.11e-3
+        simulation.step(tools)
+    catheter, ways, judge = simulation.catheter, Ways(simulation), OverlapJudge(simulation)
+    x_m = catheter.state.position_m[:, 0]
+    jaws_m = float(simulation.tools.segments[0, 1:, 1, 2].min()) - simulation.tools.radius_m[0, 1]
+    assert jaws_m - catheter.state.position_m[29, 2] - catheter.radius_m > play.scene.contact.margin_m
+    catheter.state.velocity_m_s[:, 2] += 1.9 * np.exp(-(((x_m - 66e-3) / 12e-3) ** 2)) * (abs(x_m - 67e-3) < 18e-3)
+    simulation.step(tools)
+    assert len(ways.parts) == 1
+    assert np.linalg.norm(simulation.tool_results.force_n[0]) > 5e-3
+    assert judge.look()["tool in catheter"] < 30e-6
 
 
 def test_a_force_that_is_gone_in_a_late_part_of_a_tick_falls_as_far_as_in_any_other():
