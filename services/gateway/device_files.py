@@ -24,12 +24,12 @@ class ArmFile(Settings):
     continuous_force_n: Annotated[Positive, _FORCE]
     max_velocity_m_s: Annotated[Positive, at_most(100.0, "m/s", "no hand moves so fast")]
     count_m: Annotated[float, Field(gt=0.0, le=2e-4)] = Field(
-        description="way of the tip that a count of an encoder is: what is not seen of a hand's way"
+        description="motion of the tip per encoder count: a smaller motion of a hand is not seen"
     )
     friction_n: Annotated[float, Field(gt=0.0, le=2.0)] = Field(
-        description="at the tip, motors off: a force below it can give a hand nothing, and is never bounded"
+        description="friction at the tip, motors off: smaller forces give a hand no energy, and have no bound"
     )
-    max_damping_n_s_m: Positive | None = Field(None, description="has no effect; files of before it had none name it")
+    max_damping_n_s_m: Positive | None = Field(None, description="has no effect; older files name it")
     velocity_filter_hz: Annotated[float, Field(gt=0.0, lt=500.0)] = 100.0
     openhaptics_centre_m: Vector3 = Field(
         (0.0, 0.0, 0.0), description="middle of the workspace as OpenHaptics counts: right, up, toward the user"

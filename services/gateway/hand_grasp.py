@@ -17,9 +17,9 @@ from services.runtime.rig import Settings
 class HandGraspSettings(Settings):
     """Settings in the rig file: range and rate of the handle."""
 
-    start_rad: Annotated[float, Field(ge=0.0, le=1.5)] = Field(1.0, description="until somebody takes it")
-    shut_rad: Annotated[float, Field(ge=0.0, le=1.5)] = Field(0.0, description="as far as it is closed")
-    open_rad: Annotated[float, Field(ge=0.0, le=1.5)] = Field(1.2, description="as far as it is opened")
+    start_rad: Annotated[float, Field(ge=0.0, le=1.5)] = Field(1.0, description="opening until somebody takes it")
+    shut_rad: Annotated[float, Field(ge=0.0, le=1.5)] = Field(0.0, description="opening of the closed handle")
+    open_rad: Annotated[float, Field(ge=0.0, le=1.5)] = Field(1.2, description="opening of the open handle")
     rate_rad_s: Annotated[float, Field(gt=0.0, le=10.0)] = 1.0
 
 

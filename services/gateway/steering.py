@@ -45,7 +45,7 @@ def _check_axes(axes: Axes) -> Axes:
 class SteeringSettings(HandSettings, DeviceSettings):
     """Axes and speeds of the tool."""
 
-    speed_m_s: Annotated[float, Field(gt=0.0, le=0.5)] = Field(0.05, description="of an axis at its end")
+    speed_m_s: Annotated[float, Field(gt=0.0, le=0.5)] = Field(0.05, description="speed while an axis is at its end")
     roll_rad_s: Annotated[float, Field(gt=0.0, le=10.0)] = 1.5
     axes: dict[str, Axes] = Field({}, description="by motion: kernel names of axes and buttons, and their signs")
 

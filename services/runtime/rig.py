@@ -82,7 +82,7 @@ class Transport(Settings):
     """Transport of frames: ipc on one host, tcp across hosts or containers."""
 
     kind: Literal["ipc", "tcp"] = "ipc"
-    directory: NamedPath | None = Field(None, description="of the ipc sockets; by default private to the user")
+    directory: NamedPath | None = Field(None, description="folder of the ipc sockets; by default private to the user")
     base_port: Annotated[int, Field(ge=1024, le=57000)] = 21000
     host: Host = Field("127.0.0.1", description="tcp: where publishers are reached")
     hosts: dict[ProcessName, Host] = Field({}, description="tcp: address of each publisher that is not at `host`")

@@ -32,7 +32,7 @@ class SimulatedGraspSettings(Settings):
         None, description="a file of configs/scripts, or `scene`: the handle angles of what the scene is for"
     )
     scenario: str | None = Field(None, description="a scenario of the mechanics: its handle angles")
-    pace: Annotated[float, Field(gt=0.0)] = Field(1.0, description="of script or scenario; 0.5 takes twice as long")
+    pace: Annotated[float, Field(gt=0.0)] = Field(1.0, description="speed of the script; 0.5 takes twice as long")
     range_rad: tuple[float, float] | None = Field(
         None, description="angles that shut and open (0 and 1 rad) of the motion become, e.g. round a duct"
     )

@@ -42,7 +42,7 @@ _PROMPTS = {
 class HdapiSettings(Settings):
     """Settings in the rig file: the arm."""
 
-    name: str | None = Field(None, description="of the device in the vendor's set-up; none: its default device")
+    name: str | None = Field(None, description="name of the device in the vendor's set-up; none: its default device")
     library: str = Field(DEFAULT, description="OpenHaptics' HDAPI: a name that the loader finds, or a path")
 
 

@@ -31,12 +31,12 @@ class ArmSettings(Settings):
         None, description="a file of configs/scripts, or `scene`: what the scene is for; none: the hand holds still"
     )
     scenario: str | None = Field(None, description="instead of a script, a scenario of the mechanics")
-    pace: Annotated[float, Field(gt=0.0)] = Field(1.0, description="of script or scenario; 0.5 takes twice as long")
+    pace: Annotated[float, Field(gt=0.0)] = Field(1.0, description="speed of the script; 0.5 takes twice as long")
     hand_stiffness_n_m: Annotated[float, Field(ge=0.0, le=2000.0)] = 300.0
     hand_damping_n_s_m: Annotated[float, Field(ge=0.0, le=50.0)] = 5.0
     hand_grip_n: Annotated[float, Field(ge=0.0)] = 20.0
     tremor_m: Annotated[float, Field(ge=0.0, le=2e-3)] = Field(
-        0.0, description="how far the scripted hand trembles at 9 and 11 Hz; people's by 0.1 to 0.2 mm"
+        0.0, description="amplitude of the scripted hand's tremor at 9 and 11 Hz; people's is 0.1 to 0.2 mm"
     )
 
 
