@@ -1,6 +1,6 @@
 const LOCAL = new Set(["127.0.0.1", "localhost", "[::1]", "0.0.0.0", "[::]"]);
 
-// Where the view's WebSocket is for whoever sees the page at `location`: a rig that names itself by a loopback address
+// The address of the view's WebSocket for a page at `location`: a rig that names itself by a loopback address
 // is reached under the name of the page (a tunnel, a container, another computer).
 export function viewAddress(announced, location) {
   const url = new URL(announced || "ws://127.0.0.1:8081/ws");

@@ -21,7 +21,7 @@ const instructor = new Instructor(orders), attempt = new AttemptPanel(orders), r
 const dashboard = new Dashboard({
   peaks: () => view?.takePeaks() ?? [],
   period: () => (view?.software ? (view.slow ? 3000 : 900) : 0),
-  // Curves and tables were a seventh of what a computer that draws on its processor did until the first picture.
+  // Curves and tables took a seventh of the work until the first picture on a computer that draws on its processor.
   waits: () => Boolean(view?.software && view.stream && !view.last) && performance.now() < PICTURE_FIRST_MS,
 });
 const controls = new Controls((token) => {
@@ -37,7 +37,7 @@ panel.onclick = () => {
   panel.setAttribute("aria-pressed", !alone);
 };
 
-// The keyboard alone reaches everything; while hands are held, Tab is theirs, so this has a key of its own.
+// The keyboard alone reaches everything; while hands are held they use Tab, so this control has a key of its own.
 addEventListener("keydown", (event) => {
   const typing = /^(INPUT|TEXTAREA|SELECT)$/.test(event.target?.tagName ?? "");
   if (event.code === "KeyB" && !typing && !event.repeat && !(event.ctrlKey || event.metaKey || event.altKey)) orders.ask("new");

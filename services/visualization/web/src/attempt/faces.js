@@ -1,4 +1,4 @@
-// Whom the page is for: a trainee, an engineer or an instructor. The address may say so (#face=), else the last choice counts.
+// The face of the page: for a trainee, an engineer or an instructor. The address may name it (#face=), else the last choice counts.
 
 export const FACES = ["trainee", "engineer", "instructor"];
 const KEY = "trocar-face";
@@ -29,7 +29,7 @@ export class Faces {
     this.show();
   }
 
-  // Whether a person at the page may hold instruments: then it is a trainee's, unless somebody says otherwise.
+  // Sets whether a person at the page may hold instruments: then the face is a trainee's, unless one was chosen.
   setHands(hasHands) {
     this.hasHands = hasHands;
     this.show();
@@ -56,6 +56,6 @@ function keep(face) {
   try {
     localStorage.setItem(KEY, face);
   } catch {
-    // a browser that keeps nothing for this page: the choice is good for as long as it is open
+    // this browser stores nothing for the page: the choice lasts as long as the page is open
   }
 }

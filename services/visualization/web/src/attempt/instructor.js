@@ -1,4 +1,4 @@
-// The instructor's face: live phase and errors, the attempts so far, and what only the token allows.
+// The instructor's face: live phase and errors, the attempts so far, and the controls that need the token.
 
 import { element, Rows, text } from "../dashboard/rows.js";
 import { clock, errorList, headline, mm, notCounted, PHASES, scoreWords } from "./words.js";
@@ -34,7 +34,7 @@ export class Instructor {
     $("instructor-said").dataset.level = ok ? "good" : "bad";
   }
 
-  // Comes with every new link to the rig too; what the instructor has chosen meanwhile stays chosen.
+  // Every new link to the rig calls this too; the instructor's choice stays.
   setRig({ scenarios = [], scenario, switches }) {
     this.switches = switches;
     const chosen = $("scenario").value || scenario;

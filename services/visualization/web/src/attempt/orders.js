@@ -1,4 +1,4 @@
-// Orders of the attempt, with the session's token: begin again, pause, slow motion. What became of them is said.
+// Orders of the attempt, with the session's token: begin again, pause, slow motion; the page shows their result.
 
 import { order } from "../command.js";
 

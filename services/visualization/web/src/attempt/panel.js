@@ -1,4 +1,4 @@
-// The trainee's face: goal and depth with its markers, clock, force with its limit, what each hand holds, what to do next.
+// The trainee's face: goal and depth with its markers, clock, force with its limit, held bodies, and the next task.
 
 import { text } from "../dashboard/rows.js";
 import { clock, headline, holding, mm, notCounted, scoreWords } from "./words.js";
@@ -18,7 +18,7 @@ export class AttemptPanel {
     $("attempt-again").title = token ? "Put everything back to its start (B)" : "Open the address that trocar up printed, with its #token=…";
   }
 
-  // The force beyond which a hand is asked for less, in N; null where there is none.
+  // The force (N) beyond which the page asks the hand for less; null if there is none.
   get limit() {
     return this.attempt?.force_limit_n || null;
   }

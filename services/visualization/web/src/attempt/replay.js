@@ -1,4 +1,4 @@
-// A recording whose pictures are shown again: where it stands, and its controls. A report's marks lead to a moment of it (#replay=FILE&at=SECOND).
+// Replay of a recording's pictures: its time and its controls. A report's marks lead to a moment (#replay=FILE&at=SECOND).
 
 import { text } from "../dashboard/rows.js";
 import { clock } from "./words.js";
@@ -12,13 +12,13 @@ export function momentOf(hash) {
   return file && at >= 0 && Number.isFinite(at) ? { file, at } : null;
 }
 
-// How somebody comes to see a moment that this rig cannot show.
+// The sentence on how to see a moment that this rig cannot show.
 export function howToSee({ file, at }, shown) {
   const now = shown ? `This page shows ${shown}.` : "This rig works, and shows no recording.";
   return `${now} To see second ${at.toFixed(1)} of ${file}: end it, and run`;
 }
 
-// As a shell takes it, whatever the name.
+// Quotes a name for a shell.
 export const commandFor = ({ file, at }) => `trocar replay '${file.replaceAll("'", "'\\''")}' --pictures --from ${at.toFixed(2)}`;
 
 export class ReplayBar {
@@ -44,7 +44,7 @@ export class ReplayBar {
     }
   }
 
-  // Go to the moment that the address names, once; where it cannot be shown it is said how it can.
+  // Goes to the moment that the address names, once; if this rig cannot show it, the page says how to.
   async follow() {
     const { moment, replay } = this;
     if (!moment || replay === undefined) return;

@@ -1,4 +1,4 @@
-// What is said of an attempt, in words and figures: one place for all faces.
+// The words and figures about an attempt, in one place for all faces.
 
 export const PHASES = {
   P0: "traction", P1: "opening", P2: "approach", P3: "engage", P4: "advance", P5: "secure", P6: "flush", P7: "release",
@@ -17,7 +17,7 @@ export function clock(seconds) {
 
 export const mm = (metres) => `${(1000 * metres).toFixed(1)} mm`;
 
-// What a trainee reads of the state: a word, and a mark that needs no colour.
+// The state for a trainee: a word, and a mark that needs no colour.
 export function headline({ state, outcome, pace, reason, counts }) {
   if (outcome === "success") return { mark: "✓", words: "Well done", more: reason, kind: "success" };
   if (outcome === "failure") return { mark: "✗", words: "Not yet", more: reason, kind: "failure" };
@@ -28,7 +28,7 @@ export function headline({ state, outcome, pace, reason, counts }) {
   return { mark: "●", words: `Under way${slow}`, more: "", kind: "running" };
 }
 
-// What an attempt that is done was worth: its total, which a report explains; empty for none.
+// The total score of a finished attempt, which a report explains; empty without one.
 export const scoreWords = ({ score, time_limit_s: most }) => (score >= 0 ? `Score ${score.toFixed(0)} of at most ${most.toFixed(0)}` : "");
 
 export function paceWords(pace) {
@@ -36,7 +36,7 @@ export function paceWords(pace) {
   return Math.abs(parts * pace - 1) < 1e-6 ? (parts === 1 ? "1" : `1/${parts}`) : pace.toFixed(2);
 }
 
-// Why it is not scored; without figures, which are an engineer's.
+// The reason why an attempt is not scored, without the figures that only engineers need.
 export const notCounted = ({ counts, why_not: why }) => (counts ? "" : `This attempt does not count: ${why}.`);
 
 export function holding(held) {

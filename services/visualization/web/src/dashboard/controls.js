@@ -1,4 +1,4 @@
-// Arm and safe stop. The session's token comes in the address that `trocar up` prints, after #token=, which browsers send to nobody.
+// Arm and safe stop. The session's token is in the address that `trocar up` prints, after #token=, which browsers never send.
 
 import { order } from "../command.js";
 

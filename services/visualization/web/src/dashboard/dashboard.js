@@ -43,7 +43,7 @@ class Tabs {
 export class Dashboard {
   // `period()`: milliseconds between two showings, each with a picture (`turn`) while they come; 0: with every message. Where the
   // browser draws on the processor each frame of the page costs as much as a picture does, and all curves more than one.
-  // `waits()`: whether all but the state of the rig is to wait, for something that a person waits for.
+  // `waits()`: whether everything but the rig's state is postponed, while a person waits for something else.
   // `peaks()`: largest force on each tool since it was asked last.
   constructor({ period = () => 0, waits = () => false, peaks = () => [] } = {}) {
     this.peaks = peaks;
@@ -95,7 +95,7 @@ export class Dashboard {
     this.show();
   }
 
-  // A frame of the page is being made anyway.
+  // Draws now, as the browser makes a frame of the page anyway.
   turn() {
     const period = this.period();
     if (period && this.state && performance.now() - this.drawnAt >= period) this.show();

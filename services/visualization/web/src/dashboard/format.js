@@ -25,13 +25,13 @@ export function count(x) {
   return known(x) ? String(x) : "–";
 }
 
-// What a process has counted of things that it dropped or refused, of its gauges.
+// The counts of frames that a process dropped or refused, from its gauges.
 export function losses(gauges) {
   return Object.entries(gauges ?? {}).filter(([name, n]) => /^(dropped|refused)_/.test(name) && n > 0)
     .map(([name, n]) => `${name.replaceAll("_", " ")} ${count(n)}`).join(", ");
 }
 
-// How busy the busiest of the CAN buses is, of the gauges of the gateway.
+// The load of the busiest CAN bus, from the gateway's gauges.
 export function busLoad(gauges) {
   const loads = Object.entries(gauges ?? {}).filter(([name, x]) => name.startsWith("bus_load.") && known(x)).map(([, x]) => x);
   return loads.length ? `CAN ${share(Math.max(...loads))} full` : "";
@@ -52,7 +52,7 @@ export function force(newton) {
   return newton < 0.0995 ? `${(1000 * newton).toFixed(newton < 0.00995 ? 1 : 0)} mN` : `${newton.toFixed(2)} N`;
 }
 
-// What the governor has given up for time, and what that costs in accuracy as far as it was measured.
+// The quality that the governor gave up for time, and its cost in accuracy where that was measured.
 export function givenUp({ quality_level: level, quality }) {
   if (!(level > 0)) return "";
   const off = [["force", quality?.force_error_percent], ["motion", quality?.motion_error_percent]]

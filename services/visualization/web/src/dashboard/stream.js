@@ -1,4 +1,4 @@
-// Who the rig is, and its state five times a second. A lost link is said and taken up again.
+// The rig's description, and its state five times a second. A lost link is reported and opened again.
 
 const RETRY_MS = 1000;
 const LOOK_MS = 500;
@@ -33,7 +33,7 @@ export class RigStream {
     setInterval(() => this.silence.look(performance.now()) && this.lost(), LOOK_MS);
   }
 
-  // With what the page itself brought (`rig`, null for nothing) nothing is asked first: on a busy computer an answer takes long.
+  // If the page was served with `rig` (else null), it asks for nothing first: on a busy computer an answer takes long.
   begin(rig) {
     if (!rig) return this.open();
     this.follow("events"); // on its way while what is made of the rig is made

@@ -105,7 +105,7 @@ export class Stages {
   }
 }
 
-// What the kernel counted of each process in the last second.
+// The kernel's counts for each process in the last second.
 export class Threads {
   constructor() {
     this.rows = new Rows(body("threads"), () => tableRow(5), (row, { name, usage }) => {
@@ -143,7 +143,7 @@ export class Realtime {
   }
 }
 
-// Misses of the machine itself, beside those of the rig: who is to blame; and how late who says so was.
+// Misses of the machine itself beside those of the rig, to tell the cause; and the lateness of the process that measures them.
 export class Floor {
   update(floor, processes, judge) {
     text($("judge"), judge
@@ -161,7 +161,7 @@ function late(x) {
   return x < 10000 ? `${us(x)} µs` : us(x);
 }
 
-// Twice the floor is what a loop can hope for: it meets a stall in its sleep and in its work.
+// A loop cannot be better than twice the floor: a stall can hit both its sleep and its work.
 function verdict(floor, worst) {
   const limit = 2 * Math.max(...floor.map((row) => row.late_ratio ?? 0));
   if (worst <= 0.001) return "";

@@ -9,7 +9,7 @@ const HANDS = [
 
 const live = (x) => (Math.abs(x) < DEAD ? 0 : (x - Math.sign(x) * DEAD) / (1 - DEAD));
 
-// What the first gamepad asks of each hand for `seconds`: right, away and up in mm, roll in rad, how far it closes.
+// The first gamepad's command to each hand over `seconds`: right, away and up in mm, roll in rad, and closing.
 export function readGamepad(seconds, pads = navigator.getGamepads?.() ?? []) {
   const pad = [...pads].find((each) => each?.connected && each.mapping === "standard");
   if (!pad) return null;

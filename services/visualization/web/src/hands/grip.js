@@ -1,4 +1,4 @@
-// One hand of a person: where it wants the jaws of its tool, or its tip, how they are turned, how far they are open.
+// One hand of a person: the position, roll and opening that it commands to the jaws, or the tip, of its tool.
 
 import { add, atDepth, jawsAt, junctionAt, leashed, length, sub } from "./motion.js";
 
@@ -18,7 +18,7 @@ export class Grip {
     this.depth = null; // held, from the port
   }
 
-  // How a person moves it, with a mouse or with fingers.
+  // How a person moves the tool, with a mouse or with fingers.
   hint(fingers) {
     const [drag, lift, click, other] = fingers
       ? ["Drag to move", "a second finger up or down to lift", "tap to close", "the button is for the other hand"]

@@ -1,4 +1,4 @@
-// A person's hands on the instruments: what moves them, what is sent, and what is shown of what they would feel.
+// A person's hands on the instruments: their inputs, their frames to the rig, and the force that the page shows.
 
 import { Grip } from "./grip.js";
 import { readGamepad, rumble } from "./gamepad.js";
@@ -75,7 +75,7 @@ export class Hands {
     });
   }
 
-  // Told again where the scene has begun again: the tools are where they waited then.
+  // Called again when the scene restarts: the tools are back at their start.
   begin(greeting) {
     const again = this.grips.length > 0, which = this.active;
     this.begins = greeting.begins;
@@ -158,7 +158,7 @@ export class Hands {
     for (const other of this.grips) if (other !== grip) other.move(moved, toolAt(other));
   }
 
-  // Sixty times a second: keys, gamepad, what is sent, what is heard.
+  // Sixty times a second: keys, gamepad, frames to the rig, the tone.
   turn() {
     const now = performance.now(), seconds = Math.min(0.1, (now - this.last) / 1000);
     this.last = now;

@@ -11,8 +11,8 @@ export class HandLink {
     this.quiet = 0;
   }
 
-  // Sends what has changed, and now and then what has not, so that the rig knows that somebody is there.
-  // `begins`: how often the scene was begun again, as the greeting said: hands of an earlier one are let be.
+  // Sends changes, and now and then the unchanged pose, so that the rig knows that the page is alive.
+  // `begins`: number of restarts of the scene, from the greeting: the rig ignores hands of an earlier one.
   send(grips, begins) {
     const text = JSON.stringify([grips.map((grip) => grip.row()), begins]);
     if (this.socket.readyState !== WebSocket.OPEN || (text === this.last && ++this.quiet < 10)) return;

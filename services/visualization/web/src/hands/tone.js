@@ -1,4 +1,4 @@
-// Force as a tone, for who cannot feel it: higher and louder with more newtons, silent without contact.
+// Force as a tone, for hands without force feedback: higher and louder with more newtons, silent without contact.
 
 const BASE_HZ = 180, HZ_PER_N = 240, FULL_N = 3, LOUDEST = 0.08, GLIDE_S = 0.03;
 

@@ -1,4 +1,4 @@
-// What moves: duct, catheter, tools, force arrows. Millimetres.
+// The bodies that move: duct, catheter, tools, force arrows. Millimetres.
 
 import * as THREE from "three";
 import { gouraud } from "./gouraud.js";
@@ -266,7 +266,7 @@ export class Tool {
 
 const ARROW = { color: "#7ad7c4", transparent: true, opacity: 0.92, depthTest: false };
 
-// Something small of every material that bodies of a look are made of, to be got ready before there is a body.
+// A small object of every material of a look, so that the materials compile before there is a body.
 export function samples(look) {
   const geometry = new THREE.BufferGeometry();
   for (const name of ["position", "normal", "color", "rest"]) geometry.setAttribute(name, new THREE.BufferAttribute(new Float32Array(9), 3));

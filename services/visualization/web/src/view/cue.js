@@ -35,7 +35,7 @@ export function firstMet(points, triangles, origin, direction, among = null) {
   return { distance, triangle };
 }
 
-// What is within `radius` of a point.
+// The triangles within `radius` of a point.
 function near(points, triangles, [x, y, z], radius) {
   const found = [];
   for (let t = 0; t < triangles.length; t += 3) {
@@ -50,7 +50,7 @@ export function shaftOf(pose) {
   return [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)];
 }
 
-// How far the tip is from what it would meet, and where that is; null where it would meet nothing near.
+// The distance of the tip to the point that it would meet, and this point; null if there is none near.
 export function meeting(points, triangles, pose, tip) {
   const direction = shaftOf(pose), origin = [pose[0], pose[1], pose[2]];
   const { distance } = firstMet(points, triangles, origin, direction);

@@ -49,7 +49,7 @@ export class Governor extends QualityGovernor {
     return this.level;
   }
 
-  // As if it had come down step by step.
+  // Sets a step as if the governor had come down to it step by step.
   set at(level) {
     this.way = Array.from({ length: level + 1 }, (_, k) => k);
   }
@@ -90,7 +90,7 @@ export class Governor extends QualityGovernor {
     return cost * (weight(finer) / weight(this.step)) < ROOM * this.budget(finer);
   }
 
-  // The small print; nothing while everything is drawn as it is meant to be.
+  // The note on the picture; empty while everything is drawn at full quality.
   words(software) {
     const { ratio, look, shadows, hz } = this.step, parts = [];
     if (this.at === 0 && !software) return "";

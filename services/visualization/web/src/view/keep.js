@@ -1,4 +1,4 @@
-// A picture or a film of the view as a file: nothing of the page beside it, nothing sent anywhere.
+// Saves a picture or a film of the view as a file, without the rest of the page; it sends nothing.
 
 const FILM_HZ = 30;
 const FORMATS = ["video/webm;codecs=vp9", "video/webm;codecs=vp8", "video/webm", "video/mp4"];

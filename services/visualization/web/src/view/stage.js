@@ -147,7 +147,7 @@ export class Stage {
     this.controls.update();
   }
 
-  // Once the tools are seen: looks from the side of the duct from which the one called left is on the left of a plain picture.
+  // Called once the tools are seen: looks from the side of the duct from which the left tool is on the left of a plain picture.
   takeSides({ poses }) {
     const [left, right] = ["left", "right"].map((name) => this.layout.tools.findIndex((tool) => tool.name === name));
     if (this.sided || poses.length < 7 || (left < 0 && right < 0)) return;
@@ -263,7 +263,7 @@ export class Stage {
     if (frame) this.duct?.update(frame);
   }
 
-  // Wait until everything is drawn: what was ordered is otherwise drawn while the page goes on.
+  // Waits until everything is drawn; without this the browser draws while the page goes on.
   finish() {
     const gl = this.renderer.getContext();
     gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));

@@ -1,4 +1,4 @@
-// The view's WebSocket: newest frame only, reconnects and says so.
+// The view's WebSocket: it keeps the newest frame only, reconnects, and reports it.
 
 import { decodeFrame, decodeHello, encodeEcho } from "./protocol.js";
 
@@ -59,14 +59,14 @@ export class ViewStream {
     this.handlers.onFrame();
   }
 
-  // Frames that came since it was asked last.
+  // Returns the number of frames since the last call.
   countCame() {
     const came = this.came;
     this.came = 0;
     return came;
   }
 
-  // How many pictures a second this page can take; null: all.
+  // Tells the rig how many pictures a second this page can take; null: all.
   want(hz) {
     this.wanted = hz;
     if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify({ type: "want", pictures_hz: hz }));

@@ -62,7 +62,7 @@ function smooth(t) {
   return t * t * (3 - 2 * t);
 }
 
-// Asked four times for each vertex, while a person waits for the first picture: no array is made.
+// This runs four times for each vertex while a person waits for the first picture, so it allocates no array.
 function noise(x, y, z) {
   const i = Math.floor(x), j = Math.floor(y), k = Math.floor(z);
   const u = smooth(x - i), v = smooth(y - j), w = smooth(z - k);

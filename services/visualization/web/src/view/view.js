@@ -50,7 +50,7 @@ export class View {
     setInterval(() => this.request(), LOOK_MS);
   }
 
-  // Shows what comes from a stream of this page's rig.
+  // Shows the frames of a stream of this page's rig.
   follow(stream) {
     this.stream = stream;
     stream.handlers = {
@@ -126,7 +126,7 @@ export class View {
     });
   }
 
-  // A scenario may be seen mirrored; a person may turn that over.
+  // A scenario may ask for a mirrored view; a person may revert this.
   startMirrored(on) {
     if (on === this.scenarioMirrored) return;
     this.scenarioMirrored = on;
@@ -138,7 +138,7 @@ export class View {
     if (width && height) this.ask(() => this.stage.resize(width, height));
   }
 
-  // Something is to be drawn anew, after `change`.
+  // Applies `change`, and draws the view again.
   ask(change = () => {}) {
     change();
     this.changed = true;
@@ -152,7 +152,7 @@ export class View {
     requestAnimationFrame(() => this.animate());
   }
 
-  // Draws what is new: a picture of the rig, or another look at it. A still picture costs nothing.
+  // Draws if something is new: a picture of the rig, or another look at it. A still picture costs nothing.
   animate() {
     this.requested = false;
     const now = performance.now(), frame = this.stream?.take();
@@ -206,7 +206,7 @@ export class View {
     });
   }
 
-  // The largest force on each tool since it was asked last, in N.
+  // Returns the largest force on each tool since the last call, in N.
   takePeaks() {
     const peaks = this.peaks;
     this.peaks = [];
