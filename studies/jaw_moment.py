@@ -11,11 +11,11 @@ from services.mechanics.simulation import Simulation
 
 
 class JawMoment:
-    """Where a tool's jaws are as a step begins; make it before the step and ask it after.
+    """Moment of contact forces on a tool's jaws; make it before a step and ask it afterwards.
 
-    A jaw turns by half the opening; the middle of a layer that is squeezed comes after it by so much less as the layer
-    swells. `indentation_slope_m_rad` is how much, in cells along the jaw and along its own normal, not along the row's.
-    What holds by friction is not among it.
+    A jaw turns by half the opening; the middle of a squeezed layer lags behind it by the growth of the layer's half
+    thickness, `indentation_slope_m_rad`, in cells along the jaw and along its own normal, not along the row's. Forces
+    that hold by friction are not included.
     """
 
     def __init__(self, simulation: Simulation, tool: int) -> None:

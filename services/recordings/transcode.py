@@ -54,7 +54,7 @@ def to_frame(topic: str, data: bytes) -> Frame:
         raise ValueError(f"version {envelope.version} of its body is not known")
     body = _body(kind, _message_class(kind).FromString(data))
     if not soundness.check(kind, finite_scalars=False, finite_arrays=False)(body):
-        raise ValueError("its arrays are not what it declares")
+        raise ValueError("its arrays differ from their declaration")
     return Frame(
         PROTOCOL_VERSION, topic, row.version, envelope.incarnation % (1 << 64), envelope.sequence, envelope.sent_ns,
         envelope.origin_ns, envelope.valid, upgrades.lift(row, envelope.version, body),

@@ -110,7 +110,7 @@ def read_site(attachment: bytes) -> Site:
     if not inside or vertices_m.shape != (n, 3) or triangles.shape[1:] != (3,) or modes.shape[:1] != (n,):
         raise ValueError("duct.npz: its arrays are not those of a surface")
     if not (np.isfinite(vertices_m).all() and np.isfinite(modes).all()) or modes.size % (3 * n):
-        raise ValueError("duct.npz: its arrays hold what is no number")
+        raise ValueError("duct.npz: its arrays are not finite, or modes do not fit the vertices")
     if not all(
         way.ndim == 2 and way.shape[1] == 3 and len(way) > 1 and np.isfinite(way).all() for way in ways.values()
     ):
