@@ -42,8 +42,8 @@ class StepSplitter:
     """Splits long ticks, and steps in which something would move further than contact detection looks ahead.
 
     At a step of 1 ms that begins at 2 m/s, or at 0.5 m/s of a catheter whose contacts are not all priced (one that is
-    near itself, or of another strategy) or in which a guide wire slides. For longer steps these limits fall in proportion, because speeds change within
-    them.
+    near itself, or of another strategy) or in which a guide wire slides. For longer steps these limits fall in
+    proportion, because speeds change within them.
 
     Attributes:
         moved_m: float. How far the catheter moved in the step that was solved last.
