@@ -62,6 +62,9 @@ class AttemptOrders:
         self._acts = False
 
     def _begin(self) -> None:
+        if self._time.stands:  # physics has made its step of this tick
+            self._time.step(1)
+            return
         self._begins_owed = False
         self.begins += 1
         for instrument in self._instruments:

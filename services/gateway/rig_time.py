@@ -13,11 +13,12 @@ class RigTime:
         index: The rig's tick.
         time_ns: Its due time on the rig's grid, to which simulated devices advance.
         pace: Of the rig's time, 0 to 1.
+        stands: Whether the tick of the loop answers the previous tick of the rig again.
     """
 
     def __init__(self, period_ns: int) -> None:
         self.index, self.time_ns = -1, 0
-        self.pace = 1.0
+        self.pace, self.stands = 1.0, False
         self._period_ns = period_ns
         self._last: int | None = None
         self._owed = 0.0
@@ -37,5 +38,6 @@ class RigTime:
             self._owed += passed * self.pace
             ticks = 1 if self._owed >= 1.0 else 0
             self._owed -= ticks
+        self.stands = not ticks
         self.index += ticks
         self.time_ns += ticks * self._period_ns

@@ -1,6 +1,6 @@
 """A recording of haptics and physics in memory, whose ticks are late and lost by chance, as on a busy host.
 
-At its start, and later, the rig's time stands for a while, and hands go on.
+At its start, and later, the rig's time stands for a while, and hands go on; the scene begins again once.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from tests.physics.conftest import PORTS, SMALL, Rig
 LADDER = "quality=[{name: full}, {name: steps of 2 ms, ticks_per_step: 2}]"
 RECORDED = ("gateway.state", "haptics.journal", "physics.journal", "physics.state", "haptics.contacts")
 SEEN_EVERY = 20  # states and contacts that are kept
-STANDS = dict.fromkeys((0, 240, 400), 7)  # frames of a tick at which time stands
+STANDS = dict.fromkeys((0, 240, 620), 7)  # frames of a tick at which time stands
+BEGINS = 621
 
 
 def record(path: Path, rig: Rig, ticks: int, seed: int = 0) -> Path:
@@ -77,7 +78,7 @@ def _hands(tick: int, chance: np.random.Generator) -> GatewayState:
         InstrumentState(name=str(i), position_m=hip, port_m=PORTS[i], handle_angle_rad=handle)
         for i, hip in enumerate(hips)
     )
-    return GatewayState(tick=tick, instruments=instruments)
+    return GatewayState(tick=tick, instruments=instruments, begins=int(tick >= BEGINS))
 
 
 def changed(frame: Frame, by_m: float) -> Frame:

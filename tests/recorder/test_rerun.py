@@ -37,7 +37,7 @@ def test_states_and_contacts_are_those_recorded_to_the_bit(recorded: Path) -> No
 
 def test_a_hand_that_was_elsewhere_by_a_nanometre_is_seen_and_told_where(recorded: Path) -> None:
     inputs = read_inputs(recorded)
-    at = next(k for k, each in enumerate(inputs.intakes) if each.tick >= TICKS // 2 and each.ticks and not each.level)
+    at = next(k for k, each in enumerate(inputs.intakes) if each.tick >= TICKS // 3 and each.ticks and not each.level)
     inputs.intakes[at] = replace(inputs.intakes[at], devices=changed(inputs.intakes[at].devices, 1e-9))
     found = compare(inputs)
     assert found.alike < found.compared
