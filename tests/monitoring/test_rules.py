@@ -13,6 +13,7 @@ from tests.monitoring.exporter import FOLDER, RULES, alerts
 PROMTOOL = shutil.which("promtool")
 needs_promtool = pytest.mark.skipif(PROMTOOL is None, reason="promtool is not installed (Debian: prometheus)")
 HERE = FOLDER / "prometheus"
+TESTS = sorted(HERE.glob("rules*_test.yml"))
 
 
 def _promtool(*arguments: str) -> str:
@@ -34,7 +35,7 @@ def test_rules_have_no_lint() -> None:
 
 @needs_promtool
 def test_rules_do_as_their_tests_say() -> None:
-    assert "SUCCESS" in _promtool("test", "rules", str(HERE / "rules_test.yml"))
+    assert _promtool("test", "rules", *map(str, TESTS)).count("SUCCESS") == len(TESTS) == 2
 
 
 def test_of_each_alert_it_is_told_what_to_do() -> None:
@@ -43,7 +44,7 @@ def test_of_each_alert_it_is_told_what_to_do() -> None:
 
 
 def test_of_each_alert_it_is_tested_when_it_comes_and_when_it_does_not() -> None:
-    tests = yaml.safe_load((HERE / "rules_test.yml").read_text())["tests"]
+    tests = [test for path in TESTS for test in yaml.safe_load(path.read_text())["tests"]]
     cases = [case for test in tests for case in test["alert_rule_test"]]
     assert {case["alertname"] for case in cases if case.get("exp_alerts")} == alerts().keys()
     assert {case["alertname"] for case in cases if not case.get("exp_alerts")} == alerts().keys()
