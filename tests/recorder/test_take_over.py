@@ -160,16 +160,18 @@ def _hand(folder: Path, name: str) -> str:
     return str(folder / "stands.yaml")
 
 
-@pytest.fixture
-def taken_over(request: pytest.FixtureRequest, pressed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Taken:
+@pytest.fixture(scope="module")
+def taken_over(request: pytest.FixtureRequest, pressed: Path, tmp_path_factory: pytest.TempPathFactory) -> Taken:
     """Return what came of it with the hand that a test asks for."""
-    hand = {"script": _hand(tmp_path, request.param)}
+    folder = tmp_path_factory.mktemp(request.param)
+    hand = {"script": _hand(folder, request.param)}
     limits = {"force_rate_limit_n_s": RATE_N_S, "engage_ramp_s": 0.0}
-    file = rig_file(tmp_path, load_scene(SMALL), (hand, hand), **limits)
+    file = rig_file(folder, load_scene(SMALL), (hand, hand), **limits)
     replay = {"file": str(pressed), "take_over": True}
     file.write_text(yaml.safe_dump({**yaml.safe_load(file.read_text()), "replay": replay}))
-    rig = TakeOver(file, monkeypatch)
-    forces_n = rig.run()
+    with pytest.MonkeyPatch.context() as patch:
+        rig = TakeOver(file, patch)
+        forces_n = rig.run()
     return Taken(forces_n, np.array([each.tick for each in rig.devices]))
 
 
