@@ -15,6 +15,12 @@ from tests.patience import PATIENCE_S
 
 SERVICES = Path(start_up.__file__).parent
 PROCESSES = sorted(path.parent.name for path in SERVICES.glob("*/__main__.py"))
+_BUILD = "services.mechanics.fem.nonlinear", "services.mechanics.reduction.softening.training"
+_SCIPY = "scipy.sparse", "scipy.spatial", "scipy.linalg", "scipy.optimize"
+#: By process, what only a basis is built with.
+BUILDERS = dict.fromkeys(PROCESSES, ()) | dict.fromkeys(
+    ("physics", "haptics", "visualization", "recorder"), (*_BUILD, *_SCIPY)
+)
 
 
 @pytest.fixture(autouse=True)
@@ -81,7 +87,7 @@ def test_who_collects_while_a_loop_runs_looks_through_little_at_once_and_at_all_
 
 
 @pytest.mark.parametrize("process", PROCESSES)
-def test_a_process_collects_garbage_again_before_it_begins(process: str) -> None:
+def test_a_process_collects_garbage_again_before_it_begins_and_imports_nothing_to_build_with(process: str) -> None:
     """Each file of a process reaches `end`: a command line that is refused tells that it came so far."""
     script = (
         "import gc, runpy, sys\n"
@@ -91,22 +97,10 @@ def test_a_process_collects_garbage_again_before_it_begins(process: str) -> None
         "try:\n"
         f"    runpy.run_module('services.{process}', run_name='__main__')\n"
         "except SystemExit:\n"
-        "    print('on' if gc.isenabled() else 'off')\n"
+        f"    print('on' if gc.isenabled() else 'off', *set({BUILDERS[process]!r}) & set(sys.modules))\n"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["on"]
-
-
-@pytest.mark.parametrize("process", ["physics", "haptics", "visualization", "recorder"])
-def test_what_only_a_basis_is_built_with_is_not_imported(process: str) -> None:
-    heavy = "services.mechanics.fem.nonlinear", "services.mechanics.reduction.softening.training"
-    script = (
-        f"import sys, services.{process}.__main__\n"
-        f"print(*set({heavy!r}) & set(sys.modules), *(name for name in ('sparse', 'spatial', 'linalg', 'optimize')"
-        " if f'scipy.{name}' in sys.modules))"
-    )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == []
 
 
 def test_a_supervisor_that_is_to_prepare_only_starts_no_rig() -> None:
