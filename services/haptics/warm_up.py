@@ -71,6 +71,7 @@ def compile_for_physics(scene: SceneModel, duct: ReducedDuct) -> None:
     simulation.catheter.predict(1e-3)
     compile_rare_kernels(simulation)
     if simulation.catheter.plain_integrator is not None:
-        simulation.catheter.relinearise()
+        simulation.catheter.store_linearisation()
+        simulation.catheter.relinearise(0.0)
     _ = simulation.inserted_length_m
     simulation.solver.pricing.compile_kernels()

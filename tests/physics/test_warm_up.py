@@ -112,17 +112,17 @@ def _physics() -> None:
     print(json.dumps(sorted(_signatures() - before)))
 
 
-def _count_relinearisations() -> list[None]:
-    """Return a list that grows by one with every relinearisation of a catheter."""
-    times: list[None] = []
+def _count_plans() -> list[float]:
+    """Return a list to which every plan of a catheter that is made again adds its share."""
+    plans: list[float] = []
     relinearise = CatheterBody.relinearise
 
-    def counted(self: CatheterBody) -> None:
-        times.append(None)
-        relinearise(self)
+    def counted(self: CatheterBody, share: float) -> None:
+        plans.append(share)
+        relinearise(self, share)
 
     CatheterBody.relinearise = counted  # type: ignore[method-assign]
-    return times
+    return plans
 
 
 def _later() -> None:
@@ -132,7 +132,7 @@ def _later() -> None:
     warm_up_contact(scene)
     warm_up(scene, duct)
     before = _signatures()
-    simulation, tools, times = Simulation(scene, duct), ToolInputs(), _count_relinearisations()
+    simulation, tools, plans = Simulation(scene, duct), ToolInputs(), _count_plans()
     particles_m = simulation.catheter.state.position_m
     beside_m = particles_m[len(particles_m) // 2].copy()
     for tick in range(400):
@@ -143,7 +143,7 @@ def _later() -> None:
         tools.holds = [GraspHold(1, 1, DUCT_TRIANGLE, 10, np.array([0.5, 0.3, 0.2]), 1.0, 0.2)] if is_held else []
         simulation.step(tools)
     assert simulation.solver.pricing.new_rows
-    assert times
+    assert plans
     compiled = sorted(_signatures() - before)
     closures = [each.py_func.__qualname__ for each in KERNELS if "<locals>" in each.py_func.__qualname__]
     print(json.dumps({"compiled": compiled, "allocating": allocating(KERNELS), "closures": closures}))

@@ -138,11 +138,16 @@ class CatheterBody:
         spread_rod_forces(nodes, weights, forces, self._step.solved)
         return rod.nonlinear_error_j(self.step_address, is_touched=self._was_touched)
 
-    def relinearise(self) -> None:
-        """Linearise again with the contact forces that `nonlinear_error_j` judged last."""
+    def store_linearisation(self) -> None:
+        """Make the linearisation that `nonlinear_error_j` judged last the base of further ones."""
+        self._step.base[:] = self._step.contact if self._was_touched else 0.0
+        self._step.solved_from_base[:] = self._step.solved
+
+    def relinearise(self, share: float) -> None:
+        """Linearise again with the contact forces of the base (0), those solved from it (1), or a blend."""
         rod = self.plain_integrator
         assert rod is not None
-        rod.relinearise(self.state, self.step_address)
+        rod.relinearise(self.state, self.step_address, share)
         self._was_touched = True
 
     @property

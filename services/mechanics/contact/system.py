@@ -155,11 +155,11 @@ class ContactSystem:
         k = self.rows.n_contacts
         return self.bodies.catheter.nonlinear_error_j(*self.rows.on_rod, self.force_n[:k])
 
-    def relinearise(self) -> None:
+    def relinearise(self, share: float) -> None:
         """Repeat the catheter's step, see `CatheterBody.relinearise`, and update the rows' slips by its new motion."""
         catheter = self.bodies.catheter
         add_rod_motion(self.rows.address, catheter.motion_m, -1.0)
-        catheter.relinearise()
+        catheter.relinearise(share)
         add_rod_motion(self.rows.address, catheter.motion_m, 1.0)
 
     def rest(self) -> None:

@@ -36,6 +36,8 @@ class FreeStep(Struct):
     start_slow: Annotated[FloatArray, "n", 3]  # see `generalized_alpha`
     linearised_end: Annotated[FloatArray, "n", 3]  # end of the step with the contact forces of the linearisation
     solved: Annotated[FloatArray, "n", 3]  # contact forces of this step, before they are applied
+    base: Annotated[FloatArray, "n", 3]  # contact forces of the best linearisation
+    solved_from_base: Annotated[FloatArray, "n", 3]  # the contact forces solved with it
     owed_j: float = 0.0  # see `contact_energy_gain`
 
 
@@ -116,12 +118,12 @@ def relinearise(
     motion: implicit_kernels.Moving,
     frame_force: FloatArray,
     target: FloatArray,
-    step: tuple[float, float, int],
+    step: tuple[float, float, int, float],
 ) -> int:
-    """Repeat the step, linearised with the contact forces that were solved.
+    """Repeat the step, linearised with contact forces between `base` (share 0) and `solved_from_base` (share 1).
 
     Implicit Euler takes it, as it takes contacts: by the midpoint rule, held forces would throw back what they stop.
-    ``frame_force`` (n, 3) is the force of a material frame; ``step`` is (dt, spectral radius, most iterations).
+    ``frame_force`` (n, 3) is the force of a material frame; ``step`` is (dt, spectral radius, most iterations, share).
     Return values are those of `step_freely`.
     """
     own, (x, v, w) = step_at(address), motion
@@ -129,7 +131,7 @@ def relinearise(
         for axis in range(3):
             x[i, axis], v[i, axis] = own.start[i, axis], own.start_velocity[i, axis]
             w[i, axis] = own.start_slow[i, axis]
-            own.contact[i, axis] = own.solved[i, axis]
+            own.contact[i, axis] = own.base[i, axis] + step[3] * (own.solved_from_base[i, axis] - own.base[i, axis])
             own.load[i, axis] = own.external[i, axis] + own.contact[i, axis] + frame_force[i, axis]
             own.negated_contact[i, axis] = -own.contact[i, axis]
     taken: int = implicit_kernels.predict(rod, motion, own.load, target, (step[0], step[1], step[2], True))

@@ -125,14 +125,14 @@ class ImplicitIntegrator(StepGains):
         outcome: float = nonlinear_error_j(address, self.addresses, is_touched, (self._dt_s, self.is_factored))
         return outcome
 
-    def relinearise(self, state: RodState, address: Address[FreeStep]) -> None:
-        """Repeat the step, linearised with the solved contact forces, see `free_step.relinearise`.
+    def relinearise(self, state: RodState, address: Address[FreeStep], share: float) -> None:
+        """Repeat the step, linearised with other contact forces, see `free_step.relinearise`.
 
         Raises FloatingPointError if the state or a force is not finite.
         """
         assert state.slow_velocity_m_s is not None
         motion = (state.position_m, state.velocity_m_s, state.slow_velocity_m_s)
-        step = (self._dt_s, self.spectral_radius, self.max_iterations)
+        step = (self._dt_s, self.spectral_radius, self.max_iterations, share)
         taken = relinearise(address, self.addresses, motion, self._frame_force, self.held_target_m, step)
         self.iterations += max(taken, 0)
         self.note_factors(taken not in (0, NOT_DEFINITE))

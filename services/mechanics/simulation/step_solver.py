@@ -120,8 +120,10 @@ class StepSolver:
 
         A loop may need them only after it has started. The world must have taken steps with contacts.
         """
-        if self._world.catheter.plain_integrator is not None:
-            self._linearise_again(self._world.duct.dt_s)
+        catheter = self._world.catheter
+        if catheter.plain_integrator is not None:
+            catheter.store_linearisation()
+            self._try_linearisation(0.0, self._world.duct.dt_s)
         self.pricing.compile_kernels()
 
     def solve(self, dt_s: float) -> bool:
@@ -157,20 +159,29 @@ class StepSolver:
     def _relinearise(self, dt_s: float) -> None:
         """Linearise the catheter's step again and solve again, while the forces bend it far from its linearisation.
 
-        That ends once it does not at least halve the error: a buckling catheter alternates between two solutions, each
-        as good as the other, and steps between them (a line search) are no better.
+        A linearisation with the last solution's forces need not be better: in a buckling catheter they alternate. So it
+        is kept only if it is better; otherwise one half as far from the last is tried (a line search).
         """
         least_j = self._system.nonlinear_error_j()
         if least_j == 0.0:
             return
+        catheter = self._world.catheter
+        catheter.store_linearisation()
+        share = 1.0
         for _ in range(MAX_LINEARISATIONS):
-            error_j = self._linearise_again(dt_s)
-            if error_j == 0.0 or error_j > 0.5 * least_j:
+            stray_j = self._try_linearisation(share, dt_s)
+            if stray_j == 0.0:
                 return
-            least_j = error_j
+            if stray_j < least_j:
+                catheter.store_linearisation()
+                least_j, share = stray_j, 1.0
+            else:
+                share *= 0.5
+        if share < 1.0:
+            self._try_linearisation(0.0, dt_s)
 
-    def _linearise_again(self, dt_s: float) -> float:
-        self._system.relinearise()
+    def _try_linearisation(self, share: float, dt_s: float) -> float:
+        self._system.relinearise(share)
         if self._system.rows.n_contacts:
             self._system.assemble()
             self._system.solve(self._iterations, dt_s)
