@@ -124,6 +124,13 @@ class OdriveGrasp(GraspHandle, ABC):
         return self._opening is not None and not self._opening.done
 
     @property
+    def _name(self) -> str:
+        return f"the grasp drive (node {self.node})"
+
+    def _bus_fault(self, error: can.CanError) -> str:
+        return f"{self._name}: CAN: {error}"
+
+    @property
     def _has_bus(self) -> bool:
         """Whether the link's bus is open and has not been replaced."""
         return self._opening is None and not self._not_opened
@@ -133,7 +140,7 @@ class OdriveGrasp(GraspHandle, ABC):
             self._set_up(link)
             link.send(cansimple.SET_AXIS_STATE, cansimple.pack_word(AxisState.CLOSED_LOOP))
         except can.CanError as error:
-            self.fault = f"the grasp drive (node {self.node}): CAN: {error}"
+            self.fault = self._bus_fault(error)
         self._arming_until_ns = self._clock.monotonic_ns() + round(_ARM_TIMEOUT_S * 1e9)
 
     def clear_fault(self) -> None:
@@ -199,10 +206,8 @@ class OdriveGrasp(GraspHandle, ABC):
 
     def _silence(self) -> str:
         if self._opening is not None:
-            return f"the bus of the grasp drive (node {self.node}) is being opened anew"
-        return self._not_opened or (
-            f"the grasp drive (node {self.node}) has been silent for {self.file.heartbeat_timeout_s} s"
-        )
+            return f"the bus of {self._name} is being opened anew"
+        return self._not_opened or (f"{self._name} has been silent for {self.file.heartbeat_timeout_s} s")
 
     def _judge(self, link: OdriveLink, now_ns: int) -> None:
         young = now_ns - link.estimated_ns < self.file.feedback_timeout_s * 1e9
@@ -210,16 +215,16 @@ class OdriveGrasp(GraspHandle, ABC):
         if self._opening is not None or self._is_silent(link, now_ns):
             self.fault = self._silence()
         elif link.errors:
-            self.fault = f"the grasp drive (node {self.node}) let go: {cansimple.error_names(link.errors)}"
+            self.fault = f"{self._name} let go: {cansimple.error_names(link.errors)}"
         elif not self._is_possible:
             self.fault = (
-                f"the grasp drive (node {self.node}) says that its handle is at {self._said_rad:.3g} rad, which no "
+                f"{self._name} says that its handle is at {self._said_rad:.3g} rad, which no "
                 "hand can make: look at shut_at_motor_turns and motor_turns_per_handle_turn in its device file"
             )
         elif self._wanted and not closed and now_ns > self._arming_until_ns:
-            self.fault = f"the grasp drive (node {self.node}) did not close its loop"
+            self.fault = f"{self._name} did not close its loop"
         elif self._wanted and closed and now_ns - link.estimated_ns > self.file.heartbeat_timeout_s * 1e9:
-            self.fault = f"the grasp drive (node {self.node}) sends no position: set its encoder messages to 1 or 2 ms"
+            self.fault = f"{self._name} sends no position: set its encoder messages to 1 or 2 ms"
         else:
             self.fault = ""
         self.ready = self._wanted and closed and young and not self.fault
@@ -236,7 +241,7 @@ class OdriveGrasp(GraspHandle, ABC):
         try:
             self._link.send_torque(turn_nm if self.file.opens_with_positive_motor else -turn_nm)
         except can.CanError as error:
-            self.ready, self.fault = False, f"the grasp drive (node {self.node}): CAN: {error}"
+            self.ready, self.fault = False, self._bus_fault(error)
 
     def close(self) -> None:
         """Set zero torque and idle state, and close the bus."""
@@ -250,7 +255,7 @@ class OdriveGrasp(GraspHandle, ABC):
             link.send_torque(0.0)
             link.send(cansimple.SET_AXIS_STATE, cansimple.pack_word(AxisState.IDLE))
         except can.CanError as error:
-            self.fault = f"the grasp drive (node {self.node}): CAN: {error}"  # the drive's watchdog disarms it
+            self.fault = self._bus_fault(error)  # the drive's watchdog disarms it
         finally:
             with contextlib.suppress(can.CanError):  # an unplugged adapter cannot even be closed
                 link.bus.shutdown()
