@@ -18,14 +18,17 @@ from services.mechanics.contact.system import ContactSystem
 from services.mechanics.scene import SceneModel
 
 
-class KeepsState(Protocol):
-    """An effect with a state of its own, in which it may store energy."""
+class WorldEffect(Protocol):
+    """An effect, as the steps of a world know it: its state, its energy, and how far particles may move for it."""
 
     def state_arrays(self) -> tuple[FloatArray, ...]:
         """Return the live arrays of the state, which are only ever changed in place."""
 
     def potential_energy_j(self, world: World) -> float:
         """Return the energy stored now."""
+
+    def most_motion_m(self, particles_m: FloatArray) -> float:
+        """Return how far particles at (n, 3) may move in a step without a contact that the effect would miss."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +58,7 @@ class World:
     search: ContactSearch
     pairs: ContactPairs
     acceleration_m_s2: FloatArray
-    effects: tuple[KeepsState, ...] = ()
+    effects: tuple[WorldEffect, ...] = ()
 
     def add_spheres(self, radius_m: FloatArray) -> slice:
         """Add spheres of these radii, which touch wall and catheter; return where they are in the system's geometry."""

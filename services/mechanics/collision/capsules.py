@@ -191,13 +191,19 @@ class SelfContactDetector:
 def _clearance_m(particles: FloatArray, n_apart: int, thickness: float) -> float:
     least = math.inf
     for i in range(particles.shape[0] - 1):
-        a, b = row(particles, i), row(particles, i + 1)
+        first = row(particles, i), row(particles, i + 1)
         for j in range(i + n_apart, particles.shape[0] - 1):
-            c, d = row(particles, j), row(particles, j + 1)
-            lengths = math.sqrt(squared_distance(a, b)) + math.sqrt(squared_distance(c, d))
-            middles = math.sqrt(squared_distance(along(a, b, 1.0), along(c, d, 1.0)))
-            least = min(least, 0.5 * (middles - lengths) - thickness)
+            half, middles_2 = _halves_and_middles(first, (row(particles, j), row(particles, j + 1)))
+            least = min(least, 0.5 * math.sqrt(middles_2) - half - thickness)
     return least
+
+
+@kernel
+def _halves_and_middles(first: tuple[Vector, Vector], second: tuple[Vector, Vector]) -> tuple[float, float]:
+    """Return the sum of half of both lengths, and four times the squared distance of the midpoints."""
+    (a, b), (c, d) = first, second
+    half = 0.5 * (math.sqrt(squared_distance(a, b)) + math.sqrt(squared_distance(c, d)))
+    return half, squared_distance(along(a, b, 1.0), along(c, d, 1.0))
 
 
 @kernel
@@ -212,16 +218,15 @@ def _detect_self(
     thickness, margin = sizes
     n = memory.active.shape[0]
     for i in range(n):
-        a, b = row(particles, i), row(particles, i + 1)
+        first = row(particles, i), row(particles, i + 1)
         for j in range(i + n_apart, n):
-            c, d = row(particles, j), row(particles, j + 1)
-            half = 0.5 * (math.sqrt(squared_distance(a, b)) + math.sqrt(squared_distance(c, d)))
+            second = row(particles, j), row(particles, j + 1)
+            half, middles_2 = _halves_and_middles(first, second)
             # Midpoints further than both halves and the reach cannot meet.
-            middles = squared_distance(along(a, b, 1.0), along(c, d, 1.0))
-            if middles > 4.0 * (half + thickness + margin) ** 2:
+            if middles_2 > 4.0 * (half + thickness + margin) ** 2:
                 memory.active[i, j] = 0
                 continue
-            s, t, distance, normal = meet(memory, i, j, (a, b), (c, d), thickness + margin)
+            s, t, distance, normal = meet(memory, i, j, first, second, thickness + margin)
             # A particle shared by two segments would give the same pair twice: only the later segment writes it.
             if distance - thickness < margin and (s < 1.0 or i == n - 1) and (t < 1.0 or j == n - 1):
                 pair = (NO_TOOL, 0, i, CATHETER_SEGMENT, j, s, (1.0 - t, t, 0.0))

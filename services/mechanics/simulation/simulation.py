@@ -87,7 +87,7 @@ class Simulation:
         self._stiffness = LocalStiffness(self.system.bodies, self.system.address, self.tool_results)
         self.cost_ns = [0] * len(STAGE_NAMES)
         self._marks_ns = [0] * (len(STAGE_NAMES) - 1)
-        self.splitter = StepSplitter(world, tuple(self.effects.values()))
+        self.splitter = StepSplitter(world)
         self._arguments = ArgumentCheck()
         self.watcher: Watcher | None = None
         for effect in stages["prepare"]:

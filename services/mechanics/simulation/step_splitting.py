@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
@@ -13,7 +12,6 @@ from services.mechanics.bodies.forceps.sweep import FASTEST_HAND_M_S
 from services.mechanics.collision.candidate_list import FASTEST_AHEAD_M, MOST_AHEAD_M
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.effects import Effect
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.world import World
 
@@ -50,8 +48,8 @@ class StepSplitter:
         most_m: float. How far it might have.
     """
 
-    def __init__(self, world: World, effects: Sequence[Effect]) -> None:
-        self._world, self._effects = world, effects
+    def __init__(self, world: World) -> None:
+        self._world = world
         catheter, duct = world.catheter, world.duct
         velocity = catheter.state.velocity_m_s
         self._moving = Moving(velocity=velocity, before=duct.q_start, after=duct.state.q)
@@ -111,7 +109,7 @@ class StepSplitter:
         """Return how far particles at (n, 3) may move with all their contacts seen, if they would by ``moved_m``."""
         if moved_m <= MOST_AHEAD_M or not self._goes_far:
             return MOST_AHEAD_M
-        within_m = min((effect.most_motion_m(particles_m) for effect in self._effects), default=FASTEST_AHEAD_M)
+        within_m = min((effect.most_motion_m(particles_m) for effect in self._world.effects), default=FASTEST_AHEAD_M)
         return max(min(FASTEST_AHEAD_M, within_m), MOST_AHEAD_M)
 
 
