@@ -1,10 +1,10 @@
-r"""The table of contact laws: each is a set of forces that two touching points may exert on each other.
+r"""The table of contact laws. A law is the set of forces that two touching points may exert on each other.
 
-The normal force is within an interval, the force along the surface within a disk; `admissible` does the rest. While a
-force is inside, the surfaces' own softness c is all that gives way, :math:`u = -c f`; on the edge of the disk the slip
-opposes the force (maximal dissipation), and at an end of the interval surfaces part, or what is held slips.
+The normal force lies in an interval, the tangential force in a disk; `admissible` has the operations on both. While a
+force is inside its set, only the compliance c of the surfaces gives way, :math:`u = -c f`. On the edge of the disk the
+slip opposes the force (maximal dissipation). At an end of the interval surfaces separate, or a held point slips.
 
-A new law is one row here. Its number is its place in the table.
+A new law is one row of the table. Its number is its place there.
 """
 
 from __future__ import annotations
@@ -17,30 +17,30 @@ import numpy as np
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Law:
-    """A contact law. Multiples are of the largest force `force_limit_n` that a row has.
+    """A contact law. Its force limits are multiples of ``force_limit_n`` of a row.
 
     Attributes:
-        softness_m_n: tuple of float. Compliance of the surfaces along the normal and both tangents: none is perfectly
-            rigid, and W stays positive where contacts are redundant.
-        sinks_m_s_n: float. Speed per newton at which surfaces creep into each other along the normal, beyond any
-            softness.
-        pulls, pushes: float. Largest normal forces on the first body, as multiples.
-        rubs: float. Largest force along the surface, as a multiple.
-        has_friction: bool. Whether that is the coefficient of friction times the pressure beside it.
-        needs_limit: bool. Whether a row whose limit is zero bears nothing, whatever the multiples.
+        softness_m_n: tuple of float. Compliance of the surfaces along the normal and both tangents. It keeps W positive
+            definite where contacts are redundant.
+        creep_m_s_n: float. Speed per newton at which surfaces creep into each other along the normal, in addition to
+            their compliance.
+        max_tension, max_compression: float. Largest normal forces on the first body, as multiples.
+        max_tangential: float. Largest tangential force, as a multiple.
+        has_friction: bool. Whether the coefficient of friction times the normal force is added to that.
+        needs_limit: bool. Whether a row whose limit is zero bears no force at all.
         limit_n: float. Initial ``force_limit_n`` of a row.
         has_gap: bool. Whether ``gap_m`` is a distance of two surfaces: a negative one is an overlap.
-        fixes_distance: bool. Whether the law constrains the distance of two points at the end of the step, not its
-            change.
-        elastic_axes: int. Along how many of the row's last axes the contact remembers its elastic slip.
-        is_damper: bool. Whether its softness belongs to a rate, so that a hand feels no stiffness.
+        fixes_distance: bool. Whether the law constrains the distance of two points at the end of the step instead of
+            its change over the step.
+        elastic_axes: int. Number of the row's last axes along which the contact keeps its elastic slip.
+        is_damper: bool. Whether the softness relates force to velocity, so that a hand feels no stiffness.
     """
 
     softness_m_n: tuple[float, float, float]
-    sinks_m_s_n: float = 0.0
-    pulls: float = 0.0
-    pushes: float = math.inf
-    rubs: float = 0.0
+    creep_m_s_n: float = 0.0
+    max_tension: float = 0.0
+    max_compression: float = math.inf
+    max_tangential: float = 0.0
     has_friction: bool = False
     needs_limit: bool = False
     limit_n: float = math.inf
@@ -52,31 +52,32 @@ class Law:
 
 # Polished surfaces of a few square millimetres give way by 1 um/N.
 SURFACE_SOFTNESS_M_N = 1e-6
-# Creep per newton: 5 um in 5 ms, the deepest that it gets. Surfaces recover a share of it per time
-# (`free_motion.taken_back`): a viscous layer with a spring beside it, the same at any step.
-SINKS_M_S_N = 1e-3
-# The jaws' pads and the catheter's wall give way, so that held points do not strain each other by rounding.
+# Surfaces creep by 5 um/N at most, in about 5 ms, because a fraction of the overlap per time is recovered
+# (`free_motion.effective_gap`): a damper parallel to a spring (Kelvin-Voigt), independent of the step.
+CREEP_M_S_N = 1e-3
+# Compliance of the jaws' pads and the catheter's wall; it keeps rounding from stressing points that are held twice.
 GRIP_SOFTNESS_M_N = 1e-4
 # A lip of rubber: 2 um at 20 mN.
 SEAL_SOFTNESS_M_N = 1e-4
-# So soft that it bears nothing: 1 N for a million kilometres.
+# So compliant that it bears nothing: 1 N for a million kilometres.
 NO_LOAD_M_N = 1e9
 
 LAWS: dict[str, Law] = {
     # Surfaces, with Coulomb friction that is elastoplastic: see `warm_start.store_anchors`.
     "unilateral": Law(
         softness_m_n=(0.0, SURFACE_SOFTNESS_M_N, SURFACE_SOFTNESS_M_N),
-        sinks_m_s_n=SINKS_M_S_N, has_friction=True, has_gap=True, elastic_axes=2,
+        creep_m_s_n=CREEP_M_S_N, has_friction=True, has_gap=True, elastic_axes=2,
     ),
     # A body between jaws: held across them (the first axis) at any force while they squeeze, by friction along them.
     "grip": Law(
-        softness_m_n=(GRIP_SOFTNESS_M_N,) * 3, pulls=math.inf, rubs=1.0, needs_limit=True, fixes_distance=True,
+        softness_m_n=(GRIP_SOFTNESS_M_N,) * 3,
+        max_tension=math.inf, max_tangential=1.0, needs_limit=True, fixes_distance=True,
     ),
-    # A viscous film (Couette): somebody writes dt / b on its tangents, with b the drag.
-    "film": Law(softness_m_n=(NO_LOAD_M_N,) * 3, pulls=math.inf, rubs=math.inf, is_damper=True),
-    # A seal holds along the first axis up to its limit, with an elastic length that is in the row's slip already.
-    "seal": Law(softness_m_n=(SEAL_SOFTNESS_M_N,) * 3, pulls=1.0, pushes=1.0),
-    # Squeezed material pushes jaws apart. Its slip counts from where a spring between them would carry nothing.
+    # A viscous film (Couette). The effect that adds the row writes its tangential softness dt / b, with b the drag.
+    "film": Law(softness_m_n=(NO_LOAD_M_N,) * 3, max_tension=math.inf, max_tangential=math.inf, is_damper=True),
+    # A seal holds along the first axis up to its limit. The slip of its row includes its elastic slip.
+    "seal": Law(softness_m_n=(SEAL_SOFTNESS_M_N,) * 3, max_tension=1.0, max_compression=1.0),
+    # Squeezed material pushes jaws apart. The slip of its row is zero where a spring between them would be unloaded.
     "squeeze": Law(softness_m_n=(SURFACE_SOFTNESS_M_N,) * 3),
 }  # fmt: skip
 
@@ -89,10 +90,10 @@ def number_of(law: str) -> int:
 
 
 SOFTNESS_M_N = np.array([law.softness_m_n for law in LAWS.values()])
-SINKS = np.array([law.sinks_m_s_n for law in LAWS.values()])
-PULLS = np.array([law.pulls for law in LAWS.values()])
-PUSHES = np.array([law.pushes for law in LAWS.values()])
-RUBS = np.array([law.rubs for law in LAWS.values()])
+CREEP = np.array([law.creep_m_s_n for law in LAWS.values()])
+MAX_TENSION = np.array([law.max_tension for law in LAWS.values()])
+MAX_COMPRESSION = np.array([law.max_compression for law in LAWS.values()])
+MAX_TANGENTIAL = np.array([law.max_tangential for law in LAWS.values()])
 LIMIT_N = np.array([law.limit_n for law in LAWS.values()])
 HAS_FRICTION = np.array([law.has_friction for law in LAWS.values()])
 NEEDS_LIMIT = np.array([law.needs_limit for law in LAWS.values()])

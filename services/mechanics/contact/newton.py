@@ -1,31 +1,32 @@
-r"""A Newton step on the contact law: all closed contacts are solved together instead of one block after another.
+r"""A Newton step on the contact laws, for the force components of all closed contacts together.
 
-Every degree of freedom that the law leaves to a block's force is an unknown with a *test* direction, along which the
-motion has to vanish, and a *column* direction, along which the force changes:
+Each component that the law leaves free is an unknown with two directions: along *test* the motion has to vanish, along
+*column* the force changes.
 
-- a pressed normal, and the three axes of what sticks or is held: the axis itself;
-- the normal of a sliding contact: its friction changes with it, so the column is :math:`(1, \mu \hat t)`;
-- what slides on the edge of its disk, :math:`u = -\lambda f` with :math:`|f| = r`: the directions across f. There
-  the motion along the unknown is :math:`-\lambda` times the force's change, which adds :math:`\lambda` to the diagonal.
+- Pressed normals, and all three axes of sticking or held contacts: both directions are the axis itself.
+- Normals of sliding contacts: friction changes with the normal force, so the column is :math:`(1, \mu \hat t)`.
+- Sliding contacts also rotate their friction. On the edge of the disk :math:`u = -\lambda f` with :math:`|f| = r`, so
+  both directions are the tangent across f, along which the motion is :math:`-\lambda` times the change of the force:
+  this adds :math:`\lambda` to the diagonal.
 
-This is the exact derivative of the law while no contact changes between open, sticking and sliding, so near the
-solution the step converges quadratically. The sweeps in between find the states of the contacts. If a contact changes
-its state within the step, the step is valid up to there (`room_for_step`), as in active-set methods for quadratic
-programs (Nocedal and Wright, "Numerical Optimization", 16.5).
+The matrix is the exact derivative of the laws while no contact changes its state (open, sticking or sliding), so the
+step converges quadratically near the solution. Sweeps between the steps find the states. If a state changes within a
+step, the step is valid up to that point (`feasible_step_length`), as in active-set methods for quadratic programs
+(Nocedal and Wright, "Numerical Optimization", 16.5).
 """
 
 from __future__ import annotations
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
-from services.mechanics.contact.admissible import add_unknowns, project, room
+from services.mechanics.contact.admissible import add_unknowns, project, step_to_bounds
 from services.mechanics.contact.dense import solve_dense
 from services.mechanics.contact.problem import ContactProblem, Unknowns
 
 
 @kernel
 def list_unknowns(problem: ContactProblem, out: Unknowns) -> int:
-    """List the unknowns of all contacts in their present states in ``out``, and return their number."""
+    """Write the unknowns of all contacts in their present states into ``out``, and return their number."""
     n, rows = 0, problem.rows
     for block in range(rows.n_contacts):
         n = add_unknowns(problem, block, out, n)
@@ -34,7 +35,7 @@ def list_unknowns(problem: ContactProblem, out: Unknowns) -> int:
 
 @kernel
 def newton_step(problem: ContactProblem, W: FloatArray, unknowns: Unknowns, n: int) -> bool:
-    """Write the change of each of the n unknowns into ``unknowns.step``; return False if the matrix is singular."""
+    """Write the change of the n unknowns into ``unknowns.step``, in N; return False if the matrix is singular."""
     motion = problem.motion
     test, column, step, along = unknowns.test, unknowns.column, unknowns.step, unknowns.along
     A = unknowns.matrix[: n * n].reshape(n, n)
@@ -53,30 +54,30 @@ def newton_step(problem: ContactProblem, W: FloatArray, unknowns: Unknowns, n: i
 
 
 @kernel
-def room_for_step(problem: ContactProblem, unknowns: Unknowns, n: int, change: FloatArray) -> float:
-    """Return the largest share of the step, at most 1, at which no contact opens or slips.
+def feasible_step_length(problem: ContactProblem, unknowns: Unknowns, n: int, change: FloatArray) -> float:
+    """Return the largest fraction of the step, at most 1, at which no contact opens or slips.
 
     ``change`` (k, 3) takes the change of the forces over the whole step, in N.
     """
-    rows, share = problem.rows, 1.0
+    rows, fraction = problem.rows, 1.0
     for block in range(rows.n_contacts):
         change[block, 0] = change[block, 1] = change[block, 2] = 0.0
     for i in range(n):
         for axis in range(3):
             change[unknowns.block[i], axis] += unknowns.step[i] * unknowns.column[i, axis]
     for block in range(rows.n_contacts):
-        whole = change[block, 0], change[block, 1], change[block, 2]
-        share = min(share, room(rows, block, whole))
-    return share
+        full_change = change[block, 0], change[block, 1], change[block, 2]
+        fraction = min(fraction, step_to_bounds(rows, block, full_change))
+    return fraction
 
 
 @kernel
-def add_step(problem: ContactProblem, unknowns: Unknowns, n: int, share: float) -> None:
-    """Add a share of the step to the forces, and project the force of every contact into its law's set."""
+def add_step(problem: ContactProblem, unknowns: Unknowns, n: int, fraction: float) -> None:
+    """Add a fraction of the step to the forces, and project the force of every contact into the set of its law."""
     rows = problem.rows
     for i in range(n):
         block = unknowns.block[i]
         for axis in range(3):
-            rows.force_n[block, axis] += share * unknowns.step[i] * unknowns.column[i, axis]
+            rows.force_n[block, axis] += fraction * unknowns.step[i] * unknowns.column[i, axis]
     for block in range(rows.n_contacts):
         project(rows, block)

@@ -11,9 +11,9 @@ from services.mechanics.contact.rows import ContactRows
 
 
 class ContactProblem(Struct):
-    """The complementarity problem of k contacts in contact space: 3 k rows, normal and two tangents each.
+    """The complementarity problem of k contacts in contact space, with a normal and two tangents for each contact.
 
-    It goes with the Delassus operator W (3 k, 3 k) in m/N, symmetric positive.
+    Functions that need the Delassus operator W (3 k, 3 k), in m/N and symmetric positive definite, take it separately.
 
     Attributes:
         rows: ContactRows. Laws, limits, and the present forces.
@@ -27,22 +27,22 @@ class ContactProblem(Struct):
 
 
 class Unknowns(Struct):
-    """Unknowns of a Newton step, at most m; see `newton`."""
+    """Unknowns of a Newton step, at most m; see `newton` for the directions ``test`` and ``column``."""
 
     block: Annotated[IntArray, "m"]
     test: Annotated[FloatArray, "m", 3]
     column: Annotated[FloatArray, "m", 3]
-    shift: Annotated[FloatArray, "m"]  # lambda
+    shift: Annotated[FloatArray, "m"]  # lambda, added to the diagonal
     matrix: Annotated[FloatArray, "m * m"]
-    step: Annotated[FloatArray, "m"]
+    step: Annotated[FloatArray, "m"]  # change of each unknown, N
     along: Annotated[FloatArray, "m"]  # scratch
 
 
 @kernel
-def give(problem: ContactProblem, W: FloatArray, block: int, axis: int, force_n: float) -> None:
-    """Set the force of a contact along an axis, store the change, and update the motion of all rows.
+def set_force(problem: ContactProblem, W: FloatArray, block: int, axis: int, force_n: float) -> None:
+    """Set the force of a contact along an axis, store its change, and update the motion of all rows.
 
-    An update along a row of the symmetric W vectorises, a dot product would not.
+    W is symmetric, so a row is used in place of a column: this loop vectorises.
     """
     row, motion = 3 * block + axis, problem.motion
     change = force_n - problem.rows.force_n[block, axis]

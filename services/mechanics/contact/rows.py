@@ -33,8 +33,8 @@ class ContactRows(Struct):
             `warm_start.store_anchors`.
         held_j: (C,) float64. Energy that the springs of its friction stored with the force of the last step, in J.
         friction: (C,) float64. Coefficient of Coulomb friction, for laws that have it.
-        rubbing_n: (C,) float64. Bound of friction whatever the normal force, for laws with friction: zero but within a
-            solve.
+        tresca_bound_n: (C,) float64. Bound on friction independent of the normal force, for laws with friction: zero
+            except within a solve.
         force_limit_n: (C,) float64. Largest force, for laws that have one.
         softness_m_n: (C, 3) float64. Compliance of the touching surfaces themselves, along the rows of the frame.
         force_n: (C, 3) float64. Solved force on the first body, along the rows of the frame.
@@ -63,7 +63,7 @@ class ContactRows(Struct):
     elastic_m: Annotated[FloatArray, "c", 3]
     held_j: Annotated[FloatArray, "c"]
     friction: Annotated[FloatArray, "c"]
-    rubbing_n: Annotated[FloatArray, "c"]
+    tresca_bound_n: Annotated[FloatArray, "c"]
     force_limit_n: Annotated[FloatArray, "c"]
     softness_m_n: Annotated[FloatArray, "c", 3]
     force_n: Annotated[FloatArray, "c", 3]

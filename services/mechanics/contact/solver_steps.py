@@ -1,4 +1,4 @@
-"""What a solve of the contact problem is made of: sweeps, and Newton steps from contact to contact."""
+"""Parts of a contact solve: block Gauss-Seidel sweeps, and the steps of an active-set method."""
 
 from __future__ import annotations
 
@@ -10,23 +10,24 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Struct
 from services.mechanics.contact.admissible import closed_axes, relax, slides
-from services.mechanics.contact.newton import add_step, list_unknowns, newton_step, room_for_step
+from services.mechanics.contact.newton import add_step, feasible_step_length, list_unknowns, newton_step
 from services.mechanics.contact.problem import ContactProblem, Unknowns
 
-# Newton steps that follow each other may cost as much as so many sweeps.
-MOST_ON_THE_WAY = 30
-# Beyond where one opens or slips by so much of the step: it has to be seen to have done so.
-BEYOND = 1e-9
+# Cost in sweeps after which no further step of the active-set method is taken.
+MAX_ACTIVE_SET_COST = 30
+# A step goes beyond the point where a contact opens or slips by this fraction, so that the contact leaves the active
+# set in spite of rounding.
+OVERSHOOT = 1e-9
 
 
 class SolverScratch(Struct):
-    """Work space of a solve with at most m rows."""
+    """Work space of a solve with at most c contacts, m = 3 c rows."""
 
     unknowns: Unknowns
     force: Annotated[FloatArray, "c", 3]
-    way: Annotated[FloatArray, "c", 3]  # what a Newton step would change of them
+    force_change: Annotated[FloatArray, "c", 3]  # over a full Newton step, in N
     free: Annotated[FloatArray, "m"]
-    friction: Annotated[FloatArray, "c"]  # coefficients, while friction has bounds
+    friction: Annotated[FloatArray, "c"]  # coefficients, while Tresca bounds replace them
 
     @classmethod
     def allocate(cls, capacity: int) -> SolverScratch:
@@ -38,7 +39,7 @@ class SolverScratch(Struct):
 
 @kernel
 def sweep(problem: ContactProblem, W: FloatArray) -> tuple[float, float]:
-    """Relax every contact once; return the largest change of a force component, and of a place along its normal."""
+    """Relax every contact once; return the largest change of a force component (N) and of a normal motion (m)."""
     largest_n, largest_m, rows, change = 0.0, 0.0, problem.rows, problem.change
     for block in range(rows.n_contacts):
         relax(problem, W, block)
@@ -48,12 +49,12 @@ def sweep(problem: ContactProblem, W: FloatArray) -> tuple[float, float]:
 
 
 @kernel
-def is_balanced(problem: ContactProblem, tolerance_n: float) -> bool:
-    """Return whether no force of what is closed is further than ``tolerance_n`` from the solution.
+def has_small_residual(problem: ContactProblem, tolerance_n: float) -> bool:
+    """Return whether the forces of closed contacts are within ``tolerance_n`` of the solution.
 
-    A residual motion r of closed rows is made by a force of at most |r| / c, with c the softness of the surfaces: W is
-    nowhere softer than that. Two jaws that press on one place share its force in any way, and only c tells how; a sweep
-    changes such shares by a thousandth of what is missing.
+    A residual motion r of closed rows means a force error of at most |r| / c, with c the compliance of the surfaces,
+    because no eigenvalue of W is below c. Where contacts are redundant (two jaws press on one place), only c
+    determines how they share the force, and a sweep corrects a thousandth of the error.
     """
     rows, motion = problem.rows, problem.motion
     for block in range(rows.n_contacts):
@@ -64,21 +65,22 @@ def is_balanced(problem: ContactProblem, tolerance_n: float) -> bool:
 
 
 @kernel
-def go_down(problem: ContactProblem, W: FloatArray, scratch: SolverScratch) -> int:
-    """Take Newton steps, each up to where a contact opens or slips, until one goes all the way; return what they cost.
+def take_active_set_steps(problem: ContactProblem, W: FloatArray, scratch: SolverScratch) -> int:
+    """Take Newton steps, each up to where a contact opens or slips, until a full step is feasible; return their cost.
 
-    So a method of active sets minimises over what is closed, and sweeps close what is missing (Nocedal and Wright,
-    "Numerical Optimization", 16.5). One step between sweeps does not: they close again what it has opened. Friction
-    makes it no minimum, and the potential need not fall. The cost is in sweeps: a dense solve of many is dear.
+    This is the primal active-set method (Nocedal and Wright, "Numerical Optimization", 16.5): steps remove contacts
+    from the active set, and sweeps add those that are missing. A single step between sweeps would not do, because the
+    sweeps close again what it has opened. With friction the solution is no minimum, and the potential need not fall.
+    The cost is in sweeps, and grows with the cube of the number of unknowns.
     """
-    unknowns, cost, k, share = scratch.unknowns, 0, problem.rows.n_contacts, 0.0
-    while share < 1.0 and cost < MOST_ON_THE_WAY:
+    unknowns, cost, k, fraction = scratch.unknowns, 0, problem.rows.n_contacts, 0.0
+    while fraction < 1.0 and cost < MAX_ACTIVE_SET_COST:
         n = list_unknowns(problem, unknowns)
         if n == 0 or not newton_step(problem, W, unknowns, n):
             return cost
         cost += 1 + n**3 // (27 * k * k)
-        share = room_for_step(problem, unknowns, n, scratch.way)
-        add_step(problem, unknowns, n, min(share * (1.0 + BEYOND), 1.0))
+        fraction = feasible_step_length(problem, unknowns, n, scratch.force_change)
+        add_step(problem, unknowns, n, min(fraction * (1.0 + OVERSHOOT), 1.0))
         update_motion(problem, W, scratch.free)
     return cost
 
@@ -93,7 +95,7 @@ def copy_forces(source: FloatArray, target: FloatArray, count: int) -> None:
 
 @kernel
 def update_motion(problem: ContactProblem, W: FloatArray, free: FloatArray) -> None:
-    """Write the motion u = W f + u_free."""
+    """Write the motion u = W f + u_free (3 k,), in m; ``free`` is u_free."""
     motion = problem.motion
     for row in range(W.shape[0]):
         motion[row] = free[row]

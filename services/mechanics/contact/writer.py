@@ -11,7 +11,7 @@ from services.mechanics.compiled.vectors import row as vector
 from services.mechanics.compiled.vectors import row_of as vector_of
 from services.mechanics.contact.geometry import ToolGeometry
 from services.mechanics.contact.identity import with_law
-from services.mechanics.contact.laws import LIMIT_N, SINKS, SOFTNESS_M_N
+from services.mechanics.contact.laws import CREEP, LIMIT_N, SOFTNESS_M_N
 from services.mechanics.contact.rows import NO_STONE, ContactRows
 
 NO_ROOM = -1
@@ -55,7 +55,7 @@ def put_under_law(rows: ContactRows, row: int, law: int) -> None:
     rows.law[row], rows.force_limit_n[row] = law, LIMIT_N[law]
     for axis in range(3):
         rows.softness_m_n[row, axis] = SOFTNESS_M_N[law, axis]
-    rows.softness_m_n[row, 0] += SINKS[law] * rows.dt_s
+    rows.softness_m_n[row, 0] += CREEP[law] * rows.dt_s
 
 
 @kernel

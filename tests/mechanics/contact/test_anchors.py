@@ -9,7 +9,7 @@ from services.mechanics.collision.pairs import DUCT_TRIANGLE
 from services.mechanics.contact.engagement import CLEAR_M
 from services.mechanics.contact.free_motion import free_motion
 from services.mechanics.contact.identity import pair_identity
-from services.mechanics.contact.laws import SINKS_M_S_N, SURFACE_SOFTNESS_M_N, number_of
+from services.mechanics.contact.laws import CREEP_M_S_N, SURFACE_SOFTNESS_M_N, number_of
 from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import solve_contacts
@@ -156,4 +156,4 @@ def test_a_force_sinks_as_deep_in_short_steps_as_in_long_ones():
         if tick > LEAD_STEPS:
             judge.look()
     assert largest_n > 1.0
-    assert judge.deepest["tool in catheter"] < SINKS_M_S_N / (1e3 * play.scene.contact.recovery) * largest_n + CLEAR_M
+    assert judge.deepest["tool in catheter"] < CREEP_M_S_N / (1e3 * play.scene.contact.recovery) * largest_n + CLEAR_M

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from services.mechanics.contact.admissible import bounded
+from services.mechanics.contact.admissible import minimise_in_disk
 
 
 def random_positive(rng, n):
@@ -16,7 +16,7 @@ def test_bounded_minimisers_stick_inside_and_slip_against_the_force_on_the_edge(
     stuck = np.linalg.solve(W, -r)
     for factor in (0.01, 0.5, 2.0):
         radius = factor * np.linalg.norm(stuck)
-        f = np.array(bounded(W[0, 0], W[0, 1], W[1, 1], r[0], r[1], radius))
+        f = np.array(minimise_in_disk(W[0, 0], W[0, 1], W[1, 1], r[0], r[1], radius))
         motion = W @ f + r
         if factor > 1.0:
             assert np.allclose(f, stuck, rtol=1e-9)

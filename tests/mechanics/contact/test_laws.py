@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import services
-from services.mechanics.contact.admissible import closed_axes, normal_range, project, radius, room, slides
+from services.mechanics.contact.admissible import closed_axes, normal_range, project, room, slides, tangential_limit
 from services.mechanics.contact.identity import LAW
 from services.mechanics.contact.laws import LAWS, NO_LOAD_M_N, number_of
 from services.mechanics.contact.rows import ContactRows
@@ -77,7 +77,7 @@ def test_every_law_admits_its_set(law):
     rows = row_of(law, friction=0.3, force_limit_n=0.5, force_n=[0.2, 0.0, 0.0])
     assert rows.softness_m_n.min() > 0.0
     assert normal_range(rows, 0) == SETS[law][0]
-    assert radius(rows, 0) == pytest.approx(SETS[law][1])
+    assert tangential_limit(rows, 0) == pytest.approx(SETS[law][1])
 
 
 @pytest.mark.parametrize("law", ["grip", "seal"])

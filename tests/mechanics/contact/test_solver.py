@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.solver import MOST_SWEEPS, solve_contacts
+from services.mechanics.contact.solver import MAX_SWEEPS, solve_contacts
 from services.mechanics.contact.solver_steps import SolverScratch
 from services.mechanics.contact.stages import mark_sliding
 from services.mechanics.contact.writer import append_row
@@ -218,7 +218,7 @@ def test_what_is_wedged_comes_apart_before_the_sweeps_run_out(k, softness):
         free = 1e-4 * rng.standard_normal(3 * k)
         free[::3] -= 2e-4
         force, motion, sweeps = solve(W, free, np.full(k, UNILATERAL), np.full(k, 0.1), effort=(30, 1e-6))
-        assert sweeps < MOST_SWEEPS
+        assert sweeps < MAX_SWEEPS
         assert motion[::3].min() > -1e-6
         assert np.allclose(motion, W @ force + free, atol=1e-12)
         pressed, rubbing = force[::3], np.hypot(force[1::3], force[2::3])

@@ -6,10 +6,10 @@ import pytest
 from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.solver import MOST_SWEEPS, solve_contacts
-from services.mechanics.contact.solver_steps import MOST_ON_THE_WAY, SolverScratch
+from services.mechanics.contact.solver import MAX_SWEEPS, solve_contacts
+from services.mechanics.contact.solver_steps import MAX_ACTIVE_SET_COST, SolverScratch
 from services.mechanics.contact.stages import mark_sliding
-from services.mechanics.contact.tresca import MOST_BLOCKS, MOST_SWEEPS_A_TURN
+from services.mechanics.contact.tresca import MAX_BLOCKS, MAX_SWEEPS_PER_ITERATION
 from services.mechanics.contact.writer import append_row
 
 TOLERANCE_N, TOLERANCE_M = 1e-8, 1e-9
@@ -48,7 +48,7 @@ class Wedged:
         assert slip[~self.slides & (force[:, 0] > 0.0)].max(initial=0.0) < TOLERANCE_M
         against = force[:, 1] * motion[:, 1] + force[:, 2] * motion[:, 2]
         assert np.all(np.abs(against + rubs * slip)[sliding] < TOLERANCE_M * rubs[sliding])
-        assert np.all(self.rows.rubbing_n == 0.0)
+        assert np.all(self.rows.tresca_bound_n == 0.0)
 
 
 WIDE, NARROW = (50, np.geomspace(1.0, 0.03, 80)), (30, np.geomspace(1.0, 0.02, 60))
@@ -58,7 +58,7 @@ SMALL = 16, np.geomspace(1.0, 0.02, 20)
 @pytest.mark.parametrize(("seed", "shape"), [(2, NARROW), (27, NARROW), (17, SMALL), (19, SMALL), (56, SMALL)])
 def test_coulombs_law_is_solved_where_sweeps_and_newton_steps_run_in_circles(seed, shape):
     solved = Wedged(seed, *shape, 0.3)
-    assert solved.sweeps > MOST_SWEEPS
+    assert solved.sweeps > MAX_SWEEPS
     assert np.all(solved.rows.friction == 0.3)
     solved.check_law(0.3)
 
@@ -67,7 +67,7 @@ def test_coulombs_law_is_solved_where_sweeps_and_newton_steps_run_in_circles(see
 @pytest.mark.parametrize("shape", [WIDE, NARROW, SMALL])
 def test_what_does_not_end_with_all_friction_ends_with_less_and_nothing_overlaps(shape, mu):
     """Up to millimetres were left, of a tenth of one, when such solves were broken off after a hundred sweeps."""
-    solved = [each for seed in range(10) if (each := Wedged(seed, *shape, mu)).sweeps > MOST_SWEEPS]
+    solved = [each for seed in range(10) if (each := Wedged(seed, *shape, mu)).sweeps > MAX_SWEEPS]
     for each in solved:
         each.check_law(mu)
     assert any(np.any(each.rows.friction < mu) for each in solved)
@@ -78,13 +78,13 @@ def test_a_solve_that_goes_through_too_many_blocks_ends_without_overlap_and_forc
     """Half a second went by in each of these, in one tick."""
     k, mu = 150, 2.0
     solved = Wedged(seed, k, np.geomspace(1.0, 0.03, 160), mu)
-    force, most = solved.force, MOST_BLOCKS / k**2
-    assert most < solved.sweeps < MOST_SWEEPS + MOST_SWEEPS_A_TURN * (MOST_ON_THE_WAY + k)
+    force, most = solved.force, MAX_BLOCKS / k**2
+    assert most < solved.sweeps < MAX_SWEEPS + MAX_SWEEPS_PER_ITERATION * (MAX_ACTIVE_SET_COST + k)
     assert solved.motion[:, 0].min() > -TOLERANCE_M
     assert np.allclose(solved.motion.ravel(), solved.W @ force.ravel() + solved.free, atol=1e-13)
     assert force[:, 0].min() >= 0.0
     assert np.all(np.hypot(force[:, 1], force[:, 2]) <= mu * force[:, 0] * (1.0 + 1e-9))
-    assert np.all(solved.rows.rubbing_n == 0.0)
+    assert np.all(solved.rows.tresca_bound_n == 0.0)
 
 
 @pytest.mark.parametrize("mu", [0.3, 1.0])

@@ -9,7 +9,7 @@ from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.compiled.vectors import Vector, dot, row_of
 from services.mechanics.compiled.vectors import row as row_at
-from services.mechanics.contact.admissible import normal_range, project, radius
+from services.mechanics.contact.admissible import normal_range, project, tangential_limit
 from services.mechanics.contact.free_motion import free_motion
 from services.mechanics.contact.geometry import Bodies
 from services.mechanics.contact.laws import FIXES_DISTANCE, HAS_GAP
@@ -100,7 +100,7 @@ def _push(rows: ContactRows, row: int, motion: Vector, gains: PenaltyGains) -> N
     spring, damper = gains.stiffness_n_m * gap, damping * motion[0]
     push = max(0.0, -spring - damper / gains.dt_s) if gap < 0.0 else 0.0
     force[0] = push + normal_range(rows, row)[0]
-    scale = radius(rows, row) / max(math.hypot(motion[1], motion[2]), SLIP_SPEED_M_S * gains.dt_s)
+    scale = tangential_limit(rows, row) / max(math.hypot(motion[1], motion[2]), SLIP_SPEED_M_S * gains.dt_s)
     force[1], force[2] = -scale * motion[1], -scale * motion[2]
 
 
