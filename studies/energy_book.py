@@ -225,7 +225,7 @@ class EnergyBook:
             force, elastic = rows.force_n[row], rows.frame[row] @ rows.elastic_m[row]
             end = system.motion_m[3 * row : 3 * row + 3] - rows.softness_m_n[row] * force
             self.flow.friction_j -= float(force[1:] @ (end - elastic)[1:])
-            self.flow.impact_j -= float(force[0] * (end[0] - rows.taken_m[row]))
+            self.flow.impact_j -= float(force[0] * (end[0] - rows.effective_gap_m[row]))
 
 
 @dataclass(slots=True)

@@ -66,7 +66,7 @@ class CandidateSearch:
         self._end = N_TOOL_PIECES + len(self._radii_m)
         self._duct = duct
         # Where contacts know not each other, each adds to the others: one a triangle, as in the paper.
-        along_m = TOUCHING_M if STRATEGIES[scene.contact.model].knows_stiffness else -1.0
+        along_m = TOUCHING_M if STRATEGIES[scene.contact.model].keeps_delassus else -1.0
         self._wall = WallCandidates(duct, self._end, along_m)
         self._walls = self._wall.new_start(), self._wall.new_start()
         self._found, self._ended = Candidates.zeros(c=CAPACITY), Candidates.zeros(c=CAPACITY)

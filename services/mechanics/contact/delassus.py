@@ -1,7 +1,7 @@
-"""The Delassus operator W = J A^-1 J^T, the compliance in contact space, of duct, catheter and tools, block by block.
+"""Assembly of the Delassus operator W = J A^-1 J^T, the compliance in contact space, from blocks of 3 x 3.
 
-Blocks are built along world axes, where every body's own compliance lies, and turned into the contacts' frames
-once at the end. Only the lower triangle is built; W is symmetric because each body's compliance is.
+Blocks are summed along world axes, in which the bodies' compliances are given, and rotated into the contacts' frames at
+the end. Only the lower triangle is built, because W is symmetric as each body's compliance is.
 """
 
 from __future__ import annotations
@@ -17,9 +17,10 @@ Block = tuple[Row, Row, Row]
 
 @kernel
 def add_rod_compliance(rows: ContactRows, slot: IntArray, rod: FloatArray, points: IntArray, out: FloatArray) -> None:
-    """Add the catheter's compliance between its touched particles, ``rod`` (3 p, 3 p), to the blocks of ``out``.
+    """Add the catheter's compliance between its p touched particles, ``rod`` (3 p, 3 p) in m/N, to ``out`` (m, m).
 
-    ``points`` (4 C, 2) is scratch: rows and places of those that have a weight, mostly one of four in a row.
+    ``slot`` gives each particle's place in ``rod``. ``points`` (4 C, 2) is scratch for the (row, index) of particles
+    with a weight; most rows have one of four.
     """
     count = 0
     for a in range(rows.n_contacts):
@@ -49,7 +50,7 @@ def _add_block(
 
 @kernel
 def add_tool_compliance(rows: ContactRows, compliance: FloatArray, out: FloatArray) -> None:
-    """Add G diag(c) G^T of the contacts of each tool; ``compliance`` (2, 4) is the couplings' c."""
+    """Add G diag(c) G^T of each tool's contacts, with G their levers and c the couplings' ``compliance`` (2, 4)."""
     for a in range(rows.n_contacts):
         tool = rows.tool[a]
         if tool == NO_TOOL:
@@ -67,9 +68,9 @@ def add_tool_compliance(rows: ContactRows, compliance: FloatArray, out: FloatArr
 
 @kernel
 def rotate_to_contact_frames(rows: ContactRows, W: FloatArray) -> None:
-    """Turn the lower blocks of ``W`` (m, m) into the contacts' frames in place, and mirror them.
+    """Rotate the lower blocks of ``W`` (m, m) into the contacts' frames in place, mirror them, and add the softness.
 
-    Blocks are held in registers meanwhile: in arrays the compiler would store each item before it loads the next.
+    Blocks are held as tuples, in registers: with arrays the compiler would store each item before it loads the next.
     """
     for a in range(rows.n_contacts):
         for i in range(3):

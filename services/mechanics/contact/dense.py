@@ -1,19 +1,19 @@
-"""Gaussian elimination of a dense matrix in panels: the rest is updated once for every few columns."""
+"""Blocked Gaussian elimination of a dense matrix: the trailing matrix is updated once for every panel of columns."""
 
 from __future__ import annotations
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel, summing_kernel
 
-#: Columns of a panel. The rest of the matrix is loaded and stored once for each panel, not once for each column.
+#: Columns of a panel. The trailing matrix is loaded and stored once for each panel, not once for each column.
 PANEL = 4
 
 
 @kernel
 def solve_dense(A: FloatArray, b: FloatArray) -> bool:
-    """Solve A x = b in place of b by elimination with row pivots, destroying A; False where A is singular.
+    """Solve A (n, n) x = b (n,) by elimination with partial pivoting; return False if A is singular.
 
-    Backward stable as Gaussian elimination with partial pivoting is (Golub and Van Loan, "Matrix Computations", 3.4).
+    b becomes x, and A is overwritten (Golub and Van Loan, "Matrix Computations", 3.4).
     """
     n = b.shape[0]
     for first in range(0, n, PANEL):
@@ -30,14 +30,14 @@ def solve_dense(A: FloatArray, b: FloatArray) -> bool:
 
 @kernel
 def _bring_pivot(A: FloatArray, b: FloatArray, k: int) -> bool:
-    """Swap the row with the largest item of column k, from row k on, into row k; False where all are zero."""
+    """Swap the row with the largest entry of column k, from row k on, into row k; return False if all are zero."""
     n = b.shape[0]
     pivot = k
     for i in range(k + 1, n):
         if abs(A[i, k]) > abs(A[pivot, k]):
             pivot = i
     if pivot != k:
-        for j in range(n):  # the factors to the left belong to their rows
+        for j in range(n):  # the factors to the left move with their rows
             A[k, j], A[pivot, j] = A[pivot, j], A[k, j]
         b[k], b[pivot] = b[pivot], b[k]
     return bool(A[k, k] != 0.0)
@@ -45,7 +45,7 @@ def _bring_pivot(A: FloatArray, b: FloatArray, k: int) -> bool:
 
 @kernel
 def _eliminate_in_panel(A: FloatArray, b: FloatArray, k: int, end: int) -> None:
-    """Eliminate column k within the panel and in b; the factors take the place of what they make zero."""
+    """Eliminate column k within the panel and in b; the factors are stored in place of the zeros."""
     inverse = 1.0 / A[k, k]
     for i in range(k + 1, b.shape[0]):
         factor = A[i, k] * inverse
@@ -57,7 +57,7 @@ def _eliminate_in_panel(A: FloatArray, b: FloatArray, k: int, end: int) -> None:
 
 @kernel
 def _complete_rows(A: FloatArray, first: int, end: int) -> None:
-    """Eliminate within the panel's own rows, to the right of it."""
+    """Eliminate to the right of the panel in the panel's own rows."""
     n = A.shape[0]
     for k in range(first, end):
         for i in range(k + 1, end):
@@ -68,7 +68,7 @@ def _complete_rows(A: FloatArray, first: int, end: int) -> None:
 
 @kernel
 def _update_rest(A: FloatArray, first: int, end: int) -> None:
-    """Subtract the panel's rows, times their factors, from all rows below; below a short panel there are none."""
+    """Update the trailing matrix by the panel's rows; a panel shorter than `PANEL` is the last one and has none."""
     n = A.shape[0]
     if end - first < PANEL:
         return

@@ -1,11 +1,11 @@
 """Engagement of tools: a tool that appears inside a body has no contacts until it is clear of the body.
 
-A tool appears inside a body after it was absent for a moment while it pressed. A contact would push it out with energy
-that no hand has put in. So the tool is disengaged until it has been withdrawn, or the body has moved away.
+A tool appears inside a body if it was absent for a moment while it pressed. A contact would push it out with energy
+that no hand has supplied. So the tool is disengaged until it has been withdrawn, or the body has moved away.
 
-A body may overlap the jaws when a hold of it begins: by micrometres where jaws close on a catheter, by more where a
-caller requests a hold of what it saw some steps ago. This overlap becomes the rest offset of the contact: it may not
-grow, and it does not push. A wall that jaws close on by themselves is squeezed instead (`squeeze`).
+A body may overlap the jaws when a hold of it begins: by micrometres if jaws close on a catheter, by more if a caller
+requests a hold from a state some steps old. This overlap becomes the rest offset of the contact: it causes no force,
+and it may not grow. If the simulation itself decides that jaws hold the wall, the wall is squeezed instead (`squeeze`).
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.geometry import ContactGeometry, geometry_at
 
-# Contacts at rest overlap by less, and a tool that engages at this depth pushes unnoticeably. On thin walls the limit
-# is a share of the thickness.
+# Largest overlap of a tool that engages: contacts at rest overlap by less, and the force at this depth is not felt. On
+# thin walls the limit is a fraction of the thickness.
 CLEAR_M, CLEAR_OF_WALL = 10e-6, 0.125
 
 
@@ -36,6 +36,7 @@ def engage_tools(
 
 @kernel
 def _is_inside(found: Candidates, pairs: ContactPairs, tool: int, clear_m: float) -> bool:
+    """Return whether a tool overlaps the wall or the catheter by more than ``clear_m``."""
     deepest_m = 0.0
     for i in range(found.count):
         if found.piece[i] // N_SEGMENTS == tool:
@@ -47,8 +48,13 @@ def _is_inside(found: Candidates, pairs: ContactPairs, tool: int, clear_m: float
 
 
 @kernel
-def set_rest_offsets(pairs_address: Address[ContactPairs], geometry: Address[ContactGeometry], is_told: bool) -> None:
-    """Set the rest offsets of jaws that held nothing of a kind; ``is_told`` is whether a caller requested the hold."""
+def set_rest_offsets(
+    pairs_address: Address[ContactPairs], geometry: Address[ContactGeometry], is_requested: bool
+) -> None:
+    """Set the rest offsets of jaws that begin to hold a kind of target, from the overlaps (m) of their pairs.
+
+    ``is_requested`` is whether a caller requested the hold; only then walls get a rest offset.
+    """
     pairs, tools = pairs_at(pairs_address), geometry_at(geometry).tools
     for tool in range(tools.held.shape[0]):
         for kind in range(tools.held.shape[1]):
@@ -57,5 +63,5 @@ def set_rest_offsets(pairs_address: Address[ContactPairs], geometry: Address[Con
     for index in range(pairs.count):
         tool, kind = pairs.tool[index], pairs.target_kind[index]
         is_new = pairs.tool_segment[index] != SHAFT and not tools.held[tool, kind]
-        if is_new and (is_told or kind == CATHETER_SEGMENT):
+        if is_new and (is_requested or kind == CATHETER_SEGMENT):
             tools.rest_offset[tool, kind] = max(tools.rest_offset[tool, kind], -pairs.gap_m[index])

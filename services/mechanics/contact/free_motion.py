@@ -1,4 +1,4 @@
-"""Gaps and slips at the end of the step without contact forces, which the contact laws constrain."""
+"""Free motion: gaps and slips at the end of the step without contact forces, which the contact laws constrain."""
 
 from __future__ import annotations
 
@@ -13,12 +13,14 @@ from services.mechanics.contact.rows import ContactRows
 def subtract_duct_motion(rows: ContactRows, displacement: FloatArray, motion: FloatArray, first: int) -> None:
     """Subtract the duct's displacement from the gaps, and its free motion over the step from the slips.
 
-    A law that fixes a distance constrains it at the end of the step, so its slip loses the whole displacement.
+    A law that fixes a distance constrains positions at the end of the step, so there the slip loses the displacement
+    too.
 
     Args:
-        displacement, motion: (k, 3) float64. Displacement of the contact points at the start of the step and their free
-            motion over it.
-        first: int. Rows before this one are left as they are.
+        rows: ContactRows. Changed in place.
+        displacement, motion: (k, 3) float64. Displacement of the contact points at the start of the step, and their
+            free motion over it, in m.
+        first: int. First row that is changed.
     """
     for row in range(first, rows.n_contacts):
         for axis in range(3):
@@ -30,20 +32,19 @@ def subtract_duct_motion(rows: ContactRows, displacement: FloatArray, motion: Fl
                 rows.slip_m[row, axis] -= u
 
 
-# An overlap of up to 0.1 mm, more than contacts in motion leave, is recovered at its own rate; a deeper one, which
-# something drove in, no faster than this.
+# Largest speed of recovery. It limits overlaps of more than 0.1 mm, which moving contacts do not leave by themselves.
 RECOVERY_M_S = 20e-3
-# A hand holds the tool that a wall pushes back, and absorbs the energy; the tool must not lag behind closing jaws,
-# whose levers turn within a step.
+# The same for rows with a tool: the hand that holds the tool absorbs the energy. The wall must keep up with closing
+# jaws, whose levers turn within a step.
 TOOL_RECOVERY_M_S = 0.1
 
 
 @kernel
-def taken_back(rows: ContactRows, row: int, recovery: float, dt_s: float) -> float:
-    """Return the part of a row's gap (m) that counts in a step: all of a distance, the recovered part of an overlap.
+def effective_gap(rows: ContactRows, row: int, recovery: float, dt_s: float) -> float:
+    """Return the gap (m) that the law of a row constrains: the distance, or the recovered part of an overlap.
 
-    An overlap at the start is a linearisation error of the last tick. Only the fraction ``recovery`` of it is recovered
-    per millisecond, and at a bounded speed, because this is a velocity that nobody has put in.
+    An overlap at the start of the step is a linearisation error of the last tick. Only the fraction ``recovery`` of it
+    is recovered per millisecond, and at a bounded speed, because no force has caused this motion.
     """
     gap: float = rows.gap_m[row] + rows.rest_offset_m[row]
     if gap > 0.0:
@@ -54,10 +55,10 @@ def taken_back(rows: ContactRows, row: int, recovery: float, dt_s: float) -> flo
 
 @kernel
 def free_motion(rows: ContactRows, recovery: float, dt_s: float, out: FloatArray) -> None:
-    """Write gaps and slips without contact forces, which the contact laws constrain, into ``out`` (3 k,), in m.
+    """Write the free motion u_free, in the contacts' frames, into ``out`` (3 k,), in m.
 
-    Along the tangents this is the slip plus the elastic slip at the start. Along the normal it is the gap at the end of
-    the step if the law has a gap; of an overlap it is the part that `taken_back` returns.
+    Along the tangents it is the slip plus the elastic slip at the start. Along the normal, if the law has a gap, it is
+    the gap at the end of the step, with `effective_gap` for the gap at the start.
     """
     for row in range(rows.n_contacts):
         for axis in range(3):
@@ -69,5 +70,5 @@ def free_motion(rows: ContactRows, recovery: float, dt_s: float, out: FloatArray
                     total += rows.frame[row, axis, k] * rows.elastic_m[row, k]
             out[3 * row + axis] = total
         if HAS_GAP[rows.law[row]]:
-            rows.taken_m[row] = taken_back(rows, row, recovery, dt_s)
-            out[3 * row] += rows.taken_m[row]
+            rows.effective_gap_m[row] = effective_gap(rows, row, recovery, dt_s)
+            out[3 * row] += rows.effective_gap_m[row]

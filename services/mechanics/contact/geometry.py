@@ -1,4 +1,4 @@
-"""Geometry that contact rows are built from: poses of tools, catheter and duct, and their motion without contacts."""
+"""Geometry from which contact rows are built: poses of the bodies, and their free motion (without contact forces)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from services.mechanics.scene.tools import N_TOOLS
 
 @dataclass(frozen=True, slots=True)
 class Bodies:
-    """Everything that contacts can push."""
+    """The bodies on which contact forces act, and half the thickness of the wall in m."""
 
     duct: DuctBody
     catheter: CatheterBody
@@ -26,7 +26,7 @@ class Bodies:
 
 
 class ToolGeometry(Struct):
-    """Poses of both tools at the start of the step and their motion over it without contact forces."""
+    """Poses of both tools at the start of the step, and their free motion over it; in m and rad."""
 
     segments: Annotated[FloatArray, N_TOOLS, N_SEGMENTS, 2, 3]
     radius: Annotated[FloatArray, N_TOOLS, N_SEGMENTS]
@@ -37,18 +37,18 @@ class ToolGeometry(Struct):
     present: Annotated[BoolArray, N_TOOLS]
     disengaged: Annotated[BoolArray, N_TOOLS]  # without contacts until clear, see `engagement`
     held: Annotated[BoolArray, N_TOOLS, 2]  # whether the jaws hold something of each target kind
-    rest_offset: Annotated[FloatArray, N_TOOLS, 2]  # overlap with the held body up to which none pushes, m
-    indentation: Annotated[FloatArray, N_TOOLS, N_CELLS]  # loss of the squeezed wall's half thickness, m
-    indentation_slope: Annotated[FloatArray, N_TOOLS, N_CELLS]  # its change with the opening, m/rad
+    rest_offset: Annotated[FloatArray, N_TOOLS, 2]  # overlap with a held body that causes no force, m
+    indentation: Annotated[FloatArray, N_TOOLS, N_CELLS]  # decrease of half the squeezed layer's thickness, m
+    indentation_slope: Annotated[FloatArray, N_TOOLS, N_CELLS]  # its derivative by the opening, m/rad
     wall_thickness: float  # m
 
 
 class RodGeometry(Struct):
-    """Particles of the catheter at the start of the step and their motion over it without contact forces."""
+    """Particles of the catheter at the start of the step, and their free motion over it, in m."""
 
     position: Annotated[FloatArray, "n", 3]
     motion: Annotated[FloatArray, "n", 3]
-    radius: Annotated[FloatArray, "n"]  # of the segment that begins at each; of the last one, that before it
+    radius: Annotated[FloatArray, "n"]  # of the segment that begins at each particle; the last repeats that before it
 
 
 class WallGeometry(Struct):
@@ -60,7 +60,7 @@ class WallGeometry(Struct):
 
 
 class ContactGeometry(Struct):
-    """Everything that contact rows are built from."""
+    """The geometry of all bodies."""
 
     tools: ToolGeometry
     rod: RodGeometry
@@ -69,7 +69,7 @@ class ContactGeometry(Struct):
 
     @classmethod
     def of(cls, bodies: Bodies) -> ContactGeometry:
-        """View the arrays of the bodies."""
+        """Return views of the bodies' arrays."""
         tools, catheter, mesh = bodies.tools, bodies.catheter, bodies.duct.reduced.mesh
         return cls(
             tools=ToolGeometry(

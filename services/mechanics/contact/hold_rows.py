@@ -1,4 +1,4 @@
-"""Contact rows of grasp holds, and their sliding; each hold occupies one slot of the arrays."""
+"""Contact rows of grasp holds, and their slip; each hold occupies one slot of the arrays."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from services.mechanics.rod.curve import point_on_curve
 from services.mechanics.scene.tools import N_TOOLS
 
 _GRIP = number_of("grip")
-# The axis of a catheter's row that lies along the catheter; the first axis is across the jaws.
+# Axis of a catheter's row that is tangential to the catheter; the first axis is across the jaws.
 _ALONG = 1
-# Softness of the direction in which the held wall is free.
+# Softness in the direction in which a held wall is free.
 LOOSE_SOFTNESS_M_N = 1.0
-# Least sine of the angle between catheter and opening direction at which a direction across the jaws is defined.
-LEAST_ACROSS = 0.1
+# Smallest sine of the angle between catheter and opening direction at which the direction across the jaws is defined.
+MIN_SINE_ACROSS = 0.1
 
 
 class HoldArrays(Struct):
@@ -55,7 +55,7 @@ holds_at = reader(HoldArrays)
 
 @kernel
 def append_holds(state_address: Address[ContactState], holds_address: Address[HoldArrays], count: int) -> int:
-    """Append one bilateral row for each of the first ``count`` holds in order; return how many found room."""
+    """Append a bilateral row for each of the first ``count`` holds in order; return the number of rows."""
     state, holds = state_at(state_address), holds_at(holds_address)
     rows, geometry = state.rows, state.geometry
     n_rows = rows.reserved = 0
@@ -69,20 +69,21 @@ def append_holds(state_address: Address[ContactState], holds_address: Address[Ho
             _catheter_side(holds, slot, geometry, rows, row)
         else:
             _wall_side(holds, slot, geometry.wall, rows, row)
-            _let_jaws_close(holds.tool[slot], geometry.tools, rows, row)
+            _free_opening_direction(holds.tool[slot], geometry.tools, rows, row)
         n_rows += 1
     return n_rows
 
 
 @kernel
 def _tool_side(holds: HoldArrays, slot: int, tools: ToolGeometry, rows: ContactRows, row: int) -> None:
+    """Make a tool the first body, with a frame along the world axes."""
     tool, anchor, arm = holds.tool[slot], holds.anchor[slot], rows.point_m[row]
     frame = tools.frame[tool]
     for axis in range(3):
         arm[axis] = anchor[0] * frame[0, axis] + anchor[1] * frame[1, axis] + anchor[2] * frame[2, axis]
         for other in range(3):
             rows.frame[row, axis, other] = 1.0 if axis == other else 0.0
-    # The held point sits between both jaws: as on the shaft, opening or closing them does not move it.
+    # The held point lies between both jaws, so that their opening does not move it, as if it were on the shaft.
     put_on_tool(rows, row, tools, tool, SHAFT)
     for axis in range(3):
         rows.slip_m[row, axis] = rows.point_m[row, axis]
@@ -91,16 +92,16 @@ def _tool_side(holds: HoldArrays, slot: int, tools: ToolGeometry, rows: ContactR
 
 @kernel
 def _catheter_side(holds: HoldArrays, slot: int, geometry: ContactGeometry, rows: ContactRows, row: int) -> None:
-    """Subtract the held point from the slip, and align the frame across the jaws and along the catheter."""
+    """Make the catheter the target: subtract the held point from the slip, and align the frame across the jaws."""
     rod = geometry.rod
-    first, weights, slope = point_on_curve(rod.position, _place(holds, slot))
+    first, weights, slope = point_on_curve(rod.position, _place_on_catheter(holds, slot))
     put_on_curve(rows, row, first, weights)
     for k in range(3):
         for axis in range(3):
             rows.slip_m[row, axis] -= weights[k] * (rod.position[first + k, axis] + rod.motion[first + k, axis])
     tangent, opening = unit(slope), row_of(geometry.tools.frame, holds.tool[slot], 0)
     across = along(opening, tangent, -dot(opening, tangent))
-    if dot(across, across) < LEAST_ACROSS**2:  # it stands on the jaws: any direction across will do
+    if dot(across, across) < MIN_SINE_ACROSS**2:  # the catheter lies along the opening direction: any normal will do
         across, _ = tangents(tangent[0], tangent[1], tangent[2])
     across = unit(across)
     put_row_of(rows.frame, row, 0, across)
@@ -109,26 +110,26 @@ def _catheter_side(holds: HoldArrays, slot: int, geometry: ContactGeometry, rows
 
 
 @kernel
-def _place(holds: HoldArrays, slot: int) -> float:
-    """Return the place of a held point along the catheter, in segments."""
+def _place_on_catheter(holds: HoldArrays, slot: int) -> float:
+    """Return the position of a held point along the catheter, in segments."""
     place: float = holds.target[slot] + holds.weights[slot, 1]
     return place
 
 
 @kernel
-def _put_at(holds: HoldArrays, slot: int, at: float, n_segments: int) -> None:
-    """Set the place ``at`` of a held point along the catheter, in segments; beyond an end the hold is lost."""
-    if not 0.0 <= at <= n_segments:
+def _set_place(holds: HoldArrays, slot: int, place: float, n_segments: int) -> None:
+    """Set the position of a held point along the catheter, in segments; beyond an end the hold is lost."""
+    if not 0.0 <= place <= n_segments:
         holds.lost[slot] = True
-    at = min(max(at, 0.0), float(n_segments))
-    holds.target[slot] = min(int(at), n_segments - 1)
-    s = at - holds.target[slot]
+    place = min(max(place, 0.0), float(n_segments))
+    holds.target[slot] = min(int(place), n_segments - 1)
+    s = place - holds.target[slot]
     holds.weights[slot, 0], holds.weights[slot, 1], holds.weights[slot, 2] = 1.0 - s, s, 0.0
 
 
 @kernel
 def _wall_side(holds: HoldArrays, slot: int, wall: WallGeometry, rows: ContactRows, row: int) -> None:
-    """Subtract the rest position from the slip; `subtract_duct_motion` subtracts the displacement."""
+    """Make the wall the target: subtract its rest position from the slip; `subtract_duct_motion` does the rest."""
     corners, weights = wall.triangles[holds.target[slot]], holds.weights[slot]
     put_on_duct(rows, row, corners, weights)
     for corner in range(3):
@@ -137,8 +138,8 @@ def _wall_side(holds: HoldArrays, slot: int, wall: WallGeometry, rows: ContactRo
 
 
 @kernel
-def _let_jaws_close(tool: int, tools: ToolGeometry, rows: ContactRows, row: int) -> None:
-    """Free the held point along the opening direction: the jaws squeeze a held wall there (`squeeze`)."""
+def _free_opening_direction(tool: int, tools: ToolGeometry, rows: ContactRows, row: int) -> None:
+    """Free the held point along the opening direction, in which `squeeze` constrains a held wall."""
     for axis in range(3):
         for other in range(3):
             rows.frame[row, axis, other] = tools.frame[tool, axis, other]
@@ -149,7 +150,7 @@ def _let_jaws_close(tool: int, tools: ToolGeometry, rows: ContactRows, row: int)
 def slide_holds(
     state_address: Address[ContactState], holds_address: Address[HoldArrays], span: tuple[int, int]
 ) -> tuple[float, bool]:
-    """Slide the holds at their limit by the motion that the solve left; ``span`` is (first row, number of rows).
+    """Slide the holds at their force limit by the slip that was solved; ``span`` is (first row, number of rows).
 
     Return the energy in J that this dissipated, and whether a hold was lost.
     """
@@ -163,18 +164,18 @@ def slide_holds(
             continue
         u, slip, f = state.problem.motion[3 * row : 3 * row + 3], state.problem.change, rows.force_n[row]
         dissipated_j -= f[0] * u[0] + f[1] * u[1] + f[2] * u[2]
-        _to_world(rows, row, (u[0], u[1], u[2]), slip)
+        _write_in_world_axes(rows, row, (u[0], u[1], u[2]), slip)
         holds.slipped_m[slot] += math.sqrt(slip[0] * slip[0] + slip[1] * slip[1] + slip[2] * slip[2])
         if holds.target_kind[slot] == CATHETER_SEGMENT:
-            _slide_along(holds, slot, slip, state.geometry.rod.position)
+            _slide_along_catheter(holds, slot, slip, state.geometry.rod.position)
         _slide_in_jaws(holds, slot, slip, state.geometry.tools)
         is_lost = is_lost or holds.lost[slot]
     return dissipated_j, is_lost
 
 
 @kernel
-def _to_world(rows: ContactRows, row: int, motion: tuple[float, float, float], out: FloatArray) -> None:
-    """Write a motion in the row's frame into ``out`` (3,) along world axes."""
+def _write_in_world_axes(rows: ContactRows, row: int, motion: tuple[float, float, float], out: FloatArray) -> None:
+    """Rotate a motion from the row's frame to world axes, and write it into ``out`` (3,)."""
     for axis in range(3):
         out[axis] = 0.0
         for k in range(3):
@@ -182,19 +183,19 @@ def _to_world(rows: ContactRows, row: int, motion: tuple[float, float, float], o
 
 
 @kernel
-def _slide_along(holds: HoldArrays, slot: int, slip: FloatArray, position: FloatArray) -> None:
-    """Move the held point along the catheter by the axial part of ``slip``, and subtract that part."""
-    _, _, slope = point_on_curve(position, _place(holds, slot))
+def _slide_along_catheter(holds: HoldArrays, slot: int, slip: FloatArray, position: FloatArray) -> None:
+    """Move the held point along the catheter by the axial part of ``slip`` (3,), and subtract that part from it."""
+    _, _, slope = point_on_curve(position, _place_on_catheter(holds, slot))
     tangent = unit(slope)
     axial = dot((slip[0], slip[1], slip[2]), tangent)
     for axis in range(3):
         slip[axis] -= axial * tangent[axis]
-    _put_at(holds, slot, _place(holds, slot) + axial / dot(slope, tangent), position.shape[0] - 1)
+    _set_place(holds, slot, _place_on_catheter(holds, slot) + axial / dot(slope, tangent), position.shape[0] - 1)
 
 
 @kernel
 def _slide_in_jaws(holds: HoldArrays, slot: int, slip: FloatArray, tools: ToolGeometry) -> None:
-    """Move the held point in the jaws by ``-slip``; beyond the jaws the hold is lost."""
+    """Move the held point in the jaws by minus ``slip`` (3,); if it leaves the jaws, the hold is lost."""
     tool, anchor = holds.tool[slot], holds.anchor[slot]
     frame = tools.frame[tool]
     for axis in range(3):

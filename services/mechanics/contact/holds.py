@@ -1,4 +1,4 @@
-"""Grasps as bilateral rows: a point of the jaws and a point of the catheter or the wall move together."""
+"""Grasps as bilateral constraints: a point of the jaws and a point of the catheter or the wall move together."""
 
 from __future__ import annotations
 
@@ -16,17 +16,18 @@ from services.mechanics.rod.curve import point_on_curve
 from services.mechanics.scene import ToolScene
 from services.mechanics.scene.tools import N_TOOLS, GraspHold
 
-# Tolerance of weights from a peer, which may have rounded them.
+# Tolerance of barycentric weights from another process, which may have rounded them.
 WEIGHT_TOLERANCE = 1e-3
-# A grasp holds two points; only a faulty peer requests more.
+# Maximum number of holds. A grasp holds two points; only a faulty process requests more.
 CAPACITY = 16
 
 
 class ActiveHold:
-    """A hold with the place of its point in the jaws, which moves only when it slips.
+    """An active hold. Its point in the jaws moves only when the hold slips.
 
     Attributes:
-        slot: int. Its place in the arrays that the kernels work on.
+        request: GraspHold. The newest request for it.
+        slot: int. Its index in `HoldArrays`.
     """
 
     __slots__ = ("_arrays", "request", "slot")
@@ -38,7 +39,7 @@ class ActiveHold:
 
     @property
     def target(self) -> int:
-        """Triangle, or segment of the catheter, that is held now."""
+        """The triangle, or the segment of the catheter, that is held now."""
         return int(self._arrays.target[self.slot])
 
     @property
@@ -53,20 +54,21 @@ class ActiveHold:
 
 
 class HoldRegistry:
-    """The holds of both tools: follows the requests, fills rows, and lets slipping holds slide.
+    """The holds of both tools: begins and ends them as requested, fills their rows, and slides those that slip.
 
-    A hold on the catheter slides along it first, so that a forceps that slips ends up further along the catheter; the
-    rest of the slip moves the point in the jaws. A point that leaves the jaws, or the catheter's end, is lost. At most
-    `CAPACITY` holds are active; further requests are dropped.
+    The slip of a hold on the catheter moves its point along the catheter first, so that slipping jaws end up further
+    along it; the rest of the slip moves the point in the jaws. A point that leaves the jaws or the end of the catheter
+    is lost. At most `CAPACITY` holds are active; further requests are dropped.
 
     Attributes:
         active: dict of int to ActiveHold. By the requests' numbers, in the order of their rows.
-        rows: range. Rows of the holds in this step; fewer than are active where rows ran out.
-        dropped: int. Requests that found no room since the start, each counted in every step.
-        refused: int. Requests since the start that name a target or jaws that do not exist, or contain a NaN; counted
-            in every step.
+        rows: range. Rows of the holds in this step; fewer than active holds if the rows' capacity was exceeded.
+        dropped: int. Requests beyond `CAPACITY` since the start, each counted in every step.
+        refused: int. Requests since the start that name a target or jaws that do not exist, or contain a NaN; each
+            counted in every step.
+        dissipated_j: float. Energy that slipping has dissipated since the start.
         lost: set of int. Numbers of holds that were lost and are still requested.
-        took_up: bool. Whether a hold began in this step.
+        has_begun: bool. Whether a hold began in this step.
     """
 
     def __init__(self, forceps: tuple[ToolScene, ...], system: ContactSystem) -> None:
@@ -76,7 +78,7 @@ class HoldRegistry:
         self.dropped = 0
         self.refused = 0
         self.dissipated_j = 0.0
-        self.took_up = False
+        self.has_begun = False
         self.lost: set[int] = set()
         self._arrays = HoldArrays.zeros(h=CAPACITY)
         self._free = list(range(CAPACITY))
@@ -88,7 +90,7 @@ class HoldRegistry:
             DUCT_TRIANGLE: geometry.wall.triangles.shape[0],
             CATHETER_SEGMENT: geometry.rod.position.shape[0] - 1,
         }
-        self._holding_nothing = {
+        self._cannot_hold = {
             tool for tool, each in enumerate(forceps) if each.jaws is None and not each.drives_catheter
         }
         for tool, jaws in enumerate(each.jaws for each in forceps):
@@ -98,77 +100,77 @@ class HoldRegistry:
 
     def follow(self, requests: list[GraspHold]) -> None:
         """Begin newly requested holds, update limits, and drop holds without a request or whose tool is absent."""
-        self.took_up = False
+        self.has_begun = False
         if requests or self.active:
             self._follow(requests)
         self._system.rows.reserved = len(self.active)
 
     def _follow(self, requests: list[GraspHold]) -> None:
         present = self._system.geometry.tools.present.tolist()
-        requests = [request for request in requests if self._is_sound(request) and present[request.tool]]
-        asked = {request.hold_id for request in requests}
-        if asked != self.active.keys():
-            for gone in [hold_id for hold_id in self.active if hold_id not in asked]:
-                self._drop(gone)
-        self.lost &= asked
+        requests = [request for request in requests if self._is_valid(request) and present[request.tool]]
+        requested = {request.hold_id for request in requests}
+        if requested != self.active.keys():
+            for ended in [hold_id for hold_id in self.active if hold_id not in requested]:
+                self._drop(ended)
+        self.lost &= requested
         for request in requests:
             if request.hold_id in self.active:
                 self.active[request.hold_id].request = request
             elif request.hold_id not in self.lost:
-                self._take_up(request)
-        self._free_jaws()
+                self._begin(request)
+        self._release_jaws()
 
     def step_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays that a step changes."""
         return self._arrays.own_memory()
 
     def save_start(self) -> None:
-        """Save the state at the start of a step beside `step_arrays`."""
+        """Save the state at the start of a step that is not in `step_arrays`."""
         self._saved = dict(self.active), list(self._free), set(self.lost), self._stops, self._held
 
     def restore_start(self) -> None:
-        """Restore it."""
+        """Restore the saved state."""
         self.active, self._free, lost, self._stops, self._held = self._saved
         self.lost.intersection_update(lost)
         self.lost.update(lost)
 
-    def lose(self) -> None:
-        """Release all holds; requests for the same holds are ignored from then on."""
+    def release_all(self) -> None:
+        """End all holds as lost; requests for the same holds are ignored from then on."""
         self.lost |= set(self.active)
         for hold_id in list(self.active):
             self._drop(hold_id)
         self.rows = range(0)
 
-    def stop_jaws(self, tools: ToolBody) -> None:
-        """Write into the tools what they hold, and the opening below which a held catheter resists the jaws."""
+    def write_jaw_stops(self, tools: ToolBody) -> None:
+        """Write into the tools which kinds of target they hold, and the opening below which a held catheter resists."""
         requests = [hold.request for hold in self.active.values()]
-        stops = [(each.tool, each.target_kind, each.jaw_angle_rad, _carries(each)) for each in requests]
+        stops = [(each.tool, each.target_kind, each.jaw_angle_rad, _replaces_contacts(each)) for each in requests]
         if stops == self._stops:
             return
         self._stops = stops
         tools.held[:] = False
         tools.jaw_stop_rad[:] = -math.inf
-        self._held = {(tool, target_kind) for tool, target_kind, _, carries in stops if carries}
+        self._held = {(tool, target_kind) for tool, target_kind, _, replaces_contacts in stops if replaces_contacts}
         for tool, target_kind in self._held:
             tools.held[tool, target_kind] = True
         for hold, (tool, target_kind, jaw_angle_rad, _) in zip(self.active.values(), stops, strict=True):
             if target_kind == CATHETER_SEGMENT:
-                # Jaws that have closed a little more in the tick of the grasp are not opened by what they hold.
+                # If the jaws have closed further in the tick of the grasp, the held body does not open them again.
                 stop_rad = min(jaw_angle_rad, float(tools.proxy[tool, 3]))
                 tools.jaw_stop_rad[tool] = max(tools.jaw_stop_rad[tool], stop_rad)
                 tools.stop_arm_m[tool] = max(
                     float(self._arrays.anchor[hold.slot, 2]), float(tools.radius_m[tool, JAW_A])
                 )
 
-    def _free_jaws(self) -> None:
-        """Let jaws collide at once with what they held until now: it may spring back against them in this step."""
+    def _release_jaws(self) -> None:
+        """Let jaws collide again with a body whose hold has ended: it may spring back against them in this step."""
         requests = [hold.request for hold in self.active.values()]
-        kept = {(request.tool, request.target_kind) for request in requests if _carries(request)}
-        for tool, kind in self._held - kept:
+        held_now = {(request.tool, request.target_kind) for request in requests if _replaces_contacts(request)}
+        for tool, kind in self._held - held_now:
             self._system.geometry.tools.held[tool, kind] = False
 
     def append_rows(self) -> None:
-        """Append one bilateral row per hold, as far as there is room."""
+        """Append a bilateral row for each hold, up to the rows' capacity."""
         first = self._system.rows.n_contacts
         n_rows = append_holds(self._system.address, self._arrays.address, len(self.active)) if self.active else 0
         self.rows = range(first, first + n_rows)
@@ -179,12 +181,12 @@ class HoldRegistry:
         return self._arrays.address, len(self.active)
 
     def limit_rows(self) -> None:
-        """Limit the force of every hold to what its grasp carries."""
+        """Set the force limit of each hold's row to that of its request."""
         for row, hold in zip(self.rows, self.active.values(), strict=False):
             self._system.rows.force_limit_n[row] = hold.request.limit_n
 
     def slide(self) -> None:
-        """Slide the holds at their limit by the motion that the solve left."""
+        """Slide the holds at their force limit by the slip that the solve has found, and end those that are lost."""
         if not self.rows:
             return
         dissipated_j, is_lost = slide_holds(
@@ -196,7 +198,7 @@ class HoldRegistry:
                 self._drop(hold_id)
                 self.lost.add(hold_id)
 
-    def _take_up(self, request: GraspHold) -> None:
+    def _begin(self, request: GraspHold) -> None:
         if not self._free:
             self.dropped += 1
             return
@@ -208,24 +210,24 @@ class HoldRegistry:
         arrays.weights[slot] = request.target_weights
         arrays.slipped_m[slot], arrays.lost[slot] = 0.0, False
         self.active[request.hold_id] = ActiveHold(request, slot, arrays)
-        self.took_up = True
+        self.has_begun = True
         self._list_slots()
 
-    def _is_sound(self, request: GraspHold) -> bool:
-        """Return whether a request is valid, and count it if not; of an active hold only the limit is checked."""
+    def _is_valid(self, request: GraspHold) -> bool:
+        """Return whether a request is valid, and count it if not; of an unchanged request only the limit is checked."""
         known = self.active.get(request.hold_id)
         if known is not None and known.request is request and request.limit_n >= 0.0:
             return True
-        is_sound = (
+        is_valid = (
             0 <= request.tool < N_TOOLS
-            and request.tool not in self._holding_nothing
+            and request.tool not in self._cannot_hold
             and 0 <= request.target < self._n_targets.get(request.target_kind, 0)
             and math.isfinite(request.jaw_angle_rad)
             and request.limit_n >= 0.0
             and _are_weights(*request.target_weights.tolist())
         )
-        self.refused += not is_sound
-        return is_sound
+        self.refused += not is_valid
+        return is_valid
 
     def _held_point(self, request: GraspHold) -> FloatArray:
         if request.target_kind == CATHETER_SEGMENT:
@@ -243,16 +245,16 @@ class HoldRegistry:
         self._arrays.order[: len(self.active)] = [hold.slot for hold in self.active.values()]
 
 
-def _carries(request: GraspHold) -> bool:
-    """Return whether a hold replaces the contacts of the jaws with its target.
+def _replaces_contacts(request: GraspHold) -> bool:
+    """Return whether a hold replaces the contacts of the jaws with the body that it holds.
 
-    Jaws that open and no longer squeeze carry no catheter: they must collide with it then, or it would pass through
-    them. The contacts of a wall stay beside its hold in any case.
+    It does not if opening jaws no longer squeeze a catheter: then they must collide with it, or it would pass through
+    them. The contacts of a held wall remain active in any case.
     """
     return request.limit_n > 0.0 or request.target_kind != CATHETER_SEGMENT
 
 
 def _are_weights(u: float, v: float, w: float) -> bool:
-    """Return whether these are barycentric weights of a point inside its triangle or segment."""
+    """Return whether these are barycentric weights of a point inside a triangle or segment, up to the tolerance."""
     least = -WEIGHT_TOLERANCE
     return abs(u + v + w - 1.0) <= WEIGHT_TOLERANCE and u >= least and v >= least and w >= least

@@ -1,4 +1,4 @@
-"""The identity of a contact: one number that names the pair of bodies and is the same in the next tick.
+"""The identity of a contact: a number that names the pair of bodies and stays the same from tick to tick.
 
 Its bit fields, from the lowest:
 
@@ -12,8 +12,8 @@ stone       7 gallstone, plus 1
 law         7 number of the contact law
 ======== ==== =================================================
 
-Without the target an identity names the first body and the kind of target only, which stay the same when a contact
-slides on to the next triangle. Holds are identified by their own numbers instead, and are negative.
+Without its target an identity names only the first body and the kind of target, which stay the same when a contact
+slides to the next triangle. Identities of holds are negative and come from the numbers of the holds.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from services.mechanics.compiled import kernel
 
 
 class BitField(NamedTuple):
-    """Where a part of the identity lies, and how many values it has."""
+    """Position (bit) of a part of the identity, and the number of its values."""
 
     shift: int
     size: int
@@ -50,7 +50,7 @@ FIELDS = {
 
 @kernel
 def pair_identity(tool: int, segment: int, particle: int, target_kind: int, target: int) -> int:
-    """Return the identity of a pair that detection found; `NO_TOOL` and particle -1 where there is none."""
+    """Return the identity of a detected pair; ``tool`` may be `NO_TOOL`, and ``particle`` -1 for none."""
     identity = (tool + 1) << TOOL.shift
     identity |= segment << SEGMENT.shift
     identity |= (particle + 1) << PARTICLE.shift
@@ -60,7 +60,7 @@ def pair_identity(tool: int, segment: int, particle: int, target_kind: int, targ
 
 @kernel
 def with_stone(identity: int, stone: int) -> int:
-    """Return the identity of the same pair with a gallstone as its first body."""
+    """Return the identity of a pair whose first body is a gallstone."""
     return identity | ((stone + 1) << STONE.shift)
 
 
@@ -72,7 +72,7 @@ def with_law(identity: int, law: int) -> int:
 
 @kernel
 def hold_identity(number: int) -> int:
-    """Return the identity of a hold, which is unique to the hold even without its target."""
+    """Return the identity of a hold, which is unique even without its target."""
     return -(number + 1) * TARGET.size
 
 

@@ -1,10 +1,11 @@
-r"""Compliance of wall and catheter over several steps where a tool touches them, for the local stiffness.
+r"""Compliance of wall and catheter to a load that lasts for several steps, for the local stiffness at a tool.
 
-The Delassus operator of a step is that of an impulse: most of it is the inertia :math:`m / \Delta t^2` of the touched
-body, which has given way a step later. A servo uses a solved force for some ticks, over which its hand moves smoothly;
-the stiffness that the hand meets is that of one step of backward Euler as long as those ticks: :math:`\tau^2 (M + \tau
-C + \tau^2 K)^{-1}` for the catheter, :math:`\tau^2 / (1 + 2 \zeta \omega \tau + \omega^2 \tau^2)` for a mode of the
-wall. It is symmetric and positive, and approaches the static stiffness from above as the step grows.
+The Delassus operator of a step is the compliance to an impulse: mostly inertia, :math:`m / \Delta t^2`, which the body
+has overcome a step later. A servo uses a local model for several ticks :math:`\tau`, in which the hand moves smoothly.
+The stiffness that the hand feels is then that of one step of backward Euler of this length. The compliance of the
+catheter is :math:`\tau^2 (M + \tau C + \tau^2 K)^{-1}`, and that of a mode of the wall
+:math:`\tau^2 / (1 + 2 \zeta \omega \tau + \omega^2 \tau^2)`. It is symmetric and positive definite, and the stiffness
+approaches the static one from above as the step grows.
 """
 
 from __future__ import annotations
@@ -25,17 +26,17 @@ from services.mechanics.rod.model import RodModel, RodWork, work_at
 #: Time for which a servo uses a local model without an update.
 LASTING_S = 5e-3
 
-WallPlaces = Address[DuctLoads]
-RodPlaces = tuple[Address[CatheterTouch], Address[RodModel], Address[RodWork], bool]
-"""Arrays of a catheter with an implicit step, and whether it has one; of others only a step's compliance is known."""
+WallAddress = Address[DuctLoads]
+RodAddresses = tuple[Address[CatheterTouch], Address[RodModel], Address[RodWork], bool]
+"""Arrays of a catheter, and whether its step is implicit; of others only the compliance of one step is known."""
 
 
 class LastingArrays(Struct):
     """Compliances of r modes over `LASTING_S`, and work space for m axes and a catheter of n particles."""
 
-    modes: Annotated[FloatArray, "r"]  # change of a mode per lasting force on it
-    more: Annotated[FloatArray, "r"]  # the same, minus the change by the impulse of one step
-    shapes: Annotated[FloatArray, "m", "r"]  # of the modes, along the axes
+    modes: Annotated[FloatArray, "r"]  # change of a modal coordinate per modal force that lasts for `LASTING_S`
+    excess: Annotated[FloatArray, "r"]  # the same, minus the change by the impulse of one step
+    shapes: Annotated[FloatArray, "m", "r"]  # mode shapes along the axes
     slot: Annotated[IntArray, "n"]
     particles: Annotated[IntArray, "n"]
     compliance: Annotated[FloatArray, "9 n n"]
@@ -54,14 +55,19 @@ lasting_at = reader(LastingArrays)
 
 
 @kernel
-def add_of_wall(rows: ContactRows, closed: IntArray, wall: WallPlaces, lasting: LastingArrays, out: FloatArray) -> None:
-    """Add the modes' compliance beyond that of a step to the compliance (k, k) of closed axes (k, 2), lower half."""
-    duct, n_modes = loads_at(wall), lasting.more.shape[0]
+def add_wall_compliance(
+    rows: ContactRows, closed: IntArray, wall: WallAddress, lasting: LastingArrays, out: FloatArray
+) -> None:
+    """Add the wall's compliance beyond that of one step to ``out`` (k, k), the compliance of closed axes (k, 2).
+
+    Only the lower triangle is written.
+    """
+    duct, n_modes = loads_at(wall), lasting.excess.shape[0]
     for mode in range(n_modes):
-        lasting.more[mode] = lasting.modes[mode] - duct.gains[0, mode]
+        lasting.excess[mode] = lasting.modes[mode] - duct.gains[0, mode]
     for i in range(closed.shape[0]):
         row, axis = closed[i, 0], closed[i, 1]
-        if not _is_on_wall(rows, row):
+        if not _touches_wall(rows, row):
             continue
         x, y, z = rows.frame[row, axis, 0], rows.frame[row, axis, 1], rows.frame[row, axis, 2]
         for mode in range(n_modes):
@@ -69,12 +75,12 @@ def add_of_wall(rows: ContactRows, closed: IntArray, wall: WallPlaces, lasting: 
                 x * duct.modes[3 * row, mode] + y * duct.modes[3 * row + 1, mode] + z * duct.modes[3 * row + 2, mode]
             )
         for j in range(i + 1):
-            if _is_on_wall(rows, closed[j, 0]):
-                out[i, j] += _product(lasting.shapes[i], lasting.more, lasting.shapes[j])
+            if _touches_wall(rows, closed[j, 0]):
+                out[i, j] += _product(lasting.shapes[i], lasting.excess, lasting.shapes[j])
 
 
 @kernel
-def _is_on_wall(rows: ContactRows, row: int) -> bool:
+def _touches_wall(rows: ContactRows, row: int) -> bool:
     weight = rows.duct_weight[row]
     return bool(weight[0] != 0.0 or weight[1] != 0.0 or weight[2] != 0.0)
 
@@ -88,23 +94,24 @@ def _product(first: FloatArray, gain: FloatArray, second: FloatArray) -> float:
 
 
 @inlined_kernel
-def add_of_catheter(
-    rows: ContactRows, closed: IntArray, rod: RodPlaces, lasting: LastingArrays, is_factored: bool, out: FloatArray
+def add_catheter_compliance(
+    rows: ContactRows, closed: IntArray, rod: RodAddresses, lasting: LastingArrays, is_factored: bool, out: FloatArray
 ) -> bool:
-    """Add the catheter's compliance beyond that of a step to the compliance (k, k) of closed axes (k, 2), lower half.
+    """Add the catheter's compliance beyond that of one step to ``out`` (k, k), the compliance of closed axes (k, 2).
 
-    ``is_factored`` is whether the matrix for `LASTING_S` is factorised. Return whether the step's factors are gone.
+    Only the lower triangle is written. ``is_factored`` is whether the matrix for `LASTING_S` is factorised. Return True
+    if it is factorised now: then the factors for the step are overwritten.
     """
     count = _list_particles(rows, closed, lasting) if rod[3] else 0
     if count == 0 or not (is_factored or factor_for_contacts(rod[1:3], LASTING_S)):
         return is_factored or count > 0
     touch, size = touch_at(rod[0]), 3 * count
-    more = lasting.compliance[: size * size].reshape(size, size)
-    compliance(rod[1], work_at(rod[2]).band, LASTING_S**2, touch.columns, lasting.particles[:count], more)
-    _subtract_step(touch, lasting.particles[:count], more)
+    excess = lasting.compliance[: size * size].reshape(size, size)
+    compliance(rod[1], work_at(rod[2]).band, LASTING_S**2, touch.columns, lasting.particles[:count], excess)
+    _subtract_step(touch, lasting.particles[:count], excess)
     for i in range(closed.shape[0]):
         row, axis = closed[i, 0], closed[i, 1]
-        if _move_particles(rows, row, axis, lasting.slot, more, lasting.along):
+        if _move_particles(rows, row, axis, lasting.slot, excess, lasting.along):
             for j in range(i + 1):
                 out[i, j] += _moved_along(rows, closed[j, 0], closed[j, 1], lasting)
     return True
@@ -112,7 +119,7 @@ def add_of_catheter(
 
 @kernel
 def _list_particles(rows: ContactRows, closed: IntArray, lasting: LastingArrays) -> int:
-    """List the particles that closed axes act on, ascending, and their places; return their number."""
+    """Write the particles on which closed axes act, ascending, and their slots; return their number."""
     slot = lasting.slot
     slot[:] = -1
     for i in range(closed.shape[0]):
@@ -125,7 +132,7 @@ def _list_particles(rows: ContactRows, closed: IntArray, lasting: LastingArrays)
 
 @kernel
 def _subtract_step(touch: CatheterTouch, particles: IntArray, out: FloatArray) -> None:
-    """Subtract the step's compliance between the listed particles from ``out`` (3 p, 3 p)."""
+    """Subtract the compliance of one step between the listed particles from ``out`` (3 p, 3 p)."""
     size = 0
     for particle in range(touch.slot.shape[0]):
         size = max(size, 3 * (touch.slot[particle] + 1))
@@ -140,7 +147,7 @@ def _subtract_step(touch: CatheterTouch, particles: IntArray, out: FloatArray) -
 def _move_particles(
     rows: ContactRows, row: int, axis: int, slot: IntArray, between: FloatArray, out: FloatArray
 ) -> bool:
-    """Write the motion (3 p,) of the particles per unit force along an axis; return False if it acts on none."""
+    """Write the motion (3 p,) of the particles under a unit force along an axis; return False if it acts on none."""
     acts = False
     for column in range(between.shape[0]):
         out[column] = 0.0
@@ -157,7 +164,7 @@ def _move_particles(
 
 @kernel
 def _moved_along(rows: ContactRows, row: int, axis: int, lasting: LastingArrays) -> float:
-    """Return the motion of an axis's point along the axis, after `_move_particles`."""
+    """Return the motion of a row's contact point along one of its axes, from what `_move_particles` has written."""
     total = 0.0
     for point in range(rows.rod_node.shape[1]):
         weight = rows.rod_weight[row, point]

@@ -1,4 +1,4 @@
-"""The local stiffness between each hand and the world, which a servo uses until the next solve."""
+"""The local stiffness between each hand and the bodies it touches, which a servo uses until the next solve."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from services.mechanics.contact.admissible import closed_axes
 from services.mechanics.contact.geometry import Bodies
 from services.mechanics.contact.lasting_compliance import (
     LastingArrays,
-    RodPlaces,
-    WallPlaces,
-    add_of_catheter,
-    add_of_wall,
+    RodAddresses,
+    WallAddress,
+    add_catheter_compliance,
+    add_wall_compliance,
     lasting_at,
 )
 from services.mechanics.contact.rows import ContactRows
@@ -26,7 +26,7 @@ from services.mechanics.rod.model import RodModel, RodWork
 from services.mechanics.scene.tools import N_TOOLS, ToolResults
 
 NO_ROD = cast(tuple[Address[RodModel], Address[RodWork]], (0, 0))
-MOST_CLOSED = 72  # axes of the contacts of one tool that enter its local stiffness
+MAX_CLOSED = 72  # maximum number of contact axes that enter the local stiffness of a tool
 
 
 class StiffnessArrays(Struct):
@@ -34,8 +34,8 @@ class StiffnessArrays(Struct):
 
     stiffness: Annotated[FloatArray, N_TOOLS, 3, 3]
     grasp_stiffness: Annotated[FloatArray, N_TOOLS]
-    closed: Annotated[IntArray, MOST_CLOSED, 2]  # rows, and which of their axes
-    scratch: Annotated[FloatArray, MOST_CLOSED * (MOST_CLOSED + N_COORDINATES)]
+    closed: Annotated[IntArray, MAX_CLOSED, 2]  # rows, and which of their axes
+    scratch: Annotated[FloatArray, MAX_CLOSED * (MAX_CLOSED + N_COORDINATES)]
 
     @classmethod
     def of(cls, results: ToolResults) -> StiffnessArrays:
@@ -53,14 +53,14 @@ class LocalStiffness:
         duct, catheter, self._rod = bodies.duct, bodies.catheter, bodies.catheter.plain_integrator
         self._arrays = StiffnessArrays.of(results)
         omega, ratio = duct.reduced.basis.omega_rad_s, duct.reduced.damping_ratio
-        self._lasting = LastingArrays.of(omega, ratio, catheter.properties.n_particles, MOST_CLOSED)
+        self._lasting = LastingArrays.of(omega, ratio, catheter.properties.n_particles, MAX_CLOSED)
         rod = NO_ROD if self._rod is None else self._rod.addresses
-        places: RodPlaces = (catheter.touch_address, *rod, self._rod is not None)
+        places: RodAddresses = (catheter.touch_address, *rod, self._rod is not None)
         arrays = (self._arrays.address, self._lasting.address)
         self._arguments = (contacts, bodies.tools.address, *arrays, duct.loads_address, places)
 
     def write(self) -> None:
-        """Write the stiffnesses; call this once the step is over."""
+        """Write the stiffnesses; call it at the end of a step."""
         if local_stiffness(*self._arguments) and self._rod is not None:
             self._rod.is_factored = False
 
@@ -71,17 +71,18 @@ def local_stiffness(
     tools_address: Address[ToolArrays],
     out_address: Address[StiffnessArrays],
     lasting_address: Address[LastingArrays],
-    wall: WallPlaces,
-    rod: RodPlaces,
+    wall: WallAddress,
+    rod: RodAddresses,
 ) -> bool:
-    r"""Write the stiffness between each hand and the world: (2, 3, 3) in N/m at J, (2,) in N m/rad of the jaws.
+    r"""Write the stiffness between each hand and what it touches: (2, 3, 3) in N/m at J, (2,) in N m/rad of the jaws.
 
-    The rows of a tool that carry force (normals; tangents too while they stick; holds that do not slip) stay
-    closed when the hand moves by dx, so their forces change by :math:`-S^{-1} G\,dx` with S their compliance over
-    `LASTING_S`, see `lasting_compliance`. S contains the couplings as they act over one step, dampers included; what a
-    damper adds is taken out (1/K minus the step's compliance is put in), so that the result is a spring.
+    Axes that carry force (normals; tangents too while they stick; holds that do not slip) stay closed when the hand
+    moves by dx. So their forces change by :math:`-S^{-1} G\,dx`, with G their levers and S their compliance over
+    `LASTING_S`, see `lasting_compliance`. The stiffness is :math:`G^T S^{-1} G`. In S the compliance of the couplings
+    over one step, which includes their dampers, is replaced by that of their springs, 1/K.
 
-    Return True if the catheter's matrix was factorised for another step length: the step's factors are gone.
+    Return True if the catheter's matrix was factorised for another step length: the factors for the step are then
+    overwritten.
     """
     state, tools = state_at(state_address), tools_at(tools_address)
     out, lasting = stiffness_at(out_address), lasting_at(lasting_address)
@@ -98,8 +99,8 @@ def local_stiffness(
         G = out.scratch[n * n : n * (n + N_COORDINATES)].reshape(n, N_COORDINATES)
         _fill_closed(state.rows, W, closed, S, G)
         _add_excess(tools, tool, S, G)
-        add_of_wall(state.rows, closed, wall, lasting, S)
-        is_factored = add_of_catheter(state.rows, closed, rod, lasting, is_factored, S)
+        add_wall_compliance(state.rows, closed, wall, lasting, S)
+        is_factored = add_catheter_compliance(state.rows, closed, rod, lasting, is_factored, S)
         if _whiten(S, G):
             _write(G, out.stiffness[tool])
             for k in range(n):
@@ -109,6 +110,7 @@ def local_stiffness(
 
 @kernel
 def _write(G: FloatArray, out: FloatArray) -> None:
+    """Add G^T G of the first three columns of G (n, 4) to ``out`` (3, 3)."""
     for i in range(3):
         for j in range(3):
             for k in range(G.shape[0]):
@@ -117,7 +119,7 @@ def _write(G: FloatArray, out: FloatArray) -> None:
 
 @kernel
 def _list_closed(rows: ContactRows, slides: BoolArray, tool: int, out: IntArray) -> int:
-    """List the axes that stay closed when the tool moves, of as many contacts as there is room for."""
+    """Write (row, axis) of the axes that stay closed when the tool moves, up to the capacity of ``out``."""
     count = 0
     for row in range(rows.n_contacts):
         axes = closed_axes(rows, row, slides[row]) if rows.tool[row] == tool else 0
@@ -130,7 +132,7 @@ def _list_closed(rows: ContactRows, slides: BoolArray, tool: int, out: IntArray)
 
 @kernel
 def _fill_closed(rows: ContactRows, W: FloatArray, closed: IntArray, S: FloatArray, G: FloatArray) -> None:
-    """Fill the compliance S (n, n) and the levers G (n, 4) of the closed axes (n, 2), in the contacts' frames."""
+    """Write the compliance S (n, n), lower triangle, and the levers G (n, 4) of the closed axes (n, 2)."""
     for i in range(closed.shape[0]):
         row, axis = closed[i, 0], closed[i, 1]
         for coordinate in range(G.shape[1]):
@@ -144,7 +146,7 @@ def _fill_closed(rows: ContactRows, W: FloatArray, closed: IntArray, S: FloatArr
 
 @kernel
 def _add_excess(tools: ToolArrays, tool: int, S: FloatArray, G: FloatArray) -> None:
-    """Add the compliance of the coupling's spring beyond that of spring and damper in a step, lower half of S."""
+    """Add 1/K of the coupling minus its compliance over one step to the lower triangle of S (n, n)."""
     for coordinate in range(G.shape[1]):
         excess = 1.0 / tools.stiffness[tool, coordinate] - tools.compliance[tool, coordinate]
         for i in range(S.shape[0]):
@@ -154,7 +156,7 @@ def _add_excess(tools: ToolArrays, tool: int, S: FloatArray, G: FloatArray) -> N
 
 @kernel
 def _whiten(S: FloatArray, G: FloatArray) -> bool:
-    """Overwrite G (n, 4) by L^-1 G with S = L L^T (in place, lower half); False where S is not positive."""
+    """Overwrite G (n, 4) by L^-1 G, with S = L L^T in place; return False if S is not positive definite."""
     n = S.shape[0]
     for j in range(n):
         pivot = S[j, j]

@@ -1,4 +1,4 @@
-"""Contact rows from candidate pairs, at the bodies' present positions."""
+"""Contact rows from detected pairs, with the bodies' positions at the start of the step."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ _UNILATERAL = number_of("unilateral")
 
 @kernel
 def append_pairs(pairs: ContactPairs, geometry: ContactGeometry, rows: ContactRows) -> None:
-    """Append pairs to ``rows`` as unilateral contacts.
+    """Append pairs to ``rows`` as unilateral contacts, except those of absent or disengaged tools.
 
-    Gap and slip still lack the duct's displacement, which needs its modes: see `subtract_duct_motion`. Jaws also
-    collide with what they hold, because holds tie only two points. Pairs of absent or disengaged tools are skipped.
+    The duct's displacement is not yet part of gap and slip, because it needs the modes: see `subtract_duct_motion`.
+    Jaws also collide with the body that they hold, because a hold ties only two points.
     """
     for index in range(pairs.count):
         tool, segment = pairs.tool[index], pairs.tool_segment[index]
@@ -56,13 +56,15 @@ def append_pairs(pairs: ContactPairs, geometry: ContactGeometry, rows: ContactRo
 
 @kernel
 def _tool_side(pairs: ContactPairs, index: int, tools: ToolGeometry, rows: ContactRows, row: int) -> None:
-    """Make a tool the first body. On a squeezed wall the force acts at the wall's middle surface."""
+    """Make a tool the first body. With a squeezed wall the force acts at the wall's middle surface."""
     tool, segment, s = pairs.tool[index], pairs.tool_segment[index], pairs.tool_parameter[index]
     ends, radial, radius = tools.segments[tool, segment], pairs.normal[index], tools.radius[tool, segment]
-    kind, reach, opens = pairs.target_kind[index], radius, 0.0
+    kind, reach, opening_rate = pairs.target_kind[index], radius, 0.0
     if kind == DUCT_TRIANGLE:
-        room, rows.rest_offset_m[row], opens, n = jaw_surface(tools, 3 * tool + segment, s, row_at(pairs.normal, index))
-        if rows.rest_offset_m[row] != room:  # squeezed: the surface's normal replaces the piece's
+        room, rows.rest_offset_m[row], opening_rate, n = jaw_surface(
+            tools, 3 * tool + segment, s, row_at(pairs.normal, index)
+        )
+        if rows.rest_offset_m[row] != room:  # the wall is squeezed: its surface's normal replaces that of the jaw
             reach = radius + 0.5 * tools.wall_thickness - room
             put_row(rows.frame[row], 0, n)
             write_frame(rows.frame[row, 0], rows.frame[row])
@@ -72,16 +74,17 @@ def _tool_side(pairs: ContactPairs, index: int, tools: ToolGeometry, rows: Conta
         # J is the start of both jaws.
         rows.point_m[row, axis] = centre - radial[axis] * reach - tools.segments[tool, 1, 0, axis]
     put_on_tool(rows, row, tools, tool, segment)
-    for axis in range(3):  # the middle of a wall that thickens as jaws open moves half as far as they do
-        rows.lever[row, axis, 3] += opens * rows.frame[row, 0, axis]
+    for axis in range(3):  # as the jaws open, the wall thickens, and its middle surface moves half as far as they do
+        rows.lever[row, axis, 3] += opening_rate * rows.frame[row, 0, axis]
     if kind == CATHETER_SEGMENT and segment != SHAFT and tools.held[tool, kind]:
         rows.rest_offset_m[row] = tools.rest_offset[tool, kind]
-        rows.force_limit_n[row] = 0.0  # its hold bears all that acts along the jaws
+        rows.force_limit_n[row] = 0.0  # the hold bears the force along the jaws
     add_tool_motion(rows, row, tools)
 
 
 @kernel
 def _catheter_side(pairs: ContactPairs, index: int, rod: RodGeometry, rows: ContactRows, row: int) -> None:
+    """Make the catheter the first body."""
     first, s = pairs.particle[index], pairs.tool_parameter[index]
     second = min(first + 1, rod.position.shape[0] - 1)
     put_on_rod(rows, row, FIRST_SIDE, (first, second), (1.0 - s, s))
@@ -95,7 +98,7 @@ def _catheter_side(pairs: ContactPairs, index: int, rod: RodGeometry, rows: Cont
 
 @kernel
 def _sphere_side(pairs: ContactPairs, index: int, geometry: ContactGeometry, rows: ContactRows, row: int) -> None:
-    """Make a sphere the first body; spheres are numbered after the segments of the catheter."""
+    """Make a sphere the first body; in pairs, spheres are numbered after the segments of the catheter."""
     spheres, sphere = geometry.spheres, pairs.particle[index] - (geometry.rod.position.shape[0] - 1)
     rows.stone[row] = sphere
     for axis in range(3):
@@ -107,6 +110,7 @@ def _sphere_side(pairs: ContactPairs, index: int, geometry: ContactGeometry, row
 
 @kernel
 def _catheter_target(pairs: ContactPairs, index: int, rod: RodGeometry, rows: ContactRows, row: int) -> None:
+    """Make a segment of the catheter the target."""
     target, weights = pairs.target[index], pairs.target_weights[index]
     put_on_rod(rows, row, TARGET_SIDE, (target, target + 1), (-weights[0], -weights[1]))
     rows.gap_m[row] -= rod.radius[target]
@@ -118,6 +122,7 @@ def _catheter_target(pairs: ContactPairs, index: int, rod: RodGeometry, rows: Co
 
 @kernel
 def _wall_target(pairs: ContactPairs, index: int, wall: WallGeometry, rows: ContactRows, row: int) -> None:
+    """Make a triangle of the wall the target."""
     corners, weights = wall.triangles[pairs.target[index]], pairs.target_weights[index]
     put_on_duct(rows, row, corners, weights)
     rows.gap_m[row] -= wall.half_thickness

@@ -25,13 +25,13 @@ class ContactRows(Struct):
         point_m: (C, 3) float64. Where the force acts on the first body.
         gap_m: (C,) float64. Distance of the surfaces at the start of the step.
         rest_offset_m: (C,) float64. Overlap of the surfaces up to which they do not push each other.
-        taken_m: (C,) float64. Part of the gap that counts in this step: all of a distance, the recovered part of an
-            overlap (negative).
+        effective_gap_m: (C,) float64. Gap that the laws constrain in this step: the distance, or, where surfaces
+            overlap, only the part that is recovered (negative).
         slip_m: (C, 3) float64. Motion of the first body relative to the target over the step without contact forces, in
             world axes.
         elastic_m: (C, 3) float64. Elastic slip at the start of the step, in world axes, for laws that remember it; see
             `warm_start.store_anchors`.
-        held_j: (C,) float64. Energy that the springs of its friction stored with the force of the last step, in J.
+        friction_energy_j: (C,) float64. Elastic energy of its friction at the start of the step, in J.
         friction: (C,) float64. Coefficient of Coulomb friction, for laws that have it.
         tresca_bound_n: (C,) float64. Bound on friction independent of the normal force, for laws with friction: zero
             except within a solve.
@@ -58,10 +58,10 @@ class ContactRows(Struct):
     point_m: Annotated[FloatArray, "c", 3]
     gap_m: Annotated[FloatArray, "c"]
     rest_offset_m: Annotated[FloatArray, "c"]
-    taken_m: Annotated[FloatArray, "c"]
+    effective_gap_m: Annotated[FloatArray, "c"]
     slip_m: Annotated[FloatArray, "c", 3]
     elastic_m: Annotated[FloatArray, "c", 3]
-    held_j: Annotated[FloatArray, "c"]
+    friction_energy_j: Annotated[FloatArray, "c"]
     friction: Annotated[FloatArray, "c"]
     tresca_bound_n: Annotated[FloatArray, "c"]
     force_limit_n: Annotated[FloatArray, "c"]

@@ -1,6 +1,6 @@
-"""The introducer's friction as one contact row: its seal and its wall hold the catheter along the axis.
+"""Friction of the introducer as one contact row: seal and wall of the introducer resist motion along its axis.
 
-The wall's friction acts where the seal is, at the exit: within the introducer the catheter hardly stretches.
+The wall's friction is applied at the exit, where the seal is, because the catheter hardly stretches inside.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _NO_ROW = -1
 
 
 class SealMemory(Struct):
-    """What the seal remembers: its elastic slip along the axis, now and at the start of the step, and its row in it."""
+    """State of the seal: elastic slip along the axis now and at the start of the step, dissipation, and its row."""
 
     elastic_m: float = 0.0
     start_m: float = 0.0
@@ -37,9 +37,9 @@ seal_at = reader(SealMemory)
 
 
 class IntroducerSeal:
-    """Friction of an introducer: elastoplastic, so that it breaks away at its limit at any speed and never creeps.
+    """Elastoplastic friction of an introducer: it slides at its force limit at any speed, and does not creep below it.
 
-    A catheter that sleeps needs no row: the force of the seal is part of its equilibrium.
+    A sleeping catheter needs no row, because the force of the seal is part of its equilibrium.
     """
 
     def __init__(self, catheter: CatheterBody, system: ContactSystem) -> None:
@@ -51,23 +51,23 @@ class IntroducerSeal:
 
     @property
     def rows(self) -> range:
-        """Row of the seal in this step, if it has one."""
+        """The row of the seal in this step; empty if it has none."""
         row = self._memory.row
         return range(row, row + 1) if row != _NO_ROW else range(0)
 
     @property
     def dissipated_j(self) -> float:
-        """Energy that slipping has dissipated so far, in J."""
+        """Energy that slip has dissipated since the start, in J."""
         return self._memory.dissipated_j
 
     @property
     def stored_j(self) -> float:
-        """Energy that the seal's lip stores, in J."""
+        """Elastic energy of the seal's lip, in J."""
         return 0.5 * self._memory.elastic_m**2 / SEAL_SOFTNESS_M_N
 
     @property
     def start_m(self) -> float:
-        """Elastic slip at the start of the step."""
+        """Elastic slip at the start of the step, in m."""
         return self._memory.start_m
 
     def step_arrays(self) -> tuple[AnyArray, ...]:
@@ -75,11 +75,11 @@ class IntroducerSeal:
         return self._memory.own_memory()
 
     def forget(self) -> None:
-        """Hold the catheter where it is now, without a force."""
+        """Remove the row and the elastic slip, so that the seal exerts no force on the catheter where it is now."""
         self._memory.row, self._memory.elastic_m = _NO_ROW, 0.0
 
     def append_row(self) -> None:
-        """Append the seal's row, unless it bears nothing or the catheter sleeps."""
+        """Append the seal's row, unless its force limit is zero or the catheter sleeps."""
         n_rows = 0
         if self._is_there and not self._catheter.slept:
             n_rows = append_seal(self._system.address, self._catheter.integrator.model.address, self._memory.address)
@@ -88,7 +88,7 @@ class IntroducerSeal:
         self._catheter.n_own_rows = n_rows
 
     def slide(self) -> None:
-        """Update the elastic slip by the motion that the solve left."""
+        """Update the elastic slip by the motion that the solve has found."""
         if self._catheter.n_own_rows:
             slide_seal(self._system.address, self._memory.address, not self._system.strategy.acts_in_next_step)
 
@@ -97,9 +97,9 @@ class IntroducerSeal:
 def append_seal(
     state_address: Address[ContactState], model_address: Address[RodModel], seal_address: Address[SealMemory]
 ) -> int:
-    """Append the row of the seal where the rod leaves the introducer, or at the end of the rod within it.
+    """Append the row of the seal at the point where the rod leaves the introducer, or at the rod's end within it.
 
-    Return the number of rows: none where nothing is held, or where there is no room.
+    Return the number of rows: 0 if the force limit is zero, or if there is no room for a row.
     """
     state, model, seal = state_at(state_address), model_at(model_address), seal_at(seal_address)
     seal.row, seal.start_m = _NO_ROW, seal.elastic_m
@@ -130,7 +130,7 @@ def append_seal(
 
 @kernel
 def slide_seal(state_address: Address[ContactState], seal_address: Address[SealMemory], has_moved: bool) -> None:
-    """Store the elastic slip at the end of the solve; ``has_moved`` is whether motions include the contact forces."""
+    """Store the elastic slip at the end of the step; ``has_moved`` is whether motions include the contact forces."""
     state, seal = state_at(state_address), seal_at(seal_address)
     rows, row = state.rows, seal.row
     force, motion = rows.force_n[row, 0], state.problem.motion[3 * row]

@@ -1,6 +1,6 @@
-"""Spheres that touch wall and catheter: their positions, their motion and their compliance.
+"""Spheres that touch wall and catheter: their positions, motions and compliances.
 
-Their owner, an effect, writes the arrays before contacts are found, and reads the forces of their rows afterwards.
+An effect owns the spheres. It writes the arrays before detection, and reads the forces of their rows after the solve.
 """
 
 from __future__ import annotations
@@ -15,24 +15,27 @@ from services.mechanics.compiled.vectors import Vector, along, put_row_of, row
 from services.mechanics.contact.identity import STONE
 from services.mechanics.contact.rows import NO_STONE, ContactRows, rows_at
 
-#: Most spheres that the identity of a contact can tell apart.
-MOST_SPHERES = STONE.size - 1
+#: Maximum number of spheres, because identities of contacts cannot distinguish more.
+MAX_SPHERES = STONE.size - 1
 
 
 class Spheres(Struct):
-    """Room for s spheres, of which the first ``count`` exist; in m and m/N, along world axes."""
+    """Arrays for s spheres, of which the first ``count`` exist; in m and m/N, along world axes."""
 
-    start: Annotated[FloatArray, "s", 3]  # of the step
-    motion: Annotated[FloatArray, "s", 3]  # over it, without contact forces
+    start: Annotated[FloatArray, "s", 3]  # position at the start of the step
+    motion: Annotated[FloatArray, "s", 3]  # free motion over the step
     compliance: Annotated[FloatArray, "s"]  # motion over the step per force
     radius: Annotated[FloatArray, "s"]
     count: int = 0
 
     def add(self, radius_m: FloatArray) -> slice:
-        """Make room for spheres of these radii and return where they are."""
+        """Add spheres of these radii (n,) and return their slice of the arrays.
+
+        Raises ValueError if there are more than `MAX_SPHERES` then.
+        """
         first, end = self.count, self.count + len(radius_m)
-        if end > MOST_SPHERES:
-            raise ValueError(f"{end} spheres are too many to be told apart, at most {MOST_SPHERES}")
+        if end > MAX_SPHERES:
+            raise ValueError(f"{end} spheres are too many to be told apart, at most {MAX_SPHERES}")
         self.radius[first:end] = radius_m
         self.count = end
         return slice(first, end)
@@ -42,15 +45,18 @@ spheres_at = reader(Spheres)
 
 
 def no_spheres() -> Spheres:
-    """Return room for as many spheres as contacts can name."""
-    return Spheres.zeros(s=MOST_SPHERES)
+    """Return arrays for `MAX_SPHERES` spheres, of which none exists yet."""
+    return Spheres.zeros(s=MAX_SPHERES)
 
 
 @kernel
 def write_spheres(
     list_address: Address[CandidateList], spheres_address: Address[Spheres], first: int, half_m: float
 ) -> None:
-    """Write spheres where the step begins into a list, as pieces from ``first`` on."""
+    """Write the spheres at the start of the step into a candidate list, as pieces from ``first`` on.
+
+    ``half_m`` is half the thickness of the wall.
+    """
     listed, spheres = list_at(list_address), spheres_at(spheres_address)
     for k in range(spheres.count):
         _put_piece(listed, first + k, row(spheres.start, k), spheres.radius[k] + half_m)
@@ -60,7 +66,7 @@ def write_spheres(
 def write_end_positions(
     listed: CandidateList, spheres: Spheres, solved: tuple[ContactRows, FloatArray], first: int, half_m: float
 ) -> None:
-    """Write spheres where the step ends, with the ``solved`` rows' forces (k, 3) along world axes."""
+    """Write the spheres at the end of the step; ``solved`` is (rows, their forces (k, 3) along world axes)."""
     rows, force = solved
     for k in range(spheres.count):
         end = along(row(spheres.start, k), row(spheres.motion, k), 1.0)
@@ -79,7 +85,7 @@ def _put_piece(listed: CandidateList, piece: int, centre: Vector, thickness: flo
 
 @kernel
 def add_sphere_compliance(rows: ContactRows, spheres: Spheres, W: FloatArray) -> None:
-    """Add the compliance of each sphere between all rows it takes part in, lower blocks, world axes."""
+    """Add the compliance of each sphere between all of its rows to the lower blocks of W, along world axes."""
     for a in range(rows.n_contacts):
         if rows.stone[a] == NO_STONE:
             continue
@@ -91,7 +97,7 @@ def add_sphere_compliance(rows: ContactRows, spheres: Spheres, W: FloatArray) ->
 
 @kernel
 def add_sphere_forces(rows_address: Address[ContactRows], forces: FloatArray, out: FloatArray, first: int) -> None:
-    """Add the contact forces (k, 3) on spheres from ``first`` on to ``out`` (s, 3)."""
+    """Add the contact forces (k, 3), in N, on the spheres from ``first`` on to ``out`` (s, 3)."""
     rows = rows_at(rows_address)
     for at in range(rows.n_contacts):
         sphere = rows.stone[at] - first

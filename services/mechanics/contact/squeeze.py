@@ -1,16 +1,16 @@
-r"""Squeezing between the jaws of a tool: a pair of opposite forces on both jaws resists their closing.
+r"""Squeezing between the jaws of a tool: a pair of opposite forces on the two jaws resists their closing.
 
-A wall that is pinched shut is solid between them (`solid_wall`); a catheter that they hold stops them. The torque at
-the handle is the moment of these forces and of those of the other contacts, and nothing else.
+A wall that is pinched shut resists by its compression (`solid_wall`), a held catheter as a stop. The torque at the
+handle is the moment of these forces and of the other contacts' forces, and nothing else.
 
-The wall's torque is a convex function of the opening. A step replaces it by the chord from where the jaws are to where
-the wall alone would let them go or, if they open, by its tangent. Both lie on the side where the jaws gain no more
-energy than the wall releases, so a step is passive, whatever its length and whatever else pushes the jaws.
+The wall's torque is a convex function of the opening. A step linearises it: by the chord from the present opening to
+the one at which the wall alone would hold the jaws, or by the tangent if the jaws open. On both lines the jaws gain no
+more energy than the wall releases, so a step is passive, whatever its length and whatever else pushes the jaws.
 
-A cell along the jaws is occupied by wall that is pressed from both sides in it, at no more than the thickness that has
-room, and is released gradually. So a squeezed cell never gains wall, which nobody would have squeezed. Each jaw is
-nearer to the middle of its layer as the layer gets thinner, and this middle moves half as far as opening jaws do: so
-the wall's own force opens them in part, and the rest acts on the other layer.
+The jaws are divided into cells along their length. A cell becomes occupied when wall in it is pressed from both sides,
+with no more thickness than fits between the jaws, and is released gradually. So a cell never gains wall that no work
+has compressed. A jaw comes nearer to the middle surface of its layer as the layer gets thinner, and that middle surface
+moves half as far as the jaws open. So part of a row's force opens the jaws, and the rest acts on the other layer.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ from services.mechanics.contact.laws import HAS_GAP, number_of
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solid_wall import (
     SolidWall,
-    apart_m,
     cell_m,
-    resist,
-    stored,
+    equilibrium_opening,
+    jaw_gap_m,
+    stored_energy_j,
+    wall_reaction,
     write_indentation,
-    yields_to,
 )
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.system import ContactSystem
@@ -47,26 +47,26 @@ from services.mechanics.scene.tools import N_TOOLS
 _SQUEEZE, _GRIP = number_of("squeeze"), number_of("grip")
 _NO_ROW = -1
 _WALL, _CATHETER = 0, 1
-# Time in which a cell is released whose wall is not pressed any more.
-LETS_GO_S = 0.05
-# Two layers occupy no cell with less room than this share of their thickness.
-LEAST_ROOM = 0.2
-# A torque is taken as constant over a smaller motion than this.
+# Time in which a cell is released once its wall is no longer pressed.
+RELEASE_S = 0.05
+# A cell becomes occupied only if the jaws leave at least this fraction of the thickness of two layers.
+MIN_GAP_SHARE = 0.2
+# The chord is used only if the jaws would close by more than this.
 _SMALL_RAD = 1e-9
-# Over a smaller motion the thickness of a wall is linear in the opening: 1 um at the tips.
-LEAST_MOTION_RAD = 1e-4
+# Smallest change of the opening over which the slope of the indentation is computed: 1 um at the tips.
+MIN_MOTION_RAD = 1e-4
 
 
 class SqueezeArrays(Struct):
-    """Squeezed wall and catheter of both tools, and their rows in this step."""
+    """Squeezed wall and catheter of both tools, and their rows in this step; axes of length 2 are (wall, catheter)."""
 
     wall: SolidWall
     row: Annotated[IntArray, N_TOOLS, 2]
     arm_m: Annotated[FloatArray, N_TOOLS, 2]
     start_rad: Annotated[FloatArray, N_TOOLS]
-    pushed_rad: Annotated[FloatArray, N_TOOLS]  # opening that contacts added in the last step
+    contact_opening_rad: Annotated[FloatArray, N_TOOLS]  # opening that contacts added in the last step
     stored_j: Annotated[FloatArray, N_TOOLS, 2]
-    reach: Annotated[FloatArray, 2, 2, 2]  # scratch: of sides of the surface and jaws, first and last place pressed
+    pressed_span: Annotated[FloatArray, 2, 2, 2]  # scratch: side of the surface, jaw, first and last pressed place (m)
     dissipated_j: float = 0.0
     first: int = 0
     count: int = 0
@@ -96,7 +96,7 @@ class JawSqueeze:
 
     @property
     def rows(self) -> range:
-        """Rows of this step: pairs of a force on jaw A and the opposite one on jaw B."""
+        """Rows of this step, in pairs: a force on jaw A, and its reaction on jaw B."""
         return range(self._arrays.first, self._arrays.first + self._arrays.count)
 
     @property
@@ -110,31 +110,31 @@ class JawSqueeze:
         return self._arrays.dissipated_j
 
     def forget(self) -> None:
-        """Release everything."""
+        """Release all cells and the catheter, and clear their stored energy."""
         arrays = self._arrays
         arrays.wall.occupied[:] = arrays.stored_j[:] = 0.0
-        arrays.pushed_rad[:] = 0.0
+        arrays.contact_opening_rad[:] = 0.0
         arrays.row[:] = _NO_ROW
         arrays.put_zero("first", "count")
 
     def append_rows(self, tools: ToolBody) -> None:
-        """Append the rows of walls and catheters that may be squeezed in this step."""
-        append_squeezes(self._system.address, tools.address, self._arrays.address)
+        """Append the rows of the walls and catheters that the jaws may squeeze in this step."""
+        append_squeeze_rows(self._system.address, tools.address, self._arrays.address)
 
-    def follow(self, tools: ToolBody, dt_s: float) -> None:
-        """Update the energies once the jaws have moved, and occupy and release cells."""
-        follow_squeezes(self._system.address, tools.address, self._arrays.address, dt_s)
+    def update(self, tools: ToolBody, dt_s: float) -> None:
+        """Update the energies after the jaws have moved, and occupy and release cells."""
+        update_squeezes(self._system.address, tools.address, self._arrays.address, dt_s)
 
-    def react(self) -> None:
-        """Write the forces on jaws B, once the solve has found those on jaws A."""
+    def write_reactions(self) -> None:
+        """Write the forces on jaws B, after the solve has found those on jaws A."""
         write_reactions(self._system.address, self._arrays.address)
 
 
 @kernel
-def append_squeezes(
+def append_squeeze_rows(
     state_address: Address[ContactState], tools_address: Address[ToolArrays], squeeze_address: Address[SqueezeArrays]
 ) -> None:
-    """Append a pair of rows for each tool's wall, and for its catheter, if the jaws may squeeze it in this step."""
+    """Append a pair of rows for each tool's wall, and one for its catheter, if the jaws may squeeze it in this step."""
     state, tools, squeeze = state_at(state_address), tools_at(tools_address), squeeze_at(squeeze_address)
     rows = state.rows
     squeeze.first = rows.n_contacts
@@ -150,11 +150,11 @@ def append_squeezes(
 
 @kernel
 def _write_indentation(squeeze: SqueezeArrays, tools: ToolArrays, out: ToolGeometry, tool: int) -> None:
-    """Write the wall's indentation, and its change up to the opening that the present torque would leave."""
+    """Write the wall's indentation and its slope towards the opening expected with the last step's contact loads."""
     start_rad = tools.proxy[tool, 3]
-    motion_rad = tools.free[tool, 3] + squeeze.pushed_rad[tool] - start_rad
-    if abs(motion_rad) < LEAST_MOTION_RAD:
-        motion_rad = LEAST_MOTION_RAD
+    motion_rad = tools.free[tool, 3] + squeeze.contact_opening_rad[tool] - start_rad
+    if abs(motion_rad) < MIN_MOTION_RAD:
+        motion_rad = MIN_MOTION_RAD
     openings_rad = start_rad, start_rad + motion_rad
     write_indentation(squeeze.wall, tool, openings_rad, out.indentation[tool], out.indentation_slope[tool])
 
@@ -172,29 +172,29 @@ def _append_catheter(rows: ContactRows, tools: ToolArrays, squeeze: SqueezeArray
 @kernel
 def _append_wall(rows: ContactRows, tools: ToolArrays, squeeze: SqueezeArrays, tool: int) -> None:
     wall, start, free = squeeze.wall, tools.proxy[tool, 3], tools.free[tool, 3]
-    torque, fall, force = resist(wall, tool, start)
-    if not torque < math.inf or (torque == 0.0 and resist(wall, tool, free)[0] == 0.0):
+    torque, stiffness, force = wall_reaction(wall, tool, start)
+    if not torque < math.inf or (torque == 0.0 and wall_reaction(wall, tool, free)[0] == 0.0):
         return
-    end = yields_to(wall, tool, free, tools.compliance[tool, 3])
+    end = equilibrium_opening(wall, tool, free, tools.compliance[tool, 3])
     place = start
     if end < start - _SMALL_RAD:
-        reached, _, _ = resist(wall, tool, end)
-        fall, place = (reached - torque) / (start - end), end
-    if not fall > 0.0:
+        reached, _, _ = wall_reaction(wall, tool, end)
+        stiffness, place = (reached - torque) / (start - end), end
+    if not stiffness > 0.0:
         return
-    at_place, _, force = resist(wall, tool, place)
+    at_place, _, force = wall_reaction(wall, tool, place)
     arm = at_place / force
-    row = _append_pair(rows, tools, tool, (DUCT_TRIANGLE, arm / math.cos(0.5 * place), start + torque / fall))
+    row = _append_pair(rows, tools, tool, (DUCT_TRIANGLE, arm / math.cos(0.5 * place), start + torque / stiffness))
     squeeze.row[tool, _WALL] = row
     if row != NO_ROOM:
         lever = _lever_m(rows, row)
-        rows.softness_m_n[row, 0] = lever * lever / fall
+        rows.softness_m_n[row, 0] = lever * lever / stiffness
         _soften_tangents(rows, tools, row)
 
 
 @kernel
 def _soften_tangents(rows: ContactRows, tools: ToolArrays, row: int) -> None:
-    """Write the compliance of the squeezed body plus the jaws' coupling on the tangents, for penalty contact."""
+    """Write the sum of the squeezed body's and the coupling's compliance on the tangents, where penalty reads it."""
     lever = _lever_m(rows, row)
     for axis in range(1, 3):
         rows.softness_m_n[row, axis] = rows.softness_m_n[row, 0] + lever * lever * tools.compliance[rows.tool[row], 3]
@@ -202,25 +202,25 @@ def _soften_tangents(rows: ContactRows, tools: ToolArrays, row: int) -> None:
 
 @kernel
 def _lever_m(rows: ContactRows, row: int) -> float:
-    """Return how far the jaws part at a row per radian of opening."""
+    """Return the lever (m) of a row: the opening distance there per radian of opening."""
     lever, normal = rows.lever[row], rows.frame[row, 0]
     total: float = normal[0] * lever[0, 3] + normal[1] * lever[1, 3] + normal[2] * lever[2, 3]
     return total
 
 
 @kernel
-def _append_pair(rows: ContactRows, tools: ToolArrays, tool: int, what: tuple[int, float, float]) -> int:
-    """Append a force on jaw A and the row of its reaction on jaw B; return the first row, or `NO_ROOM`.
+def _append_pair(rows: ContactRows, tools: ToolArrays, tool: int, spring: tuple[int, float, float]) -> int:
+    """Append the row of a force on jaw A and that of its reaction on jaw B; return the first row, or `NO_ROOM`.
 
-    ``what`` is (target kind, distance along the jaws in m, opening in rad at which it would resist no more).
+    ``spring`` is (target kind, distance along the jaws in m, opening in rad at which the spring is unloaded).
     """
-    kind, along, opening = what
+    kind, along, opening = spring
     if rows.n_contacts + 2 > rows.gap_m.shape[0]:
         rows.dropped += 2
         return NO_ROOM
     half, frame, first = 0.5 * tools.proxy[tool, 3], tools.frame[tool], rows.n_contacts
     lever = along * math.cos(half)
-    apart = along * math.sin(half) - tools.jaw_radius[tool]
+    gap = along * math.sin(half) - tools.jaw_radius[tool]
     for side in range(2):
         segment, law = (JAW_A, _SQUEEZE) if side == 0 else (JAW_B, _GRIP)
         row = append_row(rows, law, with_law(pair_identity(tool, segment, -1, kind, 0), _SQUEEZE))
@@ -229,11 +229,11 @@ def _append_pair(rows: ContactRows, tools: ToolArrays, tool: int, what: tuple[in
         write_frame(frame[0], rows.frame[row])
         for axis in range(3):
             out = tools.proxy[tool, axis] + lever * frame[2, axis]
-            rows.point_m[row, axis] = out + sign * apart * frame[0, axis]
+            rows.point_m[row, axis] = out + sign * gap * frame[0, axis]
             for coordinate in range(rows.lever.shape[2]):
                 rows.lever[row, axis, coordinate] = 0.0
     for axis in range(3):
-        # The whole opening counts on jaw A; the reaction, which no solve knows of, moves nothing.
+        # Jaw A carries the full lever of the opening; the reaction row takes no part in the solve.
         rows.lever[first, axis, 3] = lever * frame[0, axis]
         rows.slip_m[first, axis] = lever * (tools.free[tool, 3] - opening) * frame[0, axis]
     rows.force_limit_n[first + 1] = 0.0
@@ -242,7 +242,7 @@ def _append_pair(rows: ContactRows, tools: ToolArrays, tool: int, what: tuple[in
 
 @kernel
 def write_reactions(state_address: Address[ContactState], squeeze_address: Address[SqueezeArrays]) -> None:
-    """Write on every jaw B the opposite of the force on jaw A."""
+    """Write the opposite of the force on jaw A into the row of jaw B, for all pairs."""
     state, squeeze = state_at(state_address), squeeze_at(squeeze_address)
     for row in range(squeeze.first, squeeze.first + squeeze.count, 2):
         for axis in range(3):
@@ -251,39 +251,41 @@ def write_reactions(state_address: Address[ContactState], squeeze_address: Addre
 
 
 @kernel
-def follow_squeezes(
+def update_squeezes(
     state_address: Address[ContactState],
     tools_address: Address[ToolArrays],
     squeeze_address: Address[SqueezeArrays],
     dt_s: float,
 ) -> None:
-    """Update the energies of the step, and occupy and release cells by what was pressed in it."""
+    """Update the energies of the step, and occupy and release cells according to the contacts that were pressed."""
     state, tools, squeeze = state_at(state_address), tools_at(tools_address), squeeze_at(squeeze_address)
     rows = state.rows
     for tool in range(tools.present.shape[0]):
-        squeeze.pushed_rad[tool] = tools.proxy[tool, 3] - tools.free[tool, 3]
+        squeeze.contact_opening_rad[tool] = tools.proxy[tool, 3] - tools.free[tool, 3]
         opening, before = tools.proxy[tool, 3], squeeze.stored_j[tool, _WALL] + squeeze.stored_j[tool, _CATHETER]
         squeeze.stored_j[tool, _CATHETER] = 0.0
-        for what in range(2):
-            row = squeeze.row[tool, what]
+        for kind in range(2):
+            row = squeeze.row[tool, kind]
             if row != _NO_ROW:
                 force = rows.force_n[row, 0]
                 squeeze.dissipated_j += force * _lever_m(rows, row) * (squeeze.start_rad[tool] - opening)
-                if what == _CATHETER:
-                    squeeze.stored_j[tool, what] = 0.5 * rows.softness_m_n[row, 0] * force * force
+                if kind == _CATHETER:
+                    squeeze.stored_j[tool, kind] = 0.5 * rows.softness_m_n[row, 0] * force * force
         if tools.present[tool] and not tools.disengaged[tool]:
-            _find_wall(rows, state.geometry.wall, tools, squeeze.reach, tool)
-            _occupy(squeeze, tool, opening, dt_s)
+            _find_pressed_spans(rows, state.geometry.wall, tools, squeeze.pressed_span, tool)
+            _update_cells(squeeze, tool, opening, dt_s)
         else:
             squeeze.wall.occupied[tool] = 0.0
-        squeeze.stored_j[tool, _WALL] = stored(squeeze.wall, tool, opening)
+        squeeze.stored_j[tool, _WALL] = stored_energy_j(squeeze.wall, tool, opening)
         squeeze.dissipated_j += before - squeeze.stored_j[tool, _WALL] - squeeze.stored_j[tool, _CATHETER]
 
 
 @kernel
-def _find_wall(rows: ContactRows, wall: WallGeometry, tools: ToolArrays, reach: FloatArray, tool: int) -> None:
-    """Write where along the jaws of a tool wall that is between them is pressed, on each side of its surface."""
-    reach[:, :, 0], reach[:, :, 1] = math.inf, -math.inf
+def _find_pressed_spans(
+    rows: ContactRows, wall: WallGeometry, tools: ToolArrays, pressed_span: FloatArray, tool: int
+) -> None:
+    """Write the span along each jaw over which it presses wall between the jaws, for each side of the surface."""
+    pressed_span[:, :, 0], pressed_span[:, :, 1] = math.inf, -math.inf
     cosine = math.cos(0.5 * tools.proxy[tool, 3])
     for row in range(rows.n_contacts):
         if rows.tool[row] != tool or not HAS_GAP[rows.law[row]] or rows.force_n[row, 0] <= 0.0:
@@ -293,17 +295,17 @@ def _find_wall(rows: ContactRows, wall: WallGeometry, tools: ToolArrays, reach: 
         if not is_wall or segment not in (JAW_A, JAW_B) or _lever_m(rows, row) <= 0.0:
             continue
         jaw = 0 if segment == JAW_A else 1
-        side = 1 if _is_outside(wall, target_of(rows.identity[row]), normal) else 0
+        side = 1 if _points_outwards(wall, target_of(rows.identity[row]), normal) else 0
         place = 0.0
         for axis in range(3):
             place += (rows.point_m[row, axis] - tools.proxy[tool, axis]) * tools.frame[tool, 2, axis] / cosine
-        reach[side, jaw, 0] = min(reach[side, jaw, 0], place)
-        reach[side, jaw, 1] = max(reach[side, jaw, 1], place)
+        pressed_span[side, jaw, 0] = min(pressed_span[side, jaw, 0], place)
+        pressed_span[side, jaw, 1] = max(pressed_span[side, jaw, 1], place)
 
 
 @kernel
-def _is_outside(wall: WallGeometry, triangle: int, normal: FloatArray) -> bool:
-    """Return whether a normal points to the side of the surface that its triangles' own normals, at rest, point to."""
+def _points_outwards(wall: WallGeometry, triangle: int, normal: FloatArray) -> bool:
+    """Return whether a normal points to the same side of the wall as the triangle's normal at rest."""
     corners = wall.triangles[triangle]
     total = 0.0
     for axis in range(3):
@@ -314,21 +316,21 @@ def _is_outside(wall: WallGeometry, triangle: int, normal: FloatArray) -> bool:
 
 
 @kernel
-def _occupy(squeeze: SqueezeArrays, tool: int, opening_rad: float, dt_s: float) -> None:
-    """Occupy cells with two layers between both jaws, at their present thickness, and release cells without wall."""
-    wall, reach = squeeze.wall, squeeze.reach
-    beside = 0.5 * wall.length_m[tool] / N_CELLS
+def _update_cells(squeeze: SqueezeArrays, tool: int, opening_rad: float, dt_s: float) -> None:
+    """Occupy cells in which both jaws press wall, at its present thickness, and release cells without pressed wall."""
+    wall, pressed_span = squeeze.wall, squeeze.pressed_span
+    half_cell_m = 0.5 * wall.length_m[tool] / N_CELLS
     for cell in range(N_CELLS):
         place = cell_m(wall, tool, cell)
         is_between = is_touched = False
         for side in range(2):
-            first, last = reach[side, :, 0], reach[side, :, 1]
-            is_between |= max(first[0], first[1]) - beside <= place <= min(last[0], last[1]) + beside
+            first, last = pressed_span[side, :, 0], pressed_span[side, :, 1]
+            is_between |= max(first[0], first[1]) - half_cell_m <= place <= min(last[0], last[1]) + half_cell_m
             for jaw in range(2):
-                is_touched |= first[jaw] - beside <= place <= last[jaw] + beside
-        apart = apart_m(wall, tool, cell, opening_rad)
-        is_free = wall.occupied[tool, cell] == 0.0 or apart >= wall.free_m[tool, cell]
-        if is_between and is_free and apart >= LEAST_ROOM * wall.thickness_m:
-            wall.occupied[tool, cell], wall.free_m[tool, cell] = 1.0, min(apart, wall.thickness_m)
+                is_touched |= first[jaw] - half_cell_m <= place <= last[jaw] + half_cell_m
+        gap = jaw_gap_m(wall, tool, cell, opening_rad)
+        is_free = wall.occupied[tool, cell] == 0.0 or gap >= wall.free_m[tool, cell]
+        if is_between and is_free and gap >= MIN_GAP_SHARE * wall.thickness_m:
+            wall.occupied[tool, cell], wall.free_m[tool, cell] = 1.0, min(gap, wall.thickness_m)
         elif not is_touched:
-            wall.occupied[tool, cell] = max(wall.occupied[tool, cell] - dt_s / LETS_GO_S, 0.0)
+            wall.occupied[tool, cell] = max(wall.occupied[tool, cell] - dt_s / RELEASE_S, 0.0)

@@ -1,4 +1,4 @@
-"""Stages before and after a contact solve: one kernel each, on the state behind one address."""
+"""Stages before and after a contact solve. Each is one kernel, which reads the contact state from its address."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from services.mechanics.rod.model import model_at, work_at
 def append(
     pairs_address: Address[ContactPairs], geometry_address: Address[ContactGeometry], rows_address: Address[ContactRows]
 ) -> int:
-    """Append pairs to the rows, and return how many pairs had been dropped."""
+    """Append rows for pairs, and return how many pairs detection has dropped."""
     pairs = pairs_at(pairs_address)
     append_pairs(pairs, geometry_at(geometry_address), rows_at(rows_address))
     return pairs.dropped
@@ -38,27 +38,30 @@ def append(
 
 @kernel
 def complete_rows(state_address: Address[ContactState], displacement: FloatArray, motion: FloatArray) -> None:
-    """Finish gaps and slips with the duct's displacement, see `subtract_duct_motion`, and recall last tick's forces."""
+    """Complete gaps and slips (`subtract_duct_motion`), and recall the forces of the last tick (`recall_forces`).
+
+    ``displacement`` and ``motion`` (k, 3) are those of the duct at the contact points, in m.
+    """
     _complete(state_at(state_address), displacement, motion)
 
 
 @kernel
-def complete_new(
+def complete_new_rows(
     state_address: Address[ContactState], displacement: FloatArray, motion: FloatArray, first: int
 ) -> None:
-    """Finish the rows from ``first`` on as `complete_rows`; they begin without forces."""
+    """Complete the rows from ``first`` on as `complete_rows` does, but with zero forces."""
     state = state_at(state_address)
     rows = state.rows
     subtract_duct_motion(rows, displacement, motion, first)
     for row in range(first, rows.n_contacts):
-        state.slides[row], rows.held_j[row] = False, 0.0
+        state.slides[row], rows.friction_energy_j[row] = False, 0.0
         for axis in range(3):
             rows.force_n[row, axis] = rows.elastic_m[row, axis] = 0.0
 
 
 @kernel
 def subtract_motion(state_address: Address[ContactState], motion: FloatArray, first: int) -> None:
-    """Subtract further free motion (k, 3) of the duct from the slips of complete rows from ``first`` on."""
+    """Subtract further free motion (k, 3) of the duct, in m, from the slips of complete rows from ``first`` on."""
     rows = state_at(state_address).rows
     for row in range(first, rows.n_contacts):
         for axis in range(3):
@@ -69,7 +72,10 @@ def subtract_motion(state_address: Address[ContactState], motion: FloatArray, fi
 def gather_and_complete(
     state_address: Address[ContactState], duct_address: Address[DuctLoads], kept_address: Address[NodeArrays]
 ) -> bool:
-    """Gather what a straight wall is at the rows' points, and `complete_rows`; False if a node of it has no place."""
+    """Gather the displacement and motion of a linear wall at the rows' points, and do as `complete_rows`.
+
+    Return False, with nothing done, if the wall's arrays hold no entry for one of the nodes.
+    """
     state, duct = state_at(state_address), loads_at(duct_address)
     k = state.rows.n_contacts
     if not gather_kept(duct, kept_address, state.rows.duct_node[:k], state.rows.duct_weight[:k]):
@@ -86,7 +92,7 @@ def _complete(state: ContactState, displacement: FloatArray, motion: FloatArray)
 
 @kernel
 def finish(state: ContactState) -> None:
-    """Write sliding flags and world-axis forces of the solved contacts, and store both for a warm start."""
+    """Write sliding flags and forces along world axes, and store both for the next warm start."""
     mark_sliding(state.rows, state.slides)
     write_world_forces(state.rows, state.force_n)
     store_forces(state.memory, state.rows, state.force_n, state.slides, state.geometry.wall.vertices)
@@ -94,7 +100,7 @@ def finish(state: ContactState) -> None:
 
 @kernel
 def mark_sliding(rows: ContactRows, out: BoolArray) -> None:
-    """Write for each contact (k,) whether its force is on the limit of its law."""
+    """Write for each contact (k,) whether its force is at the limit of its law."""
     for row in range(rows.n_contacts):
         out[row] = admissible.slides(rows, row)
 
@@ -112,19 +118,20 @@ def write_world_forces(rows: ContactRows, out: FloatArray) -> None:
 
 
 @kernel
-def give_forces(
+def apply_to_bodies(
     addresses: tuple[Address[ContactState], Address[DuctLoads], Address[FreeStep], Address[ToolArrays]],
     rod: Addresses,
     motion: Motion,
     step: tuple[float, bool],
     dt_s: float,
     tool_force: FloatArray,
-    pays: bool,
+    limits_energy: bool,
 ) -> bool:
-    """Correct the end of the step of all bodies; ``tool_force`` (2, 4) takes the generalised forces on the tools.
+    """Correct the end of the step of all bodies; ``tool_force`` (2, 4) receives the generalised forces on the tools.
 
-    ``pays`` is whether a catheter without twist pays for its energy gain here, see `contact_energy_gain`.
-    ``motion`` and ``step`` are those of `contact_response.correct`; False, and nothing corrected, where that is False.
+    ``limits_energy`` is whether to remove the energy gain of a catheter without twist, see `contact_energy_gain`.
+    ``motion`` and ``step`` are those of `contact_response.correct`. If that returns False, nothing is corrected, and
+    False is returned.
     """
     state, catheter = state_at(addresses[0]), step_at(addresses[2])
     rows, k = state.rows, state.rows.n_contacts
@@ -132,7 +139,7 @@ def give_forces(
     spread_rod_forces(rows.rod_node[:k], rows.rod_weight[:k], forces, catheter.contact)
     if not contact_response.correct(rod, motion, catheter.contact, step):
         return False
-    if pays:
+    if limits_energy:
         pay_for_change(model_at(rod[0]), work_at(rod[1]), catheter, motion, step[0])
     duct_loads.correct(addresses[1], rows.duct_node[:k], rows.duct_weight[:k], forces, dt_s)
     load_tools(addresses[0], tool_force)

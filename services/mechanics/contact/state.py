@@ -1,4 +1,4 @@
-"""Everything that the contact solve works on, as one struct."""
+"""The state of the contact solve: all its arrays, as one struct."""
 
 from __future__ import annotations
 
@@ -15,16 +15,19 @@ from services.mechanics.contact.warm_start import ForceMemory
 
 
 class ContactState(Struct):
-    """Contacts of one step, what they are built from, and their solution; room for c contacts, m = 3 c.
+    """Contacts of one step, the geometry from which they are built, and their solution; for c contacts, m = 3 c.
 
     Attributes:
-        problem: ContactProblem. Of these rows; its motion are gaps and slips at the end of the step.
-        memory: ForceMemory. Of the last step.
-        ledger: Ledger. Energy that contacts owe.
+        geometry: ContactGeometry. Poses and motions of the bodies.
+        rows: ContactRows. The contacts.
+        problem: ContactProblem. The problem of these rows; its motion holds gaps and slips at the end of the step.
+        memory: ForceMemory. Forces of the last step, for the warm start.
+        ledger: Ledger. Energy that contacts have added, see `passivity`.
+        scratch: SolverScratch. Work space of the solve.
         delassus: (m m,) float64. Delassus operator W, packed as (3 k, 3 k) for k contacts.
         force_n: (c, 3) float64. Forces on the first bodies along world axes.
-        slides: (c,) bool
-        rod_points: (4 c, 2) int32. Scratch of the catheter's compliance.
+        slides: (c,) bool. Whether a force is at the limit of its law.
+        rod_points: (4 c, 2) int32. Scratch for the catheter's compliance.
     """
 
     geometry: ContactGeometry

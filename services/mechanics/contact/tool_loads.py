@@ -16,13 +16,13 @@ from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.scene.tools import N_TOOLS, ToolResults
 
-# A hand at 0.5 m/s loads a coupling of 500 N/m at this rate. A force that snaps, as of a lost grip, is felt as a ramp
-# of this slope instead of a blow.
+# Largest rate of the reported force. A hand at 0.5 m/s loads a coupling of 500 N/m at this rate. A force that jumps, as
+# when a grip is lost, is felt as a ramp of this slope.
 FORCE_RATE_N_S = 250.0
 
 
 class ReportArrays(Struct):
-    """The arrays of `ToolResults`, and the generalised contact forces that they follow from."""
+    """The arrays of `ToolResults`, and the generalised contact forces from which they are computed."""
 
     force: Annotated[FloatArray, N_TOOLS, 3]
     port_moment: Annotated[FloatArray, N_TOOLS, 3]
@@ -53,7 +53,7 @@ report_at = reader(ReportArrays)
 
 @kernel
 def load_tools(state_address: Address[ContactState], out: FloatArray) -> None:
-    """Write sum of G^T f of each tool into ``out`` (2, 4): force at J in N and opening torque in N m."""
+    """Write the sum of G^T f of each tool into ``out`` (2, 4): force at J in N, opening torque in N m; G are levers."""
     state = state_at(state_address)
     rows = state.rows
     out[:] = 0.0
@@ -73,12 +73,15 @@ def report(
     report_address: Address[ReportArrays],
     dt_s: float,
 ) -> float:
-    """Write the tools' loads; return the catheter's deepest overlap (m) with wall or itself at the step's start."""
+    """Write the tools' loads and poses; return the catheter's deepest overlap (m) at the start of the step.
+
+    The overlap is that with the wall or with itself.
+    """
     state, tools, out = state_at(state_address), tools_at(tools_address), report_at(report_address)
     _moments(state.rows, state.force_n, tools.port, out.port_moment)
     for tool in range(out.loads.shape[0]):
         out.grasp_torque[tool] = out.loads[tool, 3]
-        _follow_force(tools.present[tool], out.loads[tool], FORCE_RATE_N_S * dt_s, out.force[tool])
+        _limit_force_rate(tools.present[tool], out.loads[tool], FORCE_RATE_N_S * dt_s, out.force[tool])
         for axis in range(3):
             out.proxy_position[tool, axis] = tools.proxy[tool, axis]
         out.proxy_jaw_angle[tool] = tools.proxy[tool, 3]
@@ -86,12 +89,12 @@ def report(
 
 
 @kernel
-def _follow_force(is_present: bool, load: FloatArray, most: float, out: FloatArray) -> None:
-    """Change the force (3,) towards that of the contacts by at most ``most`` N; absent tools get none at once."""
+def _limit_force_rate(is_present: bool, load: FloatArray, max_change_n: float, out: FloatArray) -> None:
+    """Change ``out`` (3,) towards ``load`` (3,), in N, by at most ``max_change_n``; of an absent tool make it zero."""
     change_2 = 0.0
     for axis in range(3):
         change_2 += (load[axis] - out[axis]) ** 2
-    share = most / math.sqrt(change_2) if change_2 > most * most else 1.0
+    share = max_change_n / math.sqrt(change_2) if change_2 > max_change_n * max_change_n else 1.0
     for axis in range(3):
         if not is_present:
             out[axis] = 0.0
@@ -103,7 +106,7 @@ def _follow_force(is_present: bool, load: FloatArray, most: float, out: FloatArr
 
 @kernel
 def _moments(rows: ContactRows, forces: FloatArray, about: FloatArray, moment: FloatArray) -> None:
-    """Write the moment of the forces on each tool about its point in ``about`` (2, 3)."""
+    """Write the moment (2, 3), in N m, of the forces on each tool about its point in ``about`` (2, 3)."""
     moment[:] = 0.0
     for row in range(rows.n_contacts):
         tool = rows.tool[row]

@@ -1,7 +1,7 @@
-"""Warm start of a solve: rows take last tick's forces, matched by the bodies and their place on the wall.
+"""Warm start of a solve: rows begin with the forces of the last tick, matched by bodies and by place on the wall.
 
-The elastic slip of friction moves with them, to the next triangle as well; it is forgotten when the surfaces part. A
-triangle alone does not identify a contact: on an edge it alternates between two.
+The elastic slip of friction is carried over with the force, also to the next triangle, and is reset when the surfaces
+separate. A triangle alone does not identify a contact, because a contact on an edge alternates between two.
 """
 
 from __future__ import annotations
@@ -22,35 +22,36 @@ from services.mechanics.contact.working_set import place_at_rest
 
 
 class ForceMemory(Struct):
-    """Forces and elastic slips along world axes and sliding states of the last tick, and scratch for the search."""
+    """Forces (N), elastic slips (m) along world axes and sliding states of the last tick; scratch for the search."""
 
     identity: Annotated[LongArray, "c"]
     force_n: Annotated[FloatArray, "c", 3]
     elastic_m: Annotated[FloatArray, "c", 3]
-    place_m: Annotated[FloatArray, "c", 3]  # on the undeformed wall, zero for what is not on it
+    place_m: Annotated[FloatArray, "c", 3]  # on the undeformed wall; zero for contacts without the wall
     slides: Annotated[BoolArray, "c"]
     taken: Annotated[BoolArray, "c"]
     found: Annotated[BoolArray, "c"]
     n_contacts: int = 0
 
 
-#: A contact that sticks moves on the wall by less in a step.
+#: A sticking contact moves on the wall by less than this in a step.
 SAME_PLACE_M = 50e-6
 
 
 @kernel
 def recall_forces(memory: ForceMemory, rows: ContactRows, slides: BoolArray, vertices_m: FloatArray) -> None:
-    """Fill ``rows.force_n``, ``elastic_m``, ``held_j`` and ``slides`` (C,) from the memory, or with zero.
+    """Fill ``rows.force_n``, ``elastic_m``, ``friction_energy_j`` and ``slides`` (C,) from the memory, or with zero.
 
-    A row first takes the force of the same first body at the same place on the wall, whose undeformed nodes are
-    ``vertices_m`` (n, 3), or, beside the wall, of the same pair; then the nearest of the same body against the same
-    kind of target, so that a contact which slid on keeps its force. Each remembered force is used once.
+    Each stored force is used once. A first pass matches rows with the same first body at the same place on the wall,
+    whose undeformed nodes are ``vertices_m`` (n, 3), or, without the wall, with the same pair of bodies. A second pass
+    gives the other rows the nearest force of the same body against the same kind of target, so that a contact that has
+    slid keeps its force.
     """
     memory.taken[: memory.n_contacts] = False
     for row in range(rows.n_contacts):
         rows.force_n[row] = 0.0
         rows.elastic_m[row] = 0.0
-        rows.held_j[row] = 0.0
+        rows.friction_energy_j[row] = 0.0
         slides[row] = False
         memory.found[row] = _recall(memory, rows, row, _nearest(memory, rows, row, vertices_m, False), slides)
     for row in range(rows.n_contacts):
@@ -59,25 +60,25 @@ def recall_forces(memory: ForceMemory, rows: ContactRows, slides: BoolArray, ver
 
 
 @kernel
-def _nearest(memory: ForceMemory, rows: ContactRows, row: int, vertices_m: FloatArray, anywhere: bool) -> int:
-    """Return the nearest unused force of the row's bodies, only at its old place unless ``anywhere``; or -1."""
+def _nearest(memory: ForceMemory, rows: ContactRows, row: int, vertices_m: FloatArray, any_place: bool) -> int:
+    """Return the nearest unused entry with the row's bodies, or -1; only one at the same place unless ``any_place``."""
     identity, at, nearest = rows.identity[row], _place_m(rows, row, vertices_m), -1
-    is_on_wall, least = at != (0.0, 0.0, 0.0), math.inf if anywhere else SAME_PLACE_M**2
+    is_on_wall, least_2 = at != (0.0, 0.0, 0.0), math.inf if any_place else SAME_PLACE_M**2
     for old in range(memory.n_contacts):
         other = memory.identity[old]
         if memory.taken[old] or without_target(other) != without_target(identity):
             continue
-        if not (anywhere or is_on_wall or other == identity):
+        if not (any_place or is_on_wall or other == identity):
             continue
-        away = squared_distance(at, vector(memory.place_m, old))
-        if away < least:
-            nearest, least = old, away
+        distance_2 = squared_distance(at, vector(memory.place_m, old))
+        if distance_2 < least_2:
+            nearest, least_2 = old, distance_2
     return nearest
 
 
 @kernel
 def _place_m(rows: ContactRows, row: int, vertices_m: FloatArray) -> Vector:
-    """Return where a row is on the undeformed wall; zero for what is not on it."""
+    """Return a row's position on the undeformed wall; zero for a contact without the wall."""
     return place_at_rest(vertices_m, rows.duct_node, row, vector(rows.duct_weight, row))
 
 
@@ -96,7 +97,7 @@ def _recall(memory: ForceMemory, rows: ContactRows, row: int, old: int, slides: 
             + rows.frame[row, axis, 2] * memory.force_n[old, 2]
         )
         if axis >= 3 - ELASTIC_AXES[rows.law[row]]:
-            rows.held_j[row] += 0.5 * rows.softness_m_n[row, axis] * rows.force_n[row, axis] ** 2
+            rows.friction_energy_j[row] += 0.5 * rows.softness_m_n[row, axis] * rows.force_n[row, axis] ** 2
     return True
 
 
@@ -104,7 +105,7 @@ def _recall(memory: ForceMemory, rows: ContactRows, row: int, old: int, slides: 
 def store_forces(
     memory: ForceMemory, rows: ContactRows, forces: FloatArray, slides: BoolArray, vertices_m: FloatArray
 ) -> None:
-    """Store the solved forces (C, 3) along world axes, their places on the undeformed wall, and sliding flags."""
+    """Store the solved ``forces`` (C, 3) along world axes, their places on the undeformed wall, and sliding flags."""
     memory.n_contacts = rows.n_contacts
     for row in range(rows.n_contacts):
         put_row(memory.place_m, row, _place_m(rows, row, vertices_m))
@@ -118,14 +119,14 @@ def store_forces(
 def store_anchors(problem: ContactProblem, slides: BoolArray, out: FloatArray) -> None:
     r"""Write the elastic slip (C, 3) at the end of the step along world axes, from the solved forces and motions.
 
-    Two surfaces that stick are tied at the point where they last slid, their *anchor*, by the stiffness of the surfaces
-    themselves: :math:`f_t = -e / c`, e being how far they have moved since and c the row's softness. As e, and not its
-    rate, sets the force, what sticks does not creep, and the force depends on the step as little as e does. Where the
-    cone bounds the force the anchor follows: :math:`e = -c f_t` (elastoplastic friction; the return mapping of a
-    plastic bar in Simo and Hughes, "Computational Inelasticity", 1998, ch. 1). What a solve that was cut short leaves
-    open is part of e: the next one takes it up.
+    Two sticking surfaces are tied by their own stiffness to the point where they last slid, their *anchor*:
+    :math:`f_t = -e / c`, with e the motion since then and c the row's softness. The force depends on e and not on its
+    rate, so sticking contacts do not creep, and the force depends on the step no more than e does. Where the cone
+    limits the force, the anchor follows: :math:`e = -c f_t`. This is elastoplastic friction (the return mapping of a
+    plastic bar in Simo and Hughes, "Computational Inelasticity", 1998, ch. 1). The residual of a solve that was cut
+    short is part of e, so that the next solve removes it.
 
-    ``slides`` (C,) says where the force is on its cone.
+    ``slides`` (C,) tells where the force is on its cone.
     """
     rows = problem.rows
     for row in range(rows.n_contacts):

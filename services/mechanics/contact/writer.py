@@ -1,4 +1,4 @@
-"""The only writer of contact rows: it begins a row, and sets first body and target on tools, catheter and duct."""
+"""Functions that write contact rows; no other module does. They begin a row, and set its first body and its target."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from services.mechanics.contact.laws import CREEP, LIMIT_N, SOFTNESS_M_N
 from services.mechanics.contact.rows import NO_STONE, ContactRows
 
 NO_ROOM = -1
-# Places of the two particles of each side in a row.
+# Index of the first of two particles of each side in ``rod_node``.
 FIRST_SIDE, TARGET_SIDE = 0, 2
-# Place of the first of three particles of a target on the curve, which leave no room for a first side.
+# Index of the first of three particles of a target on the curve; the first body of such a row is not the catheter.
 _ON_CURVE = 1
 
 
 @kernel
 def room_for_rows(rows: ContactRows) -> int:
-    """Return how many more rows there is room for."""
+    """Return how many more rows can be appended."""
     return int(max(rows.gap_m.shape[0] - rows.reserved - rows.n_contacts, 0))
 
 
 @kernel
 def append_row(rows: ContactRows, law: int, identity: int) -> int:
-    """Begin a row under a law, without bodies, gap or slip, and return its number.
+    """Append a row under a law, without bodies, gap or slip, and return its index.
 
-    Where there is no room the row is counted as dropped, and `NO_ROOM` returned.
+    If there is no room, the row is counted as dropped, and `NO_ROOM` is returned.
     """
     row = rows.n_contacts
     if row >= rows.gap_m.shape[0] - rows.reserved:
@@ -45,13 +45,13 @@ def append_row(rows: ContactRows, law: int, identity: int) -> int:
     rows.gap_m[row] = rows.rest_offset_m[row] = 0.0
     rows.slip_m[row] = 0.0
     rows.friction[row] = 0.0
-    put_under_law(rows, row, law)
+    set_law(rows, row, law)
     return row
 
 
 @inlined_kernel
-def put_under_law(rows: ContactRows, row: int, law: int) -> None:
-    """Put a row under a law, with the softness and the limits that are particular to it."""
+def set_law(rows: ContactRows, row: int, law: int) -> None:
+    """Set the law of a row, and with it its softness and its force limit."""
     rows.law[row], rows.force_limit_n[row] = law, LIMIT_N[law]
     for axis in range(3):
         rows.softness_m_n[row, axis] = SOFTNESS_M_N[law, axis]
@@ -59,8 +59,8 @@ def put_under_law(rows: ContactRows, row: int, law: int) -> None:
 
 
 @kernel
-def append_double(rows: ContactRows, source: int, law: int) -> int:
-    """Append a second row of the same points and slip under another law, and return its number or `NO_ROOM`."""
+def append_copy(rows: ContactRows, source: int, law: int) -> int:
+    """Append a copy of a row's points, frame and slip under another law, and return its index or `NO_ROOM`."""
     row: int = append_row(rows, law, with_law(rows.identity[source], law))
     if row == NO_ROOM:
         return row
@@ -82,7 +82,7 @@ def append_double(rows: ContactRows, source: int, law: int) -> int:
 
 @kernel
 def put_on_tool(rows: ContactRows, row: int, tools: ToolGeometry, tool: int, segment: int) -> None:
-    """Make a tool the first body; ``point_m`` holds p - J and becomes absolute."""
+    """Make a tool the first body. On entry ``point_m`` of the row is relative to J; it becomes absolute."""
     arm, lever = rows.point_m[row], rows.lever[row]
     rows.tool[row] = tool
     contact_lever(tools.frame[tool], tools.length[tool], segment, arm, lever)
@@ -92,7 +92,7 @@ def put_on_tool(rows: ContactRows, row: int, tools: ToolGeometry, tool: int, seg
 
 @kernel
 def add_tool_motion(rows: ContactRows, row: int, tools: ToolGeometry) -> None:
-    """Add the motion of the tool's point over the step to the slip; roll turns it against the shaft's direction."""
+    """Add the motion of the tool's point over the step to the slip; roll is positive about minus the shaft's axis."""
     lever, tool = rows.lever[row], rows.tool[row]
     arm = subtract(vector(rows.point_m, row), vector_of(tools.segments[tool], 1, 0))
     turn = cross(arm, vector_of(tools.frame, tool, 2))
@@ -104,21 +104,21 @@ def add_tool_motion(rows: ContactRows, row: int, tools: ToolGeometry) -> None:
 
 @kernel
 def put_on_rod(rows: ContactRows, row: int, side: int, nodes: tuple[int, int], weights: tuple[float, float]) -> None:
-    """Put one side on the catheter, between two particles; weights are positive on the first side, else negative."""
+    """Put one side of a row between two particles of the catheter; weights of the target side are negative."""
     rows.rod_node[row, side], rows.rod_node[row, side + 1] = nodes[0], nodes[1]
     rows.rod_weight[row, side], rows.rod_weight[row, side + 1] = weights[0], weights[1]
 
 
 @kernel
 def put_on_curve(rows: ContactRows, row: int, first: int, weights: Vector) -> None:
-    """Put the target on the catheter's curve, on three particles from ``first`` on with these weights, see `curve`."""
+    """Put the target on the catheter's curve: on three particles from ``first`` on, with ``weights`` as in `curve`."""
     for k in range(3):
         rows.rod_node[row, _ON_CURVE + k], rows.rod_weight[row, _ON_CURVE + k] = first + k, -weights[k]
 
 
 @kernel
 def put_on_duct(rows: ContactRows, row: int, corners: IntArray, weights: FloatArray) -> None:
-    """Put the target on the duct, at barycentric weights (3,) in the triangle of these corners (3,)."""
+    """Put the target on the duct: in the triangle with nodes ``corners`` (3,), at barycentric ``weights`` (3,)."""
     for corner in range(3):
         rows.duct_node[row, corner] = corners[corner]
         rows.duct_weight[row, corner] = weights[corner]

@@ -18,7 +18,7 @@ from services.mechanics.contact.geometry import ContactGeometry, geometry_at
 from services.mechanics.contact.identity import pair_identity, with_stone
 from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.rows import ContactRows, rows_at
-from services.mechanics.contact.spheres import MOST_SPHERES, add_sphere_forces
+from services.mechanics.contact.spheres import MAX_SPHERES, add_sphere_forces
 from services.mechanics.contact.writer import NO_ROOM, TARGET_SIDE, append_row, put_on_rod
 from services.mechanics.effects.base import Effect, require_not_negative, require_positive
 from services.mechanics.scene import SceneModel
@@ -39,8 +39,8 @@ class GallstonesSettings:
     def __post_init__(self) -> None:
         if len(self.position_m) != len(self.radius_m) or not all(r > 0.0 for r in self.radius_m):
             raise ValueError("each stone needs a position_m and a positive radius_m")
-        if len(self.radius_m) > MOST_SPHERES:
-            raise ValueError(f"{len(self.radius_m)} stones are too many to be told apart, at most {MOST_SPHERES}")
+        if len(self.radius_m) > MAX_SPHERES:
+            raise ValueError(f"{len(self.radius_m)} stones are too many to be told apart, at most {MAX_SPHERES}")
         require_positive(self, "density_kg_m3")
         require_not_negative(self, "bile_viscosity_pa_s")
 

@@ -12,7 +12,7 @@ from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.rows import NO_STONE, ContactRows, rows_at
-from services.mechanics.contact.writer import NO_ROOM, append_double
+from services.mechanics.contact.writer import NO_ROOM, append_copy
 from services.mechanics.effects.base import Effect, require_positive
 from services.mechanics.scene import SceneModel
 from services.mechanics.world import World
@@ -80,7 +80,7 @@ def append_films(rows_address: Address[ContactRows], source: IntArray) -> None:
     first = rows.n_contacts
     for on_wall in range(first):
         if _is_catheter_on_wall(rows, on_wall):
-            row = append_double(rows, on_wall, _FILM)
+            row = append_copy(rows, on_wall, _FILM)
             if row != NO_ROOM:
                 source[row - first] = on_wall
 

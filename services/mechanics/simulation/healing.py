@@ -118,7 +118,7 @@ class Healer:
             body.halt()
         for part in (world.system, world.seal, world.squeeze, world.search):
             part.forget()
-        world.holds.lose()
+        world.holds.release_all()
 
 
 @kernel

@@ -292,13 +292,13 @@ class Simulation:
             effect.add_loads(self.world, dt_s)
 
     def _predict_tools(self, tools: ToolInputs, dt_s: float) -> None:
-        self.holds.stop_jaws(self.tools)
+        self.holds.write_jaw_stops(self.tools)
         self.tools.predict(tools, dt_s)
 
     def _collect(self, tools: ToolInputs, dt_s: float) -> None:
         """Make contact rows of the selected candidates and of the holds."""
         system, search = self.system, self.search
-        system.let_go_of_tools()
+        system.remove_vanished_tools()
         system.clear()
         self.seal.append_row()
         self.squeeze.append_rows(self.tools)
@@ -312,7 +312,7 @@ class Simulation:
             search.engage(found, system.geometry.address)
         wanted = self._grasp(tools, found) if tools.holds is None else tools.holds
         self.holds.follow(wanted if self.drive is None else [*wanted, *self.drive.holds()])
-        if self.holds.took_up:
+        if self.holds.has_begun:
             set_rest_offsets(found.address, system.geometry.address, tools.holds is not None)
         for effect in self._stages["add_pairs"]:
             effect.add_pairs(self.world, dt_s)
@@ -344,7 +344,7 @@ class Simulation:
         self.search.note_pressed(self.system.address)
         if self.wire_drive is not None:
             self.wire_drive.give(self._tool_force)
-        self.squeeze.follow(self.tools, dt_s)
+        self.squeeze.update(self.tools, dt_s)
         for effect in self._stages["settle"]:
             effect.settle(self.world, dt_s)
         for effect in self._stages["after_solve"]:
@@ -355,7 +355,7 @@ class Simulation:
         """Write the forces on the tools over a tick, in however many substeps it was taken."""
         addresses = (self.system.address, self.tools.address, self._report_arrays.address)
         self.max_penetration_m = report(*addresses, dt_s)
-        if self.system.strategy.knows_stiffness and self.is_felt:
+        if self.system.strategy.keeps_delassus and self.is_felt:
             self._stiffness.write()
         if self.wire_drive is not None:
             self.wire_drive.felt_stiffness(self.tool_results.stiffness_n_m)

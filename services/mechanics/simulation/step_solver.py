@@ -40,7 +40,7 @@ class Pricing:
         kept_pose = [array.copy() for array in pose]
         self._save_pose, self._restore_pose = copy_table(kept_pose, pose), copy_table(pose, kept_pose)
         self._pairs = ContactPairs.allocate(world.scene.contact.capacity)
-        self._is_off = not world.system.strategy.knows_stiffness or catheter.plain_integrator is None
+        self._is_off = not world.system.strategy.keeps_delassus or catheter.plain_integrator is None
         self.violations = self.new_rows = 0
         self._kept = kept, kept_pose
 
@@ -75,7 +75,7 @@ class Pricing:
         """Append rows for the candidates that ended too deep."""
         rows = self._world.system.rows
         before = rows.n_contacts
-        self._world.system.append_new(self._pairs)
+        self._world.system.append_new_pairs(self._pairs)
         self.new_rows += rows.n_contacts - before
 
     def compile_kernels(self) -> None:
@@ -132,7 +132,7 @@ class StepSolver:
         if system.rows.n_contacts > 0:
             system.solve(self._iterations, dt_s)
         else:
-            system.rest()
+            system.clear_forces()
         self._relinearise(dt_s)
         pricing.save()
         self._apply_forces()
@@ -188,12 +188,12 @@ class StepSolver:
         return self._system.nonlinear_error_j()
 
     def _apply_forces(self) -> None:
-        self._world.squeeze.react()
+        self._world.squeeze.write_reactions()
         self._system.apply(self.tool_force)
 
     def _solve_with_new_rows(self, dt_s: float) -> None:
         self._add_motion(dt_s)
-        with self._system.old_friction():
+        with self._system.keep_old_friction():
             self._set_friction(dt_s)
         self._system.assemble()
         self._system.solve(self._iterations, dt_s)

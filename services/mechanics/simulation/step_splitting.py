@@ -56,7 +56,7 @@ class StepSplitter:
         every = np.ones(len(velocity), np.bool_)
         self._way = catheter.start_m, catheter.state.position_m, every, every
         self._modes, self._longest = sampled_modes(world.duct.reduced.basis.Phi)
-        is_priced = world.system.strategy.knows_stiffness and catheter.plain_integrator is not None
+        is_priced = world.system.strategy.keeps_delassus and catheter.plain_integrator is not None
         self._goes_far = is_priced and catheter.wire is None  # what grows as it moves that far gains energy
         self.moved_m, self.most_m = 0.0, MOST_AHEAD_M
 

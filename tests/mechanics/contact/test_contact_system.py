@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics.contact.free_motion import taken_back
+from services.mechanics.contact.free_motion import effective_gap
 from services.mechanics.contact.lasting_compliance import LASTING_S
 from services.mechanics.scene.tools import GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
@@ -67,7 +67,7 @@ def test_motion_of_the_bodies_is_the_motion_that_was_solved_for(pressed):
         expected = rows.frame[row] @ moved
         expected[1:] += (rows.frame[row] @ rows.elastic_m[row])[1:]
         if row not in holds:
-            expected[0] += taken_back(rows, row, simulation.system.settings.recovery, 1e-3)
+            expected[0] += effective_gap(rows, row, simulation.system.settings.recovery, 1e-3)
         assert np.allclose(expected, solved, atol=1e-12 + rounding_m)
     others = [row for row in range(n) if row not in holds]
     assert len(holds) > 0

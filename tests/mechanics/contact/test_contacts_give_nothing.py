@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from services.mechanics.bodies.forceps.tool_body import ToolArrays
-from services.mechanics.contact.free_motion import free_motion, taken_back
+from services.mechanics.contact.free_motion import effective_gap, free_motion
 from services.mechanics.contact.identity import pair_identity
 from services.mechanics.contact.laws import number_of
-from services.mechanics.contact.passivity import BEGINS_S, LATELY_S, SLACK_J, Ledger, solve_passively
+from services.mechanics.contact.passivity import RECENT_S, SLACK_J, START_UP_S, Ledger, solve_passively
 from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import solve_contacts
@@ -34,7 +34,7 @@ class Pressed:
         half = random.normal(size=(3 * k, 8))
         self.bodies_m_n = 1e-3 * half @ half.T / 8.0
         self.W = self.bodies_m_n + np.diag(rows.softness_m_n.ravel())
-        self.scratch, self.ledger = SolverScratch.allocate(k), Ledger.zeros(begun_s=BEGINS_S)
+        self.scratch, self.ledger = SolverScratch.allocate(k), Ledger.zeros(contact_time_s=START_UP_S)
         free_motion(rows, RECOVERY, DT_S, self.problem.motion)
 
     def solve(self, how, sweeps=30):
@@ -42,7 +42,7 @@ class Pressed:
         how(self.problem, self.W, (sweeps, 1e-10), *more)
         return self
 
-    def given_j(self):
+    def contact_work_j(self):
         """Work on the bodies, from their own motion, and what the springs of friction have more."""
         rows, force = self.rows, self.rows.force_n
         slip_m = np.einsum("kij,kj->ki", rows.frame, rows.slip_m)
@@ -53,12 +53,12 @@ class Pressed:
 @pytest.mark.parametrize("sweeps", [30, 1])
 def test_contacts_give_nothing(sweeps):
     cases = [(seed, pressed_m) for seed in range(50) for pressed_m in (1e-4, 1e-5)]
-    plain_j = [Pressed(seed, pressed_m=m).solve(solve_contacts, sweeps).given_j() for seed, m in cases]
+    plain_j = [Pressed(seed, pressed_m=m).solve(solve_contacts, sweeps).contact_work_j() for seed, m in cases]
     assert max(plain_j) > 1e-6
     for seed, pressed_m in cases:
         pressed = Pressed(seed, pressed_m=pressed_m).solve(solve_passively, sweeps)
         force = pressed.rows.force_n
-        assert pressed.given_j() <= 1.01 * SLACK_J
+        assert pressed.contact_work_j() <= 1.01 * SLACK_J
         assert (force[:, 0] >= 0.0).all()
         assert (np.hypot(force[:, 1], force[:, 2]) <= pressed.rows.friction * force[:, 0] * (1.0 + 1e-9)).all()
 
@@ -76,7 +76,7 @@ def test_what_is_paid_for_is_taken_back():
         pressed.solve(solve_passively)
         assert rows.force_n[0, 0] == pytest.approx(1.0, rel=0.03)
         # What the surfaces' own softness takes, 1 uJ, pays for another micrometre.
-        assert rows.taken_m[0] == pytest.approx(share * taken_back(rows, 0, RECOVERY, DT_S), abs=2e-6)
+        assert rows.effective_gap_m[0] == pytest.approx(share * effective_gap(rows, 0, RECOVERY, DT_S), abs=2e-6)
 
 
 def test_a_shallow_overlap_is_taken_back_beside_a_deep_one():
@@ -89,30 +89,30 @@ def test_a_shallow_overlap_is_taken_back_beside_a_deep_one():
     pressed.bodies_m_n = np.diag([1e-3, 1e-9, 1e-9] * 2)
     pressed.W = pressed.bodies_m_n + np.diag(rows.softness_m_n.ravel())
     free_motion(rows, RECOVERY, DT_S, pressed.problem.motion)
-    asked_m = rows.taken_m.copy()
+    asked_m = rows.effective_gap_m.copy()
     pressed.solve(solve_passively)
-    assert rows.taken_m[0] == asked_m[0]
-    assert 0.0 > rows.taken_m[1] > asked_m[1]
-    assert pressed.given_j() <= 1.01 * SLACK_J
+    assert rows.effective_gap_m[0] == asked_m[0]
+    assert 0.0 > rows.effective_gap_m[1] > asked_m[1]
+    assert pressed.contact_work_j() <= 1.01 * SLACK_J
 
 
 def test_a_step_that_is_solved_again_is_entered_once():
     """As where the catheter's step is planned again, or looked at where it ends: what was solved first never was."""
     pressed, tools = Pressed(0), ToolArrays.zeros(present=np.array([True, False]))
     tools.stiffness[0], tools.stretch[0], tools.hand[0] = 1000.0, -1e-3, 2e-3
-    pressed.ledger.begun_s = 0.0
+    pressed.ledger.contact_time_s = 0.0
     entered = []
     for step in range(1, 3):
-        pressed.ledger.solves = 0
+        pressed.ledger.n_solves = 0
         for _ in range(4):
             free_motion(pressed.rows, RECOVERY, DT_S, pressed.problem.motion)
             work = (pressed.scratch, pressed.ledger)
             solve_passively(pressed.problem, pressed.W, (30, 1e-10), work, (tools, DT_S))
             ledger = pressed.ledger
-            entered.append((ledger.worked_j, ledger.most_j, ledger.begun_s))
+            entered.append((ledger.hand_work_j, ledger.max_hand_work_j, ledger.contact_time_s))
         assert entered[-4:] == [entered[-4]] * 4
-        assert ledger.begun_s == step * DT_S
-    assert entered[-1][0] == pytest.approx((1.0 + (1.0 - DT_S / LATELY_S)) * 4 * 1000.0 * 1e-3 * 2e-3)
+        assert ledger.contact_time_s == step * DT_S
+    assert entered[-1][0] == pytest.approx((1.0 + (1.0 - DT_S / RECENT_S)) * 4 * 1000.0 * 1e-3 * 2e-3)
 
 
 def test_what_a_step_may_give_is_not_owed():
@@ -125,7 +125,7 @@ def test_what_a_step_may_give_is_not_owed():
         pressed.bodies_m_n = np.diag([1e-3, 1e-9, 1e-9])
         pressed.W = pressed.bodies_m_n + np.diag(rows.softness_m_n[0])
         free_motion(rows, RECOVERY, DT_S, pressed.problem.motion)
-        pressed.ledger.most_j = 1.0
-        given_j = pressed.solve(solve_passively).given_j()
-        assert given_j == pytest.approx(gives_j, rel=0.01)
-        assert pressed.ledger.owed_j == pytest.approx(max(given_j - SLACK_J, 0.0), rel=1e-6)
+        pressed.ledger.max_hand_work_j = 1.0
+        contact_work_j = pressed.solve(solve_passively).contact_work_j()
+        assert contact_work_j == pytest.approx(gives_j, rel=0.01)
+        assert pressed.ledger.debt_j == pytest.approx(max(contact_work_j - SLACK_J, 0.0), rel=1e-6)

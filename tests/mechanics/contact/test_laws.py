@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 import services
-from services.mechanics.contact.admissible import closed_axes, normal_range, project, room, slides, tangential_limit
+from services.mechanics.contact.admissible import (
+    closed_axes,
+    normal_range,
+    project,
+    slides,
+    step_to_bounds,
+    tangential_limit,
+)
 from services.mechanics.contact.identity import LAW
 from services.mechanics.contact.laws import LAWS, NO_LOAD_M_N, number_of
 from services.mechanics.contact.rows import ContactRows
@@ -182,7 +189,7 @@ def test_a_change_of_force_goes_as_far_as_the_law_admits_it_and_no_further(law):
         rows.force_n[0] = start
         if start[0] == 0.0 or slides(rows, 0):
             continue
-        share = room(rows, 0, tuple(change))
+        share = step_to_bounds(rows, 0, tuple(change))
         assert 0.0 < share <= 1.0
         for part, is_admitted in ((0.999 * share, True), (1.001 * share, share == 1.0)):
             rows.force_n[0] = start + part * change

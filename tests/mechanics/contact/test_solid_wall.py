@@ -9,12 +9,12 @@ from scipy.integrate import quad
 from services.mechanics.bodies.forceps.kinematics import N_CELLS
 from services.mechanics.contact.solid_wall import (
     SolidWall,
-    apart_m,
     cell_m,
-    resist,
-    stored,
+    equilibrium_opening,
+    jaw_gap_m,
+    stored_energy_j,
+    wall_reaction,
     write_indentation,
-    yields_to,
 )
 
 TOOL = 1
@@ -41,15 +41,15 @@ def openings(wall, n=40):
 def test_torque_is_the_slope_of_the_energy_and_falls_as_said(wall):
     for opening in openings(wall):
         d = 1e-6
-        torque, fall, _ = resist(wall, TOOL, opening)
-        slope = (stored(wall, TOOL, opening - d) - stored(wall, TOOL, opening + d)) / (2.0 * d)
+        torque, fall, _ = wall_reaction(wall, TOOL, opening)
+        slope = (stored_energy_j(wall, TOOL, opening - d) - stored_energy_j(wall, TOOL, opening + d)) / (2.0 * d)
         assert torque == pytest.approx(slope, rel=1e-4, abs=1e-9)
-        torques = [resist(wall, TOOL, opening + sign * d)[0] for sign in (-1.0, 1.0)]
+        torques = [wall_reaction(wall, TOOL, opening + sign * d)[0] for sign in (-1.0, 1.0)]
         assert fall == pytest.approx((torques[0] - torques[1]) / (2.0 * d), rel=1e-3, abs=1e-6)
 
 
 def test_the_torque_is_convex_so_that_its_chords_and_tangents_are_on_the_passive_side(wall):
-    torques = np.array([resist(wall, TOOL, opening)[0] for opening in openings(wall, 400)])
+    torques = np.array([wall_reaction(wall, TOOL, opening)[0] for opening in openings(wall, 400)])
     assert np.all(np.diff(torques) <= 0.0)
     assert np.all(np.diff(torques, 2) >= -1e-9 * torques.max())
 
@@ -61,17 +61,17 @@ def test_a_little_squeeze_is_that_of_an_elastic_foundation_between_two_bars(wall
     wall.occupied[TOOL, cell], wall.free_m[TOOL, cell] = 1.0, LAYERS
     depth = 1e-4 * LAYERS
     opening = 2.0 * math.asin((0.5 * (LAYERS - depth) + RADIUS) / cell_m(wall, TOOL, cell))
-    assert apart_m(wall, TOOL, cell, opening) == pytest.approx(LAYERS - depth, rel=1e-9)
+    assert jaw_gap_m(wall, TOOL, cell, opening) == pytest.approx(LAYERS - depth, rel=1e-9)
     half = math.sqrt(RADIUS * depth)
     line, _ = quad(lambda x: MODULUS * (depth - x * x / RADIUS) / LAYERS, -half, half)
-    assert resist(wall, TOOL, opening)[2] == pytest.approx(line * LENGTH / N_CELLS, rel=1e-3)
+    assert wall_reaction(wall, TOOL, opening)[2] == pytest.approx(line * LENGTH / N_CELLS, rel=1e-3)
 
 
 def test_nothing_is_squeezed_to_nothing(wall):
     wall.occupied[TOOL, 10:] = 1.0
     solid = openings(wall)[0] - 2e-3
-    assert resist(wall, TOOL, solid - 1e-6)[0] == math.inf
-    assert resist(wall, TOOL, solid + 1e-4)[0] > 10.0 * resist(wall, TOOL, solid + 5e-2)[0]
+    assert wall_reaction(wall, TOOL, solid - 1e-6)[0] == math.inf
+    assert wall_reaction(wall, TOOL, solid + 1e-4)[0] > 10.0 * wall_reaction(wall, TOOL, solid + 5e-2)[0]
 
 
 def test_a_layer_has_half_of_the_room_between_jaws_that_squeeze_it_and_its_ridge_has_no_more(wall):
@@ -81,7 +81,7 @@ def test_a_layer_has_half_of_the_room_between_jaws_that_squeeze_it_and_its_ridge
     arms_m = np.array([cell_m(wall, TOOL, cell) for cell in cells])
     for opening in openings(wall):
         start_m, end_m = (
-            np.array([apart_m(wall, TOOL, cell, at) for cell in cells]) for at in (opening, opening + 1e-4)
+            np.array([jaw_gap_m(wall, TOOL, cell, at) for cell in cells]) for at in (opening, opening + 1e-4)
         )
         write_indentation(wall, TOOL, (opening, opening + 1e-4), indentation, slope)
         np.testing.assert_allclose(indentation, 0.8 * 0.25 * (LAYERS - np.clip(start_m, 0.0, LAYERS)), atol=1e-15)
@@ -101,10 +101,10 @@ def test_jaws_that_squeeze_nothing_leave_a_wall_as_thick_as_it_is(wall):
 @pytest.mark.parametrize("compliance", [0.5, 2.5, 50.0])
 def test_jaws_stop_where_coupling_and_wall_balance_and_never_before(wall, compliance):
     for free in (-0.5, 0.0, 0.2):
-        opening = yields_to(wall, TOOL, free, compliance)
+        opening = equilibrium_opening(wall, TOOL, free, compliance)
         after = opening + 2e-8
-        assert opening - free <= compliance * resist(wall, TOOL, opening)[0] + 1e-15
-        assert after - free >= compliance * resist(wall, TOOL, after)[0]
+        assert opening - free <= compliance * wall_reaction(wall, TOOL, opening)[0] + 1e-15
+        assert after - free >= compliance * wall_reaction(wall, TOOL, after)[0]
 
 
 @pytest.mark.parametrize("modulus_pa", [1e-3, 1.0, 1e3, MODULUS, 1e9])
@@ -116,10 +116,13 @@ def test_there_is_room_for_the_wall_where_it_holds_the_jaws_however_little_or_so
     wall.length_m[:], wall.radius_m[:] = LENGTH, RADIUS
     wall.occupied[TOOL, 10:], wall.free_m[TOOL] = share, LAYERS
     compliance = 2.5
-    opening = yields_to(wall, TOOL, free_rad, compliance)
-    assert math.isfinite(resist(wall, TOOL, opening)[0])
-    assert opening - 2e-8 - free_rad <= compliance * resist(wall, TOOL, opening - 2e-8)[0]
-    assert opening + 2e-8 - free_rad >= compliance * resist(wall, TOOL, opening + 2e-8)[0] or opening > math.pi - 1e-7
+    opening = equilibrium_opening(wall, TOOL, free_rad, compliance)
+    assert math.isfinite(wall_reaction(wall, TOOL, opening)[0])
+    assert opening - 2e-8 - free_rad <= compliance * wall_reaction(wall, TOOL, opening - 2e-8)[0]
+    assert (
+        opening + 2e-8 - free_rad >= compliance * wall_reaction(wall, TOOL, opening + 2e-8)[0]
+        or opening > math.pi - 1e-7
+    )
 
 
 def test_a_wall_near_the_hinge_of_jaws_that_open_wide_has_room_too():
@@ -127,9 +130,9 @@ def test_a_wall_near_the_hinge_of_jaws_that_open_wide_has_room_too():
     wall = SolidWall.zeros(thickness_m=LAYERS, modulus_pa=MODULUS)
     wall.length_m[:], wall.radius_m[:] = LENGTH, RADIUS
     wall.occupied[TOOL, 2], wall.free_m[TOOL] = 1.0, 0.6e-3
-    assert math.isinf(resist(wall, TOOL, 1.0)[0])
-    opening = yields_to(wall, TOOL, 0.0, 2.5)
-    torque = resist(wall, TOOL, opening)[0]
+    assert math.isinf(wall_reaction(wall, TOOL, 1.0)[0])
+    opening = equilibrium_opening(wall, TOOL, 0.0, 2.5)
+    torque = wall_reaction(wall, TOOL, opening)[0]
     assert 1.0 < opening < 1.5
     assert opening == pytest.approx(2.5 * torque, rel=1e-4)
 
@@ -142,7 +145,7 @@ def test_wall_that_is_given_up_lets_the_jaws_shut_little_by_little(wall, complia
     openings_rad = []
     for left in np.linspace(1.0, 0.0, 51):
         wall.occupied[TOOL, 5:9] = left
-        openings_rad.append(yields_to(wall, TOOL, 0.0, compliance))
+        openings_rad.append(equilibrium_opening(wall, TOOL, 0.0, compliance))
     steps = -np.diff(openings_rad)
     assert openings_rad[0] > 0.2
     assert openings_rad[-1] == pytest.approx(0.0, abs=2e-8)

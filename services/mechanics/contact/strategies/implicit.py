@@ -1,4 +1,4 @@
-"""Implicit contact forces, from the compliance in contact space: no contact stiffness, no penetration at rest."""
+"""Implicit contact forces from the Delassus operator: without contact stiffness, and without penetration at rest."""
 
 from __future__ import annotations
 
@@ -25,34 +25,34 @@ from services.mechanics.rod.contact_response import compliance, factor_for_conta
 from services.mechanics.rod.model import RodModel, RodWork, work_at
 from services.mechanics.scene import ContactSettings
 
-# Share of the wall's thickness: a solve ends once a sweep changes forces by less than what moves the softest place of
-# the wall so far. Some micronewtons move a wall of a hundredth of a millimetre by a whole one.
-LEAST_OF_WALL = 0.01
-# Outcomes of `assemble`: done; nothing done, as blocks of the wall are missing; the catheter's matrix is not SPD; no
-# kernel for this kind of wall or catheter.
-ASSEMBLED, MISSING, NOT_DEFINITE, NO_KERNEL = 1, 0, -1, -2
+# Tolerance of the wall's motion, as a fraction of its thickness: the tolerance of forces is at most the force that
+# moves the softest place of the wall so far. On a wall of 10 um some micronewtons cause a motion of a millimetre.
+WALL_TOLERANCE_SHARE = 0.01
+# Outcomes of `assemble`: done; nothing done because the wall has not computed some blocks of its compliance; the
+# catheter's matrix is not positive definite; there is no kernel for this kind of wall or catheter.
+ASSEMBLED, MISSING_BLOCKS, NOT_DEFINITE, NO_KERNEL = 1, 0, -1, -2
 
 
 class ImplicitStrategy(ContactStrategy):
     r"""Solve :math:`u^+ = u_{free} + W f` and the contact laws together, by PGS sweeps and Newton steps."""
 
     acts_in_next_step = False
-    knows_stiffness = True
+    keeps_delassus = True
 
     def __init__(self, bodies: Bodies, settings: ContactSettings, state: ContactState) -> None:
         super().__init__(bodies, settings, state)
         softness_m_n = float(own_softness(bodies.duct.reduced.residual).max(initial=0.0))
-        finest_m = LEAST_OF_WALL * 2.0 * bodies.half_thickness_m
-        self._tolerance_n = min(settings.tolerance_n, finest_m / softness_m_n if softness_m_n > 0.0 else math.inf)
+        tolerance_m = WALL_TOLERANCE_SHARE * 2.0 * bodies.half_thickness_m
+        self._tolerance_n = min(settings.tolerance_n, tolerance_m / softness_m_n if softness_m_n > 0.0 else math.inf)
 
     def assemble(self) -> None:
-        """Gather W."""
+        """Write the Delassus operator W."""
         outcome = self._assemble_at_once()
         if outcome != ASSEMBLED:
-            self._assemble_by_body(anew=outcome == MISSING)
+            self._assemble_by_body(anew=outcome == MISSING_BLOCKS)
 
     def _assemble_at_once(self) -> int:
-        """Gather W in one kernel, if there is one for the bodies; return its outcome, or `NO_KERNEL`."""
+        """Write W in one kernel, if there is one for the bodies; return its outcome, or `NO_KERNEL`."""
         bodies, catheter = self._bodies, self._bodies.catheter
         rod, kept_address = catheter.plain_integrator, bodies.duct.kept_address
         if rod is None or kept_address is None:
@@ -60,18 +60,18 @@ class ImplicitStrategy(ContactStrategy):
         duct, tools = (bodies.duct.loads_address, kept_address), bodies.tools.address
         step = (rod.velocity_gain_s, rod.is_factored)
         outcome: int = assemble(self._address, duct, (catheter.touch_address, *rod.addresses), tools, step)
-        if outcome != MISSING:
+        if outcome != MISSING_BLOCKS:
             rod.note_factors(outcome == ASSEMBLED)
         return outcome
 
     def _assemble_by_body(self, *, anew: bool) -> None:
         bodies, catheter, rows = self._bodies, self._bodies.catheter, self._state.rows
         bodies.duct.compliance(*rows.on_duct, self._state.W, anew=anew)
-        between = catheter.compliance(*rows.on_rod)
-        add_body_compliances(self._address, (catheter.slot, between), bodies.tools.compliance)
+        rod_compliance = catheter.compliance(*rows.on_rod)
+        add_body_compliances(self._address, (catheter.slot, rod_compliance), bodies.tools.compliance)
 
     def compile_kernels(self) -> None:
-        """Assemble the rows of the last step as if blocks of the wall were missing."""
+        """Assemble W of the last step once more as if blocks of the wall's compliance were missing."""
         self._assemble_by_body(anew=True)
 
     def solve(self, iterations: int, dt_s: float) -> int:
@@ -87,7 +87,11 @@ def solve_implicitly(
     recovery: tuple[float, float],
     effort: tuple[int, float],
 ) -> int:
-    """Find the contact forces from W and return the number of sweeps; see `free_motion` and `solve_passively`."""
+    """Find the contact forces from W and return the number of sweeps.
+
+    ``recovery`` is (fraction of an overlap recovered per millisecond, length of the step in s), ``effort`` is that of
+    `solve_passively`.
+    """
     state, hands = state_at(addresses[0]), (tools_at(addresses[1]), recovery[1])
     size = 3 * state.rows.n_contacts
     W = state.delassus[: size * size].reshape(size, size)
@@ -106,23 +110,23 @@ def assemble(
     tools_address: Address[ToolArrays],
     step: tuple[float, bool],
 ) -> int:
-    """Write the compliances of all bodies into W, in the contacts' frames.
+    """Write the compliances of all bodies into W, in the contacts' frames, and return an outcome.
 
-    ``step`` is its length and whether the catheter's matrix is factorised.
+    ``step`` is (length of the catheter's implicit step in s, whether its matrix is factorised).
     """
     state, duct, touch = state_at(state_address), loads_at(duct_addresses[0]), touch_at(rod_addresses[0])
     rows, k, (dt_s, is_factored) = state.rows, state.rows.n_contacts, step
     W = state.delassus[: 9 * k * k].reshape(3 * k, 3 * k)
     if not weigh_blocks(duct_addresses[1], (rows.duct_node[:k], rows.duct_weight[:k]), duct.gains[0], W):
-        return MISSING
+        return MISSING_BLOCKS
     count = list_particles(rows.rod_node[:k], rows.rod_weight[:k], touch.slot, touch.particles)
-    between = touch.compliance[: 9 * count * count].reshape(3 * count, 3 * count)
+    rod_compliance = touch.compliance[: 9 * count * count].reshape(3 * count, 3 * count)
     if count > 0:
         if not (is_factored or factor_for_contacts(rod_addresses[1:], dt_s)):
             return NOT_DEFINITE
         band = work_at(rod_addresses[2]).band
-        compliance(rod_addresses[1], band, dt_s**2, touch.columns, touch.particles[:count], between)
-    _add_body_compliances(state, (touch.slot, between), tools_at(tools_address).compliance)
+        compliance(rod_addresses[1], band, dt_s**2, touch.columns, touch.particles[:count], rod_compliance)
+    _add_body_compliances(state, (touch.slot, rod_compliance), tools_at(tools_address).compliance)
     return ASSEMBLED
 
 
@@ -130,10 +134,10 @@ def assemble(
 def add_body_compliances(
     state_address: Address[ContactState], catheter: tuple[IntArray, FloatArray], tools: FloatArray
 ) -> None:
-    """Add the compliance of the other bodies to the duct's, and rotate W into the contacts' frames.
+    """Add the compliances of the other bodies to the duct's, and rotate W into the contacts' frames.
 
-    The lower blocks of W hold the duct's compliance along world axes. ``catheter`` are slots of its particles and
-    compliance (3 p, 3 p) between them, ``tools`` (2, 4) the compliance of the couplings.
+    On entry the lower blocks of W hold the duct's compliance along world axes. ``catheter`` is (slot of each particle,
+    compliance (3 p, 3 p) between the p touched particles); ``tools`` (2, 4) is the compliance of the couplings.
     """
     _add_body_compliances(state_at(state_address), catheter, tools)
 

@@ -19,14 +19,14 @@ from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.strategies.strategy import ContactStrategy
 from services.mechanics.scene import ContactSettings
 
-# Below this sliding speed penalty friction grows in proportion to it: an explicit force cannot stick.
+# Below this sliding speed friction is proportional to the speed (regularised), because an explicit force cannot stick.
 SLIP_SPEED_M_S = 1e-3
-# Number of films on a particle between two walls, which share its drag.
-SHARES = 2.0
+# Largest number of films on a particle: it may lie between two walls.
+FILMS_PER_PARTICLE = 2.0
 
 
 class PenaltyGains(NamedTuple):
-    """Spring and damper of penalty contact, the step, and the lightest mass that a contact acts on."""
+    """Spring and damper of penalty contact, the length of the step, and the smallest mass that a contact acts on."""
 
     stiffness_n_m: float
     damping_n_s_m: float
@@ -35,14 +35,14 @@ class PenaltyGains(NamedTuple):
 
 
 class PenaltyStrategy(ContactStrategy):
-    r"""Explicit forces: gaps are those of the middle of the step and rates those over it, both without contact.
+    r"""Explicit forces, from gaps in the middle of the step and their rates over it, both without contact forces.
 
-    Stable only while :math:`k \Delta t^2` and :math:`c \Delta t` stay below about the mass that gives way, and a load F
-    rests at a depth F / k.
+    They are stable only while :math:`k \Delta t^2` and :math:`c \Delta t` are below about the mass that they act on. A
+    load F rests at a depth F / k.
     """
 
     acts_in_next_step = True
-    knows_stiffness = False
+    keeps_delassus = False
 
     def __init__(self, bodies: Bodies, settings: ContactSettings, state: ContactState) -> None:
         super().__init__(bodies, settings, state)
@@ -79,41 +79,42 @@ def write_penalties(rows: ContactRows, gains: PenaltyGains) -> None:
             dot(row_of(rows.frame, row, 2), row_at(rows.slip_m, row)),
         )
         if HAS_GAP[rows.law[row]]:
-            _push(rows, row, motion, gains)
+            _write_surface_force(rows, row, motion, gains)
         else:
-            _hold(rows, row, motion, gains)
+            _write_holding_force(rows, row, motion, gains)
         project(rows, row)
 
 
 @kernel
-def _push(rows: ContactRows, row: int, motion: Vector, gains: PenaltyGains) -> None:
+def _write_surface_force(rows: ContactRows, row: int, motion: Vector, gains: PenaltyGains) -> None:
     r"""Write :math:`f_n = \max(0, -k g - c \dot g)` where surfaces overlap, and regularised friction.
 
-    The gap is that in the middle of the step: with the one at its start a force that is held over a step of second
-    order feeds energy in at any stiffness. The damper of a particle is at most what halves its speed in a step. A
-    pulling force acts at any gap.
+    The gap is that in the middle of the step: with the gap at its start, a force held over a step of second order
+    would add energy at any stiffness. The damping of a particle is at most what halves its speed in a step. The tension
+    of an adhesive law acts at any gap.
     """
     force, gap = rows.force_n[row], rows.gap_m[row] + rows.rest_offset_m[row] + 0.5 * motion[0]
     damping = gains.damping_n_s_m
-    if _is_of_rod(rows, row):
+    if _touches_rod(rows, row):
         damping = min(damping, 0.5 * gains.lightest_kg / gains.dt_s)
     spring, damper = gains.stiffness_n_m * gap, damping * motion[0]
-    push = max(0.0, -spring - damper / gains.dt_s) if gap < 0.0 else 0.0
-    force[0] = push + normal_range(rows, row)[0]
+    pressure = max(0.0, -spring - damper / gains.dt_s) if gap < 0.0 else 0.0
+    force[0] = pressure + normal_range(rows, row)[0]
     scale = tangential_limit(rows, row) / max(math.hypot(motion[1], motion[2]), SLIP_SPEED_M_S * gains.dt_s)
     force[1], force[2] = -scale * motion[1], -scale * motion[2]
 
 
 @kernel
-def _hold(rows: ContactRows, row: int, motion: Vector, gains: PenaltyGains) -> None:
+def _write_holding_force(rows: ContactRows, row: int, motion: Vector, gains: PenaltyGains) -> None:
     """Write the force that opposes the slip: by the penalty spring at held points, else by the row's softness.
 
-    An explicit force is no stiffer than what stops a particle within a step, shared by `SHARES` films: more would throw
-    it back. A law without tangential forces has its own compliance plus a coupling's on the tangents.
+    On a particle the softness is at least that of a force that stops it within one step, divided between
+    `FILMS_PER_PARTICLE` films, because a stiffer explicit force would throw it back. Rows of a law without tangential
+    forces carry their compliance plus that of the coupling on their tangents.
     """
-    least = SHARES * gains.dt_s**2 / gains.lightest_kg if _is_of_rod(rows, row) else 0.0
+    min_softness = FILMS_PER_PARTICLE * gains.dt_s**2 / gains.lightest_kg if _touches_rod(rows, row) else 0.0
     for axis in range(3):
-        softness = max(rows.softness_m_n[row, axis], least)
+        softness = max(rows.softness_m_n[row, axis], min_softness)
         if FIXES_DISTANCE[rows.law[row]]:
             softness = 1.0 / gains.stiffness_n_m
         elif axis == 0:
@@ -122,6 +123,6 @@ def _hold(rows: ContactRows, row: int, motion: Vector, gains: PenaltyGains) -> N
 
 
 @kernel
-def _is_of_rod(rows: ContactRows, row: int) -> bool:
-    """Return whether the catheter takes part."""
+def _touches_rod(rows: ContactRows, row: int) -> bool:
+    """Return whether the catheter is one of the bodies of a row."""
     return bool(rows.rod_weight[row, 0] != 0.0 or rows.rod_weight[row, 2] != 0.0)

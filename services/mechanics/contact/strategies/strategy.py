@@ -10,16 +10,15 @@ from services.mechanics.scene import ContactSettings
 
 
 class ContactStrategy:
-    """A way to find the contact forces of a step.
+    """A method that finds the contact forces of a step.
 
     Attributes:
-        acts_in_next_step: bool. Whether the catheter feels the forces in the next step, held over all of it, instead of
-            in the one they were found in.
-        knows_stiffness: bool. Whether it leaves W behind, from which the local stiffness follows.
+        acts_in_next_step: bool. Whether the forces act on the catheter over the next step instead of the present one.
+        keeps_delassus: bool. Whether it assembles the Delassus operator W, from which the local stiffness follows.
     """
 
     acts_in_next_step: ClassVar[bool]
-    knows_stiffness: ClassVar[bool]
+    keeps_delassus: ClassVar[bool]
 
     def __init__(self, bodies: Bodies, settings: ContactSettings, state: ContactState) -> None:
         self._bodies = bodies
@@ -28,12 +27,17 @@ class ContactStrategy:
         self._address = state.address
 
     def assemble(self) -> None:
-        """Gather what the solve needs of the bodies at the contacts' points."""
+        """Gather from the bodies what the solve needs at the contact points."""
         raise NotImplementedError
 
     def compile_kernels(self) -> None:
-        """Compile the kernels that a step runs seldom, after a step with contacts; by default there are none."""
+        """Compile kernels that steps rarely use; call it after a step with contacts. By default there are none."""
 
     def solve(self, iterations: int, dt_s: float) -> int:
-        """Find forces, sliding states and world-axis forces; return the number of sweeps."""
+        """Find the forces, in contact frames and along world axes, and the sliding states; return the number of sweeps.
+
+        Args:
+            iterations: int. Maximum number of sweeps, see `solver.solve_contacts`.
+            dt_s: float. Length of the step.
+        """
         raise NotImplementedError
