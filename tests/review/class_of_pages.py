@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -15,6 +14,7 @@ import msgspec
 import uvicorn
 from starlette.types import ASGIApp
 
+from services.runtime.web_host import listen
 from services.supervisor.web import PageContext, build_app
 from tests.patience import PATIENCE_S
 from tests.supervisor.made_up import rig
@@ -44,7 +44,7 @@ def page() -> PageContext:
 @contextmanager
 def served(*apps: ASGIApp) -> Iterator[list[str]]:
     """Serve applications from one thread; yield their addresses."""
-    sockets = [socket.create_server(("127.0.0.1", 0)) for _ in apps]
+    sockets = [listen("127.0.0.1", 0, "nothing") for _ in apps]
     servers = [
         uvicorn.Server(uvicorn.Config(app, log_level="error", lifespan="off", ws="none", timeout_graceful_shutdown=1))
         for app in apps
