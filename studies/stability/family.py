@@ -21,10 +21,11 @@ class Reach(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One run: a name that tells it from all others of its family, and what to do."""
+    """One run: a name that tells it from all others of its family, what to do, and the play where it is one."""
 
     name: str
     run: Callable[[], Driven]
+    play: Callable[[], Play] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,4 +62,4 @@ class Family:
 
 def played(name: str, play: Callable[[], Play]) -> Case:
     """A case that drives a play; what it needs is made when it runs."""
-    return Case(name, lambda: drive(play()))
+    return Case(name, lambda: drive(play()), play)

@@ -1,10 +1,10 @@
 """Forces of the introducer that a rod slides through, with their positive semidefinite tangent.
 
 Springs hold the points of the rod's curve nearest to the ends of the axis to these ends, and every particle between to
-the axis; a particle's spring grows from zero at a plane to its full stiffness one segment inside, so that sliding in or
-out changes no force by a jump. Stops keep both ends of the rod from leaving; a step that runs into one is taken by
-implicit Euler, because a stop that acts half a step late would add energy. All springs are the gradient of an energy,
-so they dissipate nothing; friction is solved with the contacts.
+the axis. A particle's spring grows smoothly from zero at a plane to its full stiffness one segment inside, so that
+sliding in or out changes neither a force nor its stiffness by a jump. Stops keep both ends of the rod from leaving; a
+step that runs into one is taken by implicit Euler, because a stop that acts half a step late would add energy. All
+springs are the gradient of an energy, so they dissipate nothing; friction is solved with the contacts.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from services.mechanics.rod.curve import CurvePoint, closest_on_curve
 from services.mechanics.rod.introducer_passage import (
     axial_position,
     closest_on_segment,
-    depth_weight,
+    depth_root,
     end_point,
     find_passage,
     offset_from_axis,
@@ -52,7 +52,7 @@ def introducer_energy(model: RodModel, x: FloatArray) -> float:
     total = 0.0
     for i in range(passage.first, passage.last + 1):
         o = offset_from_axis(model.introducer, x, i)
-        total += depth_weight(model, i, axial_position(model.introducer, x, i))[0] * dot(o, o)
+        total += depth_root(model, i, axial_position(model.introducer, x, i))[0] ** 2 * dot(o, o)
     if passage.has_entry:
         o = passing_point(x, passage.first - 1, end_point(model.introducer, 0.0)).offset
         total += dot(o, o)
@@ -84,9 +84,11 @@ def _quadratic_change(model: RodModel, work: RodWork, x: FloatArray, scale: floa
     passage, total = find_passage(introducer, x), 0.0
     for i in range(passage.first, passage.last + 1):
         o = offset_from_axis(introducer, x, i)
-        weight, slope = depth_weight(model, i, axial_position(introducer, x, i))
+        root, slope = depth_root(model, i, axial_position(introducer, x, i))
         d = _moved(work, i, scale)
-        total += weight * _across(o, d, axis) + 0.5 * slope * dot(o, o) * dot(d, axis)
+        inwards = slope * dot(d, axis)
+        total += root * root * _across(o, d, axis) + inwards * (root + 0.5 * inwards) * dot(o, o)
+        total += root * inwards * dot(o, d)
     for is_there, i, axial in (
         (passage.has_entry, passage.first - 1, 0.0),
         (passage.has_exit, passage.last, introducer.length),
@@ -134,13 +136,17 @@ def _stop(model: RodModel, work: RodWork, i: int, over: float, scale: float) -> 
 def _hold_particle(model: RodModel, work: RodWork, i: int, axial: float, scale: float) -> None:
     a = (model.introducer.axis[0], model.introducer.axis[1], model.introducer.axis[2])
     o = offset_from_axis(model.introducer, work.position, i)
-    weight, slope = depth_weight(model, i, axial)
-    k = model.introducer.stiffness * weight
-    inwards = 0.5 * model.introducer.stiffness * slope * dot(o, o)
+    root, slope = depth_root(model, i, axial)
+    stiffness = model.introducer.stiffness
+    k, inwards = stiffness * root * root, stiffness * root * slope * dot(o, o)
     for c in range(3):
         work.force[i, c] -= k * o[c] + inwards * a[c]
     if scale > 0.0:
         _add_tangent(work, (i, 1), (1.0, 0.0, 0.0), a, scale * k)
+        for c in range(3):
+            for b in range(c + 1):
+                crossed = root * (o[c] * a[b] + a[c] * o[b]) + slope * dot(o, o) * a[c] * a[b]
+                work.band[3 * i + b, c - b] += scale * stiffness * slope * crossed
 
 
 @kernel

@@ -19,7 +19,7 @@ from services.mechanics.rod.introducer_forces import passing_point
 from services.mechanics.rod.introducer_passage import (
     Passage,
     axial_position,
-    depth_weight,
+    depth_root,
     end_point,
     offset_from_axis,
 )
@@ -53,7 +53,7 @@ def introducer_normal_force(model: RodModel, x: FloatArray, passage: Passage) ->
             axial = axial_position(introducer, x, i)
             if axial > at + reach:
                 break
-            share = depth_weight(model, i, axial)[0] * _spline((axial - at) / span)
+            share = depth_root(model, i, axial)[0] ** 2 * _spline((axial - at) / span)
             o = along(o, offset_from_axis(introducer, x, i), share)
         total += math.sqrt(dot(o, o))
     return float(introducer.stiffness * total / _SAMPLES_PER_SPAN)

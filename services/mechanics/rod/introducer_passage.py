@@ -104,18 +104,23 @@ def find_passage(introducer: IntroducerSprings, x: FloatArray) -> Passage:
 
 
 @kernel
-def depth_weight(model: RodModel, i: int, axial: float) -> tuple[float, float]:
-    """Return the share of the full stiffness that holds particle i at an axial position, and its derivative.
+def depth_root(model: RodModel, i: int, axial: float) -> tuple[float, float]:
+    """Return the root of the share of the full stiffness that holds particle i there, and its derivative.
 
-    The ends of the rod stay held beyond the far plane, because a stop gives way a little.
+    Over a segment behind a plane it is 2 t - t^2, t from 0 to 1: both the force of the spring and its stiffness are
+    continuous there. With a share that grows in proportion to t the energy has a kink at the plane, on which a particle
+    that is pushed aside comes to lie, and no Newton iteration ends. The ends of the rod stay held beyond the far plane,
+    because a stop gives way a little.
     """
     length = model.introducer.length
-    ramp = min(model.rest_length[0], 0.5 * length)
-    if axial < ramp and i < model.mass.shape[0] - 1:
-        return max(axial, 0.0) / ramp, 1.0 / ramp if axial > 0.0 else 0.0
-    if axial > length - ramp and i > 0:
-        return max(length - axial, 0.0) / ramp, -1.0 / ramp if axial < length else 0.0
-    return 1.0, 0.0
+    ramp, depth, sign = min(model.rest_length[0], 0.5 * length), axial, 1.0
+    if axial > 0.5 * length:
+        depth, sign = length - axial, -1.0
+    is_end = i == (0 if sign < 0.0 else model.mass.shape[0] - 1)
+    if is_end or depth >= ramp:
+        return 1.0, 0.0
+    t = max(depth, 0.0) / ramp
+    return t * (2.0 - t), sign * (2.0 - 2.0 * t) / ramp if depth > 0.0 else 0.0
 
 
 @kernel

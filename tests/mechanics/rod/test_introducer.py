@@ -148,3 +148,31 @@ def test_a_part_that_swings_past_the_introducer_outside_is_not_taken_for_the_par
     state.position_m[20, 2] += 1e-4
     moved = internal_forces(build_model(properties, Supports(introducer=Introducer(*INTRODUCER))), state)
     assert moved[20, 2] < -9.0
+
+
+@pytest.mark.parametrize("plane", INTRODUCER)
+def test_a_particle_that_is_pushed_aside_passes_a_plane_without_a_jump_of_its_force(plane):
+    """Where the force along the axis jumped, such a particle came to lie on the plane, and no iteration ended."""
+    properties = example_rod()
+    integrator, state = in_introducer(properties, Supports(introducer=Introducer(*INTRODUCER)))
+    particle = int(np.abs(state.position_m[:, 0] - plane[0]).argmin())
+    forces_n = []
+    for beyond_m in (-1e-9, 1e-9):
+        state.position_m[:, 0] += plane[0] + beyond_m - state.position_m[particle, 0]
+        state.position_m[particle, 1] = 0.1e-3
+        forces_n.append(internal_forces(integrator.model, state)[particle])
+    # The spring's stiffness times the motion is 2e-4 N; what jumped was 0.25 N.
+    np.testing.assert_allclose(*forces_n, rtol=0.0, atol=1e-3)
+
+
+def test_newton_iterations_end_wherever_particles_are_at_the_exit():
+    """A hand bends the rod hard beside the exit and slides it by a segment: each step is solved, not broken off."""
+    properties = example_rod(internal_damping_s=2e-4, viscous_drag_n_s_m2=0.05)
+    supports = Supports(held=(40,), introducer=Introducer((0.0, 0.0, 0.0), (0.025, 0.0, 0.0)))
+    integrator, state = ImplicitIntegrator(properties, supports), straight_rod(properties, (-0.041, 0, 0), X)
+    start_m, iterations = state.position_m[40].copy(), []
+    for share in np.linspace(0.0, 1.0, 400):
+        integrator.held_target_m[0] = start_m + np.array([-0.01 * min(share, 0.5), 0.03 * share, 0.0])
+        integrator.predict(state, np.zeros((51, 3)), 1e-3)
+        iterations.append(integrator.iterations)
+    assert max(iterations) < integrator.max_iterations
