@@ -1,6 +1,6 @@
 """One rig that all tests of this folder look at: a crowd of viewers, then a browser, then a Prometheus.
 
-Prometheus scrapes from the first look of the browser on: it has to have seen the rig for a while before it is asked.
+Prometheus scrapes from the start on: it has to have seen the rig for a while before it is asked.
 Its last tests kill a process, and then its supervisor.
 """
 
@@ -110,6 +110,12 @@ def _prometheus(folder: Path, target: str) -> Iterator[str]:
     finally:
         process.terminate()
         process.wait(PATIENCE_S)
+
+
+@pytest.fixture(scope="package", autouse=True)
+def scraped_from_the_start(request: pytest.FixtureRequest) -> None:
+    if PROMETHEUS is not None:
+        request.getfixturevalue("monitor")
 
 
 @pytest.fixture(scope="package")

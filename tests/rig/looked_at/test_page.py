@@ -25,7 +25,6 @@ from tests.chromium import Chromium
 from tests.page.orders import order
 from tests.patience import PATIENCE_S
 from tests.rig.conftest import Rig
-from tests.rig.looked_at.conftest import PROMETHEUS
 
 pytestmark = [
     pytest.mark.rig,
@@ -60,11 +59,7 @@ class Page:
 
 
 @pytest.fixture(scope="module")
-def page(
-    rig: Rig, address: str, tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest
-) -> Iterator[Page]:
-    if PROMETHEUS is not None:
-        request.getfixturevalue("monitor")  # it has looked for long enough by the time that it is asked
+def page(rig: Rig, address: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
     with Chromium(tmp_path_factory.mktemp("profile")) as browser:
         browser.open(address)
         ready = "document.querySelector('#view.ready') !== null"

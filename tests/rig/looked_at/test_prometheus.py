@@ -32,8 +32,8 @@ def test_every_panel_is_answered(monitor: Monitor, file: Path) -> None:
 
 
 def test_a_rig_that_is_well_alarms_nobody(monitor: Monitor) -> None:
-    """What is not well for ten seconds alarms: it looks since the page was looked at."""
-    monitor.until(lambda: monitor.has_looked(15), "fifteen scrapes")
+    """What is not well for ten seconds alarms: it looks since the rig runs."""
+    monitor.until(lambda: monitor.has_looked(13), "thirteen scrapes")
     assert [each["value"][1] for each in monitor.ask('up{rig="test"}')] == ["1"]
     assert {name for name, _ in monitor.firing()} <= OF_A_BUSY_MACHINE
     for loop in ("gateway", "haptics", "physics"):
