@@ -20,8 +20,8 @@ from tests.rig.conftest import Observer, running_rig
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(600)]
 
-PACE = 0.25  # of the hands: where a busy machine loses ticks they move on by less
-LASTS_S = 200.0  # the scenarios take nine seconds at this pace
+PACE = 0.5  # of the hands: where a busy machine loses ticks they move on by less
+LASTS_S = 200.0  # the scenarios take five seconds at this pace
 FORCE_STEP_N = 0.3
 DEEPEST_M = 0.1e-3
 
