@@ -31,9 +31,9 @@ import time
 from numba.core.caching import IndexDataCacheFile
 save = IndexDataCacheFile._save_index
 def slow(self, overloads):
-    time.sleep(1.0)
+    time.sleep(0.4)
     save(self, overloads)
-    time.sleep(1.0)
+    time.sleep(0.4)
 IndexDataCacheFile._save_index = slow
 """
 
