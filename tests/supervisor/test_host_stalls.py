@@ -19,7 +19,8 @@ from tests.supervisor.fakes import Fakes, Scenario, until, until_running
 #: It takes every core from whatever runs beside it, and is judged by what a core had left.
 pytestmark = pytest.mark.rig
 
-LASTS_S = 14.0
+#: Twice as long as a governor took that held the stalls for work.
+LASTS_S = 9.0
 #: Takes its core for 50 ms of each second.
 HOG = """
 import os, sys, time
