@@ -10,6 +10,7 @@ import pytest
 
 from services.runtime import bus
 from services.runtime.process import Options
+from services.supervisor import page, supervisor
 from services.supervisor.fork_link import ForkServer
 from tests.supervisor.fakes import Fakes
 
@@ -17,6 +18,13 @@ from tests.supervisor.fakes import Fakes
 @pytest.fixture(autouse=True)
 def faster_than_real(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bus, "FLOOD_FACTOR", 1e6)
+
+
+@pytest.fixture
+def soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a rig settle, and start its page again, without the second or two that it takes for either."""
+    monkeypatch.setattr(supervisor, "SETTLE_S", 0.2)
+    monkeypatch.setattr(page, "_RETRY_S", 0.2)
 
 
 @pytest.fixture

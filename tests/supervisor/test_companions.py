@@ -20,6 +20,8 @@ from tests.by_day import by_day
 from tests.patience import PATIENCE_S
 from tests.supervisor.fakes import Fakes, Scenario, page_servers, until, until_running
 
+pytestmark = pytest.mark.usefixtures("soon")
+
 
 @pytest.mark.parametrize("number", by_day([signal.SIGSTOP], [signal.SIGKILL]))
 def test_a_page_that_hangs_or_ends_is_started_again(

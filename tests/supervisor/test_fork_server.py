@@ -22,6 +22,8 @@ from services.supervisor.supervisor import Supervisor
 from tests.patience import PATIENCE_S
 from tests.supervisor.fakes import HERE, Fakes, Scenario, gone, until, until_running
 
+pytestmark = pytest.mark.usefixtures("soon")
+
 _TELLS = """
 import gc, os, signal, sys
 print(os.getppid(), os.getsid(0) == os.getpid(), os.getpgid(0) == os.getpid())

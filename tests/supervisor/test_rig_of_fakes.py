@@ -22,7 +22,7 @@ from tests.supervisor.fakes import Fakes, Scenario, gone, page_servers, until, u
 
 
 @pytest.fixture
-def fakes(fakes: Fakes, server: ForkServer) -> Fakes:
+def fakes(fakes: Fakes, server: ForkServer, soon: None) -> Fakes:
     return replace(fakes, fork_server=server)
 
 
