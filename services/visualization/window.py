@@ -163,7 +163,8 @@ async def _end(worker: asyncio.subprocess.Process, patience_s: float) -> None:
     try:
         await asyncio.wait_for(worker.wait(), patience_s)
     except TimeoutError:
-        worker.kill()
+        with contextlib.suppress(ProcessLookupError):  # it has ended meanwhile
+            worker.kill()
         await worker.wait()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import os
 import signal
@@ -62,6 +63,19 @@ def test_each_picture_is_drawn_once_and_nothing_before_it_is_whole(display: Disp
     assert seen["before"] == seen["starting"], "how long a picture takes says nothing while the rig starts"
     assert seen["before"] != seen["after"], "a coarser rung is a smaller window"
     assert seen["last"] == seen["after"], "which does not wait for the next picture to show one"
+
+
+def test_one_that_has_ended_is_not_killed() -> None:
+    """Nobody heard of the error: the window's task was over."""
+
+    async def end() -> int | None:
+        worker = await asyncio.create_subprocess_exec("true", stdin=asyncio.subprocess.PIPE)
+        while worker.returncode is None:
+            await asyncio.sleep(0.01)
+        await window_module._end(worker, 0.0)
+        return worker.returncode
+
+    assert asyncio.run(end()) == 0
 
 
 @pytest.mark.timeout(PATIENCE_S)
