@@ -1,4 +1,7 @@
-"""The native window on a virtual display: nothing waits for it, and its end is told."""
+"""The native window on a virtual display: nothing waits for it, and its end is told.
+
+One window is seen first, stands still, loses its display, and is closed.
+"""
 
 import logging
 import os
@@ -83,17 +86,18 @@ class Display:
         return subprocess.run(["xdotool", *words], env=environment, check=True, capture_output=True, text=True).stdout
 
 
-@pytest.fixture
-def display(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Display]:
-    found = Display(tmp_path)
-    monkeypatch.setenv("DISPLAY", found.name)
-    try:
-        yield found
-    finally:
-        found.end()
+@pytest.fixture(scope="module")
+def display(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Display]:
+    found = Display(tmp_path_factory.mktemp("display"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("DISPLAY", found.name)
+        try:
+            yield found
+        finally:
+            found.end()
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def window(display: Display) -> Iterator[WindowOutput]:
     output = open_window()
     try:
@@ -141,6 +145,23 @@ def until(output: WindowOutput, condition: Callable[[], bool], picture: Picture,
     return shown
 
 
+def test_who_draws_comes_after_the_view_once_it_is_seen_and_not_after_everybody(
+    window: WindowOutput, display: Display
+) -> None:
+    (worker,) = children()
+    ours = os.getpriority(os.PRIO_PROCESS, 0)
+    asked = max(5, ours)
+    assert os.getpriority(os.PRIO_PROCESS, worker) == ours
+    layout, picture = a_scene()
+    until(window, lambda: window.gauges()["window_pictures"] > 0, picture, layout)
+    threads = [int(task.name) for task in Path(f"/proc/{worker}/task").iterdir()]
+    assert min(os.getpriority(os.PRIO_PROCESS, thread) for thread in threads) == asked
+    assert os.getsid(worker) == worker, "its niceness counts beside other sessions, not beside its parent only"
+    group = Path(f"/proc/{worker}/autogroup")
+    if may_be_set():
+        assert group.read_text().split()[-1] == str(asked)
+
+
 def test_a_window_that_stands_still_holds_up_nobody(window: WindowOutput, display: Display) -> None:
     layout, picture = a_scene()
     until(window, lambda: window.gauges()["window_pictures"] > 0, picture, layout)
@@ -163,21 +184,29 @@ def children() -> list[int]:
     return [int(word) for word in found.stdout.split()]
 
 
-def test_who_draws_comes_after_the_view_once_it_is_seen_and_not_after_everybody(
-    window: WindowOutput, display: Display
+def test_a_display_that_goes_away_is_one_sentence_and_the_window_comes_back_with_it(
+    window: WindowOutput, display: Display, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (worker,) = children()
-    ours = os.getpriority(os.PRIO_PROCESS, 0)
-    asked = max(5, ours)
-    assert os.getpriority(os.PRIO_PROCESS, worker) == ours
+    monkeypatch.setattr(window_output, "_RETRY_S", 0.5)
     layout, picture = a_scene()
     until(window, lambda: window.gauges()["window_pictures"] > 0, picture, layout)
-    threads = [int(task.name) for task in Path(f"/proc/{worker}/task").iterdir()]
-    assert min(os.getpriority(os.PRIO_PROCESS, thread) for thread in threads) == asked
-    assert os.getsid(worker) == worker, "its niceness counts beside other sessions, not beside its parent only"
-    group = Path(f"/proc/{worker}/autogroup")
-    if may_be_set():
-        assert group.read_text().split()[-1] == str(asked)
+    display.end()
+    until(window, lambda: not window.gauges()["window_open"], picture, layout)
+    (record,) = caplog.records
+    assert f"the window on display {display.name} ended" in record.message
+    assert "the rig goes on without a picture" in record.message
+    display.start()
+    drawn = window.gauges()["window_pictures"]
+    until(window, lambda: window.gauges()["window_pictures"] > drawn, picture, layout)
+    assert len(caplog.records) == 1
+    assert not window.closed
+
+
+def test_closing_the_window_is_told(window: WindowOutput, display: Display) -> None:
+    layout, picture = a_scene()
+    until(window, lambda: window.gauges()["window_pictures"] > 0, picture, layout)
+    display.press("q")
+    until(window, lambda: window.closed, picture, layout)
 
 
 def test_a_thread_that_is_nicer_by_itself_stays_so() -> None:
@@ -223,32 +252,9 @@ def test_a_window_that_stands_still_goes_with_the_view(display: Display) -> None
     assert ended, "it lives on without anybody"
 
 
-def test_closing_the_window_is_told(window: WindowOutput, display: Display) -> None:
-    layout, picture = a_scene()
-    until(window, lambda: window.gauges()["window_pictures"] > 0, picture, layout)
-    display.press("q")
-    until(window, lambda: window.closed, picture, layout)
-
-
-def test_a_display_that_goes_away_is_one_sentence_and_the_window_comes_back_with_it(
-    window: WindowOutput, display: Display, caplog: pytest.LogCaptureFixture
-) -> None:
-    layout, picture = a_scene()
-    until(window, lambda: window.gauges()["window_pictures"] > 0, picture, layout)
-    display.end()
-    until(window, lambda: not window.gauges()["window_open"], picture, layout)
-    (record,) = caplog.records
-    assert f"the window on display {display.name} ended" in record.message
-    assert "the rig goes on without a picture" in record.message
-    display.start()
-    drawn = window.gauges()["window_pictures"]
-    until(window, lambda: window.gauges()["window_pictures"] > drawn, picture, layout)
-    assert len(caplog.records) == 1
-    assert not window.closed
-
-
 def test_a_display_that_is_not_there_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("DISPLAY", ":4711")
+    monkeypatch.setattr(window_output, "_TRIES", 2)
     with pytest.raises(DeviceError, match=r"visualization\.viewer: the window on display :4711 ended .*is not there"):
         open_window()
 
