@@ -25,7 +25,6 @@ from tests.ports import free_port
 from tests.with_us import with_us
 
 pytestmark = [
-    pytest.mark.rig,
     pytest.mark.timeout(600),
     pytest.mark.skipif(chromium.find() is None, reason="no Chromium on this machine"),
 ]
