@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
+import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +25,15 @@ from services.runtime.config import config_directory
 from services.scenes import load_duct, load_scene
 from tests.mechanics.compiled.test_allocation import allocating
 from tests.physics.conftest import SMALL
+from tests.preloaded import Preloaded
 
 pytestmark = pytest.mark.timeout(600)  # on a machine that has compiled nothing yet
+
+
+@pytest.fixture(scope="module")
+def preloaded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Preloaded]:
+    with Preloaded(tmp_path_factory.mktemp("warm"), "import tests.physics.test_warm_up") as made:
+        yield made
 
 
 @pytest.mark.parametrize("small", ["nonlinear_membrane.n_coordinates=2", "softening.n_squeezes=2"])
@@ -44,36 +51,37 @@ def test_contacts_are_compiled_for_any_scene_before_there_is_a_duct(path: Path) 
     warm_up_contact(load_scene(path, []))
 
 
-def test_what_is_compiled_on_the_stand_in_is_what_the_duct_of_the_scene_asks_for() -> None:
+def test_what_is_compiled_on_the_stand_in_is_what_the_duct_of_the_scene_asks_for(preloaded: Preloaded) -> None:
     """Else it would be compiled in vain, and what is needed later, when everybody waits for it."""
-    on_stand_in, added = _run("stand-in")
+    on_stand_in, added = _run("_compare", preloaded)
     assert on_stand_in > 20
     assert added == []
 
 
-def test_what_haptics_compiles_for_physics_is_what_physics_asks_for() -> None:
+def test_what_haptics_compiles_for_physics_is_what_physics_asks_for(preloaded: Preloaded) -> None:
     """Else it would be compiled in vain, while the gateway waits for it."""
-    asked = set(_run("physics"))  # first: what is compiled, not loaded, lists what it calls too
-    shared = set(_run("share"))
+    asked = set(_run("_physics", preloaded))  # first: what is compiled, not loaded, lists what it calls too
+    shared = set(_run("_share", preloaded))
     assert len(shared) > 5
     assert shared - asked == set()
 
 
-def test_nothing_is_compiled_once_the_loop_runs_and_no_kernel_allocates() -> None:
+def test_nothing_is_compiled_once_the_loop_runs_and_no_kernel_allocates(preloaded: Preloaded) -> None:
     """Jaws that take hold of the wall stalled physics for 29 ms with a warm cache.
 
     Closures of one name, compiled by two processes, could be taken for one another by a third.
     """
-    assert _run("later") == {"compiled": [], "allocating": [], "closures": []}
+    assert _run("_later", preloaded) == {"compiled": [], "allocating": [], "closures": []}
 
 
-def test_nothing_is_compiled_once_a_drive_twists_and_steers() -> None:
-    assert _run("driven") == []
+def test_nothing_is_compiled_once_a_drive_twists_and_steers(preloaded: Preloaded) -> None:
+    assert _run("_driven", preloaded) == []
 
 
-def _run(what: str) -> Any:
-    command, root = [sys.executable, "-m", "tests.physics.test_warm_up", what], Path(__file__).parents[2]
-    run = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
+def _run(what: str, preloaded: Preloaded) -> Any:
+    """Return what a function of this module prints in a process in which nothing has been compiled."""
+    code = f"from tests.physics import test_warm_up as test; test.{what}()"
+    run = preloaded.start(code, (), Path(__file__).parents[2], os.environ).wait()
     assert run.returncode == 0, run.stderr
     return json.loads(run.stdout.splitlines()[-1])
 
@@ -166,7 +174,3 @@ def _driven() -> None:
     assert simulation.drive is not None
     assert simulation.drive.work_j > 0.0
     print(json.dumps(sorted(_signatures() - before)))
-
-
-if __name__ == "__main__":
-    {"stand-in": _compare, "share": _share, "physics": _physics, "later": _later, "driven": _driven}[sys.argv[1]]()
