@@ -31,9 +31,13 @@ INSERTED_MM = 5.0
 #: Within so long a newcomer is to reach the goal.
 MOST_S = 90.0
 #: Where the jaws are when the tip is before the mouth, how low they take the catheter, and a push.
-BEFORE_MM, LOW_MM, PUSH_MM = 66.0, 0.5, 4.0
+BEFORE_MM, LOW_MM, PUSH_MM, PUSH_S = 66.0, 0.5, 4.0, 1.2
 WHEEL_NOTCH = 100
 _DRAWS_S = 4.0
+#: The eye has come to rest when so many looks in a row find a point of the world within so many pixels.
+_STILL_LOOKS, _STILL_PX = 5, 1.0
+#: So long a newcomer waits for what the page says of closed jaws.
+_CLOSES_S = 2.0
 #: The governor is not to take a coarser step until a picture is taken.
 FINER = """
 const {governor} = trocar.view;
@@ -146,14 +150,26 @@ def take(mouse: Mouse, look: Callable[[], None] = lambda: None) -> None:
     browser = mouse.browser
     assert "Move the forceps yourself" in browser.text("#hand-hint")
     mouse.press("#toggle-dashboard")
-    time.sleep(1.0)
+    until_eye_rests(mouse)
     look()
     mouse.press("#take-hands")
     browser.until(
         lambda: browser.evaluate("document.querySelector('#hands.taken') !== null"), PATIENCE_S, "the hands are on"
     )
-    time.sleep(1.0)  # the eye has moved
+    until_eye_rests(mouse)
     look()
+
+
+def until_eye_rests(mouse: Mouse) -> None:
+    """Wait until the picture has its size and the eye its place."""
+    seen: list[tuple[float, float]] = []
+
+    def rests() -> bool:
+        seen.append(mouse.pixel((0.0, 0.0, 0.0)))
+        last = seen[-_STILL_LOOKS:]
+        return len(last) == _STILL_LOOKS and all(max(way) - min(way) < _STILL_PX for way in zip(*last, strict=True))
+
+    mouse.browser.until(rests, PATIENCE_S, "the eye rests")
 
 
 def grasp(mouse: Mouse) -> None:
@@ -165,16 +181,19 @@ def grasp(mouse: Mouse) -> None:
     while jaws_mm(mouse)[2] > LOW_MM:
         mouse.wheel(min(2.0, jaws_mm(mouse)[2] * 60 / WHEEL_NOTCH))
     mouse.at = mouse.pixel(jaws_mm(mouse))
-    time.sleep(1.0)
+    time.sleep(0.5)
+    said, until_s = mouse.browser.text("#attempt-hint"), time.monotonic() + _CLOSES_S
     mouse.click()  # the jaws close on the catheter
-    time.sleep(2.0)
+    while mouse.browser.text("#attempt-hint") == said and time.monotonic() < until_s:
+        time.sleep(0.1)
+    time.sleep(0.3)
 
 
 def draw_to(mouse: Mouse, x_mm: float, seconds: float) -> None:
     """Draw the jaws along the axis of the duct, to so far before its middle."""
     mouse.at = mouse.pixel(jaws_mm(mouse))
     mouse.drag(mouse.pixel((x_mm, 0.0, jaws_mm(mouse)[2])), seconds)
-    time.sleep(0.5)
+    time.sleep(0.3)
 
 
 def obey(mouse: Mouse) -> str:
@@ -184,11 +203,11 @@ def obey(mouse: Mouse) -> str:
     if said.startswith("Grasp the catheter"):
         grasp(mouse)
     elif said.startswith("Lead the tip"):
-        draw_to(mouse, BEFORE_MM if at_mm > BEFORE_MM + 1.0 else at_mm - PUSH_MM, 2.0)
+        draw_to(mouse, BEFORE_MM if at_mm > BEFORE_MM + 1.0 else at_mm - PUSH_MM, PUSH_S)
     elif to_go := re.match(r"Push on: (\d+) mm", said):
-        draw_to(mouse, at_mm - min(PUSH_MM, float(to_go[1])), 2.0)
+        draw_to(mouse, at_mm - min(PUSH_MM, float(to_go[1])), PUSH_S)
     elif said.startswith("Gently"):
-        draw_to(mouse, at_mm - 2.0, 2.0)
+        draw_to(mouse, at_mm - 2.0, PUSH_S)
     elif said.startswith(("Less force", "Too deep")):
         draw_to(mouse, at_mm + 2.0, 1.0)
     else:
