@@ -132,7 +132,7 @@ def test_an_image_is_the_view_as_by_x_rays() -> None:
 def test_an_experts_episode_succeeds_and_its_recording_is_judged_and_run_again_alike(tmp_path: Path) -> None:
     made = Navigation("endovascular", targets=["carotid"], record=tmp_path)
     seen, did = [made.reset(seed=0)[0]], []
-    expert, done, info = Expert(made, effort=0.4), False, {}
+    expert, done, info = Expert(made, effort=0.8), False, {}
     while not done:
         did.append(expert.action())
         observation, _, done, _, info = made.step(did[-1])
