@@ -23,7 +23,7 @@ DAY = {
     "driving": "left, 0.1 m/s, number 0",
     "driving_tube": "mouth, 0.1 m/s, number 0",
     "guide_wire": "left, 0.1 m/s, number 0",
-    "guide_wire_tube": "clamped, 0.1 m/s, number 0",
+    "guide_wire_tube": "mouth, 0.1 m/s, number 0",
     "numbers": "nan in position_m, number 0",
     "switches": "holding, number 0",
     "effect_pairs": "twist and friction, number 0",
