@@ -1,8 +1,8 @@
 """A process that imports the modules of the rig's processes once, and forks each process on request.
 
 ``python -m services.supervisor.fork_server LINK ROOM``, started by the supervisor only (`fork_link`), whose end of the
-link decides its life. It runs no thread, opens nothing and writes nothing. ROOM pads its command line for those of its
-forks. A fork becomes a child of the supervisor, because the process between them ends at once.
+link decides its life. It runs no thread and opens nothing. ROOM pads its command line for those of its forks. A fork
+becomes a child of the supervisor, because the process between them ends at once.
 """
 
 from __future__ import annotations
@@ -41,6 +41,7 @@ def main() -> None:
     link = socket.socket(fileno=int(sys.argv[1]))
     for name in IMPORTED:
         importlib.import_module(name)
+    _call_a_kernel()
     gc.freeze()
     _tell(link, READY)
     while (received := socket.recv_fds(link, _ORDER_MAX, 1))[0]:
@@ -52,6 +53,15 @@ def main() -> None:
             _become(order)
             return
         os.close(sink)
+
+
+def _call_a_kernel() -> None:
+    """Call some kernel: with the first one numba imports 250 more modules, in each process that has not done so."""
+    from services import kernel_cache
+    from services.mechanics.compiled import vectors
+
+    vectors.dot((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    kernel_cache.settle()
 
 
 def _tell(link: socket.socket, what: bytes) -> None:
