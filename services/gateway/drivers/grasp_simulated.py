@@ -56,11 +56,10 @@ class Driver(OdriveGrasp):
 
     def open_bus(self) -> can.BusABC:
         """Start the drive and return its bus."""
-        motion = choose_motion(self._own, self._place)
         if self._drives is not None:  # reopened: the process is dead, or hangs
             self._drives.kill()
         self._drives = drives.find_process(self._own.core, self._own.priority)
-        return self._drives.join(self.node, self.file.watchdog_s, motion)
+        return self._drives.join(self.node, self.file.watchdog_s, choose_motion(self._own, self._place))
 
     def open(self) -> None:
         """Start the drive and find it on its bus."""
