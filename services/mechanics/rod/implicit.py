@@ -67,6 +67,7 @@ class ImplicitIntegrator(StepGains):
         self.work = allocate_work(n, 0 if self.twist is None else len(self.twist.torsion))
         if self.twist is not None:
             self.work.first_joint = self.twist.first
+            self.model.damps_aside = True
         self.addresses = (self.model.address, self.work.address)
         self.held_target_m: FloatArray = np.full((len(self.model.held), 3), np.nan)
         self._external, self._frame_force = np.zeros((n, 3)), np.zeros((n, 3))
@@ -88,14 +89,20 @@ class ImplicitIntegrator(StepGains):
         step = (dt_s, self.spectral_radius, self.max_iterations, is_start)
         if self.twist is not None:
             self._frame_force[:] = 0.0
-            add_frame_forces(self.twist, state, self._frame_force, of_next_step=True)
+            add_frame_forces(self.twist, state, self._frame_force, ahead_s=0.5 * dt_s)
             assert state.frame is not None
             frame = (state.frame.tangent, state.frame.m1, state.frame.twist_rad)
-            note_turns(self.work.address, self.twist.address, state.frame.path(state.position_m)[1], frame)
+            note_turns(self.addresses, (self.twist.address, frame, state.frame.end_is_held), dt_s)
             external_force_n = np.add(external_force_n, self._frame_force, out=self._external)
         self.iterations = implicit_kernels.predict(self.addresses, motion, external_force_n, self.held_target_m, step)
         if self.iterations == 0:
             raise FloatingPointError("the rod's state or a force on it is not finite")
+
+    def is_driven(self, state: RodState) -> bool:
+        """Return whether a step moves held particles, or changes the lengths of segments."""
+        target_m, model = self.held_target_m, self.model
+        stays = np.isnan(target_m) | (target_m == state.position_m[model.held])
+        return bool(model.growth.any() or not stays.all())
 
     def step_freely(self, state: RodState, address: Address[FreeStep], dt_s: float, flags: tuple[bool, bool]) -> bool:
         """Do as `predict` and `correct` do of a rod without twist, in one kernel; return whether the rod slept.
