@@ -35,6 +35,10 @@ from services.mechanics.contact.geometry import ContactGeometry, ToolGeometry, g
 
 #: Least cosine between the normals of duplicates, 26 degrees.
 SAME_NORMAL = 0.9
+#: Least cosine between the normals of contacts on one flat facet, 2 degrees.
+SAME_FACET = 0.9994
+#: A facet is flat if a segment's clearance along it is within this of linear, a tenth of what touches.
+FLAT_M = 3e-6
 #: Largest gap that counts as touching: surfaces at rest overlap or part by less. A step begins with rows for candidates
 #: that touch, or will; those without a row may end no deeper, see `simulation.step_solver`.
 TOUCHING_M = 30e-6
@@ -124,6 +128,45 @@ def choose(
         if is_near and not _is_duplicate(found, working, i):
             working.chosen[working.n_chosen] = i
             working.n_chosen += 1
+    _leave_out_between(found, working)
+
+
+@kernel
+def _leave_out_between(found: Candidates, working: WorkingSet) -> None:
+    """Leave out chosen candidates of a catheter's segment that two others, one on each side, imply.
+
+    A straight segment touches a flat facet all along: two contacts say what the others would, and more rows than a
+    contact has degrees of freedom make a solve slow.
+    """
+    kept, are_between = 0, working.order  # the order of candidates is not needed any more
+    for k in range(working.n_chosen):
+        are_between[k] = _is_between(found, working, working.chosen[k])
+    for k in range(working.n_chosen):
+        if not are_between[k]:
+            working.chosen[kept] = working.chosen[k]
+            kept += 1
+    working.n_chosen = kept
+
+
+@kernel
+def _is_between(found: Candidates, working: WorkingSet, i: int) -> bool:
+    """Return whether chosen candidates of the same segment and normal, one on each side, imply this one's clearance."""
+    p, s, normal, before, after = found.piece[i], found.s[i], row(found.normal, i), -1, -1
+    if not N_TOOL_PIECES <= p < working.first_sphere:
+        return False
+    for k in range(working.n_chosen):
+        j = working.chosen[k]
+        if found.piece[j] != p or dot(normal, row(found.normal, j)) < SAME_FACET:
+            continue
+        if found.s[j] < s and (before < 0 or found.s[j] < found.s[before]):
+            before = j
+        if found.s[j] > s and (after < 0 or found.s[j] > found.s[after]):
+            after = j
+    if before < 0 or after < 0:
+        return False
+    share = (s - found.s[before]) / (found.s[after] - found.s[before])
+    implied_m = (1.0 - share) * working.clearance_m[before] + share * working.clearance_m[after]
+    return bool(working.clearance_m[i] >= implied_m - FLAT_M)
 
 
 @kernel

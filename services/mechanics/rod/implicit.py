@@ -98,12 +98,6 @@ class ImplicitIntegrator(StepGains):
         if self.iterations == 0:
             raise FloatingPointError("the rod's state or a force on it is not finite")
 
-    def is_driven(self, state: RodState) -> bool:
-        """Return whether a step moves held particles, or changes the lengths of segments."""
-        target_m, model = self.held_target_m, self.model
-        stays = np.isnan(target_m) | (target_m == state.position_m[model.held])
-        return bool(model.growth.any() or not stays.all())
-
     def step_freely(self, state: RodState, address: Address[FreeStep], dt_s: float, flags: tuple[bool, bool]) -> bool:
         """Do as `predict` and `correct` do of a rod without twist, in one kernel; return whether the rod slept.
 

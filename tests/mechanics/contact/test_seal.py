@@ -140,8 +140,8 @@ def wall_pushes(position, entry, length_m, segment_m, stiffness_n_m, bearing_m):
     """
     x, across = entry[0] - position[:, 0], position[:, 1:] - entry[1:]
     inside = (x > 0.0) & (x < length_m)
-    depth = np.minimum(x, length_m - x)[inside]
-    pushes = [*zip(x[inside], np.minimum(depth / segment_m, 1.0)[:, None] * across[inside], strict=True)]
+    depth = np.minimum(np.minimum(x, length_m - x)[inside] / segment_m, 1.0)
+    pushes = [*zip(x[inside], ((depth * (2.0 - depth)) ** 2)[:, None] * across[inside], strict=True)]
     for plane in (0.0, length_m):
         j = np.searchsorted(x, plane) - 1
         end = np.array([entry[0] - plane, *entry[1:]])

@@ -155,6 +155,26 @@ def test_what_is_further_gets_a_row_where_the_last_motion_would_bring_it_near(mo
     assert chooser.choose([one(gap_m=1.5e-3), one(piece=2, gap_m=0.4e-3)]) == ([1, 0] if is_chosen else [1])
 
 
+@pytest.mark.parametrize(
+    ("piece", "middle_m", "normal", "has_row"),
+    [
+        (7, 0.0, (0.0, 0.0, 1.0), False),
+        (7, 50e-6, (0.0, 0.0, 1.0), False),
+        (7, -5e-6, (0.0, 0.0, 1.0), True),
+        (7, 0.0, (0.0, 0.1, 0.995), True),
+        (2, 0.0, (0.0, 0.0, 1.0), True),
+    ],
+    ids=["flat", "hollow", "bulging", "tilted", "jaw"],
+)
+def test_along_a_flat_facet_a_segment_has_rows_at_both_ends(piece, middle_m, normal, has_row):
+    chooser = Chooser()
+    chooser.found.s[:3] = 0.0, 0.4, 1.0
+    ends = one(piece, 3, -10e-6), one(piece, 60, 5e-6)
+    middle = (*one(piece, 30)[:3], np.array(normal), -4e-6 + middle_m)
+    renew(chooser.set, piece, 30)
+    assert set(chooser.choose([ends[0], middle, ends[1]])) == ({0, 1, 2} if has_row else {0, 2})
+
+
 def test_a_member_outlives_its_pressing_and_comes_first():
     chooser = Chooser()
     beside = (0.9, 0.1, 0.0)  # 80 um off

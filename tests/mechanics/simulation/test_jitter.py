@@ -103,9 +103,11 @@ def test_frames_that_were_missed_and_caught_up_lead_as_deep_and_are_felt_alike(i
     assert difference(in_bursts[0], on_time)[2] < TOLERANCE_N
 
 
-def test_without_friction_missed_frames_and_samples_200_us_early_or_late_change_the_end_by_little(duct):
+def test_without_friction_of_contacts_missed_frames_and_samples_200_us_early_or_late_change_the_end_by_little(duct):
     scenario = scenarios.insertion()
-    smooth = replace(scenario, scene=without_friction(scenario.scene))
+    scene = without_friction(scenario.scene)
+    scene = replace(scene, catheter=scenario.scene.catheter)  # its seal holds what would slide on for ever
+    smooth = replace(scenario, scene=scene)
     reference = run(duct, ON_TIME, scenario=smooth)[0]
     assert reference.contacts.n_contacts > 0, "jaws press the duct"
     for indices, early_s in ((bursts(3), None), (ON_TIME, early(4))):
