@@ -13,11 +13,6 @@ Damping acts on strains as if the particles were displaced by ``lead`` more. The
 velocities, and acts along a segment and on the angle of a joint; that of an implicit step, its numerical damping, acts
 wherever there is stiffness. ``lead[0]`` is the sum of both, ``lead[1]`` the step's alone.
 
-Whether a joint whose plane turns bends its material, or rolls with it, only a material frame tells. A rod that has one
-is also damped by r.v - 2 sin(theta/2) s, with r the gradient out of the plane and s the rate at which the directors
-roll (``spin``): the change of its curvature in the material, which a rigid rotation leaves at zero. The moment of that
-damping on the directors is left out, as beta is short against the time in which anything rolls.
-
 ``scale`` is the factor of the stiffness in the band: scale[0] where the material's damping acts too (along a segment,
 in the plane of bending), scale[1] where only stiffness acts; with zero no tangent is added.
 """
@@ -238,10 +233,7 @@ def add_bending(model: RodModel, work: RodWork) -> None:
         add_joint_force(q, k * (theta + joint_strain(q, work.lead[0], i)), i, work.force)
         has_plane = theta >= _NO_PLANE
         aside = geometric_bending(theta) if has_plane else 1.0
-        moment = k * aside * joint_strain(r, work.lead[1 if has_plane else 0], i)
-        if has_plane and model.damps_aside:
-            moment += k * (joint_strain(r, work.lead[0], i) - joint_strain(r, work.lead[1], i) - work.spin[i])
-        add_joint_force(r, moment, i, work.force)
+        add_joint_force(r, k * aside * joint_strain(r, work.lead[1 if has_plane else 0], i), i, work.force)
         work.has_plane[i], work.aside[i] = has_plane, aside
 
 
@@ -292,6 +284,4 @@ def add_bending_tangent(model: RodModel, work: RodWork, scale: Scale) -> None:
         k = model.joint_stiffness[i]
         add_rank_one(work.band, 3 * i, work.joint[i, 0], scale[0] * k)
         out_of_plane = scale[1 if work.has_plane[i] else 0] * work.aside[i] * k
-        if work.has_plane[i] and model.damps_aside:
-            out_of_plane += (scale[0] - scale[1]) * k
         add_rank_one(work.band, 3 * i, work.joint[i, 1], out_of_plane)

@@ -67,7 +67,6 @@ class ImplicitIntegrator(StepGains):
         self.work = allocate_work(n, 0 if self.twist is None else len(self.twist.torsion))
         if self.twist is not None:
             self.work.first_joint = self.twist.first
-            self.model.damps_aside = True
         self.addresses = (self.model.address, self.work.address)
         self.held_target_m: FloatArray = np.full((len(self.model.held), 3), np.nan)
         self._external, self._frame_force = np.zeros((n, 3)), np.zeros((n, 3))
@@ -89,10 +88,10 @@ class ImplicitIntegrator(StepGains):
         step = (dt_s, self.spectral_radius, self.max_iterations, is_start)
         if self.twist is not None:
             self._frame_force[:] = 0.0
-            add_frame_forces(self.twist, state, self._frame_force, ahead_s=0.5 * dt_s)
+            add_frame_forces(self.twist, state, self._frame_force, of_next_step=True)
             assert state.frame is not None
             frame = (state.frame.tangent, state.frame.m1, state.frame.twist_rad)
-            note_turns(self.addresses, (self.twist.address, frame, state.frame.end_is_held), dt_s)
+            note_turns(self.work.address, self.twist.address, state.frame.path(state.position_m)[1], frame)
             external_force_n = np.add(external_force_n, self._frame_force, out=self._external)
         self.iterations = implicit_kernels.predict(self.addresses, motion, external_force_n, self.held_target_m, step)
         if self.iterations == 0:

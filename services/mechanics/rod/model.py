@@ -29,7 +29,6 @@ class RodModel(Struct):
     introducer: IntroducerSprings
     held: Annotated[IntArray, "h"]  # held particles
     is_held: Annotated[BoolArray, "n"]
-    damps_aside: bool = False  # whether bending is damped out of a joint's plane too, see `elasticity`
 
 
 class RodWork(Struct):
@@ -48,7 +47,6 @@ class RodWork(Struct):
     joint: Annotated[FloatArray, "n - 2", 2, 9]  # gradients of bending in and out of the plane of each joint
     aside: Annotated[FloatArray, "n - 2"]  # share of a joint's stiffness out of its plane
     has_plane: Annotated[BoolArray, "n - 2"]
-    spin: Annotated[FloatArray, "n - 2"]  # what directors' rolling takes off a joint's lead out of its plane, rad
     gradient: Annotated[FloatArray, 2, 9]  # of a joint with a wall
     turn: Annotated[FloatArray, "turns", 9]  # gradients of the joints' twist, see `turning`; none without a frame
     turned: Annotated[FloatArray, "turns"]

@@ -11,22 +11,20 @@ from __future__ import annotations
 
 import math
 
+from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
-from services.mechanics.compiled.vectors import cross, dot, row, subtract
+from services.mechanics.compiled.vectors import cross, dot, row
 from services.mechanics.rod.elasticity import add_joint_force, add_rank_one, joint_strain
-from services.mechanics.rod.model import RodModel, RodWork, model_at, work_at
-from services.mechanics.rod.twist import SHARPEST, Task, TwistModel, inverse_lengths, twist_at
+from services.mechanics.rod.material_frame import Frame
+from services.mechanics.rod.model import RodWork, work_at
+from services.mechanics.rod.twist import SHARPEST, TwistModel, inverse_lengths, twist_at
 
 
 @kernel
-def note_turns(rod: tuple[Address[RodModel], Address[RodWork]], task: Task, dt_s: float) -> None:
-    """Write the gradients of all joints' twist, times the root of their stiffness, and the directors' `spin`.
-
-    The frame in ``task`` was brought to equilibrium for a step of ``dt_s``.
-    """
-    work, model, frame = work_at(rod[1]), twist_at(task[0]), task[1]
-    x, lag = model.ahead, model_at(rod[0]).beta / dt_s
+def note_turns(rod: Address[RodWork], twist: Address[TwistModel], x: FloatArray, frame: Frame) -> None:
+    """Write the gradients of all joints' twist, times the root of their stiffness, for particles x (n, 3)."""
+    work, model = work_at(rod), twist_at(twist)
     for i in range(work.turn.shape[0]):
         first, p = first_of(work, i), i + 1 - work.first_joint
         t, u = row(frame[0], i), row(frame[0], i + 1)
@@ -38,19 +36,6 @@ def note_turns(rod: tuple[Address[RodModel], Address[RodWork]], task: Task, dt_s
                 if 0 <= k < x.shape[0]:
                     work.turn[i, 3 * (k - first) + c] = size * share * b[c]
         work.turned[i] = joint_strain(work.turn[i], x, first)
-        joint, apart = i - work.first_joint, subtract(u, t)
-        if 0 <= joint < work.spin.shape[0]:
-            work.spin[joint] = lag * math.sqrt(dot(apart, apart)) * _turned_by(model, i, task[2])
-
-
-@kernel
-def _turned_by(model: TwistModel, i: int, end_is_held: bool) -> float:
-    """Return the angle by which the directors at a joint were turned last; one whose roll is prescribed follows."""
-    last = model.angle.shape[0] - 1
-    before, after = model.angle[i], model.angle[i + 1]
-    if i + 1 == last and end_is_held:
-        return float(before) if i > 0 else 0.0
-    return float(0.5 * (before + after)) if i > 0 else float(after)
 
 
 @kernel

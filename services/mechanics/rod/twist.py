@@ -22,7 +22,7 @@ from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import Vector, cross, dot, row
 from services.mechanics.rod.elasticity import SHORTEST, bending_angle
-from services.mechanics.rod.material_frame import NO_WALLS, Frame, follow, initial_frame, rotate_frame
+from services.mechanics.rod.material_frame import NO_WALLS, Frame, expect_middle, follow, initial_frame, rotate_frame
 from services.mechanics.rod.properties import RodProperties
 from services.mechanics.rod.state import RodState
 
@@ -37,7 +37,6 @@ class TwistModel(Struct):
     rest_rotation: Annotated[FloatArray, "m - 1", 3]  # in the material frame, rad
     diagonal: Annotated[FloatArray, "m"]
     angle: Annotated[FloatArray, "m"]
-    ahead: Annotated[FloatArray, "n", 3]  # particles, where the frames were brought to equilibrium last
     tangent: Annotated[FloatArray, "m", 3]  # these three: scratch, a frame elsewhere
     m1: Annotated[FloatArray, "m", 3]
     twist: Annotated[FloatArray, "m - 1"]
@@ -75,7 +74,6 @@ def build_twist_model(properties: RodProperties, walls: FloatArray = NO_WALLS) -
         rest_rotation=rest,
         diagonal=np.zeros(n_directors),
         angle=np.zeros(n_directors),
-        ahead=np.zeros((properties.n_particles, 3)),
         tangent=np.zeros((n_directors, 3)),
         m1=np.zeros((n_directors, 3)),
         twist=np.zeros(n_directors - 1),
@@ -85,13 +83,12 @@ def build_twist_model(properties: RodProperties, walls: FloatArray = NO_WALLS) -
     )
 
 
-def add_frame_forces(model: TwistModel, state: RodState, force_n: FloatArray, *, ahead_s: float = 0.0) -> None:
+def add_frame_forces(model: TwistModel, state: RodState, force_n: FloatArray, *, of_next_step: bool = False) -> None:
     """Bring the frames of ``state`` to its positions and to torsional equilibrium, and add their forces to ``force_n``.
 
-    With ``ahead_s`` the positions are those to which the velocities lead in that time. An implicit step asks for its
-    middle, where it takes the rod's other forces, too: at rest, a curved joint's elastic moment and that of its rest
-    curvature cancel, but taken at two places they would leave a force that makes a bent tip ring. These forces enter a
-    step as given numbers; the implicit matrix contains their change while the directors stay (`turning`).
+    With ``of_next_step`` the positions are those that `expect_middle` predicts for the middle of the next step, to
+    second order; call it once before each step then. The forces enter a step as given numbers; the implicit matrix
+    contains their change while the directors stay (`turning`).
 
     Raises ValueError if the frame was made for other clamped ends.
     """
@@ -104,7 +101,10 @@ def add_frame_forces(model: TwistModel, state: RodState, force_n: FloatArray, *,
         )
     frame = (state.frame.tangent, state.frame.m1, state.frame.twist_rad)
     task = (model.address, frame, state.frame.end_is_held)
-    _update(task, (state.position_m, state.velocity_m_s), ahead_s, force_n)
+    if of_next_step:
+        _update_ahead(task, state.position_m, state.frame.path(state.position_m), force_n)
+    else:
+        _update(task, state.position_m, force_n)
 
 
 def twist_energy(model: TwistModel, state: RodState) -> float:
@@ -131,15 +131,17 @@ def energy_at(task: Task, x: FloatArray) -> float:
 
 
 @kernel
-def _update(task: Task, motion: tuple[FloatArray, FloatArray], ahead_s: float, f: FloatArray) -> None:
+def _update_ahead(task: Task, x: FloatArray, path: FloatArray, f: FloatArray) -> None:
+    expect_middle(x, path)
+    _update(task, path[1], f)
+
+
+@kernel
+def _update(task: Task, x: FloatArray, f: FloatArray) -> None:
     model, frame, end_is_held = twist_at(task[0]), task[1], task[2]
-    x, v = motion
-    for i in range(x.shape[0]):
-        for c in range(3):
-            model.ahead[i, c] = x[i, c] + ahead_s * v[i, c]
-    follow(model.ahead, frame, model.first)
+    follow(x, frame, model.first)
     relax(model, frame, end_is_held)
-    add_forces(model, model.ahead, frame, f)
+    add_forces(model, x, frame, f)
 
 
 @kernel

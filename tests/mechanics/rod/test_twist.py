@@ -190,52 +190,6 @@ def test_a_bent_tip_whose_grip_has_turned_comes_to_rest(youngs_modulus_pa, lengt
     assert np.abs(state.velocity_m_s).max() < 1e-9
 
 
-def hook(youngs_modulus_pa, diameter_m, curvature_1_m, internal_damping_s=2e-4, bent=7):
-    """Return a straight rod of 60 segments whose last ones are curved at rest; moduli are those of shaft and tip."""
-    n, (shaft_pa, tip_pa) = 60, youngs_modulus_pa
-    rod = RoundTube(diameter_m, 0.0, shaft_pa, 1100.0, 0.45).rod(
-        n, 0.12, twist=True, internal_damping_s=internal_damping_s, viscous_drag_n_s_m2=0.05
-    )
-    curvature, softness = np.zeros((n - 1, 3)), np.ones(n)
-    curvature[-bent:, 0], softness[-bent:] = curvature_1_m, tip_pa / shaft_pa
-    names = "axial_stiffness_n", "bending_stiffness_n_m2", "torsional_stiffness_n_m2"
-    return replace(rod, rest_curvature_1_m=curvature, **{name: softness * getattr(rod, name) for name in names})
-
-
-@pytest.mark.parametrize(
-    ("youngs_modulus_pa", "diameter_m", "curvature_1_m", "dt_s", "most_m_s"),
-    [
-        ((30e6, 3e6), 1.6e-3, 300.0, 1e-3, 1e-4),
-        ((30e6, 3e6), 1.6e-3, 150.0, 2e-3, 1e-4),
-        ((50e9, 50e9), 0.45e-3, 300.0, 1e-3, 1e-5),
-    ],
-    ids=["soft tip", "soft tip, long steps", "wire"],
-)
-def test_a_curved_tip_that_was_pushed_aside_comes_to_rest(youngs_modulus_pa, diameter_m, curvature_1_m, dt_s, most_m_s):
-    """Soft tips ring at 0.1 m/s if frames are taken elsewhere than other forces; the wire, if only its plane damps."""
-    properties = hook(youngs_modulus_pa, diameter_m, curvature_1_m)
-    integrator, state = ImplicitIntegrator(properties, clamped(X)), straight_rod(properties, (0, 0, 0), X)
-    push_n, none_n = np.zeros_like(state.position_m), np.zeros_like(state.position_m)
-    push_n[-1] = 0.0, 0.002, 0.003
-    for k in range(round(2.0 / dt_s)):
-        integrator.predict(state, push_n if 1.0 <= k * dt_s < 1.05 else none_n, dt_s)
-    assert np.abs(state.velocity_m_s).max() < most_m_s
-
-
-def test_damping_does_not_resist_a_hook_that_rolls_with_its_shaft():
-    """Its plane turns, but its material is not bent; damped as if it were, each joint takes k beta theta^2 omega."""
-    rate_rad_s, dt_s, torque_nm = 6.0, 1e-3, []
-    for damping_s in (1e-4, 2e-3):
-        properties = hook((30e6, 30e6), 1.6e-3, 70.0, damping_s)
-        integrator, state = ImplicitIntegrator(properties, clamped(X)), straight_rod(properties, (0, 0, 0), X)
-        for _ in range(1500):
-            integrator.predict(state, np.zeros_like(state.position_m), dt_s)
-            roll(state.frame, 0, rate_rad_s * dt_s)
-        torque_nm.append(integrator.twist.torsion[0] * state.frame.twist_rad[0])
-    bent_nm = 7 * properties.joint_stiffness_n_m()[-1] * damping_s * (70.0 * 2e-3) ** 2 * rate_rad_s
-    assert abs(torque_nm[1] - torque_nm[0]) < 0.05 * bent_nm
-
-
 def test_a_copy_of_a_state_shares_nothing():
     _, state = twisted_rod(1.0)
     copy = state.copy()
