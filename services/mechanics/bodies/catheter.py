@@ -215,7 +215,7 @@ class CatheterBody:
         self._step.owed_j = 0.0
         self._step.last_external[:] = np.nan
         if self.wire is not None:
-            self.wire.lay(self.wire.place)
+            self.wire.set_place(self.wire.place)
 
     def compliance(self, nodes: IntArray, weights: FloatArray) -> FloatArray:
         """Return a view (3 p, 3 p) of the compliance between touched particles in m/N; `slot` has their indices.

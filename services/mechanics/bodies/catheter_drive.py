@@ -84,7 +84,7 @@ class CatheterDrive:
         np.multiply(self._steering, handle_rad, out=self._own_rest)
         self._own_rest += self._rest
         if self._wire is not None:
-            self._wire.lay(self._wire.place)
+            self._wire.set_place(self._wire.place)
         now_j, now_apart_j = self._stored_j(self._twist)
         self.work_j += now_j - before_j
         self.apart_j += now_apart_j - apart_j

@@ -9,7 +9,7 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.rod import ImplicitIntegrator, RodProperties, RodState, RoundTube, Supports
-from services.mechanics.rod.guide_wire import GuideWireModel, Place, lay, stored
+from services.mechanics.rod.guide_wire import GuideWireModel, Place, stored_energies, write_rod_properties
 from services.mechanics.rod.integrator import RodIntegrator
 from services.mechanics.rod.material_frame import initial_frame
 from services.mechanics.scene import CatheterScene, GuideWireScene
@@ -88,17 +88,17 @@ class GuideWire:
             poisson=wire.poisson_ratio, radius=0.5 * wire.outer_diameter_m, friction=wire.friction,
             clearance=0.5 * (scene.inner_diameter_m - wire.outer_diameter_m), tip=c,
         )  # fmt: skip
-        self.lay((wire.out_m, 0.0))
+        self.set_place((wire.out_m, 0.0))
         edge_m = state.position_m[1] - state.position_m[0]
         state.position_m[1:] = (
             state.position_m[0] + np.outer(np.cumsum(model.rest_length), edge_m) / model.rest_length[0]
         )
         state.frame = initial_frame(state.position_m)
 
-    def lay(self, place: Place) -> None:
+    def set_place(self, place: Place) -> None:
         """Recompute the rod's arrays with the wire at ``place``."""
         self.place_array[:] = place
-        lay(self.model.address, place)
+        write_rod_properties(self.model.address, place)
 
     @property
     def place(self) -> Place:
@@ -111,8 +111,8 @@ class GuideWire:
         self._rod.growth[tip:] = speed_m_s / (len(self._rod.rest_length) - tip)
 
     def stored_j(self, state: RodState, place: Place) -> tuple[float, float]:
-        """Return the energies of `rod.guide_wire.stored`."""
-        out: tuple[float, float] = stored(self.model.address, state.position_m, frame_of(state), place)
+        """Return the energies of `rod.guide_wire.stored_energies`."""
+        out: tuple[float, float] = stored_energies(self.model.address, state.position_m, frame_of(state), place)
         return out
 
 

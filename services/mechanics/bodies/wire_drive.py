@@ -11,7 +11,7 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.bodies.forceps import ToolBody
 from services.mechanics.bodies.guide_wire import frame_of
-from services.mechanics.rod.guide_wire import Place, resist
+from services.mechanics.rod.guide_wire import Place, insertion_forces
 from services.mechanics.scene import CatheterScene, SceneModel
 
 # Largest slide in a step as a fraction of the protruding length, and largest turn in rad.
@@ -75,7 +75,7 @@ class WireDrive:
     def restore_start(self) -> None:
         """Restore it."""
         self.motion, self._origin_m, self._rolled_rad, self._is_held, self._ahead_m = self._saved
-        self.wire.lay(self.motion.place)
+        self.wire.set_place(self.motion.place)
 
     def let_go(self) -> None:
         """Reset the wire to rest, untwisted, at its present place, and release it, after a recovery."""
@@ -91,7 +91,7 @@ class WireDrive:
         """
         self._update_hold()
         before, state, loads = self.motion, self._catheter.state, self._catheter.contact_force_n
-        answer = resist(self.wire.model.address, state.position_m, frame_of(state), loads, before.place)
+        answer = insertion_forces(self.wire.model.address, state.position_m, frame_of(state), loads, before.place)
         self.motion = motion = self._turn(self._slide(answer[:3], dt_s), answer[3:])
         self._catheter.external_force_n[0] += motion.push_n * self._along
         self.wire.grow((motion.place[0] - before.place[0]) / dt_s)
@@ -202,7 +202,7 @@ class WireDrive:
         """Recompute the rod for a place of the wire, and book the change of stored energy."""
         state = self._catheter.state
         before_j, apart_j = self.wire.stored_j(state, self.wire.place)
-        self.wire.lay(place)
+        self.wire.set_place(place)
         now_j, now_apart_j = self.wire.stored_j(state, place)
         motion, put_j, held_j = self.motion, now_j - before_j, now_apart_j - apart_j
         self.motion = replace(motion, work_j=motion.work_j + put_j, numerical_j=motion.numerical_j - put_j - held_j)

@@ -1,12 +1,12 @@
-"""Candidates: the closest pair of every piece and triangle that are within reach, and the unsigned normal between them.
+"""Candidates: the closest points of every piece and triangle within reach, and the unsigned normal between them.
 
-A piece is a capsule (a segment of a tool or of the catheter; a sphere where its ends are one point). Edges, vertices
-and rims come with the triangles. A piece that lies along a triangle is near it in several places: at its ends and at
-edges. Places as near as the closest pair are candidates of their own. With one candidate a triangle, the contact of a
-jaw across two edges jumped from one to the other, and a catheter's tip never came to rest beside an edge.
+A piece is a capsule: a segment of a tool or of the catheter, or a sphere if its ends coincide. Triangles include their
+edges, vertices and rims. A piece parallel to a triangle is near it at several points: at its ends and at edges. Points
+about as near as the closest pair are further candidates. With one candidate per triangle, the contact of a jaw across
+two edges would alternate between them, and a catheter's tip would not come to rest next to an edge.
 
-The normal points from the wall's middle surface to the piece's axis, whichever side that is on. The side never changes,
-because axes are guaranteed never to cross the middle surface.
+The normal points from the wall's middle surface to the piece's axis, on whichever side that is. The side never changes,
+because axes never cross the middle surface.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ from services.mechanics.compiled.vectors import (
 Where = tuple[FloatArray, FloatArray]
 """Ends of the pieces (p, 2, 3) and positions of the wall's nodes (n, 3), both at the same time."""
 
-#: Below this distance of an axis from the middle surface a normal is noise.
+#: Distance of an axis from the middle surface below which no normal is defined.
 _NO_NORMAL_M = 1e-12
-#: Two places are distinct if so far apart along the piece, as a fraction of its distance from the wall at a touch.
+#: Smallest separation of two candidates along a piece, as a fraction of its axis's distance from the wall in contact.
 _MIN_SEPARATION = 0.02
 
 
@@ -47,8 +47,8 @@ class Candidates(Struct):
     """Closest pairs; only the first ``count`` entries are valid.
 
     Attributes:
-        piece, triangle: (c,) int64
-        s: (c,) float64. Place along the piece's axis, 0 to 1.
+        piece, triangle: (c,) int64. Their indices.
+        s: (c,) float64. Parameter of the point on the piece's axis, 0 to 1.
         weight: (c, 3) float64. Barycentric weights in the triangle.
         normal: (c, 3) float64. Unit vector from the wall to the piece.
         gap_m: (c,) float64. Between the surfaces; negative where they overlap.
@@ -69,7 +69,7 @@ candidates_at = reader(Candidates)
 
 @kernel
 def measure(address: Address[CandidateList], out_address: Address[Candidates], span: tuple[int, int]) -> None:
-    """Write the closest pairs of listed entries whose gap is at most the wanted one, for the pieces in a span."""
+    """Write the closest pairs of listed entries whose gap is at most ``wanted`` of the piece, for a span of pieces."""
     found, out = list_at(address), candidates_at(out_address)
     out.count = 0
     for p in range(span[0], span[1]):
@@ -95,16 +95,19 @@ def _measure_entry(found: CandidateList, p: int, k: int, out: Candidates) -> Non
 def _put_further_minima(
     found: CandidateList, place: tuple[int, int], places: Places, closest: tuple[float, float], out: Candidates
 ) -> None:
-    """Write further local minima between a piece and a triangle up to a distance, each apart from all nearer ones."""
-    p, (most, s_closest), corner = place[0], closest, found.clusters.triangles
+    """Write further local minima of the distance of a piece and a triangle, each separate from all nearer ones.
+
+    ``closest`` is (largest distance in m, parameter of the closest pair).
+    """
+    p, (limit, s_closest), corner = place[0], closest, found.clusters.triangles
     a, b = row_of(found.ends, p, 0), row_of(found.ends, p, 1)
-    apart = _MIN_SEPARATION * found.thickness[p] / max(math.sqrt(squared_distance(a, b)), _NO_NORMAL_M)
+    separation = _MIN_SEPARATION * found.thickness[p] / max(math.sqrt(squared_distance(a, b)), _NO_NORMAL_M)
     for k in range(5):
         d2, s, w = places[k]
-        is_other = _NO_NORMAL_M**2 < d2 <= most * most and abs(s - s_closest) > apart
+        is_other = _NO_NORMAL_M**2 < d2 <= limit * limit and abs(s - s_closest) > separation
         for j in range(5):
             is_nearer = places[j][0] < d2 or (places[j][0] == d2 and j < k)
-            is_other = is_other and not (is_nearer and abs(s - places[j][1]) <= apart)
+            is_other = is_other and not (is_nearer and abs(s - places[j][1]) <= separation)
         if is_other:
             distance = math.sqrt(d2)
             normal = scaled(offset((found.ends, found.position), corner, place, s, w), 1.0 / distance)
@@ -113,7 +116,7 @@ def _put_further_minima(
 
 @kernel
 def put(out: Candidates, place: tuple[int, int], pair: tuple[float, float, Vector, Vector]) -> None:
-    """Write a candidate: (piece, triangle) and (gap, place along the piece, weights, normal)."""
+    """Append a candidate: ``place`` is (piece, triangle), ``pair`` is (gap in m, parameter, weights, normal)."""
     if out.count == out.gap_m.shape[0]:
         out.dropped += 1
         return
@@ -127,7 +130,7 @@ def put(out: Candidates, place: tuple[int, int], pair: tuple[float, float, Vecto
 
 @kernel
 def closest_pair(where: Where, corner: IntArray, p: int, t: int) -> tuple[float, float, Vector, Vector]:
-    """Return distance, place along the piece, weights in the triangle and normal of a piece and a triangle."""
+    """Return the distance (m) of piece p and triangle t, the parameter on the piece, weights and normal."""
     return _closest(where, corner, (p, t), _places(where, corner, p, t))
 
 
@@ -166,7 +169,7 @@ def offset(where: Where, corner: IntArray, place: tuple[int, int], s: float, w: 
 
 @kernel
 def nearest_to(where: Where, corner: IntArray, place: tuple[int, int], w: Vector) -> tuple[float, float, Vector]:
-    """Return distance, place along the piece and normal of a piece and a point of a triangle."""
+    """Return the distance (m) of a piece and the point of a triangle at weights ``w``, parameter and normal."""
     a, b = row_of(where[0], place[0], 0), row_of(where[0], place[0], 1)
     s = place_along(subtract(a, offset(where, corner, place, 0.0, w)), (a, b))
     away = offset(where, corner, place, s, w)

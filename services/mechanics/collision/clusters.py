@@ -1,4 +1,4 @@
-"""Triangles in clusters of neighbours, each with a bounding sphere, for rebuilding the candidate list.
+"""A hierarchy of bounding spheres for candidate lists: one for each triangle, and one for each cluster of neighbours.
 
 Two levels are enough: a thousand triangles make forty clusters, and a capsule is near two or three of them.
 """
@@ -11,20 +11,21 @@ from typing import Annotated
 import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.collision.primitives import place_along
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Struct
 from services.mechanics.compiled.vectors import Vector, along, dot, put_row, row, scaled, squared_distance, subtract
 
-#: A sphere round so many triangles of a tube is hardly larger than one round a single one and its neighbours.
+#: Maximum number of triangles of a cluster: their sphere is hardly larger than that of a triangle and its neighbours.
 CLUSTER_TRIANGLES = 24
 
 
 class Clusters(Struct):
-    """m triangles in c clusters; middles and radii are those of the last `enclose`."""
+    """m triangles in c clusters; middles and radii (m) are those of the last `enclose`."""
 
     triangles: Annotated[IntArray, "m", 3]
-    order: Annotated[IntArray, "m"]  # those of one cluster side by side
-    first: Annotated[IntArray, "c + 1"]
+    order: Annotated[IntArray, "m"]  # triangles sorted by cluster
+    first: Annotated[IntArray, "c + 1"]  # index in ``order`` at which each cluster begins
     middle: Annotated[FloatArray, "m", 3]
     radius: Annotated[FloatArray, "m"]
     cluster_middle: Annotated[FloatArray, "c", 3]
@@ -32,7 +33,7 @@ class Clusters(Struct):
 
 
 def cluster_triangles(vertices_m: FloatArray, triangles: IntArray) -> Clusters:
-    """Cut triangles (m, 3) into clusters by median splits along the longest side."""
+    """Divide triangles (m, 3) into clusters by median splits along the longest side of their bounding box."""
     centroids = vertices_m[triangles].mean(axis=1)
     pieces, pending = [], [np.arange(len(triangles), dtype=np.int32)]
     while pending:
@@ -51,7 +52,7 @@ def cluster_triangles(vertices_m: FloatArray, triangles: IntArray) -> Clusters:
 
 @kernel
 def enclose(clusters: Clusters, position: FloatArray) -> None:
-    """Put spheres round all triangles and clusters, with the nodes at ``position`` (n, 3)."""
+    """Compute the bounding spheres of all triangles and clusters, with the nodes at ``position`` (n, 3)."""
     corner = clusters.triangles
     for t in range(corner.shape[0]):
         u, v, w = row(position, corner[t, 0]), row(position, corner[t, 1]), row(position, corner[t, 2])
@@ -65,7 +66,7 @@ def enclose(clusters: Clusters, position: FloatArray) -> None:
 
 @kernel
 def middle_of(a: Vector, b: Vector, c: Vector) -> Vector:
-    """Return the middle of a triangle."""
+    """Return the centroid of a triangle."""
     return scaled((a[0] + b[0] + c[0], a[1] + b[1] + c[1], a[2] + b[2] + c[2]), 1.0 / 3.0)
 
 
@@ -85,8 +86,5 @@ def _enclose_cluster(clusters: Clusters, c: int) -> None:
 
 @kernel
 def way_to(a: Vector, b: Vector, point: Vector) -> Vector:
-    """Return the shortest way from segment ab to a point."""
-    u, w = subtract(b, a), subtract(point, a)
-    length_2 = dot(u, u)
-    t = min(max(dot(u, w) / length_2, 0.0), 1.0) if length_2 > 0.0 else 0.0
-    return along(w, u, -t)
+    """Return the vector from the closest point of segment ab to a point."""
+    return along(subtract(point, a), subtract(b, a), -place_along(point, (a, b)))

@@ -1,7 +1,7 @@
-"""Candidate contact pairs, as collision detection hands them to the contact solver.
+"""Contact pairs, which collision detection passes to the contact solver.
 
-A pair is a *first body* (a segment of a tool, or a point of the catheter) against a *target* (a triangle of
-the duct, or a segment of the catheter). The normal points from the target towards the first body.
+A pair is a *first body* (a segment of a tool, or a point of the catheter) and a *target* (a triangle of the duct, or a
+segment of the catheter). The normal points from the target towards the first body.
 """
 
 from __future__ import annotations
@@ -32,11 +32,12 @@ class ContactPairs(Struct):
             ``tool_parameter`` s > 0 the first body is the point at (1 - s) of this particle and s of the next one.
         target_kind: (N,) int8. `DUCT_TRIANGLE` or `CATHETER_SEGMENT`.
         target: (N,) int32. Triangle or segment index.
-        tool_parameter: (N,) float64. Place along the first body's segment, 0 at its start and 1 at its end.
+        tool_parameter: (N,) float64. Parameter on the first body's segment, 0 at its start and 1 at its end.
         target_weights: (N, 3) float64. Barycentric weights in the triangle; (1 - s, s, 0) on a catheter segment.
-        normal: (N, 3) float64. Unit vector from the target towards the first body: the direction in which the first
-            body is pushed.
-        gap_m: (N,) float64. Distance between the surfaces (radii and half thickness subtracted); negative = overlap.
+        normal: (N, 3) float64. Unit vector from the target towards the first body: the direction of the normal force on
+            the first body.
+        gap_m: (N,) float64. Distance of the surfaces (radii and half thickness are subtracted), negative if they
+            overlap.
     """
 
     tool: Annotated[ByteArray, "capacity"]
@@ -77,7 +78,7 @@ Pair = tuple[int, int, int, int, int, float, Vector]
 
 @kernel
 def write_pair(pairs: ContactPairs, pair: Pair, gap_m: float, normal: Vector) -> int:
-    """Write one pair and return its index; in full arrays it replaces the shallowest pair, if that is shallower."""
+    """Write a pair and return its index; in full arrays it replaces the shallowest pair, if that is less deep."""
     place = _free_place(pairs, gap_m)
     if place == FULL:
         return FULL
@@ -95,6 +96,7 @@ def write_pair(pairs: ContactPairs, pair: Pair, gap_m: float, normal: Vector) ->
 
 @kernel
 def _free_place(pairs: ContactPairs, gap_m: float) -> int:
+    """Return the index for a new pair with this gap, or `FULL`."""
     if pairs.count < pairs.gap_m.shape[0]:
         pairs.count += 1
         return int(pairs.count - 1)

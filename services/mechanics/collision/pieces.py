@@ -1,4 +1,4 @@
-"""Pieces of a scene as a candidate list numbers them: the segments of the tools, then those of the catheter."""
+"""The pieces of a scene, as candidate lists number them: the segments of the tools, then those of the catheter."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ N_TOOL_PIECES = 3 * N_TOOLS
 def write_pieces(
     address: Address[CandidateList], particles: FloatArray, tools: Tools, sizes: tuple[FloatArray, float]
 ) -> None:
-    """Write the ends of all pieces and which are active; ``sizes`` are (radii of catheter segments, half the wall).
+    """Write the ends of all pieces, and which of them are active; without particles (0, 3) there is no catheter.
 
-    With no particles (0, 3) there is no catheter.
+    ``sizes`` is (radii of the catheter's segments, half the thickness of the wall), in m.
     """
     listed, (segments, radius, present) = list_at(address), tools
     n_segments = segments.shape[1]
@@ -45,7 +45,7 @@ def write_pieces(
 def write_piece_pair(
     pairs: ContactPairs, place: tuple[int, int], s: float, w: Vector, gap_m: float, normal: Vector
 ) -> None:
-    """Write a pair of a piece and a triangle."""
+    """Write the contact pair of a piece and a triangle; ``place`` is (piece, triangle)."""
     p, t = place
     if p < N_TOOL_PIECES:
         write_pair(pairs, (p // 3, p % 3, -1, DUCT_TRIANGLE, t, s, w), gap_m, normal)

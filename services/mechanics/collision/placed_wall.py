@@ -1,12 +1,13 @@
 """Positions of the wall's nodes from all modes and all loads, at the start or at the end of a step.
 
-Detection, contact rows, price and picture see the same wall, because all of them compute it from the same coordinates
-and loads. A node costs as many products as there are modes and loads: 150 nodes, 80 modes and 30 loads are 50,000. So a
-*configuration* (coordinates and loads) is set first, which bounds the motion of every node, and only requested nodes
-are then computed.
+Detection, contact rows, pricing and picture use the same wall, because all of them compute it from the same coordinates
+and loads. The cost per node is proportional to the number of modes and loads: 150 nodes, 80 modes and 30 loads need
+50,000 products. So a *configuration* (coordinates and loads) is set first, which bounds the motion of every node, and
+then only requested nodes are computed.
 
-The bound: loads f move node i beyond the modes by sum_l R_il f_l, and |R_il| is at most sqrt(|R_ii| |R_ll|), as R is
-symmetric and positive (Cauchy-Schwarz). For the modes see `wall_bounds`.
+The bound: beyond the modes, loads f move node i by sum_l R_il f_l, with R the residual compliance, and |R_il| is at
+most sqrt(|R_ii| |R_ll|), because R is symmetric and positive semidefinite (Cauchy-Schwarz). For the modes see
+`wall_bounds`.
 """
 
 from __future__ import annotations
@@ -24,25 +25,25 @@ from services.mechanics.reduction.large_rotations.warping import SectionFrame
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.reduction.residual.blocks import BlockStore, block_between, own_softness
 
-#: Rows of the residual of loaded nodes that are kept: as many as there is room for in 65 MB, and no more than these.
-MOST_BLOCKS, MOST_ROWS = 1_800_000, 128
+#: Maximum size of the cache of residual blocks (65 MB), and of cached rows, one for each loaded node.
+MAX_BLOCKS, MAX_ROWS = 1_800_000, 128
 Loads = tuple[IntArray, FloatArray]
 """Nodes (l,) and forces (l, 3) in N, along world axes."""
 NO_LOADS: Loads = (np.zeros(0, np.int32), np.zeros((0, 3)))
 
 
 class PlacedWall(Struct):
-    """A wall of n nodes and r modes, its configuration, and the positions of the nodes that were placed."""
+    """A wall of n nodes and r modes, its configuration, and the positions of the nodes that were placed; SI units."""
 
     rest: Annotated[FloatArray, "n", 3]
     Phi: Annotated[FloatArray, "n", 3, "r"]
-    blocks: Annotated[Float32Array, "b", 3, 3]  # residual of all nodes, or of rows that are kept
-    known: Annotated[ByteArray, "b"]  # one where a block of a row that is kept has been read
-    row_of: Annotated[IntArray, "n"]  # which row of those that are kept is a node's, -1 where none is
-    kept: Annotated[IntArray, "k"]  # the node of each cached row, -1 where the row is free
-    used: Annotated[LongArray, "k"]  # number of the configuration that used it last
+    blocks: Annotated[Float32Array, "b", 3, 3]  # residual compliance of all nodes, or of the cached rows
+    known: Annotated[ByteArray, "b"]  # one if a block of a cached row has been read
+    row_of: Annotated[IntArray, "n"]  # the cached row of each node, -1 if there is none
+    kept: Annotated[IntArray, "k"]  # the node of each cached row, -1 if the row is free
+    used: Annotated[LongArray, "k"]  # number of the configuration that used the row last
     softness: Annotated[FloatArray, "n"]  # square root of |R_ii|
-    change: Annotated[FloatArray, "n", 3]  # of the loads, zero between uses
+    change: Annotated[FloatArray, "n", 3]  # of the loads on each node; zero between uses
     changed: Annotated[IntArray, "c"]  # nodes whose loads change
     requested: Annotated[IntArray, "n"]  # nodes requested in this configuration
     extra: Annotated[FloatArray, "n", 3]  # their displacement beyond the modes
@@ -55,8 +56,8 @@ class PlacedWall(Struct):
     n_changed: int = 0
     n_requested: int = 0
     n_placed: int = 0  # of the requested ones
-    configuration: int = 1  # number of the present one, counted up with every change
-    softest: float = 0.0  # node, as its square root
+    configuration: int = 1  # number of the present configuration, increased by every change
+    softest: float = 0.0  # largest entry of ``softness``
 
 
 wall_at = reader(PlacedWall)
@@ -64,14 +65,16 @@ _RESIDUAL = "blocks", "known", "row_of", "kept", "used", "softness"
 
 
 class WallPlacement:
-    """Places nodes of a straight wall.
+    """Places nodes of a wall with linear kinematics.
 
     Args:
-        like: WallPlacement or None. Of the same wall, to share its residual and bounds. This one only ever follows it.
+        duct: ReducedDuct. The wall.
+        like: WallPlacement or None. Another placement of the same wall, whose residual and bounds are shared. The new
+            one may then only `follow` it.
 
     Attributes:
-        bounds: WallBounds. Of the modes' motion from the present configuration.
-        position_m: (n, 3) float64. Positions of the nodes; those not placed since are of an earlier configuration.
+        bounds: WallBounds. Bounds of the modes' motion from the present configuration.
+        position_m: (n, 3) float64. Positions of the nodes; of nodes not yet placed, those in an earlier configuration.
     """
 
     def __init__(self, duct: ReducedDuct, like: WallPlacement | None = None) -> None:
@@ -87,9 +90,9 @@ class WallPlacement:
         self.every = np.arange(n, dtype=np.int32)
 
     def set_configuration(self, q: FloatArray, loads: Loads, lasting: Loads = NO_LOADS) -> float:
-        """Set the wall's coordinates q (r,) and loads; return a bound, in m, of how far any node has moved.
+        """Set the wall's coordinates q (r,) and loads; return a bound, in m, on the motion of any node.
 
-        ``lasting`` are loads beside those of contacts. If nothing moves, nodes that are placed remain valid.
+        ``lasting`` are loads other than those of contacts. If nothing moves, placed nodes remain valid.
         """
         return self._set_configuration(q, self.bounds.moved_m(q), loads, lasting)
 
@@ -98,7 +101,7 @@ class WallPlacement:
         return float(configure_wall(self.wall.address, q, moved_m, loads, lasting))
 
     def place(self, nodes: IntArray) -> None:
-        """Compute the positions of ``nodes`` (k,) in this configuration, where that has not been done."""
+        """Compute the positions of ``nodes`` (k,) in this configuration, unless they are known already."""
         request_nodes(self.wall.address, nodes)
         self.place_requested()
 
@@ -111,12 +114,12 @@ class WallPlacement:
         place_displaced(self.wall.address)
 
     def follow(self, other: WallPlacement) -> None:
-        """Copy the configuration of another placement of this wall, with the nodes that it has placed."""
+        """Copy the configuration of another placement of this wall, and the positions of its placed nodes."""
         copy_configuration(self.wall.address, other.wall.address)
 
 
-class TurnedPlacement(WallPlacement):
-    """Places nodes of a wall whose sections turn: loads are rotated back to the rest frame of the residual."""
+class RotatingPlacement(WallPlacement):
+    """Places nodes of a wall whose sections rotate: loads are rotated back to the rest frame of the residual."""
 
     def __init__(self, duct: ReducedDuct, like: WallPlacement | None = None) -> None:
         super().__init__(duct, like)
@@ -130,8 +133,8 @@ class TurnedPlacement(WallPlacement):
         """Set the wall's coordinates and loads, see `WallPlacement.set_configuration`."""
         moved_m = self.bounds.moved_m(q, float(reach_of_loads(self.wall.address)))
         self._frame.update(q)
-        turned = self._turned_back(loads, 0), self._turned_back(lasting, len(loads[0]))
-        return self._set_configuration(q, moved_m, *turned)
+        rotated = self._rotated_back(loads, 0), self._rotated_back(lasting, len(loads[0]))
+        return self._set_configuration(q, moved_m, *rotated)
 
     def _put(self) -> None:
         wall = self.wall
@@ -146,7 +149,7 @@ class TurnedPlacement(WallPlacement):
         super().follow(other)
         self._frame.update(self.wall.q)
 
-    def _turned_back(self, loads: Loads, first: int) -> Loads:
+    def _rotated_back(self, loads: Loads, first: int) -> Loads:
         force_n = self._force_n[first : first + len(loads[0])]
         self._frame.turn_back(loads[0], loads[1], force_n)
         return loads[0], force_n
@@ -154,14 +157,14 @@ class TurnedPlacement(WallPlacement):
 
 def place_walls(duct: ReducedDuct, like: WallPlacement | None = None) -> WallPlacement:
     """Return the placement that fits this duct, see `WallPlacement`."""
-    return (WallPlacement if duct.warp is None else TurnedPlacement)(duct, like)
+    return (WallPlacement if duct.warp is None else RotatingPlacement)(duct, like)
 
 
 def _residual(duct: ReducedDuct) -> dict[str, AnyArray]:
-    """Return the residual's blocks as loads read them: all, where it is stored whole; else a cache of loaded rows."""
+    """Return arrays of residual blocks: all blocks if the residual is stored in full, else a cache of loaded rows."""
     residual, n = duct.residual, duct.mesh.n_vertices
     is_whole = len(residual.blocks) == n * n and residual.blocks.dtype == np.float32
-    k = 0 if is_whole else max(min(MOST_ROWS, MOST_BLOCKS // n), 1)
+    k = 0 if is_whole else max(min(MAX_ROWS, MAX_BLOCKS // n), 1)
     blocks = residual.blocks if is_whole else np.zeros((k * n, 3, 3), np.float32)
     rows: dict[str, AnyArray] = {"kept": np.full(k, -1, np.int32), "used": np.zeros(k, np.int64)}
     rows |= {"row_of": np.full(n, -1, np.int32), "known": np.zeros(len(blocks), np.int8)}
@@ -170,7 +173,7 @@ def _residual(duct: ReducedDuct) -> dict[str, AnyArray]:
 
 @kernel
 def configure_wall(address: Address[PlacedWall], q: FloatArray, moved_m: float, loads: Loads, lasting: Loads) -> float:
-    """Set coordinates q (r,) and loads; return a bound of every node's motion in m, of which modes give ``moved_m``."""
+    """Set coordinates q (r,) and loads; return a bound (m) on any node's motion, with ``moved_m`` that of the modes."""
     wall = wall_at(address)
     _remove_loads(wall, q)
     _add_loads(wall, loads)
@@ -212,7 +215,7 @@ def _note_change(wall: PlacedWall, load: int, sign: float) -> None:
 
 @kernel
 def _bound_motion(wall: PlacedWall, moved_m: float) -> float:
-    """Return a bound of every node's motion in m, of which modes give ``moved_m``; any motion makes all nodes stale."""
+    """Return a bound (m) on any node's motion, with ``moved_m`` that of the modes; motion makes all nodes stale."""
     total = 0.0
     for k in range(wall.n_changed):
         node, square = wall.changed[k], 0.0
@@ -229,7 +232,7 @@ def _bound_motion(wall: PlacedWall, moved_m: float) -> float:
 
 @kernel
 def reach_of_loads(address: Address[PlacedWall]) -> float:
-    """Return a bound, in m, of the displacement of any node by the loads beyond the modes."""
+    """Return a bound, in m, on the displacement of any node by the loads beyond the modes."""
     wall, total = wall_at(address), 0.0
     for load in range(wall.n_loads):
         x, y, z = wall.load_force[load, 0], wall.load_force[load, 1], wall.load_force[load, 2]
@@ -255,7 +258,7 @@ def request_node(wall: PlacedWall, node: int) -> None:
 
 @kernel
 def copy_configuration(address: Address[PlacedWall], other_address: Address[PlacedWall]) -> None:
-    """Copy the configuration of another wall, with the nodes that are placed in it."""
+    """Copy the configuration of another wall, and the positions of its placed nodes."""
     wall, other = wall_at(address), wall_at(other_address)
     wall.configuration, wall.n_loads, wall.n_requested, wall.n_placed = other.configuration, other.n_loads, 0, 0
     for mode in range(wall.q.shape[0]):
@@ -275,7 +278,7 @@ def copy_configuration(address: Address[PlacedWall], other_address: Address[Plac
 def displace(address: Address[PlacedWall], store: BlockStore) -> bool:
     """Write the displacement beyond the modes of the nodes to be placed; return whether there are any.
 
-    Where the residual is not stored whole, blocks are read once and cached.
+    If the residual is not stored in full, blocks are read from the store once, and cached.
     """
     wall = wall_at(address)
     n, first, end = wall.rest.shape[0], wall.n_placed, wall.n_requested
@@ -294,7 +297,7 @@ def displace(address: Address[PlacedWall], store: BlockStore) -> bool:
 
 @kernel
 def _displace(wall: PlacedWall, first: int, load: int) -> None:
-    """Add a load's displacement of the nodes to be placed; ``first`` is where the row of its node begins."""
+    """Add a load's displacement of the nodes to be placed; ``first`` is the first block of the row of its node."""
     force, blocks, extra, requested = wall.load_force, wall.blocks, wall.extra, wall.requested
     x, y, z = force[load, 0], force[load, 1], force[load, 2]
     if x == 0.0 and y == 0.0 and z == 0.0:
@@ -328,7 +331,7 @@ def _row_of(wall: PlacedWall, node: int) -> int:
 
 @kernel
 def _read_blocks(wall: PlacedWall, store: BlockStore, source: int, row: int) -> None:
-    """Read the blocks of a node, which has this row, with the nodes to be placed that have not been read yet."""
+    """Read the missing blocks between node ``source``, which has this row, and the nodes to be placed."""
     first = row * wall.rest.shape[0]
     for k in range(wall.n_placed, wall.n_requested):
         node = wall.requested[k]

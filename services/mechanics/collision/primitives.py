@@ -1,8 +1,8 @@
-"""Narrow phase: closest points between points, segments and triangles.
+"""Narrow phase: closest points of points, segments and triangles.
 
-Closest point on a triangle and closest points of two segments after Ericson, "Real-Time Collision Detection"
-(2005), sections 5.1.5 and 5.1.9. Barycentric weights are exactly zero where the closest point lies on an edge
-or a corner: the feature can be read off them.
+The closest point on a triangle and the closest points of two segments are those of Ericson, "Real-Time Collision
+Detection" (2005), sections 5.1.5 and 5.1.9. Barycentric weights are exactly zero if the closest point lies on an edge
+or a corner, so they identify the feature.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import Vector, along, combine, cross, dot, squared_distance, subtract
 
 Place = tuple[float, float, Vector]
-"""Squared distance of a point of a segment from one of a triangle, its parameter s, and the barycentric weights."""
+"""A point of a segment and a point of a triangle: squared distance, parameter s, and barycentric weights."""
 Places = tuple[Place, Place, Place, Place, Place]
 
 
@@ -65,7 +65,7 @@ def closest_of_segments(p1: Vector, q1: Vector, p2: Vector, q2: Vector) -> tuple
         s, t = clamp01(-c / a), 0.0
     else:
         denominator = a * e - b * b
-        # Parallel within rounding: any s of the overlap will do, the clamps below pick one.
+        # If they are parallel within rounding, any s of the overlap is closest; the clamps below select one.
         s = clamp01((b * f - c * e) / denominator) if denominator > 1e-14 * a * e else 0.5
         t = (b * s + f) / e
         if t < 0.0:
@@ -99,7 +99,10 @@ def segment_pierces(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> tu
 
 @kernel
 def closest_places(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> Places:
-    """Return closest pairs of both ends of pq with triangle abc, then of pq with each edge; one is the closest."""
+    """Return the closest pairs of both ends of pq with triangle abc, and of pq with each edge.
+
+    One of them is the closest pair of pq and abc, unless pq intersects the triangle.
+    """
     u, v = closest_on_triangle(p, a, b, c), closest_on_triangle(q, a, b, c)
     return (
         (squared_distance(p, combine(u, a, b, c)), 0.0, u),

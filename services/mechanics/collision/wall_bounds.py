@@ -1,8 +1,8 @@
-"""Bounds of how far any node of the wall has moved with the modes since its triangles were listed.
+"""Bounds on the motion of any node of the wall with the modes since its triangles were listed.
 
-A straight wall is bounded by blocks of modes: with omega the frequencies, |Phi_i dq| is at most the largest singular
-value of Phi_i / omega times |omega dq| (Cauchy-Schwarz), block by block. In a wall whose sections turn, the sections'
-motion carries the nodes on their arms, and the rest is bounded in the same way.
+With linear kinematics the bound is a sum over blocks of modes: with omega the frequencies, |Phi_i dq| is at most the
+largest singular value of Phi_i / omega times |omega dq| (Cauchy-Schwarz). In a wall whose sections rotate, the motion
+of the sections is added, which acts on the nodes' arms; the remaining motion is bounded in the same way.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ class BlocksOfModes(Struct):
     omega: Annotated[FloatArray, "r"]
     edges: Annotated[LongArray, "e"]
     gain: Annotated[FloatArray, "b"]
-    anchor: Annotated[FloatArray, "r"]
+    reference: Annotated[FloatArray, "r"]
 
 
 blocks_at = reader(BlocksOfModes)
 
 
 class WallBounds:
-    """Bounds the motion of a straight wall's nodes from a reference state."""
+    """Bounds the motion of the nodes from a reference state, for a wall with linear kinematics."""
 
     def __init__(self, Phi: FloatArray, omega_rad_s: FloatArray) -> None:
         r = len(omega_rad_s)
@@ -47,26 +47,26 @@ class WallBounds:
         self._modes = BlocksOfModes.zeros(omega=np.ascontiguousarray(omega_rad_s), edges=edges, gain=gain, r=r)
 
     def twin(self) -> Self:
-        """Return bounds of the same wall with a reference of their own."""
+        """Return bounds of the same wall with their own reference."""
         twin, modes = copy(self), self._modes
         twin._modes = BlocksOfModes(  # noqa: SLF001
-            omega=modes.omega, edges=modes.edges, gain=modes.gain, anchor=modes.anchor.copy()
+            omega=modes.omega, edges=modes.edges, gain=modes.gain, reference=modes.reference.copy()
         )
         return twin
 
     def set_reference(self, q: FloatArray) -> None:
         """Count from these coordinates (r,)."""
-        self._modes.anchor[:] = q
+        self._modes.reference[:] = q
 
     def moved_m(self, q: FloatArray, beyond_m: float = 0.0) -> float:
-        """Return a bound, in m, of any node's motion since the reference; loads move it by at most ``beyond_m``."""
+        """Return a bound, in m, on any node's motion from the reference; loads move it by at most ``beyond_m``."""
         if not len(q):
             return 0.0
         return float(moved_by_blocks(self._modes.address, q))
 
 
-class TurnedBounds(WallBounds):
-    """Bounds the motion of a wall whose sections turn."""
+class RotatingBounds(WallBounds):
+    """Bounds the motion of the nodes of a wall whose sections rotate."""
 
     def __init__(self, duct: ReducedDuct) -> None:
         if duct.warp is None:
@@ -75,43 +75,43 @@ class TurnedBounds(WallBounds):
         self._at_rest = self.twin()._modes  # noqa: SLF001
         self._frame = SectionFrame(duct.warp)
         self._arm_m = float(np.linalg.norm(duct.warp.arm_m, axis=1).max())
-        self._turns, self._centres_m = self._frame.turns.copy(), self._frame.centres_m.copy()
+        self._rotations, self._centres_m = self._frame.turns.copy(), self._frame.centres_m.copy()
 
     def set_reference(self, q: FloatArray) -> None:
         """Count from these coordinates (r,)."""
         super().set_reference(q)
         self._frame.update(q)
-        self._turns, self._centres_m = self._frame.turns.copy(), self._frame.centres_m.copy()
+        self._rotations, self._centres_m = self._frame.turns.copy(), self._frame.centres_m.copy()
 
     def moved_m(self, q: FloatArray, beyond_m: float = 0.0) -> float:
-        """Return a bound, in m, of any node's motion; turning sections carry nodes on their arms."""
+        """Return a bound, in m, on any node's motion; rotating sections move nodes in proportion to their arms."""
         self._frame.update(q)
-        turned = np.linalg.norm(self._frame.turns - self._turns, axis=1).max()
+        rotated = np.linalg.norm(self._frame.turns - self._rotations, axis=1).max()
         carried = np.linalg.norm(self._frame.centres_m - self._centres_m, axis=1).max()
         local_m = float(moved_by_blocks(self._at_rest.address, q))
-        return super().moved_m(q) + float(carried + turned * (self._arm_m + local_m + beyond_m))
+        return super().moved_m(q) + float(carried + rotated * (self._arm_m + local_m + beyond_m))
 
 
 def wall_bounds(duct: ReducedDuct) -> WallBounds:
     """Return the bounds of a duct's wall."""
-    return WallBounds(duct.basis.Phi, duct.basis.omega_rad_s) if duct.warp is None else TurnedBounds(duct)
+    return WallBounds(duct.basis.Phi, duct.basis.omega_rad_s) if duct.warp is None else RotatingBounds(duct)
 
 
 @kernel
 def moved_by_blocks(address: Address[BlocksOfModes], q: FloatArray) -> float:
     """Return the sum over blocks of modes of their gain times |omega (q - anchor)|."""
     modes, total = blocks_at(address), 0.0
-    omega, edges, gain, anchor = modes.omega, modes.edges, modes.gain, modes.anchor
+    omega, edges, gain, reference = modes.omega, modes.edges, modes.gain, modes.reference
     for block in range(gain.shape[0]):
         square = 0.0
         for mode in range(edges[block], edges[block + 1]):
-            square += (omega[mode] * (q[mode] - anchor[mode])) ** 2
+            square += (omega[mode] * (q[mode] - reference[mode])) ** 2
         total += gain[block] * math.sqrt(square)
     return total
 
 
 def largest_gain(modes: FloatArray) -> FloatArray:
-    """(k,) largest singular value of each (3, r) block, rounded up."""
+    """Return the largest singular value (k,) of each (3, r) block, rounded up."""
     gram = modes @ modes.transpose(0, 2, 1)
     largest = np.linalg.eigvalsh(gram)[:, -1]
     gain: FloatArray = np.sqrt(np.maximum(largest, 0.0)) * (1.0 + 1e-9)

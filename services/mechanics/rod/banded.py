@@ -1,7 +1,7 @@
-"""LDL^T of a symmetric positive definite matrix of half-bandwidth 8: each particle has two neighbours each way.
+"""LDL^T of a symmetric positive definite matrix of half-bandwidth 8: a particle couples to two others on either side.
 
 Storage is by columns, ``band[j, a] = A[j + a, j]``, padded by 8 columns so that every inner loop has a constant length
-and vectorises; the padding holds zeros in the band and does not reach the solution.
+and vectorises. The padding of the band holds zeros and does not affect the solution.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 
 HALF_BANDWIDTH = 8
-RHS_BLOCK = 16  # right-hand sides solved side by side, a few vector registers each
+RHS_BLOCK = 16  # right-hand sides that are solved together, a few vector registers each
 _WIDTH = HALF_BANDWIDTH + 1
 
 

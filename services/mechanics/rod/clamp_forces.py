@@ -12,9 +12,9 @@ from services.mechanics.rod.model import RodModel, RodWork
 
 @kernel
 def add_wall_joints(model: RodModel, work: RodWork, scale: Scale) -> None:
-    """Add the half joints between the walls' directions and the end segments, stiffness 2 EI/l0 each.
+    """Add the forces of the half joints between walls and end segments, with a stiffness of 2 EI/l0 each.
 
-    The same bending spring as inside the rod, with one of its two tangents fixed in space.
+    A half joint is the same bending spring as a joint of the rod, but one of its two tangents is fixed in space.
     """
     last = work.length.shape[0] - 1
     if not math.isnan(model.walls[0, 0]):
@@ -33,17 +33,20 @@ def add_wall_joints(model: RodModel, work: RodWork, scale: Scale) -> None:
 
 @kernel
 def _apply_wall(model: RodModel, work: RodWork, theta: float, where: tuple[int, int], scale: Scale) -> None:
-    """The gradient has three particles; ``where`` is (first real particle, where it starts in the gradient)."""
+    """Add the force of a half joint at angle ``theta`` (rad), and its tangent.
+
+    ``work.gradient`` has three particles, of which two exist; ``where`` is (first of these, its place in the gradient).
+    """
     first, shift = where
     gradient = work.gradient
     k = model.wall_stiffness[0 if shift else 1]
     out_of_plane = k * geometric_bending(theta)
-    lead, aside = 0.0, 0.0
+    lead, across = 0.0, 0.0
     for a in range(6):
         lead += gradient[0, shift + a] * work.lead[0, first + a // 3, a % 3]
-        aside += gradient[1, shift + a] * work.lead[1, first + a // 3, a % 3]
+        across += gradient[1, shift + a] * work.lead[1, first + a // 3, a % 3]
     for a in range(6):
-        moments = k * (theta + lead) * gradient[0, shift + a] + out_of_plane * aside * gradient[1, shift + a]
+        moments = k * (theta + lead) * gradient[0, shift + a] + out_of_plane * across * gradient[1, shift + a]
         work.force[first + a // 3, a % 3] -= moments
     if scale[0] > 0.0:
         for kind, factor in ((0, scale[0] * k), (1, scale[1] * out_of_plane)):

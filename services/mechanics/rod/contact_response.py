@@ -13,7 +13,7 @@ from services.mechanics.rod.model import RodModel, RodWork, model_at, work_at
 
 @kernel
 def factor_for_contacts(addresses: Addresses, dt_s: float) -> bool:
-    """Factorise M + dt C + dt^2 K where the last prediction took its forces; return False if it is not SPD."""
+    """Factorise A = M + dt C + dt^2 K, with K at the position of the last prediction; return False if it is not SPD."""
     return bool(_factor(model_at(addresses[0]), work_at(addresses[1]), dt_s))
 
 
@@ -26,10 +26,10 @@ def _factor(model: RodModel, work: RodWork, dt_s: float) -> bool:
 
 @kernel
 def correct(addresses: Addresses, motion: Motion, force: FloatArray, step: tuple[float, bool]) -> bool:
-    """Add to motion = (x, v) its change by contact forces (n, 3): dv = dt A^-1 f, dx = dt dv.
+    """Add to motion = (x, v) its change by contact forces f (n, 3): dv = dt A^-1 f, dx = dt dv.
 
-    ``step`` is (dt, whether A is factorised); A is factorised if need be. Return False, with nothing changed, if A is
-    not SPD.
+    ``step`` is (dt, whether A is factorised); A is factorised if necessary. If A is not SPD, return False and change
+    nothing.
     """
     model, work, (x, v), (dt_s, is_factored) = model_at(addresses[0]), work_at(addresses[1]), motion, step
     if not (is_factored or _factor(model, work, dt_s)):

@@ -18,10 +18,11 @@ from services.mechanics.rod.twist import TwistModel, twist_energy
 
 @dataclass(frozen=True)
 class RodEnergy:
-    """Energies in joule.
+    """Energies of a rod in joule.
 
     Attributes:
-        bending_j: float. Of joints and of clamped ends.
+        kinetic_j, stretch_j, twist_j: float. Of the particles, the segments, and the material frame.
+        bending_j: float. Of joints and clamped ends.
         support_j: float. Of the introducer's springs.
     """
 
@@ -45,12 +46,12 @@ class RodEnergy:
 def rod_energy(
     model: RodModel, state: RodState, twist: TwistModel | None = None, work: RodWork | None = None
 ) -> RodEnergy:
-    """Return the energies of a state; allocates, so not for the 1 kHz step.
+    """Return the energies of a state. It allocates memory, so it is not for the 1 kHz step.
 
     Args:
-        model, twist: As an integrator holds them.
-        state: Where the particles are, and how fast.
-        work: Scratch to use again, for calls in every tick.
+        model, twist: Those of an integrator.
+        state: Positions and velocities.
+        work: Scratch, for repeated calls.
     """
     work = work or allocate_work(len(state.position_m))
     np.copyto(work.position, state.position_m)

@@ -1,4 +1,4 @@
-"""All forces of a rod without contacts, in the one order that both integrators use."""
+"""The sum of all forces of a rod except contacts, in the order that both integrators use."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from services.mechanics.rod.turning import add_turns, add_turns_tangent
 def add_internal_forces(model: RodModel, work: RodWork, scale: Scale) -> None:
     """Add to ``work.force`` the elastic, damping and support forces at ``work.position``, with ``lead``.
 
-    Where scale[0] is not zero, add their tangent to ``work.band`` as well: see `elasticity`.
+    If scale[0] is not zero, add their tangent to ``work.band`` too, see `elasticity`.
     """
     segment_geometry(model, work)
     if work.is_middle:
@@ -38,7 +38,7 @@ def add_internal_forces(model: RodModel, work: RodWork, scale: Scale) -> None:
 def add_internal_tangent(model: RodModel, work: RodWork, scale: Scale) -> None:
     """Add to ``work.band`` the tangent of the forces that were added last, without computing most of them again.
 
-    The few forces of the supports are added a second time, so the force in ``work`` is not valid afterwards.
+    The forces of the supports are added a second time, so ``work.force`` is not valid afterwards.
     """
     _add_tangent(model, work, scale)
     _add_supports(model, work, scale)
@@ -65,7 +65,7 @@ def _add_supports(model: RodModel, work: RodWork, scale: Scale) -> None:
 
 @kernel
 def _move_by_lead(work: RodWork, share: float) -> None:
-    """Move the particles by the step's lead, and back, for springs that hold positions."""
+    """Move the particles by ``share`` times the step's lead, because springs to fixed points depend on positions."""
     for i in range(work.position.shape[0]):
         for c in range(3):
             work.position[i, c] += share * work.lead[1, i, c]

@@ -1,4 +1,4 @@
-"""The numbers of an implicit step: generalized-alpha, or implicit Euler.
+"""Coefficients of an implicit step: generalized-alpha, or implicit Euler.
 
 The generalized-alpha method of Chung and Hulbert (1993) is written as a midpoint rule. With p the bilinear transform of
 dt/2 d/dt and e = (1 - rho)/(1 + rho), rho the spectral radius at infinite frequency, that method answers stiffness K
@@ -6,11 +6,11 @@ and damping C with
 
     M dv/dt + K (1 + e p)^3/(1 + 3 e p) x + C (1 + 2 e^2 p^2/(1 + 3 e p)) v = f
 
-where the midpoint rule (e = 0) has K x + C v. So it differs from that rule only by a displacement added to the
-particles' strains, their *lead*, and by a velocity that leads in the same way; both follow from a velocity w that
-follows v as dw/dt = (v - w)/(3 e dt/2), the only memory. So, unlike the usual form with accelerations, it keeps two
-properties of the midpoint rule in large rotations: the directions of internal forces conserve angular momentum, and the
-work of stretch is the change of its energy.
+where the midpoint rule (e = 0) has K x + C v. So it differs from that rule only by a displacement that is added to the
+particles when strains are taken, their *lead*, and by a similar lead of the velocity. Both follow from a filtered
+velocity w, dw/dt = (v - w)/(3 e dt/2), which is the only additional state. So, unlike the usual form with
+accelerations, it keeps two properties of the midpoint rule under large rotations: the directions of internal forces
+conserve angular momentum, and the work of the stretch forces is the change of the stretch energy.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from services.mechanics.compiled import kernel
 class StepForm(NamedTuple):
     """A step from (x, v, w) with velocity change dv and mean velocity u = v + ``mean`` dv, which ends at x + dt u.
 
-    Forces are taken at x + ``at`` dt u, with strains taken further by the lead dt (``lead_change`` dv + ``lead_lag``
-    (u - w)), and damping at the velocity u + ``speed_change`` dv + ``speed_lag`` (u - w). ``follow`` is the share of
-    u - w that w takes up.
+    Forces are taken at x + ``at`` dt u. Strains are taken with the additional lead dt (``lead_change`` dv +
+    ``lead_lag`` (u - w)), damping at the velocity u + ``speed_change`` dv + ``speed_lag`` (u - w). In the step w
+    changes by ``follow`` (u - w).
     """
 
     dt_s: float
@@ -55,11 +55,11 @@ def implicit_euler(dt_s: float) -> StepForm:
 
 @kernel
 def stiffness_scale(form: StepForm) -> float:
-    """Return dt times the change of a strain by dv: the factor of stiffness in the step's matrix."""
+    """Return the factor of the stiffness in the step's matrix: dt times the derivative of a strain by dv."""
     return float(form.dt_s * form.dt_s * (form.mean * (form.at + form.lead_lag) + form.lead_change))
 
 
 @kernel
 def damping_scale(form: StepForm) -> float:
-    """Return dt times the change of the damping's velocity by dv: the factor of damping in the step's matrix."""
+    """Return the factor of the damping in the step's matrix: dt times the derivative of damping's velocity by dv."""
     return float(form.dt_s * (form.mean * (1.0 + form.speed_lag) + form.speed_change))

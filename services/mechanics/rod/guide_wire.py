@@ -1,9 +1,10 @@
-"""A guide wire on the axis of a catheter: both bend as one rod, and beyond the catheter's tip the wire is alone.
+"""A guide wire on the axis of a catheter: both bend as one rod, which beyond the catheter's tip is the wire alone.
 
-Concentric tubes without clearance (Dupont, Lock, Itkowitz and Butler, "Design and control of concentric-tube robots",
-IEEE Transactions on Robotics 2010): stiffnesses add, and the rod's rest curvature is the mean of both, weighted by
-stiffness. The wire has two coordinates: its length out of the tip, and its roll against the catheter.
-The segments beyond the tip divide that length evenly; places on the wire are counted from its own tip.
+The model is that of concentric tubes without clearance (Dupont, Lock, Itkowitz and Butler, "Design and control of
+concentric-tube robots", IEEE Transactions on Robotics 2010): stiffnesses add, and the rest curvature of the rod is the
+mean of both, weighted by stiffness. The wire has two coordinates, its *place*: the length that protrudes from the tip,
+and its roll relative to the catheter. The segments beyond the tip divide this length evenly. Positions on the wire are
+arc lengths from its own tip.
 """
 
 from __future__ import annotations
@@ -18,15 +19,15 @@ from services.mechanics.compiled.vectors import Vector, along, cross, dot, put_r
 from services.mechanics.rod.elasticity import bending_angle
 from services.mechanics.rod.material_frame import Frame
 
-_STEP_M, _STEP_RAD = 1e-5, 1e-4  # steps of difference quotients, far below what changes the bending noticeably
+_STEP_M, _STEP_RAD = 1e-5, 1e-4  # steps of difference quotients, far below a noticeable change of the bending
 
 
 class GuideWireModel(Struct):
-    """The wire's material, the catheter's own, and the arrays of the common rod: n particles, c at the tip."""
+    """Properties of wire and catheter, and the arrays of the common rod with n particles; c joints up to the tip."""
 
-    arc: Annotated[FloatArray, "k"]  # from the wire's tip, where its sections end; the last is beyond its end, m
-    bent: Annotated[FloatArray, "k", 3]  # up to there: angle per moment, rad/(N m), and at rest about m1 and m2, rad
-    squared: Annotated[FloatArray, "k"]  # and the sum of the squares of that curvature over the length, rad^2/m
+    arc: Annotated[FloatArray, "k"]  # ends of the wire's sections from its tip; the last is beyond its end, m
+    bent: Annotated[FloatArray, "k", 3]  # integrals up to there: compliance, rad/(N m); rest angles about m1, m2, rad
+    squared: Annotated[FloatArray, "k"]  # integral of the square of the rest curvature up to there, rad^2/m
     catheter_bending: Annotated[FloatArray, "c"]  # of the joints, and of the half segment before the tip, N m/rad
     catheter_torsion: Annotated[FloatArray, "c"]
     catheter_rest: Annotated[FloatArray, "n - 2", 3]  # its own rest rotation, rad
@@ -40,12 +41,12 @@ class GuideWireModel(Struct):
     load: Annotated[FloatArray, "n", 3]  # this and the next: scratch
     moment: Annotated[FloatArray, "n - 2", 3]
     density: float  # kg/m
-    own_mass: float  # of the catheter's last particle, with the wire in it, kg
-    viscous: float  # drag of a metre
-    own_drag: float
+    own_mass: float  # of the catheter's last particle, with the wire inside, kg
+    viscous: float  # drag per length, N s/m^2
+    own_drag: float  # of the catheter's last particle, N s/m
     poisson: float
     radius: float
-    clearance: float  # between wire and lumen, half of what their diameters differ by, m
+    clearance: float  # between wire and lumen, half of the difference of their diameters, m
     friction: float
     tip: int  # particle at the catheter's tip
 
@@ -56,8 +57,8 @@ wire_at = reader(GuideWireModel)
 
 
 @kernel
-def lay(address: Address[GuideWireModel], place: Place) -> None:
-    """Write the properties of the common rod with the wire at a place."""
+def write_rod_properties(address: Address[GuideWireModel], place: Place) -> None:
+    """Write the properties of the common rod for a place of the wire."""
     wire, last = wire_at(address), wire_at(address).mass.shape[0] - 1
     for i in range(wire.joint_stiffness.shape[0]):
         bending, rest, torsion, twist, _ = _joint(wire, i, place)
@@ -71,30 +72,30 @@ def lay(address: Address[GuideWireModel], place: Place) -> None:
 
 
 @kernel
-def stored(address: Address[GuideWireModel], x: FloatArray, frame: Frame, place: Place) -> tuple[float, float]:
-    """Return the energies [J] of the rod at ``x`` that depend on the wire's place: first that of its present shape.
+def stored_energies(address: Address[GuideWireModel], x: FloatArray, frame: Frame, place: Place) -> tuple[float, float]:
+    """Return two energies [J] of the rod at ``x`` (n, 3) that depend on the wire's place.
 
-    The second is the energy of bending wire and catheter to their common rest shape.
+    The first is that of the common rod, the second that of bending wire and catheter to their common rest shape.
     """
     wire = wire_at(address)
-    total, against = _bent(wire, frame, place)
+    total, misfit_j = _elastic_energies(wire, frame, place)
     length = place[0] / (x.shape[0] - 1 - wire.tip)
     for j in range(wire.tip, x.shape[0] - 1):
         edge = subtract(row(x, j + 1), row(x, j))
         total += 0.5 * wire.EA[j] / length * (math.sqrt(dot(edge, edge)) - length) ** 2
-    return total, against
+    return total, misfit_j
 
 
 @kernel
-def _bent(wire: GuideWireModel, frame: Frame, place: Place) -> tuple[float, float]:
-    total, against = 0.0, 0.0
+def _elastic_energies(wire: GuideWireModel, frame: Frame, place: Place) -> tuple[float, float]:
+    total, misfit_j = 0.0, 0.0
     for i in range(wire.joint_stiffness.shape[0]):
-        bending, rest, torsion, twist, apart = _joint(wire, i, place)
+        bending, rest, torsion, twist, joint_misfit_j = _joint(wire, i, place)
         theta, w = _rotation(frame, i)
         change = theta * theta - 2.0 * (w[0] * rest[0] + w[1] * rest[1]) + rest[0] * rest[0] + rest[1] * rest[1]
         total += 0.5 * bending * change + 0.5 * torsion * (frame[2][i] - twist) ** 2
-        against += apart
-    return total, against
+        misfit_j += joint_misfit_j
+    return total, misfit_j
 
 
 @kernel
@@ -109,9 +110,9 @@ def _rotation(frame: Frame, i: int) -> tuple[float, Vector]:
 
 @kernel
 def _piece(wire: GuideWireModel, start: float, end: float, roll: float) -> tuple[float, float, float, float]:
-    """Return bending stiffness and rest rotation about the catheter's m1, m2 of the wire between two places.
+    """Return the wire's bending stiffness and rest rotation about the catheter's m1 and m2 between two arc lengths.
 
-    The last number is the mean square of that rotation if the whole piece were bent as each of its parts.
+    The last number is the length times the integral of the square of the rest curvature, in rad^2.
     """
     bent, squared = (0.0, 0.0, 0.0), 0.0
     for at, sign in ((start, -1.0), (end, 1.0)):
@@ -128,7 +129,7 @@ def _piece(wire: GuideWireModel, start: float, end: float, roll: float) -> tuple
 
 @kernel
 def _wire_joint(wire: GuideWireModel, i: int, place: Place) -> tuple[float, float, float, float]:
-    """Return the properties of the wire alone at joint i: half a segment on either side of it."""
+    """Return what `_piece` returns for the wire at joint i: half a segment on either side of it."""
     beyond = place[0] / (wire.mass.shape[0] - 1 - wire.tip)
     before = wire.rest_length[0] if i < wire.tip else beyond
     after = wire.rest_length[0] if i + 1 < wire.tip else beyond
@@ -139,86 +140,87 @@ def _wire_joint(wire: GuideWireModel, i: int, place: Place) -> tuple[float, floa
 
 @kernel
 def _joint(wire: GuideWireModel, i: int, place: Place) -> tuple[float, tuple[float, float], float, float, float]:
-    """Bending stiffness, rest rotation, torsional stiffness and rest twist of a joint, and what both hold, J.
+    """Return bending stiffness, rest rotation, torsional stiffness and rest twist of a joint, and an energy in J.
 
-    They hold each other all along it, as they are bent at rest in each place: a bend that comes in by a part of a joint
-    is no less bent there.
+    This is the energy of bending wire and catheter to their common rest shape. It is integrated along the joint: a bend
+    of the wire that has entered only a part of the joint has its full curvature there.
     """
     bending, a, b, squared = _wire_joint(wire, i, place)
     shear = 1.0 + wire.poisson
     if i >= wire.tip:
         return bending, (a, b), bending / shear, 0.0, 0.0
     own, own_torsion = wire.catheter_bending[i], wire.catheter_torsion[i]
-    if i == wire.tip - 1:  # half of it in the catheter, half of it out: one behind the other
+    if i == wire.tip - 1:  # half of the joint is in the catheter, half of it outside: two springs in series
         inside, a_in, b_in, squared = _piece(wire, place[0], place[0] + 0.5 * wire.rest_length[0], place[1])
         outside = 1.0 / (1.0 / bending - 1.0 / inside)
         both, share = own + inside, own / (own + inside)
         twists = own_torsion + inside / shear
-        apart = 0.5 * own * (1.0 - share) * squared
-        series, turns = both * outside / (both + outside), twists * outside / (twists * shear + outside)
-        return series, (a - share * a_in, b - share * b_in), turns, 0.0, apart
+        joint_misfit_j = 0.5 * own * (1.0 - share) * squared
+        series, series_torsion = both * outside / (both + outside), twists * outside / (twists * shear + outside)
+        return series, (a - share * a_in, b - share * b_in), series_torsion, 0.0, joint_misfit_j
     both, torsion, share = own + bending, own_torsion + bending / shear, own / (own + bending)
     c, d, twist = wire.catheter_rest[i, 0], wire.catheter_rest[i, 1], wire.catheter_rest[i, 2]
-    apart = 0.5 * own * (1.0 - share) * (c * c + d * d - 2.0 * (a * c + b * d) + squared)
+    joint_misfit_j = 0.5 * own * (1.0 - share) * (c * c + d * d - 2.0 * (a * c + b * d) + squared)
     held = own_torsion / torsion
-    apart += 0.5 * own_torsion * (1.0 - held) * twist * twist
-    return both, (a + share * (c - a), b + share * (d - b)), torsion, held * twist, apart
+    joint_misfit_j += 0.5 * own_torsion * (1.0 - held) * twist * twist
+    return both, (a + share * (c - a), b + share * (d - b)), torsion, held * twist, joint_misfit_j
 
 
 @kernel
-def resist(
+def insertion_forces(
     address: Address[GuideWireModel], x: FloatArray, frame: Frame, load: FloatArray, place: Place
 ) -> tuple[float, float, float, float, float, float]:
-    """Return the pushes [N] that move the wire out, hold it, and let it in, then torque, its slope and its friction.
+    """Return the forces [N] that push the wire out, hold it, and let it in, then torque, its slope and its friction.
 
-    The push at the wire's tip opposes the loads (n, 3) beyond the catheter's tip and the bending on the wire's way out.
-    On the way back each joint of the catheter adds friction times the force that holds the wire on the curve, from its
-    bending and from the push (the capstan). The torque [N m] and its slope [N m/rad] follow from the shape; friction
-    limits the last torque [N m].
+    The force at the catheter's tip balances the loads (n, 3) beyond it, and the change of the bending energy with the
+    protruding length. From there back, each joint of the catheter adds the coefficient of friction times the normal
+    force between wire and catheter, which follows from bending and from the axial force (capstan equation). The torque
+    [N m] and its slope [N m/rad] follow from the shape; the last number is the limit of its friction [N m].
     """
     wire, tip = wire_at(address), wire_at(address).tip
     push = _slope(wire, frame, place, (_STEP_M, 0.0))[0]
     for p in range(tip + 1, x.shape[0]):
         push -= dot(row(load, p), subtract(row(x, p), row(x, tip))) / place[0]
-    _bend_loads(wire, frame, place)
+    _write_bending_loads(wire, frame, place)
     forward, backward, pressed = push, push, 0.0
     for p in range(tip, 0, -1):
         t, u, own = row(frame[0], p - 1), row(frame[0], p), row(wire.load, p)
-        halfway = 0.5 * wire.friction * _across(own, t, u, forward), 0.5 * wire.friction * _across(own, t, u, backward)
-        forward += wire.friction * _across(own, t, u, forward + halfway[0])
-        backward -= wire.friction * _across(own, t, u, backward - halfway[1])
-        pressed += _across(own, t, u, push)
+        half_forward = 0.5 * wire.friction * _normal_force(own, t, u, forward)
+        half_backward = 0.5 * wire.friction * _normal_force(own, t, u, backward)
+        forward += wire.friction * _normal_force(own, t, u, forward + half_forward)
+        backward -= wire.friction * _normal_force(own, t, u, backward - half_backward)
+        pressed += _normal_force(own, t, u, push)
     torque, slope = _slope(wire, frame, place, (0.0, _STEP_RAD))
     return forward, push, backward, torque, slope, wire.friction * wire.radius * pressed
 
 
 @kernel
 def _slope(wire: GuideWireModel, frame: Frame, place: Place, step: Place) -> tuple[float, float]:
-    """Return both derivatives of the bending and torsion energy by the wire's place, at fixed angles of the joints."""
+    """Return the first two derivatives of the bending and torsion energy along ``step``, at fixed joint angles."""
     size = step[0] + step[1]
-    behind, apart_behind = _bent(wire, frame, (place[0] - step[0], place[1] - step[1]))
-    here, apart_here = _bent(wire, frame, place)
-    ahead, apart_ahead = _bent(wire, frame, (place[0] + step[0], place[1] + step[1]))
-    first, second = behind + apart_behind, ahead + apart_ahead
-    return (second - first) / (2.0 * size), (second - 2.0 * (here + apart_here) + first) / (size * size)
+    behind, misfit_behind_j = _elastic_energies(wire, frame, (place[0] - step[0], place[1] - step[1]))
+    here, misfit_here_j = _elastic_energies(wire, frame, place)
+    ahead, misfit_ahead_j = _elastic_energies(wire, frame, (place[0] + step[0], place[1] + step[1]))
+    first, second = behind + misfit_behind_j, ahead + misfit_ahead_j
+    return (second - first) / (2.0 * size), (second - 2.0 * (here + misfit_here_j) + first) / (size * size)
 
 
 @kernel
-def _across(own: Vector, t: Vector, u: Vector, push: float) -> float:
-    """Return the force across the wire at a joint that bends it from t to u, and bears a push along it."""
+def _normal_force(own: Vector, t: Vector, u: Vector, push: float) -> float:
+    """Return the normal force at a joint that bends the wire from t to u, from the load ``own`` and the axial force."""
     middle = along(t, u, 1.0)
     force = along(own, subtract(t, u), push)
-    beside = along(force, middle, -dot(force, middle) / max(dot(middle, middle), 1e-12))
-    return math.sqrt(dot(beside, beside))
+    transverse = along(force, middle, -dot(force, middle) / max(dot(middle, middle), 1e-12))
+    return math.sqrt(dot(transverse, transverse))
 
 
 @kernel
-def _bend_loads(wire: GuideWireModel, frame: Frame, place: Place) -> None:
-    """Write the forces with which the wire's bending presses on the axis, up to the catheter's tip.
+def _write_bending_loads(wire: GuideWireModel, frame: Frame, place: Place) -> None:
+    """Write the transverse forces of the wire's bending on the catheter, up to the catheter's tip.
 
-    Where its moment jumps, forces over no length would have to hold it. In a lumen with the clearance d the wire goes
-    from one side to the other there: its moment changes evenly over a length a by which a change k of curvature moves
-    it aside by k a^2 / 24 = 2 d. So moments are averaged over a, that of the sharpest bend.
+    A jump of the bending moment would need infinite forces. In a lumen with the clearance d the wire crosses from one
+    side to the other there, and its moment changes linearly over a length a: a change k of the curvature displaces it
+    by k a^2 / 24 = 2 d. So moments are averaged over the length a of the sharpest bend.
     """
     sharpest, last = 0.0, wire.joint_stiffness.shape[0] - 1
     wire.load[:] = 0.0
@@ -235,7 +237,7 @@ def _bend_loads(wire: GuideWireModel, frame: Frame, place: Place) -> None:
             sharpest = max(sharpest, math.sqrt(dot(moment, moment)) / (stiffness * wire.rest_length[0]))
     reach = int(min(0.5 * math.sqrt(48.0 * wire.clearance / max(sharpest, 1e-9)) / wire.rest_length[0], last))
     for i in range(min(wire.tip, last) + 1):
-        moment = _averaged(wire, i, reach)
+        moment = _averaged_moment(wire, i, reach)
         near = scaled(cross(moment, row(frame[0], i)), 1.0 / wire.rest_length[i])
         far = scaled(cross(moment, row(frame[0], i + 1)), 1.0 / wire.rest_length[i + 1])
         put_row(wire.load, i, subtract(row(wire.load, i), near))
@@ -244,7 +246,7 @@ def _bend_loads(wire: GuideWireModel, frame: Frame, place: Place) -> None:
 
 
 @kernel
-def _averaged(wire: GuideWireModel, i: int, reach: int) -> Vector:
+def _averaged_moment(wire: GuideWireModel, i: int, reach: int) -> Vector:
     total, last = (0.0, 0.0, 0.0), wire.joint_stiffness.shape[0] - 1
     for k in range(max(i - reach, 0), min(i + reach, last) + 1):
         total = along(total, row(wire.moment, k), 1.0 / (2 * reach + 1))

@@ -1,4 +1,4 @@
-"""The interface of rod integrators, and the integrators by their names in scenes."""
+"""The interface of rod integrators, and their construction by the names that scenes use."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from services.mechanics.rod.twist import TwistModel
 
 
 class RodIntegrator(Protocol):
-    """A step in two halves, with the contacts solved in between.
+    """A predictor-corrector step, with the contacts solved between predictor and corrector.
 
-    `predict` ends the step under the given forces alone; `compliance` or `solve` give the response of its end to
-    contact forces: dx = position_gain_s2 A^-1 f, dv = velocity_gain_s A^-1 f; `correct` applies them.
+    `predict` takes the step with the given forces alone. `compliance` and `solve` return the response of its end to
+    contact forces, dx = position_gain_s2 A^-1 f and dv = velocity_gain_s A^-1 f. `correct` applies contact forces.
     """
 
     properties: RodProperties
@@ -43,7 +43,7 @@ def build_integrator(
 ) -> RodIntegrator:
     """Return the integrator "implicit" with this numerical damping, or "semi_implicit", which has none.
 
-    Raises ValueError if there is none of this name, or the spectral radius is not within 0 and 1.
+    Raises ValueError if the name is unknown, or the spectral radius is not within 0 and 1.
     """
     if name == "implicit":
         return ImplicitIntegrator(properties, supports, spectral_radius=spectral_radius)

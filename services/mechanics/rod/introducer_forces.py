@@ -1,10 +1,11 @@
-"""Forces of the introducer that a rod slides through, with their positive semidefinite tangent.
+"""Forces of the introducer through which a rod slides, with their positive semidefinite tangent.
 
-Springs hold the points of the rod's curve nearest to the ends of the axis to these ends, and every particle between to
-the axis. A particle's spring grows smoothly from zero at a plane to its full stiffness one segment inside, so that
-sliding in or out changes neither a force nor its stiffness by a jump. Stops keep both ends of the rod from leaving; a
-step that runs into one is taken by implicit Euler, because a stop that acts half a step late would add energy. All
-springs are the gradient of an energy, so they dissipate nothing; friction is solved with the contacts.
+Springs pull the points of the rod's curve that are nearest to the ends of the axis to these ends, and every particle
+between them to the axis. The stiffness of a particle's spring grows smoothly from zero at an end plane to its full
+value one segment inside, so that forces and stiffnesses stay continuous when the rod slides. Stops keep both ends of
+the rod from leaving; a step that runs into a stop is taken by implicit Euler, because a stop that acts half a step late
+would add energy. All forces are the gradient of an energy, so they dissipate nothing; friction is solved with the
+contacts.
 """
 
 from __future__ import annotations
@@ -27,9 +28,9 @@ from services.mechanics.rod.model import RodModel, RodWork
 
 @inlined_kernel
 def add_introducer(model: RodModel, work: RodWork, scale: float) -> None:
-    """Add the forces that keep the rod on the axis of the introducer and in it.
+    """Add the forces that keep the rod on the axis and inside the introducer.
 
-    ``scale`` is (theta dt)^2, what stiffness is multiplied with in the band; 0 adds forces only.
+    ``scale`` is the factor of the stiffness in the band; if it is 0, only forces are added.
     """
     passage = find_passage(model.introducer, work.position)
     for i in range(passage.first, passage.last + 1):
@@ -65,10 +66,10 @@ def introducer_energy(model: RodModel, x: FloatArray) -> float:
 
 @kernel
 def introducer_excess(model: RodModel, work: RodWork, x: FloatArray, scale: float) -> float:
-    """Energy [J] of the springs after ``scale`` times the solution moves the rod at ``x``, minus its quadratic model.
+    """Return the springs' energy [J] after ``x`` moves by ``scale`` times the solution, minus its quadratic model.
 
-    The model is that of the forces and the matrix: with the same particles held, across the same directions. Where the
-    rod passes an end of the axis at a kink, that is what it may not trust: a step there can be thrown to and fro.
+    The quadratic model is that of the forces and the matrix: the same particles are held, across the same directions.
+    It fails where the rod is sharply bent at an end of the axis: without this check steps may oscillate there.
     """
     moved = work.end_position
     for i in range(x.shape[0]):
@@ -103,7 +104,7 @@ def _quadratic_change(model: RodModel, work: RodWork, x: FloatArray, scale: floa
 
 @kernel
 def _across(o: Vector, d: Vector, direction: Vector) -> float:
-    """Return the change of |o|^2 / 2 by a motion d, with the second-order term across a direction only."""
+    """Return the change of |o|^2 / 2 by a motion d, with the second-order term of d normal to a direction only."""
     parallel = dot(d, direction)
     return dot(o, d) + 0.5 * (dot(d, d) - parallel * parallel)
 
@@ -151,7 +152,7 @@ def _hold_particle(model: RodModel, work: RodWork, i: int, axial: float, scale: 
 
 @kernel
 def _hold_end(model: RodModel, work: RodWork, i: int, axial: float, scale: float) -> None:
-    """Hold the curve's nearest point near segment i to an end of the axis: the push is normal to the rod."""
+    """Pull the curve's point nearest to an end of the axis to this end, normal to the rod; segment i is nearest."""
     point = passing_point(work.position, i, end_point(model.introducer, axial))
     k = model.introducer.stiffness
     for particle in range(3):
@@ -163,7 +164,7 @@ def _hold_end(model: RodModel, work: RodWork, i: int, axial: float, scale: float
 
 @kernel
 def passing_point(x: FloatArray, i: int, end: Vector) -> CurvePoint:
-    """Return the curve's point nearest to an end of the axis; segment i is nearest of the polygon."""
+    """Return the curve's point nearest to an end of the axis; segment i is the nearest one of the polygon."""
     return closest_on_curve(x, i, closest_on_segment(x, i, end)[0], end)
 
 

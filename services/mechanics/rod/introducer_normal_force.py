@@ -1,11 +1,11 @@
 """Normal force of the introducer's wall on a rod, to which its Coulomb friction is proportional.
 
-In a bore without clearance a wall that bends a rod straight pushes with a couple. Its moment follows from the loads
-outside, its arm from the bearing of the wall. In the rod's model the arm is the distance of the particles, so the sum
-of the pushes on particles depends on their places and grows without bound as they come closer. But a rod model does not
-resolve a few of its diameters. So each push is spread along the axis over the bearing length, by a quadratic B-spline,
-and overlapping pushes add up as vectors: a single push counts whole, wherever it is, and a couple M as 2 M / a, with
-the arm a = 4/9 of the bearing length, on any resolution finer than that.
+In a bore without clearance, a wall that keeps a bent rod straight exerts a couple. Its moment follows from the loads
+outside, its arm from the length over which the wall bears. In the rod's model the arm is the distance of the particles,
+so the sum of the forces on particles depends on their positions, and grows without bound under refinement. But a rod
+model does not resolve a few of its diameters. So each force is spread along the axis over the bearing length, by a
+quadratic B-spline, and overlapping forces are added as vectors. A single force then counts fully at any position, and a
+couple M counts as 2 M / a, with the arm a = 4/9 of the bearing length, at any resolution finer than that.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ _SPANS = 3
 
 @kernel
 def introducer_normal_force(model: RodModel, x: FloatArray, passage: Passage) -> float:
-    """Return the integral [N] along the axis of the push of the introducer's wall on the rod at ``x`` (n, 3).
+    """Return the integral [N] along the axis of the normal force of the introducer's wall on the rod at ``x`` (n, 3).
 
-    It is a sum of samples at fixed places while the rod slides. They divide the spline's spans evenly, so the shares of
-    a push in them add up to 1 exactly.
+    It is a sum of samples at points that are fixed while the rod slides. They divide the spans of the spline evenly, so
+    the weights of a force in them add up to 1 exactly.
     """
     introducer = model.introducer
     span = introducer.bearing_length / _SPANS
@@ -61,7 +61,7 @@ def introducer_normal_force(model: RodModel, x: FloatArray, passage: Passage) ->
 
 @kernel
 def _end_offset(model: RodModel, x: FloatArray, passage: Passage, is_entry: bool) -> Vector:
-    """Return the offset of the rod from an end of the axis; zero where it does not pass."""
+    """Return the offset (m) of the rod from an end of the axis; zero if it does not pass this end."""
     introducer = model.introducer
     if not (passage.has_entry if is_entry else passage.has_exit):
         return (0.0, 0.0, 0.0)

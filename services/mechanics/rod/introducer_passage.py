@@ -1,7 +1,7 @@
-"""Which part of a rod is in its introducer: the particles between its points nearest to the ends of the axis.
+"""The part of a rod that is in its introducer: the particles between its points nearest to the ends of the axis.
 
-It is found in every step from the positions alone: a free part that swings across an end plane beside the introducer,
-folds back along it, or is pulled round its edge, is not taken for the part inside.
+It is found in every step from the positions alone. A free part of the rod is not mistaken for the part inside, even if
+it crosses an end plane next to the introducer, folds back along it, or is pulled round its edge.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from services.mechanics.rod.supports import IntroducerSprings
 class Passage(NamedTuple):
     """Particles ``first`` to ``last`` are between entry and exit; segments first - 1 and last pass through these.
 
-    ``has_entry``, ``has_exit`` are whether these segments exist: not where an end of the rod is inside.
+    ``has_entry`` and ``has_exit`` tell whether these segments exist; they do not if an end of the rod is inside.
     """
 
     first: int
@@ -61,7 +61,7 @@ def end_point(introducer: IntroducerSprings, axial: float) -> Vector:
 
 @kernel
 def closest_on_segment(x: FloatArray, i: int, p: Vector) -> tuple[float, Vector]:
-    """Return where along segment i (0 to 1) the rod is nearest to p, and the vector from p to there."""
+    """Return the parameter (0 to 1) of the point of segment i nearest to p, and the vector from p to that point."""
     r = (x[i, 0] - p[0], x[i, 1] - p[1], x[i, 2] - p[2])
     e = (x[i + 1, 0] - x[i, 0], x[i + 1, 1] - x[i, 1], x[i + 1, 2] - x[i, 2])
     squared = dot(e, e)
@@ -71,7 +71,7 @@ def closest_on_segment(x: FloatArray, i: int, p: Vector) -> tuple[float, Vector]
 
 @kernel
 def _closest_segment(x: FloatArray, count: int, p: Vector) -> tuple[int, float]:
-    """Return which of the first ``count`` segments is nearest to p, and where along it."""
+    """Return the nearest to p of the first ``count`` segments, and the parameter of its nearest point."""
     nearest, best, at = np.inf, 0, 0.0
     for i in range(count):
         s, o = closest_on_segment(x, i, p)
@@ -85,9 +85,9 @@ def _closest_segment(x: FloatArray, count: int, p: Vector) -> tuple[int, float]:
 def find_passage(introducer: IntroducerSprings, x: FloatArray) -> Passage:
     """Return the part of the rod at ``x`` (n, 3) that is in the introducer.
 
-    The springs keep the rod at both ends of the axis, so the points nearest to them pass there; the springs' energy is
-    that of the least distance, so it stays continuous should another part ever come as near. If an end of the rod is
-    nearest and inside, nothing passes.
+    The springs keep the rod at both ends of the axis, so the rod passes there with its nearest points. The energy of
+    the springs depends on the smallest distance, so it is continuous even if another part of the rod comes equally
+    near. If the nearest point is an end of the rod inside the introducer, no segment passes there.
     """
     n = x.shape[0]
     length = introducer.length
@@ -105,12 +105,12 @@ def find_passage(introducer: IntroducerSprings, x: FloatArray) -> Passage:
 
 @kernel
 def depth_root(model: RodModel, i: int, axial: float) -> tuple[float, float]:
-    """Return the root of the share of the full stiffness that holds particle i there, and its derivative.
+    """Return the root of the fraction of the full stiffness that holds particle i there, and its derivative (1/m).
 
-    Over a segment behind a plane it is 2 t - t^2, t from 0 to 1: both the force of the spring and its stiffness are
-    continuous there. With a share that grows in proportion to t the energy has a kink at the plane, on which a particle
-    that is pushed aside comes to lie, and no Newton iteration ends. The ends of the rod stay held beyond the far plane,
-    because a stop gives way a little.
+    Over a segment behind a plane the root is 2 t - t^2, with t from 0 to 1, so that the force of the spring and its
+    stiffness are continuous there. If the fraction were proportional to t, the energy would have a kink at the plane: a
+    particle that is pushed sideways would come to rest on it, and no Newton iteration would converge. The ends of the
+    rod are held even slightly beyond the far plane, because a stop yields.
     """
     length = model.introducer.length
     ramp, depth, sign = min(model.rest_length[0], 0.5 * length), axial, 1.0
@@ -125,11 +125,10 @@ def depth_root(model: RodModel, i: int, axial: float) -> tuple[float, float]:
 
 @kernel
 def stop_overlap(model: RodModel, x: FloatArray, passage: Passage) -> tuple[int, float]:
-    """Return the particle that is beyond a stop and by how far (m), positive towards the exit; (0, 0.0) if none is.
+    """Return the particle that is beyond a stop, and its overlap (m), positive towards the exit; (0, 0.0) if none is.
 
     The first particle stops two segments (at most half the introducer) before the exit, and the particle
-    ``least_tip_m`` before the tip stops at the exit. Both are the ends of what may slide: a rod cannot leave its
-    introducer.
+    ``least_tip_m`` before the tip stops at the exit. So the rod cannot leave its introducer.
     """
     length = model.introducer.length
     if not passage.has_entry and passage.first == 0:

@@ -1,4 +1,4 @@
-"""Safeguards of the Newton iteration: a start without false stretch, a line search, and a correction for stretch."""
+"""Safeguards of the Newton iteration: a start without spurious stretch, a line search, and a stretch correction."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from services.mechanics.rod.generalized_alpha import StepForm
 from services.mechanics.rod.introducer_forces import introducer_excess
 from services.mechanics.rod.model import RodModel, RodWork
 
-_STILL = 1e-4  # of a segment length per step: slower motion needs no further iteration
-_FARTHEST = 0.15  # of a segment length (or a radian) per step
+_NEGLIGIBLE_MOTION = 1e-4  # motion, in segment lengths per step, below which no further iteration is needed
+_MAX_MOTION = 0.15  # largest relative motion of a segment's ends, in segment lengths (or radians) per step
 _HALVINGS = 6
 
 
 @kernel
 def put_held(model: RodModel, work: RodWork, x: FloatArray, v: FloatArray, target: FloatArray, dt_s: float) -> float:
-    """Start without change of velocity, but move held particles evenly to their target (NaN: stay).
+    """Initialise the change of velocity: zero, but held particles move uniformly to their target (NaN: they stay).
 
-    Return the energy in motion [J], at least that of hardly visible motion.
+    Return the kinetic energy [J] plus that of a negligible motion.
     """
     kinetic, floor = 0.0, 0.0
     for i in range(x.shape[0]):
-        floor += 0.5 * model.mass[i] * (_STILL * model.rest_length[0] / dt_s) ** 2
+        floor += 0.5 * model.mass[i] * (_NEGLIGIBLE_MOTION * model.rest_length[0] / dt_s) ** 2
         for c in range(3):
             work.velocity_change[i, c] = 0.0
             kinetic += 0.5 * model.mass[i] * v[i, c] * v[i, c]
@@ -41,23 +41,23 @@ def put_held(model: RodModel, work: RodWork, x: FloatArray, v: FloatArray, targe
 
 @kernel
 def turns_little(model: RodModel, x: FloatArray, v: FloatArray, dt_s: float) -> bool:
-    """Return whether no segment turns or stretches by more than _FARTHEST in a step."""
+    """Return whether no segment would rotate or stretch by more than _FARTHEST in a step with its present velocity."""
     for j in range(x.shape[0] - 1):
-        most = (_FARTHEST * model.rest_length[j] / dt_s) ** 2
+        limit = (_MAX_MOTION * model.rest_length[j] / dt_s) ** 2
         squared = 0.0
         for c in range(3):
             squared += (v[j + 1, c] - v[j, c]) ** 2
-        if squared > most:
+        if squared > limit:
             return False
     return True
 
 
 @kernel
 def start_guarded(model: RodModel, work: RodWork, x: FloatArray, v: FloatArray, step: tuple[float, float]) -> None:
-    """Start free particles with a share of their velocity: 1, a half, a quarter... or nothing.
+    """Start the iteration with a fraction of the free particles' velocity: 1, 1/2, 1/4, 1/8 or 0.
 
-    The share is small enough that the start stretches the rod by at most half of the kinetic energy that it spends.
-    ``step`` is (dt, energy in motion).
+    With this fraction the stretch energy of the start is at most half of the kinetic energy that the motion gives up.
+    ``step`` is (dt, kinetic energy in J).
     """
     dt_s, kinetic = step
     share = 1.0
@@ -74,7 +74,10 @@ def start_guarded(model: RodModel, work: RodWork, x: FloatArray, v: FloatArray, 
 
 @kernel
 def _stretched(model: RodModel, work: RodWork, x: FloatArray, v: FloatArray, way: tuple[float, float]) -> float:
-    """Return the stretch energy with held particles at their target and free ones moved by a share of their way."""
+    """Return the stretch energy [J] with held particles at their target, and free ones moved by v times share times dt.
+
+    ``way`` is (share, dt).
+    """
     share, dt_s = way
     total = 0.0
     for j in range(model.EA.shape[0]):
@@ -93,11 +96,10 @@ def _stretched(model: RodModel, work: RodWork, x: FloatArray, v: FloatArray, way
 
 @inlined_kernel
 def line_search(model: RodModel, work: RodWork, form: StepForm, energy: tuple[float, float]) -> tuple[float, float]:
-    """Return the share of the Newton step to take, and the energy [J] that it leaves beyond the quadratic model.
+    """Return the fraction of the Newton step to take, and its excess: the energy [J] beyond the quadratic model.
 
-    This energy is of stretch, bending and the introducer: of all that is not linear.
-
-    ``energy`` is (decrease that the quadratic model promises for the full step, excess that does not matter).
+    The excess is that of the nonlinear terms: stretch, bending and introducer. ``energy`` is (decrease of the quadratic
+    model for the full step, negligible excess).
     """
     decrease, slack = energy
     share = 1.0
@@ -114,10 +116,10 @@ def line_search(model: RodModel, work: RodWork, form: StepForm, energy: tuple[fl
 
 @kernel
 def _end_lengths(work: RodWork, form: StepForm, share: float, j: int) -> tuple[float, float, float, float]:
-    """Return the length of segment j at the end of the step before and after a share of the solution moves it.
+    """Return the length of segment j at the end of the step without and with a fraction of the solution.
 
-    Then follows the motion of its ends apart, along its direction where forces are taken, and squared in all
-    directions.
+    The other two numbers are the relative motion of its ends along the direction in which forces are taken, and the
+    square of this motion in all directions.
     """
     x = work.previous_position
     scale = share * form.mean * form.dt_s
@@ -135,9 +137,9 @@ def _end_lengths(work: RodWork, form: StepForm, share: float, j: int) -> tuple[f
 
 @kernel
 def _excess_stretch(model: RodModel, work: RodWork, form: StepForm, share: float) -> float:
-    """Return the stretch energy at the step's end after a share of the solution moves it, minus its quadratic model.
+    """Return the stretch energy [J] at the end of the step with a fraction of the solution, minus its quadratic model.
 
-    The model is that of the matrix: with the segments' directions and tensions where forces are taken.
+    The model is that of the matrix: it has the directions and tensions of the segments where forces are taken.
     """
     total = 0.0
     for j in range(model.EA.shape[0]):
@@ -153,10 +155,11 @@ def _excess_stretch(model: RodModel, work: RodWork, form: StepForm, share: float
 
 @kernel
 def correct_stretch(model: RodModel, work: RodWork, form: StepForm) -> float:
-    """Replace the solution by its correction for the exact stretch, with the same matrix; return its energy [J].
+    """Replace the solution by a correction to the exact stretch, with the same matrix; return the error's energy [J].
 
-    Without it the error, a segment's turn times its particles' motion aside, would come back a step later as a force
-    along the segment that has turned on: a stiff rod turning by some hundredths of a radian a step would flutter.
+    The error is a segment's rotation times the transverse motion of its ends. Without the correction it would return a
+    step later as a force along the segment, which has rotated meanwhile: a stiff rod that rotates by some hundredths of
+    a radian per step would flutter.
     """
     n = work.velocity_change.shape[0]
     energy = 0.0

@@ -20,14 +20,14 @@ class RodProperties:
             (harmonic) mean.
         linear_density_kg_m: rho A, a number or one per segment.
         torsional_stiffness_n_m2: GJ, a number or one per segment, or None: then the rod has no material frame at all.
-        internal_damping_s: beta of a Kelvin-Voigt material: stress grows by beta times (modulus times strain rate). A
-            mode of angular frequency omega gets the damping ratio beta omega / 2. Conserves linear and angular
-            momentum.
-        viscous_drag_n_s_m2: The paper's -b v, per metre of rod: force per length per velocity against the resting
-            surroundings.
+        internal_damping_s: beta of a Kelvin-Voigt material: the stress has an additional part, beta times modulus times
+            strain rate. A mode of angular frequency omega has the damping ratio beta omega / 2. It conserves linear and
+            angular momentum.
+        viscous_drag_n_s_m2: The paper's -b v, per metre of rod: force per length and velocity relative to the
+            surroundings at rest.
         rest_curvature_1_m: (n_segments - 1, 3) per joint in the material frame: curvature about m1, about m2, and twist
-            rate about the tangent; None is a straight rod. Needs ``torsional_stiffness_n_m2``, for it turns with the
-            material.
+            rate about the tangent; None is a straight rod. It needs ``torsional_stiffness_n_m2``, because it rotates
+            with the material.
     """
 
     n_segments: int
@@ -64,7 +64,7 @@ class RodProperties:
 
     @property
     def n_particles(self) -> int:
-        """Particles on the centreline: one more than segments."""
+        """Number of particles on the centreline, one more than segments."""
         return self.n_segments + 1
 
     @property

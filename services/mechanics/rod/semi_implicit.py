@@ -18,20 +18,21 @@ from services.mechanics.rod.step_gains import StepGains
 from services.mechanics.rod.supports import Supports
 from services.mechanics.rod.twist import TwistModel, add_frame_forces, build_twist_model
 
-SAFETY = 0.9  # share of the computed limit, as a strong pull adds geometric stiffness
+SAFETY = 0.9  # fraction of the computed limit, because a strong tension adds geometric stiffness
 
 
 class SemiImplicitIntegrator(StepGains):
     """Basdogan et al. 2001, eq. (27)-(28): ``v += h F/m``, then ``x += h v``, F = springs + bending springs - b v.
 
-    First order and explicit: stable only below ``stable_time_step_s``, about the time that a stretch wave takes along
-    one segment (6 us for a 50-segment polyethylene catheter), so a step is cut into equal substeps below 0.9 of it; one
-    that needs more than ``max_substeps`` is refused. Internal damping is explicit here too, shortens the limit to about
-    2/(beta omega^2) and is soon unaffordable: the paper has the viscous drag alone. Symplectic: without damping the
-    energy of a free rod oscillates but does not drift, and momenta are conserved to rounding.
+    The method is of first order and explicit. It is stable only below ``stable_time_step_s``, about the time that a
+    stretch wave takes along one segment (6 us for a polyethylene catheter of 50 segments). So a step is divided into
+    equal substeps below 0.9 of this limit; a step that needs more than ``max_substeps`` is refused. Internal damping is
+    explicit too: it shortens the limit to about 2/(beta omega^2), which is soon unaffordable. The paper has viscous
+    drag only. The method is symplectic: without damping the energy of a free rod oscillates but does not drift, and
+    momenta are conserved to rounding.
 
-    `predict`, `solve`, `compliance`, `correct`: as in `ImplicitIntegrator`, with A = M, for an explicit step feels a
-    contact through the mass of the touched particle alone.
+    `predict`, `solve`, `compliance` and `correct` are those of `ImplicitIntegrator` with A = M, because in an explicit
+    step only the mass of the touched particle resists a contact.
     """
 
     def __init__(
@@ -49,9 +50,9 @@ class SemiImplicitIntegrator(StepGains):
         self._dt_s = 0.0
 
     def substeps(self, dt_s: float) -> int:
-        """Return how many equal substeps a step of ``dt_s`` takes.
+        """Return the number of equal substeps of a step of ``dt_s``.
 
-        Raises ValueError if they would be more than ``max_substeps``.
+        Raises ValueError if it exceeds ``max_substeps``.
         """
         limit_s = SAFETY * self.stable_time_step_s
         count = max(math.ceil(dt_s / limit_s), 1)
@@ -88,10 +89,10 @@ class SemiImplicitIntegrator(StepGains):
         np.fill_diagonal(out, np.repeat(self.position_gain_s2 * self._free_inverse_mass[particles], 3))
 
     def correct(self, state: RodState, contact_force_n: FloatArray) -> None:
-        """Add to ``state`` in place its change by contact forces (n, 3), as one kick over the step of `predict`."""
-        kick = self._dt_s * self._free_inverse_mass[:, None] * contact_force_n
-        state.velocity_m_s += kick
-        state.position_m += self._dt_s * kick
+        """Add to ``state`` in place its change by contact forces (n, 3), applied as one impulse over the step."""
+        impulse = self._dt_s * self._free_inverse_mass[:, None] * contact_force_n
+        state.velocity_m_s += impulse
+        state.position_m += self._dt_s * impulse
 
 
 @kernel

@@ -16,9 +16,9 @@ from services.mechanics.rod.supports import IntroducerSprings
 def largest_frequency_rad_s(model: RodModel) -> float:
     """Return the largest angular frequency [rad/s] of the unstretched straight rod, held particles removed.
 
-    It is the root of the largest eigenvalue of M^-1/2 K M^-1/2, with K from the same kernels as the step, clamped ends
-    included. An introducer counts as if it held every particle twice, as it may near one of its ends, and stopped it. A
-    pull T adds about 4 T/(m l0).
+    It is the root of the largest eigenvalue of M^-1/2 K M^-1/2, with K from the same kernels as the step, including
+    clamped ends. As an upper bound, an introducer adds twice its stiffness and that of a stop to every particle: near
+    its ends two springs may act on one. A tension T, which is not included, adds about 4 T/(m l0) to the eigenvalue.
     """
     n = model.mass.shape[0]
     work = allocate_work(n)
@@ -51,10 +51,10 @@ def largest_frequency_rad_s(model: RodModel) -> float:
 
 
 def stable_time_step(model: RodModel) -> float:
-    """Return the limit of semi-implicit Euler [s]: (omega h)^2 + 2 c h < 4 for every mode, c = b/m + beta omega^2.
+    """Return the largest stable step h of semi-implicit Euler, in s.
 
-    It follows from the Jury conditions of ``v += -h (omega^2 x + c v), x += h v``, taken at the largest frequency,
-    where both terms are largest, and the largest drag per mass.
+    It satisfies (omega h)^2 + 2 c h < 4 with c = b/m + beta omega^2, from the Jury conditions of
+    ``v += -h (omega^2 x + c v), x += h v``. The largest frequency and the largest drag per mass are the worst case.
     """
     omega = largest_frequency_rad_s(model)
     c = float(np.max(model.drag / model.mass)) + model.beta * omega**2

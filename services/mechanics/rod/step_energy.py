@@ -1,4 +1,4 @@
-"""Energy checks of a step: whether it has gained energy, and what the linear contact correction leaves out."""
+"""Energy checks of a step: whether it has gained energy, and the error of the linear contact correction."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from services.mechanics.rod.elasticity import bending_angle
 from services.mechanics.rod.introducer_forces import introducer_energy, introducer_excess
 from services.mechanics.rod.model import RodModel, RodWork
 
-# Motion in a step, of a segment length (or in radian): below it a rod is not checked that turns, or that slides through
-# an introducer.
+# Motions in a step below which its energy is not checked, in segment lengths (or radians): relative motion of a
+# segment's ends, and sliding through an introducer.
 _SLOW = 0.02
 _SLIDES = 0.05
-# Allowed gain of a step over its kinetic energy: the energy of a second-order step oscillates by some of that.
+# Allowed gain of a step as a fraction of its kinetic energy: the energy of a second-order step oscillates by this much.
 _GAIN = 0.01
-# Tolerated error of the linear contact correction: energy over that of the motion, and as a strain of a segment.
+# Tolerated error of the linear contact correction: as a fraction of the motion's energy, and as a strain of a segment.
 _STRETCH = 1e-3
 _STRAIN = 1e-4
 
@@ -48,14 +48,14 @@ def elastic_energy(model: RodModel, x: FloatArray) -> float:
 
 @inlined_kernel
 def gains(model: RodModel, x: FloatArray, v: FloatArray, work: RodWork, load: FloatArray) -> bool:
-    """Return whether the step from (x, v) to the end in ``work`` gains more than the work of the ``load`` (n, 3).
+    """Return whether the step from (x, v) to the end in ``work`` gains more energy than the work of ``load`` (n, 3).
 
-    A step that turns and slides the rod by little is not checked, unless it slides back at its end: a bent rod may
-    swing to and fro in its introducer from step to step, and gain a tenth each time. Nor is one whose held particles
-    move, because a hand works there.
+    A step that rotates and slides the rod by little is not checked, unless it reverses the sliding: a bent rod may
+    oscillate in its introducer from step to step, and gain a tenth each time. A step whose held particles move is not
+    checked either, because a hand does work there.
     """
     end, dv = work.end_position, work.velocity_change
-    slides = model.introducer.is_there and (_slides(model, x, end) or _slides_back(model, v, dv))
+    slides = model.introducer.is_there and (_slides_far(model, x, end) or _slides_back(model, v, dv))
     if _turns_little(model, x, end) and not slides:
         return False
     for k in range(model.held.shape[0]):
@@ -68,11 +68,11 @@ def gains(model: RodModel, x: FloatArray, v: FloatArray, work: RodWork, load: Fl
             kinetic += 0.5 * model.mass[i] * v[i, c] * v[i, c]
             change += model.mass[i] * dv[i, c] * (v[i, c] + 0.5 * dv[i, c]) - load[i, c] * (end[i, c] - x[i, c])
     change += elastic_energy(model, end) - elastic_energy(model, x)
-    return bool(change > _GAIN * (kinetic + energy_of(model, v, dv)))
+    return bool(change > _GAIN * (kinetic + kinetic_energy(model, v, dv)))
 
 
 @kernel
-def energy_of(model: RodModel, v: FloatArray, dv: FloatArray) -> float:
+def kinetic_energy(model: RodModel, v: FloatArray, dv: FloatArray) -> float:
     """Return the kinetic energy [J] at the velocities v + dv (n, 3)."""
     total = 0.0
     for i in range(v.shape[0]):
@@ -83,19 +83,19 @@ def energy_of(model: RodModel, v: FloatArray, dv: FloatArray) -> float:
 
 @kernel
 def _turns_little(model: RodModel, x: FloatArray, end: FloatArray) -> bool:
-    """Return whether no segment's ends move further than _SLOW of its length relative to each other."""
+    """Return whether the relative motion of no segment's ends exceeds _SLOW times its length."""
     for j in range(x.shape[0] - 1):
         squared = 0.0
         for c in range(3):
             squared += (end[j + 1, c] - x[j + 1, c] - end[j, c] + x[j, c]) ** 2
-        most = _SLOW * model.rest_length[j]
-        if squared > most * most:
+        limit = _SLOW * model.rest_length[j]
+        if squared > limit * limit:
             return False
     return True
 
 
 @kernel
-def _slides(model: RodModel, x: FloatArray, end: FloatArray) -> bool:
+def _slides_far(model: RodModel, x: FloatArray, end: FloatArray) -> bool:
     """Return whether the first particle, which the introducer guides, moves further than _SLIDES of a segment."""
     squared = 0.0
     for c in range(3):
@@ -115,13 +115,13 @@ def _slides_back(model: RodModel, v: FloatArray, dv: FloatArray) -> bool:
 
 @inlined_kernel
 def energy_beside(model: RodModel, x: FloatArray, work: RodWork, dt_s: float) -> float:
-    """Return the energy [J] at the end of a linear correction beyond its quadratic model, for a rod at ``x`` (n, 3).
+    """Return the energy [J] that a linear correction of a rod at ``x`` (n, 3) neglects; 0.0 if it is negligible.
 
-    The solution in ``work`` is the correction. The energy of stretch counts by the error of the segments' lengths: a
-    force that drops in one step throws the rod along its tangents, and the stretch comes back as motion. The
-    introducer's counts by the error of its springs: a rod that is bent hard at its edge is pulled along the kink that
-    was there before. It is zero where it is less than a thousandth of the motion that contacts bring, or than a small
-    strain of one segment.
+    The solution in ``work`` is the correction. The energy of stretch is that of the error in the segments' lengths: a
+    force that drops within a step moves the rod along its tangents, and this stretch returns as motion. The energy of
+    the introducer is the error in its springs' energy: a rod that is sharply bent at its edge is moved along the
+    direction before the step. Negligible is less than a thousandth of the kinetic energy of the correction plus the
+    energy of a small strain of one segment.
     """
     beside, kinetic, moved = 0.0, 0.0, work.rhs
     for j in range(x.shape[0]):

@@ -1,4 +1,4 @@
-"""The base of rod integrators: held particles, and the gains of the step's response to contact forces."""
+"""The base class of rod integrators: held particles, and the gains of the step's response to contact forces."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from services.mechanics.rod.model import RodModel
 
 
 class StepGains:
-    """Base of the integrators, which write ``model`` and, in `predict`, ``_dt_s``; A is their matrix."""
+    """Base class of the integrators. They write ``model`` and, in `predict`, ``_dt_s``; A is their matrix."""
 
     model: RodModel
     _dt_s: float
 
     @property
     def held(self) -> IntArray:
-        """(h,) held particles; row k of ``held_target_m`` is where held[k] must be at the end of a step (NaN: stay)."""
+        """(h,) held particles; row k of ``held_target_m`` is the position of held[k] at a step's end (NaN: stay)."""
         return self.model.held
 
     @property

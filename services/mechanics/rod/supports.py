@@ -13,7 +13,7 @@ from services.mechanics.compiled.struct import Struct
 
 
 class IntroducerSprings(Struct):
-    """An introducer as kernels see it; `Introducer` describes the numbers."""
+    """The numbers of an introducer for kernels; `Introducer` describes them."""
 
     entry: Annotated[FloatArray, 3]
     axis: Annotated[FloatArray, 3]  # unit vector from entry to exit
@@ -29,24 +29,23 @@ class IntroducerSprings(Struct):
 
 @dataclass(frozen=True)
 class Introducer:
-    """A straight rigid tube that lets the rod slide along its axis only.
+    """A straight rigid tube that lets the rod slide only along its axis.
 
-    Every particle between entry and exit is pulled to the axis, and the points of the centreline nearest to the entry
-    and to the exit are pulled to these. Because those points move continuously along the rod, sliding it by a segment
-    changes no force by a jump. The rod has to start in it, and stays: its first particle stops two segments before the
-    exit (the catheter goes on behind the piece that is modelled), and the last ``least_tip_m`` cannot be drawn in.
+    Springs pull every particle between entry and exit to the axis, and the points of the centreline nearest to entry
+    and exit to these. Those points move continuously along the rod, so forces are continuous when it slides. The rod
+    must start inside and cannot leave: its first particle stops two segments before the exit (the real catheter
+    continues behind the modelled part), and its last ``least_tip_m`` cannot be drawn in.
 
     Attributes:
         entry_m, exit_m: (3,) ends of the axis; the rod passes from entry to exit in the order of its particles.
-        lateral_stiffness_n_m: Per constrained point; solved implicitly, so that any value is stable in the implicit
-            integrator.
-        friction: Coulomb coefficient against the wall, 0 for none. To the rod the introducer is smooth: this friction
-            and that of the seal are solved with the contacts, see `services.mechanics.contact.seal`.
-        bearing_length_m: Length over which a push of the wall is spread along the axis, for friction: a rod model does
-            not resolve a few diameters.
-        seal_friction_n: Friction of a seal at the exit, whatever the rod's push on the wall.
+        lateral_stiffness_n_m: Of each spring. Any value is stable in the implicit integrator.
+        friction: Coulomb coefficient of the wall, 0 for none. The integrators ignore it: this friction and that of the
+            seal are solved with the contacts, see `services.mechanics.contact.seal`.
+        bearing_length_m: Length along the axis over which a force of the wall is spread in the computation of friction,
+            because a rod model does not resolve a few diameters.
+        seal_friction_n: Friction of a seal at the exit, independent of the normal force of the wall.
         stop_stiffness_n_m: Of both stops.
-        least_tip_m: Length at the end of the rod that stays beyond the exit, to be grasped again.
+        least_tip_m: Length at the end of the rod that always stays beyond the exit, so that it can be grasped again.
     """
 
     entry_m: ArrayLike
@@ -59,7 +58,7 @@ class Introducer:
     least_tip_m: float = 5e-3
 
     def springs(self) -> IntroducerSprings:
-        """Return it as the kernels see it. Raises ValueError if a number makes no sense; the message names it."""
+        """Return the numbers for kernels. Raises ValueError if one of them is invalid; the message names it."""
         entry = np.array(self.entry_m, dtype=np.float64)
         axis = np.asarray(self.exit_m, dtype=np.float64) - entry
         length = float(np.linalg.norm(axis))
@@ -85,15 +84,15 @@ class Introducer:
 
 @dataclass(frozen=True)
 class Supports:
-    """Everything that holds a rod.
+    """The supports of a rod.
 
     Attributes:
-        held: Particles (negative counts from the end) whose position is prescribed each step; see ``held_target_m`` of
-            the integrator.
-        start_direction, end_direction: (3,) direction, in the order of the particles, that a wall gives the tangent at
-            the first or last particle; None lets it turn freely. A half joint of stiffness 2 EI/l0: with the particle
-            held it is the clamped end of beam theory, second order in l0.
-        introducer: What the rod slides through, or None.
+        held: Particles (negative numbers count from the end) whose position is prescribed in each step; see
+            ``held_target_m`` of the integrator.
+        start_direction, end_direction: (3,) direction of a wall at the first or last particle, in the order of the
+            particles; None lets the tangent rotate freely. A half joint of stiffness 2 EI/l0 connects wall and segment:
+            if the particle is held too, this is the clamped end of beam theory, to second order in l0.
+        introducer: The introducer through which the rod slides, or None.
     """
 
     held: tuple[int, ...] = ()
@@ -102,7 +101,7 @@ class Supports:
     introducer: Introducer | None = field(default=None)
 
     def held_indices(self, n_particles: int) -> IntArray:
-        """Return the sorted indices of held particles. Raises ValueError: one is outside the rod, or named twice."""
+        """Return the sorted indices of held particles. Raises ValueError if one is outside the rod, or named twice."""
         indices = sorted(i + n_particles if i < 0 else i for i in self.held)
         if any(not 0 <= i < n_particles for i in indices) or len(set(indices)) != len(indices):
             raise ValueError(f"held particles {self.held} must be different and within the {n_particles} of the rod")
@@ -122,5 +121,5 @@ class Supports:
 
 
 def clamped(direction: ArrayLike) -> Supports:
-    """Return the supports of a cantilever: the first particle held and its tangent kept."""
+    """Return the supports of a cantilever: the first particle is held, and a wall gives its tangent this direction."""
     return Supports(held=(0,), start_direction=direction)

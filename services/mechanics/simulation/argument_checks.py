@@ -1,8 +1,8 @@
 """Checks of a step's arguments before anything moves, because kernels do not check theirs.
 
-Arrays of tools are checked when they are new, as callers change them in place; holds are checked in every call.
-Impossible numbers of a tool are a device's fault, not the caller's: `bodies.forceps.ToolBody` then keeps the tool where
-it was.
+Arrays of tools are checked only when they are new, because callers change them in place; holds are checked in every
+call. Impossible numbers of a tool are a fault of a device, not of the caller: `bodies.forceps.ToolBody` then keeps the
+tool where it was.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ SHAPES: dict[str, tuple[tuple[int, ...], type[np.generic]]] = {
     "roll_rad": ((N_TOOLS,), np.float64),
     "jaw_angle_rad": ((N_TOOLS,), np.float64),
 }
-_WHOLE = "hold_id", "tool", "target_kind", "target"
-_REAL = "limit_n", "jaw_angle_rad"
-_numbers_of = attrgetter(*_WHOLE, *_REAL)
-_PLAIN = (int,) * len(_WHOLE) + (float,) * len(_REAL)
+_INTEGERS = "hold_id", "tool", "target_kind", "target"
+_FLOATS = "limit_n", "jaw_angle_rad"
+_numbers_of = attrgetter(*_INTEGERS, *_FLOATS)
+_EXPECTED_TYPES = (int,) * len(_INTEGERS) + (float,) * len(_FLOATS)
 
 
 class ArgumentCheck:
@@ -44,18 +44,18 @@ class ArgumentCheck:
         except AttributeError:
             raise TypeError(f"tools must be ToolInputs, is {_kind(tools)}") from None
         if not known:
-            self._look_at(tools)
+            self._check_arrays(tools)
         if tools.holds is not None:
             check_holds(tools.holds)
 
-    def _look_at(self, tools: ToolInputs) -> None:
+    def _check_arrays(self, tools: ToolInputs) -> None:
         for name, (shape, dtype) in SHAPES.items():
             array = getattr(tools, name)
             if not isinstance(array, np.ndarray):
                 raise TypeError(f"tools.{name} must be an array {shape} of {dtype.__name__}, is {_kind(array)}")
             if array.shape != shape or array.dtype != dtype:
-                is_now = f"{array.shape} of {array.dtype}"
-                raise ValueError(f"tools.{name} must be an array {shape} of {dtype.__name__}, is {is_now}")
+                actual = f"{array.shape} of {array.dtype}"
+                raise ValueError(f"tools.{name} must be an array {shape} of {dtype.__name__}, is {actual}")
             if not array.flags.c_contiguous:
                 raise ValueError(f"tools.{name} must lie in C order without gaps")
         self._seen = tuple(getattr(tools, name) for name in SHAPES)
@@ -66,7 +66,7 @@ def check_holds(holds: list[GraspHold]) -> None:
     if not isinstance(holds, list | tuple):
         raise TypeError(f"tools.holds must be a list of GraspHold or None, is {_kind(holds)}")
     for index, hold in enumerate(holds):
-        if type(hold) is not GraspHold or tuple(map(type, _numbers_of(hold))) != _PLAIN:  # nearly none
+        if type(hold) is not GraspHold or tuple(map(type, _numbers_of(hold))) != _EXPECTED_TYPES:  # nearly none
             _check_hold(hold, f"tools.holds[{index}]")
         weights = hold.target_weights
         if not isinstance(weights, np.ndarray) or weights.shape != (3,) or weights.dtype != np.float64:
@@ -76,10 +76,10 @@ def check_holds(holds: list[GraspHold]) -> None:
 def _check_hold(hold: GraspHold, place: str) -> None:
     if not isinstance(hold, GraspHold):
         raise TypeError(f"{place} must be a GraspHold, is {_kind(hold)}")
-    for name in _WHOLE:
+    for name in _INTEGERS:
         if not isinstance(getattr(hold, name), int | np.integer):
             raise TypeError(f"{place}.{name} must be a whole number, is {getattr(hold, name)!r}")
-    for name in _REAL:
+    for name in _FLOATS:
         if not isinstance(getattr(hold, name), float | int | np.number):
             raise TypeError(f"{place}.{name} must be a number, is {getattr(hold, name)!r}")
 

@@ -1,6 +1,6 @@
-"""A scene of only a duct, one tick at a time: neither catheter, tools nor contacts are built.
+"""Simulation of a scene of only a duct, one tick at a time, without catheter, tools and contacts.
 
-Only the effects of the wall (`Effect.of_wall`) act, which use nothing else of a world.
+Only the effects of the wall (`Effect.of_wall`) act, which need nothing else.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class DuctWorld:
 
 
 class DuctAlone:
-    """A duct that nothing can touch. It sleeps at rest if no effect acts in steps: a step then only checks that.
+    """A duct that nothing can touch. At rest it sleeps if no effect acts in steps: a step then only checks this.
 
     Args:
         scene: SceneModel. With ``duct_alone``.
@@ -79,11 +79,11 @@ class DuctAlone:
         return self.duct.state
 
     def is_asleep(self) -> bool:
-        """Whether the next step would not move it."""
+        """Return whether the next step would not move the duct."""
         return self._may_sleep and bool(is_at_rest(*self._rest))
 
     def step(self, dt_s: float = 1e-3) -> None:
-        """Advance by a tick of ``dt_s``, in s; longer than a millisecond, it is taken in parts."""
+        """Advance by a tick of ``dt_s`` seconds; a tick longer than a millisecond is split into steps."""
         began_ns = perf_counter_ns()
         self.cost_ns[:] = 0, 0, 0
         if self.is_asleep():
@@ -115,7 +115,7 @@ class DuctAlone:
 def is_at_rest(motion_address: Address[DuctMotion], stiffness_address: Address[Stiffness]) -> bool:
     """Return whether kinetic energy plus elastic energy relative to equilibrium is at most `REST_J`.
 
-    Written so that a NaN is not at rest.
+    A NaN is not at rest.
     """
     duct, omega_2 = motion_at(motion_address), stiffness_at(stiffness_address).omega_2
     energy = 0.0

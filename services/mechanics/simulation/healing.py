@@ -1,8 +1,8 @@
 """Detection of unsound states at the end of a step, and recovery from them.
 
-A state is sound if it is physically possible, likely or not: all numbers are finite, the catheter is neither torn nor
-too fast, and its axis pierces the wall nowhere. Recovery restores the start of the step, at rest and with couplings
-unstretched; otherwise the restored state would hand back energy already spent.
+A state is sound if it is physically possible: all numbers are finite, the catheter is neither torn nor too fast, and
+its axis does not pierce the wall. Recovery restores the start of the step, at rest and with unstretched couplings,
+because otherwise the restored state would return energy that has been dissipated.
 
 The cause may act again at once. If the start of the step is not sound either, or the last recovery was at most `AGAIN`
 steps ago, an older copy is restored, and after that the first state of all. From the second recovery in a row on, tools

@@ -1,4 +1,4 @@
-"""Kernels that a loop may need late, and that no step of a warm-up reaches."""
+"""Compilation of the kernels that no step of a warm-up reaches, but that a loop may need later."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from services.mechanics.simulation.simulation import Simulation
 def compile_rare_kernels(simulation: Simulation) -> None:
     """Call the kernels for many contacts, a fast wall, a catheter that falls asleep, and energies.
 
-    Physics needs them, and haptics compiles them for physics, in the same order.
+    Physics uses them. Haptics compiles them too, in the same order, so that physics finds them in the cache.
     """
     simulation.system.strategy.compile_kernels()
     simulation.splitter.compile_kernels()

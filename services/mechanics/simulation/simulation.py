@@ -1,4 +1,4 @@
-"""Duct, catheter and two tools, one tick at a time."""
+"""Simulation of a scene, one tick at a time: duct, catheter and two tools."""
 
 from __future__ import annotations
 
@@ -33,7 +33,13 @@ from services.mechanics.simulation.healing import Healer
 from services.mechanics.simulation.scene_catheter import place_catheter
 from services.mechanics.simulation.scene_world import build_world
 from services.mechanics.simulation.step_solver import StepSolver
-from services.mechanics.simulation.step_splitting import LONGEST_STEP_S, SHORTEST_STEP_S, StepSplitter, steps_of
+from services.mechanics.simulation.step_splitting import (
+    LONGEST_STEP_S,
+    SHORTEST_STEP_S,
+    StepSplitter,
+    Verdict,
+    steps_of,
+)
 from services.mechanics.simulation.step_start import StepStart
 
 LONGEST_TICK_S = 1.0
@@ -60,7 +66,7 @@ class Simulation:
         search: ContactSearch, optional. Collision detection; by default that of `services.mechanics.collision`.
 
     Attributes:
-        is_felt: bool. Whether the report includes the stiffness that each tool meets, for the local models of haptics.
+        is_felt: bool. Whether the report includes the local stiffness at each tool, which haptics needs.
     """
 
     def __init__(self, scene: SceneModel, duct: ReducedDuct, search: ContactSearch | None = None) -> None:
@@ -104,13 +110,13 @@ class Simulation:
     def step(self, tools: ToolInputs, dt_s: float = 1e-3) -> None:
         """Advance everything by one tick.
 
-        Raises TypeError or ValueError: ``dt_s`` is not positive and finite, or too long; an array has the wrong shape
-        or dtype (`ArgumentCheck`). The state is then unchanged.
+        Raises TypeError or ValueError if ``dt_s`` is not positive and finite, or too long, or if an array has the wrong
+        shape or dtype (`ArgumentCheck`). The state is then unchanged.
 
         Args:
             tools: ToolInputs. The hands at the end of the tick.
-            dt_s: float. Length of the tick, at most `LONGEST_TICK_S`. It is split into steps where it is longer than a
-                millisecond, or than the step that the quality level allows.
+            dt_s: float. Length of the tick, at most `LONGEST_TICK_S`. A tick longer than a millisecond, or than the
+                step that the quality level allows, is split into steps.
         """
         if not 0.0 < dt_s < math.inf:
             raise ValueError(f"dt_s must be positive and finite, is {dt_s}")
@@ -137,19 +143,20 @@ class Simulation:
         return all(self._take_part(tools, dt_s / parts) for _ in range(parts))
 
     def _take_part(self, tools: ToolInputs, dt_s: float) -> bool:
-        """Advance by a substep, or by its halves if it would end in overlap; return whether the state is sound.
+        """Advance by a substep; return whether the state is sound.
 
-        If only the catheter moved further than its lists reach, the substep is repeated with longer lists.
+        A substep that is not accepted is rolled back, and repeated with longer candidate lists or in halves.
         """
         self.duct.change_step(dt_s)
         if self.watcher is not None:
             self.watcher.begin()
         self._start.save()
-        if not self._move(tools, dt_s) and dt_s > SHORTEST_STEP_S:
+        verdict = self._move(tools, dt_s)
+        if verdict is not Verdict.ACCEPT and dt_s > SHORTEST_STEP_S:
             self._start.restore()
-            count, moved_m = 2, self.splitter.moved_m
-            if self.search.reach_m < moved_m <= self.splitter.most_m:
-                self.search.expect(moved_m)
+            count = 2
+            if verdict is Verdict.LOOK_FURTHER:
+                self.search.expect(self.splitter.moved_m)
                 count = 1
             return all(self._take_part(tools, dt_s / count) for _ in range(count))
         self._correct(dt_s)
@@ -157,8 +164,8 @@ class Simulation:
             self.watcher.end(dt_s)
         return self._healer.watch()
 
-    def _move(self, tools: ToolInputs, dt_s: float) -> bool:
-        """Move everything by a substep; return whether it ends without overlap and nothing outran contact detection."""
+    def _move(self, tools: ToolInputs, dt_s: float) -> Verdict:
+        """Move everything by a substep. It is accepted if it ends without overlap, and nothing outran detection."""
         marks = self._marks_ns
         marks[0] = perf_counter_ns()
         self._add_loads(dt_s)
@@ -179,7 +186,8 @@ class Simulation:
         is_settled = self.solver.solve(dt_s)
         marks[5] = perf_counter_ns()
         self.cost_ns[:5] = map(add, self.cost_ns, map(sub, marks[1:], marks))
-        return self.splitter.is_seen(self.search.reach_m) and is_settled
+        verdict = self.splitter.judge(self.search.reach_m)
+        return verdict if is_settled or verdict is Verdict.LOOK_FURTHER else Verdict.HALVE
 
     def _heal(self) -> None:
         """Restore the last sound state; no force acts on a tool in this tick."""
@@ -235,12 +243,12 @@ class Simulation:
 
     @property
     def healed_states(self) -> int:
-        """How often since the start an unsound state was replaced by the last sound one."""
+        """Number of unsound states since the start that were replaced by the last sound one."""
         return self._healer.healed
 
     @property
     def slides(self) -> npt.NDArray[np.bool_]:
-        """(C,) whether each contact slid in the last step."""
+        """(C,) whether each contact slid, or each hold slipped, in the last step."""
         return self.system.slides
 
     @property
@@ -335,7 +343,7 @@ class Simulation:
         return held
 
     def _correct(self, dt_s: float) -> None:
-        """Update everything that follows from the solved motion: slide of seal and holds, squeeze, effects."""
+        """Update everything that depends on the solved motion: slip of seal and holds, squeezed wall, effects."""
         start_ns = perf_counter_ns()
         if self.wire_drive is not None:
             self.wire_drive.settle()
@@ -352,7 +360,7 @@ class Simulation:
         self.cost_ns[-2] += perf_counter_ns() - start_ns
 
     def write_report(self, dt_s: float) -> None:
-        """Write the forces on the tools over a tick, in however many substeps it was taken."""
+        """Write the forces on the tools at the end of a tick of length ``dt_s``, whatever its number of substeps."""
         addresses = (self.system.address, self.tools.address, self._report_arrays.address)
         self.max_penetration_m = report(*addresses, dt_s)
         if self.system.strategy.keeps_delassus and self.is_felt:

@@ -1,4 +1,4 @@
-"""Solves a step's contact forces, again if they bend the rod off its linearisation or if the step ends in overlap."""
+"""Solves for the contact forces of a step, again if they bend the rod off its linearisation or overlaps remain."""
 
 from __future__ import annotations
 
@@ -159,22 +159,22 @@ class StepSolver:
     def _relinearise(self, dt_s: float) -> None:
         """Linearise the catheter's step again and solve again, while the forces bend it far from its linearisation.
 
-        A linearisation with the last solution's forces need not be better: in a buckling catheter they alternate. So it
-        is kept only if it is better; otherwise one half as far from the last is tried (a line search).
+        A linearisation with the forces of the last solution need not be better: with a buckling catheter they may
+        alternate. So it is accepted only if it is better; otherwise a step half as long is tried (line search).
         """
-        least_j = self._system.nonlinear_error_j()
-        if least_j == 0.0:
+        best_j = self._system.nonlinear_error_j()
+        if best_j == 0.0:
             return
         catheter = self._world.catheter
         catheter.store_linearisation()
         share = 1.0
         for _ in range(MAX_LINEARISATIONS):
-            stray_j = self._try_linearisation(share, dt_s)
-            if stray_j == 0.0:
+            error_j = self._try_linearisation(share, dt_s)
+            if error_j == 0.0:
                 return
-            if stray_j < least_j:
+            if error_j < best_j:
                 catheter.store_linearisation()
-                least_j, share = stray_j, 1.0
+                best_j, share = error_j, 1.0
             else:
                 share *= 0.5
         if share < 1.0:

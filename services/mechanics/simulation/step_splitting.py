@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from enum import Enum
 from typing import Annotated
 
 import numpy as np
@@ -17,16 +18,16 @@ from services.mechanics.world import World
 
 # Number of wall nodes whose speed is sampled; they suffice because fast modes have long wavelengths.
 N_NODES = 32
-# Longest step, unless the quality level allows more: contacts act by impulses at its start, which swing the wall by
-# half of what they hold.
+# Longest step, unless the quality level allows more: contacts act as impulses at its start, which make the wall
+# oscillate by half of its deflection.
 LONGEST_STEP_S = 1e-3
-# Shortest substep, whether split in advance or halved on repetition: at 16 m/s, faster than any catheter snaps, a body
-# moves in it as far as detection looks ahead.
+# Shortest substep, whether a step is split in advance or repeated in halves: at 16 m/s, faster than any catheter snaps,
+# a body moves in it as far as detection looks ahead.
 SHORTEST_STEP_S = LONGEST_STEP_S / 32
 
 
 class Moving(Struct):
-    """Arrays that tell how fast a world moves: velocities of n particles; r coordinates before and after a step."""
+    """Arrays for the speed of a world: velocities of n particles; r modal coordinates before and after a step."""
 
     velocity: Annotated[FloatArray, "n", 3]
     before: Annotated[FloatArray, "r"]
@@ -36,16 +37,23 @@ class Moving(Struct):
 moving_at = reader(Moving)
 
 
+class Verdict(Enum):
+    """What becomes of a solved step: it is accepted, or repeated with longer candidate lists or in halves."""
+
+    ACCEPT = 0
+    LOOK_FURTHER = 1
+    HALVE = 2
+
+
 class StepSplitter:
     """Splits long ticks, and steps in which something would move further than contact detection looks ahead.
 
-    At a step of 1 ms that begins at 2 m/s, or at 0.5 m/s of a catheter whose contacts are not all priced (one that is
-    near itself, or of another strategy) or in which a guide wire slides. For longer steps these limits fall in
-    proportion, because speeds change within them.
+    A step of 1 ms is split above a speed of 2 m/s. The limit is 0.5 m/s for a catheter not all of whose contacts are
+    priced (it is near itself, or the strategy is another), and for one with a guide wire. For longer steps the limits
+    are lower in proportion, because speeds change within a step.
 
     Attributes:
         moved_m: float. How far the catheter moved in the step that was solved last.
-        most_m: float. How far it might have.
     """
 
     def __init__(self, world: World) -> None:
@@ -54,11 +62,13 @@ class StepSplitter:
         velocity = catheter.state.velocity_m_s
         self._moving = Moving(velocity=velocity, before=duct.q_start, after=duct.state.q)
         every = np.ones(len(velocity), np.bool_)
-        self._way = catheter.start_m, catheter.state.position_m, every, every
+        self._catheter_motion = catheter.start_m, catheter.state.position_m, every, every
         self._modes, self._longest = sampled_modes(world.duct.reduced.basis.Phi)
         is_priced = world.system.strategy.keeps_delassus and catheter.plain_integrator is not None
-        self._goes_far = is_priced and catheter.wire is None  # what grows as it moves that far gains energy
-        self.moved_m, self.most_m = 0.0, MOST_AHEAD_M
+        self._may_look_far = (
+            is_priced and catheter.wire is None
+        )  # a rod whose rest length grows gains energy in such motions
+        self.moved_m = 0.0
 
     def compile_kernels(self) -> None:
         """Compile the kernels that only a fast wall needs."""
@@ -74,13 +84,13 @@ class StepSplitter:
         """
         world = self._world
         duct, body = world.duct, world.tools
-        speed_m_s, way = speed_and_way(self._moving.address)
+        speed_m_s, modal_change = speed_and_modal_change(self._moving.address)
         moved_m, last_s = speed_m_s * dt_s, duct.dt_s
         share = min(LONGEST_STEP_S / dt_s, 1.0)
         most_m, seen_m = share * FASTEST_AHEAD_M, share * MOST_AHEAD_M
         if last_s > 0.0:
             scale = dt_s / last_s
-            if self._longest * way * scale > seen_m:
+            if self._longest * modal_change * scale > seen_m:
                 moved_m = max(moved_m, furthest(self._modes, duct.q_start, duct.state.q) * scale)
         if dt_s * FASTEST_HAND_M_S > seen_m:
             away_m = furthest_point(tools.position_m, body.hand, tools.present, body.present)
@@ -91,23 +101,25 @@ class StepSplitter:
             parts *= 2
         return parts, moved_m / parts
 
-    def is_seen(self, reach_m: float) -> bool:
+    def judge(self, reach_m: float) -> Verdict:
         """Return whether catheter and wall moved no further in the solved step than contact detection looked ahead.
 
         A wall that snaps moves 10 mm in a millisecond: it could pass a jaw that was not among the candidates.
-        ``reach_m`` is how far the lists of the catheter reach.
+        ``reach_m`` is how far the candidate lists of the catheter reach.
         """
-        self.moved_m = furthest_point(*self._way)
-        self.most_m = self._most_motion_m(self._world.catheter.start_m, self.moved_m)
-        duct, way = self._world.duct, speed_and_way(self._moving.address)[1]
-        moved_m = self._longest * way  # an upper bound
+        self.moved_m = furthest_point(*self._catheter_motion)
+        most_m = self._most_motion_m(self._world.catheter.start_m, self.moved_m)
+        if reach_m < self.moved_m <= most_m:
+            return Verdict.LOOK_FURTHER
+        duct, modal_change = self._world.duct, speed_and_modal_change(self._moving.address)[1]
+        moved_m = self._longest * modal_change  # an upper bound
         if moved_m > FASTEST_AHEAD_M:
             moved_m = furthest(self._modes, duct.q_start, duct.state.q)
-        return bool(moved_m <= FASTEST_AHEAD_M and self.moved_m <= min(reach_m, self.most_m))
+        return Verdict.ACCEPT if moved_m <= FASTEST_AHEAD_M and self.moved_m <= most_m else Verdict.HALVE
 
     def _most_motion_m(self, particles_m: FloatArray, moved_m: float) -> float:
-        """Return how far particles at (n, 3) may move with all their contacts seen, if they would by ``moved_m``."""
-        if moved_m <= MOST_AHEAD_M or not self._goes_far:
+        """Return how far (m) particles at (n, 3) may move without missing a contact, if they move by ``moved_m``."""
+        if moved_m <= MOST_AHEAD_M or not self._may_look_far:
             return MOST_AHEAD_M
         within_m = min((effect.most_motion_m(particles_m) for effect in self._world.effects), default=FASTEST_AHEAD_M)
         return max(min(FASTEST_AHEAD_M, within_m), MOST_AHEAD_M)
@@ -132,7 +144,7 @@ def steps_of(tick_s: float, longest_s: float = LONGEST_STEP_S) -> int:
 
 
 @kernel
-def speed_and_way(address: Address[Moving]) -> tuple[float, float]:
+def speed_and_modal_change(address: Address[Moving]) -> tuple[float, float]:
     """Return the largest speed of the particles, and the Euclidean norm of the change of the coordinates."""
     moving = moving_at(address)
     velocity, before, after = moving.velocity, moving.before, moving.after
@@ -152,22 +164,22 @@ def furthest(modes: FloatArray, before: FloatArray, after: FloatArray) -> float:
     """
     largest_2 = 0.0
     for node in range(modes.shape[0] // 3):
-        way_2 = 0.0
+        displacement_2 = 0.0
         for axis in range(3):
-            way = 0.0
+            displacement = 0.0
             for mode in range(before.shape[0]):
-                way += modes[3 * node + axis, mode] * (after[mode] - before[mode])
-            way_2 += way * way
-        largest_2 = max(largest_2, way_2)
+                displacement += modes[3 * node + axis, mode] * (after[mode] - before[mode])
+            displacement_2 += displacement * displacement
+        largest_2 = max(largest_2, displacement_2)
     return math.sqrt(largest_2)
 
 
 @kernel
-def furthest_point(start: FloatArray, end: FloatArray, are_there: BoolArray, were_there: BoolArray) -> float:
+def furthest_point(start: FloatArray, end: FloatArray, present_at_end: BoolArray, present_at_start: BoolArray) -> float:
     """Return the largest displacement in m of the points (n, 3) that are present both at the start and at the end."""
     largest_2 = 0.0
     for i in range(start.shape[0]):
-        if are_there[i] and were_there[i]:
+        if present_at_end[i] and present_at_start[i]:
             x, y, z = end[i, 0] - start[i, 0], end[i, 1] - start[i, 1], end[i, 2] - start[i, 2]
             largest_2 = max(largest_2, x * x + y * y + z * z)
     return math.sqrt(largest_2)

@@ -16,7 +16,7 @@ class RestartablePart(Protocol):
         """Save the state at the start of a step."""
 
     def restore_start(self) -> None:
-        """Restore it."""
+        """Restore the saved state."""
 
 
 class StepStart:

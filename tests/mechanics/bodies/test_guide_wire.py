@@ -11,7 +11,7 @@ from services.mechanics.bodies.guide_wire import GuideWire, frame_of, wire_tube
 from services.mechanics.effects import build_effects
 from services.mechanics.effects.base import NoSettings
 from services.mechanics.rod import ImplicitIntegrator, Supports, straight_rod
-from services.mechanics.rod.guide_wire import resist
+from services.mechanics.rod.guide_wire import insertion_forces
 from services.mechanics.rod.material_frame import initial_frame
 from services.mechanics.scene import CatheterScene, CatheterSection, GuideWireScene, SceneModel, WireDriveScene
 from services.mechanics.simulation.scene_catheter import scene_rod
@@ -121,7 +121,7 @@ def test_a_push_through_a_bend_grows_as_at_a_capstan(radius_m):
     state, tip = rod.state, rod.state.position_m[-1] - rod.state.position_m[N]
     load = np.zeros_like(state.position_m)
     load[-1] = -0.2 / float(tip @ tip) * OUT_M * tip  # that is 0.2 N against the wire on its way
-    forward, push, backward, *_ = resist(
+    forward, push, backward, *_ = insertion_forces(
         rod.wire.model.address, state.position_m, frame_of(state), load, rod.wire.place
     )
     grown = np.exp(WIRE.friction * LENGTH_M / radius_m)
@@ -137,12 +137,13 @@ def test_bent_tubes_turned_against_each_other(roll_rad):
     rest_1_m = 20.0
     bend = CatheterSection(length_m=50e-3 + OUT_M, rest_curvature_1_m=(rest_1_m, 0.0, 0.0))
     rod = body(replace(CATHETER, sections=(BENT,), guide_wire=replace(WIRE, sections=(bend,))))
-    rod.wire.lay((OUT_M, roll_rad))
+    rod.wire.set_place((OUT_M, roll_rad))
     settled(rod)
     mean = abs(own * rest_1_m + wire * rest_1_m * np.exp(1j * roll_rad)) / (own + wire)
     assert curvature(rod, N - 20, N - 3) == pytest.approx(mean, rel=2e-3)
     still = np.zeros_like(rod.state.position_m)
-    torque = resist(rod.wire.model.address, rod.state.position_m, frame_of(rod.state), still, rod.wire.place)[3]
+    model, frame = rod.wire.model.address, frame_of(rod.state)
+    torque = insertion_forces(model, rod.state.position_m, frame, still, rod.wire.place)[3]
     together = own * wire / (own + wire) * rest_1_m**2 * 50e-3
     assert torque == pytest.approx(together * np.sin(roll_rad), rel=0.04)  # of 25 segments, its ends not quite
 

@@ -102,7 +102,7 @@ def test_detection_and_picture_see_the_same_wall(kind):
 def test_with_room_for_a_few_rows_of_the_residual_loads_take_turns(monkeypatch):
     """More loaded nodes than rows: a row that is read anew is that of its node, with all nodes that are placed."""
     duct, rng = wall("cyclic"), np.random.default_rng(7)
-    monkeypatch.setattr(placed_wall, "MOST_ROWS", 3)
+    monkeypatch.setattr(placed_wall, "MAX_ROWS", 3)
     placement, n = place_walls(duct), duct.mesh.n_vertices
     for _ in range(12):
         nodes = np.sort(rng.choice(n, 40, replace=False)).astype(np.int32)
@@ -114,4 +114,4 @@ def test_with_room_for_a_few_rows_of_the_residual_loads_take_turns(monkeypatch):
 
 def test_a_wall_that_turns_needs_to_know_how():
     with pytest.raises(ValueError, match="needs a duct with a warp"):
-        placed_wall.TurnedPlacement(wall("straight"))
+        placed_wall.RotatingPlacement(wall("straight"))

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from wall_cases import coordinates, placed, wall
 
 from services.mechanics.collision.placed_wall import NO_LOADS
-from services.mechanics.collision.wall_bounds import TurnedBounds, wall_bounds
+from services.mechanics.collision.wall_bounds import RotatingBounds, wall_bounds
 
 
 @pytest.mark.parametrize("kind", ["straight", "turned"])
@@ -40,4 +40,4 @@ def test_bounds_are_of_the_size_of_what_moves(kind, most):
 
 def test_a_wall_that_turns_needs_to_know_how():
     with pytest.raises(ValueError, match="needs a duct with a warp"):
-        TurnedBounds(wall("straight"))
+        RotatingBounds(wall("straight"))

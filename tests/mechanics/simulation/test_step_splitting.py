@@ -1,0 +1,37 @@
+"""What becomes of a solved step, by how far the catheter moved in it and how far contact detection looked."""
+
+import pytest
+
+from services.mechanics.collision.candidate_list import FASTEST_AHEAD_M, MOST_AHEAD_M
+from services.mechanics.simulation import Simulation
+from services.mechanics.simulation.step_splitting import Verdict
+
+BIT_M = 1e-6
+
+
+@pytest.mark.parametrize(
+    ("moved_m", "reach_m", "verdict"),
+    [
+        (MOST_AHEAD_M - BIT_M, MOST_AHEAD_M, Verdict.ACCEPT),
+        (MOST_AHEAD_M + BIT_M, MOST_AHEAD_M, Verdict.LOOK_FURTHER),
+        (MOST_AHEAD_M + BIT_M, FASTEST_AHEAD_M, Verdict.ACCEPT),
+        (FASTEST_AHEAD_M - BIT_M, MOST_AHEAD_M, Verdict.LOOK_FURTHER),
+        (FASTEST_AHEAD_M + BIT_M, MOST_AHEAD_M, Verdict.HALVE),
+        (FASTEST_AHEAD_M + BIT_M, FASTEST_AHEAD_M, Verdict.HALVE),
+    ],
+)
+def test_a_step_is_judged_by_the_catheters_motion(small_scene, small_duct, moved_m, reach_m, verdict):
+    simulation = Simulation(small_scene, small_duct)
+    catheter = simulation.catheter
+    catheter.start_m[:] = catheter.state.position_m
+    catheter.state.position_m[-1, 0] += moved_m
+    assert simulation.splitter.judge(reach_m) is verdict
+
+
+def test_a_step_in_which_the_wall_moved_too_far_is_halved(small_scene, small_duct):
+    simulation = Simulation(small_scene, small_duct)
+    simulation.catheter.start_m[:] = simulation.catheter.state.position_m
+    simulation.duct.q_start[:] = simulation.duct.state.q
+    assert simulation.splitter.judge(MOST_AHEAD_M) is Verdict.ACCEPT
+    simulation.duct.state.q[0] += 1.0
+    assert simulation.splitter.judge(MOST_AHEAD_M) is Verdict.HALVE
