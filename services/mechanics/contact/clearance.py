@@ -1,10 +1,11 @@
 """The surface of jaws that squeeze the wall, and the overlap of jaws and undeformed wall that it allows.
 
-A jaw that squeezes a layer of the wall is nearer to the layer's middle surface by its indentation. The indentation is
-smaller beside the line in which the jaws are nearest, and further out along them, where they are wider open. So the
-middle surface touches no round bar: the surface is flatter, and its normal lies nearer to the direction in which the
-jaws open. The force of a row acts along the gradient of the clearance that the row holds at zero. Along the piece's own
-normal it would do work on a wall that slides over the jaws, and the row would miss that the wall also comes deeper.
+A jaw that squeezes a layer of the wall comes nearer to the layer's middle surface by the indentation. The indentation
+decreases with the distance from the line in which the jaws are nearest to each other, and towards the tips, where they
+are wider open. So the surface that the middle surface touches is flatter than a round bar, and its normal is nearer to
+the direction in which the jaws open. The force of a row acts along the gradient of the clearance that the row holds at
+zero. Along the normal of the round bar it would do work on a wall that slides over the jaws, and the row would neglect
+the indentation's change with the position.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from services.mechanics.compiled.vectors import Vector, along, dot, row, row_of,
 from services.mechanics.contact.geometry import ToolGeometry
 
 Surface = tuple[float, float, float, Vector]
-"""Allowed overlap (m) along the piece's normal; that along the surface's, its slope (m/rad); the surface's normal."""
+"""Allowed overlap (m) along the piece's normal; that along the surface's normal; its slope (m/rad); this normal."""
 
 
 @kernel
@@ -36,42 +37,44 @@ def piece_can_touch(tools: ToolGeometry, p: int) -> bool:
 
 @kernel
 def overlap_in_jaws(tools: ToolGeometry, p: int, s: float, normal: Vector) -> float:
-    """Return how deep (m) the wall may overlap a piece: by the jaws' indentation, or the rest offset of a hold."""
-    room: float = jaw_surface(tools, p, s, normal)[0]
-    return room
+    """Return the allowed overlap (m) of the wall and a piece: the jaws' indentation, or the rest offset of a hold."""
+    overlap: float = jaw_surface(tools, p, s, normal)[0]
+    return overlap
 
 
 @kernel
 def jaw_surface(tools: ToolGeometry, p: int, s: float, normal: Vector) -> Surface:
-    """Return the surface of a piece for the wall's middle surface, at a place ``s`` along it and along a normal.
+    """Return the surface of piece p for the wall's middle surface, at the parameter ``s`` and along a normal.
 
-    Jaws are round: along a normal at an angle a to their opening direction, the plane midway between them is (r + h /
-    2) / cos(a) - r away from a jaw of radius r, with h the distance of the jaws; the middle of a layer is half as far.
-    For a = 0 half a layer is thinner by t / 2 - h / 4. Along a normal that does not point out of the jaws nothing is
-    squeezed.
+    Jaws are round. Along a normal at an angle a to their opening direction, the plane midway between them has the
+    distance (r + h / 2) / cos(a) - r from a jaw of radius r, with h the distance of the jaws; the middle of a layer is
+    half as far. For a = 0 half a layer is thinner by t / 2 - h / 4. If the normal does not point outwards, in the jaw's
+    opening direction, nothing is squeezed.
     """
     if p >= N_TOOL_PIECES or p % N_SEGMENTS == SHAFT:
         return 0.0, 0.0, 0.0, normal
     tool, jaw = p // N_SEGMENTS, p % N_SEGMENTS
-    held: float = tools.rest_offset[tool, DUCT_TRIANGLE] if tools.held[tool, DUCT_TRIANGLE] else 0.0
-    opens = scaled(row(tools.frame[tool], 0), 1.0 if jaw == JAW_A else -1.0)
-    facing, radius = dot(normal, opens), tools.radius[tool, jaw]
+    held_overlap: float = tools.rest_offset[tool, DUCT_TRIANGLE] if tools.held[tool, DUCT_TRIANGLE] else 0.0
+    outwards = scaled(row(tools.frame[tool], 0), 1.0 if jaw == JAW_A else -1.0)
+    facing, radius = dot(normal, outwards), tools.radius[tool, jaw]
     if facing <= 0.0:
-        return held, held, 0.0, normal
+        return held_overlap, held_overlap, 0.0, normal
     cell = min(max(s * N_CELLS - 0.5, 0.0), N_CELLS - 1.0)
     first = min(int(cell), N_CELLS - 2)
     share, depth, slopes = cell - first, tools.indentation[tool], tools.indentation_slope[tool]
-    thinner, half = (1.0 - share) * depth[first] + share * depth[first + 1], 0.5 * (tools.wall_thickness + radius)
-    room = (thinner - half * (1.0 - facing)) / facing
-    if room <= held:
-        return held, held, 0.0, normal
+    thinning, half = (1.0 - share) * depth[first] + share * depth[first + 1], 0.5 * (tools.wall_thickness + radius)
+    overlap = (thinning - half * (1.0 - facing)) / facing
+    if overlap <= held_overlap:
+        return held_overlap, held_overlap, 0.0, normal
     reach = radius + 0.5 * tools.wall_thickness
-    gradient = along(normal, subtract(opens, scaled(normal, facing)), (half - thinner) / (facing**2 * (reach - room)))
-    if 0.0 < s < 1.0:  # along itself a jaw has one normal
+    gradient = along(
+        normal, subtract(outwards, scaled(normal, facing)), (half - thinning) / (facing**2 * (reach - overlap))
+    )
+    if 0.0 < s < 1.0:  # between its ends a jaw has no normal component along its axis, except by the indentation
         start, end = row_of(tools.segments[tool], jaw, 0), row_of(tools.segments[tool], jaw, 1)
         axis = subtract(end, start)
-        rises = N_CELLS * (depth[first + 1] - depth[first]) / facing if 0.0 < cell < N_CELLS - 1.0 else 0.0
-        gradient = along(gradient, axis, -(dot(gradient, axis) + rises) / dot(axis, axis))
+        depth_slope = N_CELLS * (depth[first + 1] - depth[first]) / facing if 0.0 < cell < N_CELLS - 1.0 else 0.0
+        gradient = along(gradient, axis, -(dot(gradient, axis) + depth_slope) / dot(axis, axis))
     size = math.sqrt(dot(gradient, gradient))
     slope = ((1.0 - share) * slopes[first] + share * slopes[first + 1]) / facing
-    return room, reach - (reach - room) / size, slope / size, scaled(gradient, 1.0 / size)
+    return overlap, reach - (reach - overlap) / size, slope / size, scaled(gradient, 1.0 / size)

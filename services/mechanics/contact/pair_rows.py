@@ -61,11 +61,11 @@ def _tool_side(pairs: ContactPairs, index: int, tools: ToolGeometry, rows: Conta
     ends, radial, radius = tools.segments[tool, segment], pairs.normal[index], tools.radius[tool, segment]
     kind, reach, opening_rate = pairs.target_kind[index], radius, 0.0
     if kind == DUCT_TRIANGLE:
-        room, rows.rest_offset_m[row], opening_rate, n = jaw_surface(
+        overlap, rows.rest_offset_m[row], opening_rate, n = jaw_surface(
             tools, 3 * tool + segment, s, row_at(pairs.normal, index)
         )
-        if rows.rest_offset_m[row] != room:  # the wall is squeezed: its surface's normal replaces that of the jaw
-            reach = radius + 0.5 * tools.wall_thickness - room
+        if rows.rest_offset_m[row] != overlap:  # the wall is squeezed: its surface's normal replaces that of the jaw
+            reach = radius + 0.5 * tools.wall_thickness - overlap
             put_row(rows.frame[row], 0, n)
             write_frame(rows.frame[row, 0], rows.frame[row])
     for axis in range(3):
