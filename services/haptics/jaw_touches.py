@@ -10,7 +10,7 @@ from services.haptics.deformed_scene import DeformedScene
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.grasp import GRASP_GAP_M
 from services.mechanics.bodies.sections import segment_radii
-from services.mechanics.collision.candidate_list import MOST_ENTRIES
+from services.mechanics.collision.candidate_list import MAX_ENTRIES
 from services.mechanics.collision.candidates import Candidates, candidates_at
 from services.mechanics.collision.capsules import CapsuleMemory, Tools, capsules_at, detect_capsules
 from services.mechanics.collision.pairs import SHAFT, ContactPairs, pairs_at
@@ -47,7 +47,7 @@ class JawTouches:
         self._looks = np.zeros(N_TOOLS, np.bool_)
         self._wall = WallCandidates(duct, N_TOOL_PIECES, TOUCHING_M)
         self._wall.list.wanted[:] = self._wall.list.reach[:] = _LOOK_M
-        self._found = Candidates.zeros(c=2 * N_TOOLS * MOST_ENTRIES)
+        self._found = Candidates.zeros(c=2 * N_TOOLS * MAX_ENTRIES)
         self._capsules = CapsuleMemory.zeros(m=N_TOOL_PIECES, n=n_segments)
         self.pairs = ContactPairs.allocate(2 * N_TOOLS * (1 + n_segments))
 

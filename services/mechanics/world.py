@@ -64,7 +64,7 @@ class World:
         """Add spheres of these radii, which touch wall and catheter; return where they are in the system's geometry."""
         spheres = self.system.geometry.spheres
         here = spheres.add(radius_m)
-        self.search.follow_spheres(spheres)
+        self.search.set_spheres(spheres)
         return here
 
     @property

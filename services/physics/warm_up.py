@@ -136,10 +136,10 @@ class _FixedContactSearch:
     def catheter_pairs(self, pairs: ContactPairs) -> None:
         """Append nothing."""
 
-    def follow_spheres(self, spheres: Spheres) -> None:
+    def set_spheres(self, spheres: Spheres) -> None:
         """Do nothing: spheres have no contact."""
 
-    def see_ahead(self, gap_m: float) -> None:
+    def set_catheter_row_gap(self, gap_m: float) -> None:
         """Do nothing: there are no candidates."""
 
     def price(self, bodies: Moving, state: Address[ContactState], tolerance_m: float, pairs: ContactPairs) -> int:
@@ -150,7 +150,7 @@ class _FixedContactSearch:
         """Return that nothing ends too deep."""
         return 0
 
-    def note_pressed(self, state: Address[ContactState]) -> None:
+    def update_working_set(self, state: Address[ContactState]) -> None:
         """Do nothing: there is no state."""
 
     def forget(self) -> None:

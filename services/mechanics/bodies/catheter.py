@@ -22,7 +22,7 @@ from services.mechanics.rod import (
     straight_rod,
 )
 from services.mechanics.rod.banded import RHS_BLOCK, empty_columns
-from services.mechanics.rod.free_step import FreeStep, begin_step, hangs_still, sleep_on
+from services.mechanics.rod.free_step import FreeStep, begin_step, continue_sleep, is_at_rest
 from services.mechanics.rod.implicit import ImplicitIntegrator
 from services.mechanics.scene import CatheterScene
 
@@ -107,7 +107,7 @@ class CatheterBody:
             self.slept
             and as_last
             and self._may_sleep_now
-            and sleep_on(step.address, state.position_m, state.velocity_m_s)
+            and continue_sleep(step.address, state.position_m, state.velocity_m_s)
         ):
             return  # this test costs a third of the integrator's own
         may_sleep, self._last_dt_s = as_last and self._may_sleep_now, dt_s
@@ -163,7 +163,7 @@ class CatheterBody:
 
         State and factorised matrix are kept, ready for a contact in this step.
         """
-        return self._may_sleep_now and bool(hangs_still(self._step.address, self.state.velocity_m_s))
+        return self._may_sleep_now and bool(is_at_rest(self._step.address, self.state.velocity_m_s))
 
     @property
     def _may_sleep_now(self) -> bool:

@@ -1,10 +1,10 @@
-"""The candidate list: for each piece of a body the triangles of the wall that it may touch before the next rebuild.
+"""The candidate list (broad phase): for each piece, the triangles that it may touch before the next rebuild.
 
-A Verlet list (L. Verlet, "Computer experiments on classical fluids", 1967): a piece lists the triangles within its
-reach plus a skin, and the list is complete until piece and wall together have moved by the skin. A piece that has moved
-rebuilds its own list; only motion of the wall rebuilds them all.
+It is a Verlet list (L. Verlet, "Computer experiments on classical fluids", 1967). The list of a piece has the triangles
+within its reach plus a skin, and is complete until piece and wall together have moved by the skin. A piece that has
+moved rebuilds its own list; only motion of the wall rebuilds all lists.
 
-Each entry also has a lower bound of its distance: the last measured distance less the greatest possible motion of piece
+Each entry also has a lower bound on its distance: the last measured distance minus the largest possible motion of piece
 and wall since. Only entries whose bound is within reach are measured again, and only their nodes are placed.
 """
 
@@ -16,15 +16,15 @@ from typing import Annotated
 import numpy as np
 
 from services.mechanics.arrays import BoolArray, FloatArray, IntArray, LongArray
-from services.mechanics.collision.clusters import Clusters, middle_of, way_to
+from services.mechanics.collision.clusters import Clusters, centroid, vector_from_segment
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import dot, row, row_of, subtract
 
-#: Entries that a piece has room for: a tool's shaft lies beside a third of a duct of 40 mm.
-MOST_ENTRIES = 768
-#: Lists are made for what moves so far in a step, half a metre a second; for what is faster they reach further.
-MOST_AHEAD_M, FASTEST_AHEAD_M = 0.5e-3, 2e-3
+#: Maximum number of entries of a piece: a tool's shaft lies along a third of a duct of 40 mm.
+MAX_ENTRIES = 768
+#: Look-ahead of lists in a step, which is 0.5 m/s, and their largest look-ahead, for faster motions.
+LOOK_AHEAD_M, MAX_LOOK_AHEAD_M = 0.5e-3, 2e-3
 
 
 class CandidateList(Struct):
@@ -35,8 +35,8 @@ class CandidateList(Struct):
     ends: Annotated[FloatArray, "p", 2, 3]  # of the pieces now
     thickness: Annotated[FloatArray, "p"]  # distance of axis and mid-surface at which a piece touches the wall
     active: Annotated[BoolArray, "p"]
-    entry: Annotated[IntArray, "p", MOST_ENTRIES]
-    bound: Annotated[FloatArray, "p", MOST_ENTRIES]  # of the distance, plus `travel` of wall and piece then
+    entry: Annotated[IntArray, "p", MAX_ENTRIES]
+    bound: Annotated[FloatArray, "p", MAX_ENTRIES]  # of the distance, plus `travel` of wall and piece then
     count: Annotated[LongArray, "p"]
     is_listed: Annotated[BoolArray, "p"]
     listed_ends: Annotated[FloatArray, "p", 2, 3]
@@ -59,7 +59,7 @@ list_at = reader(CandidateList)
 
 
 @kernel
-def note_motion(address: Address[CandidateList], wall_moved_m: float) -> None:
+def add_travel(address: Address[CandidateList], wall_moved_m: float) -> None:
     """Add the motion of pieces since the last call, and a bound of the wall's, to their travel."""
     found = list_at(address)
     found.wall_travel += wall_moved_m
@@ -71,7 +71,7 @@ def note_motion(address: Address[CandidateList], wall_moved_m: float) -> None:
 
 
 @kernel
-def note_ends(address: Address[CandidateList], ends: FloatArray) -> None:
+def copy_ends(address: Address[CandidateList], ends: FloatArray) -> None:
     """Copy the ends of all pieces into ``ends`` (p, 2, 3)."""
     found = list_at(address)
     for p in range(found.count.shape[0]):
@@ -81,8 +81,8 @@ def note_ends(address: Address[CandidateList], ends: FloatArray) -> None:
 
 
 @kernel
-def want_ahead(address: Address[CandidateList], start: FloatArray, ahead: FloatArray, most: FloatArray) -> None:
-    """Want candidates up to a gap of ``ahead`` (p,) plus each piece's motion since ``start`` (p, 2, 3).
+def set_wanted_gaps(address: Address[CandidateList], start: FloatArray, ahead: FloatArray, most: FloatArray) -> None:
+    """Request candidates up to a gap of ``ahead`` (p,) plus each piece's motion since ``start`` (p, 2, 3), in m.
 
     ``most`` (p,) limits that motion.
     """
@@ -97,16 +97,16 @@ def _furthest(ends: FloatArray, others: FloatArray, p: int) -> float:
     """Return the larger displacement of both ends of a piece between two sets of ends."""
     longest_2 = 0.0
     for end in range(2):
-        way_2 = 0.0
+        offset_2 = 0.0
         for axis in range(3):
-            way_2 += (ends[p, end, axis] - others[p, end, axis]) ** 2
-        longest_2 = max(longest_2, way_2)
+            offset_2 += (ends[p, end, axis] - others[p, end, axis]) ** 2
+        longest_2 = max(longest_2, offset_2)
     return math.sqrt(longest_2)
 
 
 @kernel
 def are_unmoved(address: Address[CandidateList]) -> bool:
-    """Return whether no piece has moved since the last `note_motion`."""
+    """Return whether no piece has moved since the last `add_travel`."""
     found = list_at(address)
     for p in range(found.count.shape[0]):
         for end in range(2):
@@ -119,30 +119,30 @@ def are_unmoved(address: Address[CandidateList]) -> bool:
 @kernel
 def _listed_wall_moved_m(found: CandidateList) -> float:
     """Return the largest displacement of a listed node since the wall's lists were rebuilt."""
-    most_2 = 0.0
+    largest_2 = 0.0
     for k in range(found.n_nodes):
-        node, way_2 = found.node[k], 0.0
+        node, offset_2 = found.node[k], 0.0
         for axis in range(3):
-            way_2 += (found.position[node, axis] - found.listed_position[node, axis]) ** 2
-        most_2 = max(most_2, way_2)
-    return math.sqrt(most_2)
+            offset_2 += (found.position[node, axis] - found.listed_position[node, axis]) ** 2
+        largest_2 = max(largest_2, offset_2)
+    return math.sqrt(largest_2)
 
 
 #: Outcomes of `renew_lists`: nothing to do, lists of pieces rebuilt, nothing done because the wall has moved too far.
-SAME, RENEWED, WALL_IS_DUE = 0, 1, 2
+SAME, RENEWED, WALL_MOVED_TOO_FAR = 0, 1, 2
 
 
 @kernel
 def renew_lists(address: Address[CandidateList], modes_moved_m: float, most_m: float) -> int:
     """Rebuild the lists of pieces that have moved too far, unless the wall has moved by more than ``most_m``.
 
-    ``modes_moved_m`` bounds how far the modes have moved any node. Spheres round triangles are from the last rebuild of
-    all lists.
+    ``modes_moved_m`` is a bound on the motion of any node by the modes. Bounding spheres are those of the last rebuild
+    of all lists.
     """
     found, any_new = list_at(address), False
     wall_moved_m = max(modes_moved_m, _listed_wall_moved_m(found))
     if wall_moved_m > most_m:
-        return WALL_IS_DUE
+        return WALL_MOVED_TOO_FAR
     for p in range(found.count.shape[0]):
         if not found.active[p]:
             found.is_listed[p] = False
@@ -164,16 +164,16 @@ def _list_piece(found: CandidateList, p: int, wall_moved_m: float) -> None:
     travel = found.wall_travel + found.piece_travel[p]
     for c in range(clusters.cluster_radius.shape[0]):
         far_m = reach + clusters.cluster_radius[c]
-        way = way_to(a, b, row(clusters.cluster_middle, c))
-        if dot(way, way) > far_m * far_m:
+        offset = vector_from_segment(a, b, row(clusters.cluster_middle, c))
+        if dot(offset, offset) > far_m * far_m:
             continue
         for place in range(clusters.first[c], clusters.first[c + 1]):
             t = clusters.order[place]
-            way = way_to(a, b, row(clusters.middle, t))
-            distance = math.sqrt(dot(way, way)) - clusters.radius[t]
+            offset = vector_from_segment(a, b, row(clusters.middle, t))
+            distance = math.sqrt(dot(offset, offset)) - clusters.radius[t]
             if distance > reach:
                 continue
-            if n == MOST_ENTRIES:
+            if n == MAX_ENTRIES:
                 found.dropped += 1
                 continue
             found.entry[p, n], found.bound[p, n] = t, distance - wall_moved_m + travel
@@ -208,29 +208,31 @@ def may_be_within(found: CandidateList, p: int, k: int) -> bool:
 
 @kernel
 def is_within(found: CandidateList, p: int, k: int) -> bool:
-    """Return the same of an entry whose nodes are placed, by its bound and by the triangle's corners.
+    """Return the same for an entry whose nodes are placed, from its bound and the corners of the triangle.
 
-    The distance between convex bodies is at least that of their projections on any line. The line here goes from the
-    piece to the middle of the triangle: no point of the piece is further along it than the one nearest to the middle.
+    The distance of convex bodies is at least that of their projections on any line. The line here goes from the piece's
+    point nearest to the middle of the triangle to this middle: no point of the piece is further along it.
     """
     if not may_be_within(found, p, k):
         return False
     corner, t, position = found.clusters.triangles, found.entry[p, k], found.position
     u, v, w = row(position, corner[t, 0]), row(position, corner[t, 1]), row(position, corner[t, 2])
-    middle = middle_of(u, v, w)
-    way = way_to(row_of(found.ends, p, 0), row_of(found.ends, p, 1), middle)
-    nearer = min(dot(subtract(u, middle), way), min(dot(subtract(v, middle), way), dot(subtract(w, middle), way)))
-    way_2 = dot(way, way)
-    distance = (way_2 + nearer) / math.sqrt(way_2) if way_2 > 0.0 else 0.0
+    middle = centroid(u, v, w)
+    offset = vector_from_segment(row_of(found.ends, p, 0), row_of(found.ends, p, 1), middle)
+    nearer = min(
+        dot(subtract(u, middle), offset), min(dot(subtract(v, middle), offset), dot(subtract(w, middle), offset))
+    )
+    offset_2 = dot(offset, offset)
+    distance = (offset_2 + nearer) / math.sqrt(offset_2) if offset_2 > 0.0 else 0.0
     if distance > found.thickness[p] + found.wanted[p]:
-        note_distance(found, p, k, distance)
+        store_distance(found, p, k, distance)
         return False
     return True
 
 
 @kernel
-def note_distance(found: CandidateList, p: int, k: int, distance_m: float) -> None:
-    """Store the measured distance of an entry, or a lower bound of it."""
+def store_distance(found: CandidateList, p: int, k: int, distance_m: float) -> None:
+    """Store the measured distance of an entry, or a lower bound on it."""
     found.bound[p, k] = distance_m + found.wall_travel + found.piece_travel[p]
 
 

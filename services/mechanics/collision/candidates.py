@@ -15,8 +15,13 @@ import math
 from typing import Annotated
 
 from services.mechanics.arrays import FloatArray, IntArray, LongArray
-from services.mechanics.collision.candidate_list import CandidateList, is_within, list_at, note_distance
-from services.mechanics.collision.primitives import Places, closest_places, closest_segment_triangle, place_along
+from services.mechanics.collision.candidate_list import CandidateList, is_within, list_at, store_distance
+from services.mechanics.collision.primitives import (
+    Places,
+    closest_places,
+    closest_segment_triangle,
+    parameter_on_segment,
+)
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import (
@@ -83,7 +88,7 @@ def _measure_entry(found: CandidateList, p: int, k: int, out: Candidates) -> Non
     t, where = found.entry[p, k], (found.ends, found.position)
     places = _places(where, found.clusters.triangles, p, t)
     distance, s, w, normal = _closest(where, found.clusters.triangles, (p, t), places)
-    note_distance(found, p, k, distance)
+    store_distance(found, p, k, distance)
     reach = found.thickness[p] + found.wanted[p]
     if distance <= reach:
         put(out, (p, t), (distance - found.thickness[p], s, w, normal))
@@ -171,6 +176,6 @@ def offset(where: Where, corner: IntArray, place: tuple[int, int], s: float, w: 
 def nearest_to(where: Where, corner: IntArray, place: tuple[int, int], w: Vector) -> tuple[float, float, Vector]:
     """Return the distance (m) of a piece and the point of a triangle at weights ``w``, parameter and normal."""
     a, b = row_of(where[0], place[0], 0), row_of(where[0], place[0], 1)
-    s = place_along(subtract(a, offset(where, corner, place, 0.0, w)), (a, b))
+    s = parameter_on_segment(subtract(a, offset(where, corner, place, 0.0, w)), (a, b))
     away = offset(where, corner, place, s, w)
     return math.sqrt(dot(away, away)), s, unit(away)

@@ -1,9 +1,9 @@
 """Capsule against capsule: segments of tools against segments of the catheter, and the catheter against itself.
 
-Each pair of segments within reach remembers its normal. When the axes have passed through each other, the new normal
-points against the old one: the old one is kept and the distance counts negative, so that nothing slips through. Around
-a free end the normal may turn all the way. Every catheter segment within reach gives a pair of its own: two bodies that
-lie along each other then cannot rotate about a single contact.
+The normal of each pair of segments within reach is stored. If the axes have passed through each other, the new normal
+is opposite to the stored one: then the stored one is kept and the distance is negative, so that bodies cannot pass
+through each other. At a free end the normal may rotate freely. Every segment of the catheter within reach is a pair of
+its own, so that two parallel bodies cannot rotate about a single contact.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import math
 from typing import Annotated
 
 from services.mechanics.arrays import BoolArray, ByteArray, FloatArray
-from services.mechanics.collision.candidate_list import FASTEST_AHEAD_M
+from services.mechanics.collision.candidate_list import MAX_LOOK_AHEAD_M
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL, ContactPairs, pairs_at, write_pair
 from services.mechanics.collision.primitives import closest_of_segments
 from services.mechanics.compiled import kernel
@@ -35,7 +35,7 @@ from services.mechanics.compiled.vectors import (
 Tools = tuple[FloatArray, FloatArray, BoolArray]
 """(segments (n_tools, 3, 2, 3), radii (n_tools, 3), zero where there is no segment, present (n_tools,))."""
 
-#: Axes nearer than this have no direction between them, and distances that differ by less are the same.
+#: Distance of two axes below which the direction between them is undefined; smaller differences of distances are zero.
 _NO_DIRECTION_M = 1e-9
 
 
@@ -65,12 +65,12 @@ def segment_ends(tools: Tools, tool: int, segment: int) -> tuple[Vector, Vector]
 
 
 @kernel
-def meet(
+def track_pair(
     memory: CapsuleMemory, i: int, j: int, first: tuple[Vector, Vector], second: tuple[Vector, Vector], reach: float
 ) -> tuple[float, float, float, Vector]:
-    """Return (s, t, signed distance of the axes, normal towards the first) and store the normal.
+    """Return (s, t, signed distance of the axes in m, normal towards the first segment), and store the normal.
 
-    The distance is infinite out of reach.
+    Out of reach the distance is infinite.
     """
     active = memory.active
     s, t, d2 = closest_of_segments(first[0], first[1], second[0], second[1])
@@ -92,20 +92,20 @@ def meet(
 
 
 @kernel
-def meet_again(ends: FloatArray, who: tuple[int, int], side: Vector) -> tuple[float, float, float, Vector]:
-    """Return the tuple of `meet` for two pieces with ends (p, 2, 3) whose normal was ``side``, without storing it."""
+def measure_pair(ends: FloatArray, who: tuple[int, int], side: Vector) -> tuple[float, float, float, Vector]:
+    """Return the tuple of `track_pair` for two pieces of ``ends`` (p, 2, 3), whose last normal was ``side``."""
     i, j = who
     s, t, d2 = closest_of_segments(row_of(ends, i, 0), row_of(ends, i, 1), row_of(ends, j, 0), row_of(ends, j, 1))
     distance = math.sqrt(d2)
-    normal = scaled(between_capsules(ends, who, s, t), 1.0 / distance) if distance > _NO_DIRECTION_M else side
+    normal = scaled(vector_between(ends, who, s, t), 1.0 / distance) if distance > _NO_DIRECTION_M else side
     if 0.0 < s < 1.0 and dot(normal, side) < 0.0:
         return s, t, -distance, scaled(normal, -1.0)
     return s, t, distance, normal
 
 
 @kernel
-def between_capsules(ends: FloatArray, who: tuple[int, int], s: float, t: float) -> Vector:
-    """Return the vector from the place t along the second of two pieces to the place s along the first."""
+def vector_between(ends: FloatArray, who: tuple[int, int], s: float, t: float) -> Vector:
+    """Return the vector from the point at t of the second of two pieces to the point at s of the first."""
     i, j = who
     a, c = row_of(ends, i, 0), row_of(ends, j, 0)
     return subtract(along(a, subtract(row_of(ends, i, 1), a), s), along(c, subtract(row_of(ends, j, 1), c), t))
@@ -115,9 +115,9 @@ def between_capsules(ends: FloatArray, who: tuple[int, int], s: float, t: float)
 def detect_capsules(
     memory: CapsuleMemory, tools: Tools, particles: FloatArray, sizes: tuple[FloatArray, float], pairs: ContactPairs
 ) -> None:
-    """Append pairs of tool segments with catheter segments; ``sizes`` holds (radii of these, margin).
+    """Append pairs of tool segments with catheter segments; ``sizes`` is (radii of catheter segments, margin) in m.
 
-    Pairs are remembered, with their normals, from as far as a step may move them together.
+    Normals are stored for all pairs that a step may bring into contact.
     """
     n_segments = tools[0].shape[1]
     for tool in range(tools[0].shape[0]):
@@ -127,8 +127,8 @@ def detect_capsules(
                 ends = segment_ends(tools, tool, segment)
                 for j in range(memory.active.shape[1]):
                     second = (row(particles, j), row(particles, j + 1))
-                    reach = tools[1][tool, segment] + sizes[0][j] + max(sizes[1], FASTEST_AHEAD_M)
-                    s, t, distance, _ = meet(memory, i, j, ends, second, reach)
+                    reach = tools[1][tool, segment] + sizes[0][j] + max(sizes[1], MAX_LOOK_AHEAD_M)
+                    s, t, distance, _ = track_pair(memory, i, j, ends, second, reach)
                     put_row(memory.found, j, (s, t, distance))
                 _write_nearest(memory, i, (tool, segment), (tools[1][tool, segment], *sizes), pairs)
             else:
@@ -140,9 +140,9 @@ def detect_capsules(
 def _write_nearest(
     memory: CapsuleMemory, i: int, who: tuple[int, int], sizes: tuple[float, FloatArray, float], pairs: ContactPairs
 ) -> None:
-    """Write the closest pair of first segment i with each second one within a margin; ``sizes`` are radii and margin.
+    """Write the closest pair of first segment i with each second one within a margin; ``sizes`` is (radii, margin).
 
-    A particle shared by two segments gives the same pair twice: only the later writes it, unless on the other side.
+    Two segments that share a particle may give the same pair twice: then only the later one is written.
     """
     found, last = memory.found, memory.active.shape[1] - 1
     for j in range(last + 1):
@@ -160,8 +160,8 @@ class SelfContactDetector:
     Args:
         n_particles: int
         margin_m: float. Pairs are reported from this gap on.
-        n_apart: int. Segments fewer than this apart along the catheter do not meet: neighbours always touch, and a
-            catheter cannot be bent sharper than about its own radius.
+        n_apart: int. Smallest difference of the indices of two segments in a pair: neighbours always touch, and a
+            catheter cannot be bent to a radius below about its own.
     """
 
     def __init__(self, n_particles: int, radius_m: float, margin_m: float, n_apart: int = 4) -> None:
@@ -183,7 +183,7 @@ class SelfContactDetector:
         _detect_self(self._memory.address, particle_positions_m, self._n_apart, self._sizes, pairs_out.address)
 
     def clearance_m(self, particle_positions_m: FloatArray) -> float:
-        """Return a lower bound of the gap between any two segments that could meet, at positions (n, 3)."""
+        """Return a lower bound (m) on the gap between any two segments that may be a pair, at positions (n, 3)."""
         return float(_clearance_m(particle_positions_m, self._n_apart, self._sizes[0]))
 
 
@@ -222,12 +222,12 @@ def _detect_self(
         for j in range(i + n_apart, n):
             second = row(particles, j), row(particles, j + 1)
             half, middles_2 = _halves_and_middles(first, second)
-            # Midpoints further than both halves and the reach cannot meet.
+            # If the midpoints are further from each other than both halves plus the reach, the segments cannot touch.
             if middles_2 > 4.0 * (half + thickness + margin) ** 2:
                 memory.active[i, j] = 0
                 continue
-            s, t, distance, normal = meet(memory, i, j, first, second, thickness + margin)
-            # A particle shared by two segments would give the same pair twice: only the later segment writes it.
+            s, t, distance, normal = track_pair(memory, i, j, first, second, thickness + margin)
+            # Two segments that share a particle would give the same pair twice: only the later one is written.
             if distance - thickness < margin and (s < 1.0 or i == n - 1) and (t < 1.0 or j == n - 1):
                 pair = (NO_TOOL, 0, i, CATHETER_SEGMENT, j, s, (1.0 - t, t, 0.0))
                 write_pair(pairs, pair, distance - thickness, normal)

@@ -11,7 +11,7 @@ from typing import Annotated
 import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.collision.primitives import place_along
+from services.mechanics.collision.primitives import parameter_on_segment
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Struct
 from services.mechanics.compiled.vectors import Vector, along, dot, put_row, row, scaled, squared_distance, subtract
@@ -56,7 +56,7 @@ def enclose(clusters: Clusters, position: FloatArray) -> None:
     corner = clusters.triangles
     for t in range(corner.shape[0]):
         u, v, w = row(position, corner[t, 0]), row(position, corner[t, 1]), row(position, corner[t, 2])
-        middle = middle_of(u, v, w)
+        middle = centroid(u, v, w)
         longest_2 = max(squared_distance(u, middle), squared_distance(v, middle), squared_distance(w, middle))
         put_row(clusters.middle, t, middle)
         clusters.radius[t] = math.sqrt(longest_2)
@@ -65,7 +65,7 @@ def enclose(clusters: Clusters, position: FloatArray) -> None:
 
 
 @kernel
-def middle_of(a: Vector, b: Vector, c: Vector) -> Vector:
+def centroid(a: Vector, b: Vector, c: Vector) -> Vector:
     """Return the centroid of a triangle."""
     return scaled((a[0] + b[0] + c[0], a[1] + b[1] + c[1], a[2] + b[2] + c[2]), 1.0 / 3.0)
 
@@ -85,6 +85,6 @@ def _enclose_cluster(clusters: Clusters, c: int) -> None:
 
 
 @kernel
-def way_to(a: Vector, b: Vector, point: Vector) -> Vector:
+def vector_from_segment(a: Vector, b: Vector, point: Vector) -> Vector:
     """Return the vector from the closest point of segment ab to a point."""
-    return along(subtract(point, a), subtract(b, a), -place_along(point, (a, b)))
+    return along(subtract(point, a), subtract(b, a), -parameter_on_segment(point, (a, b)))

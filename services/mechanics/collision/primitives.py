@@ -134,7 +134,7 @@ def closest_segment_triangle(p: Vector, q: Vector, corners: tuple[Vector, Vector
 
 
 @kernel
-def place_along(point: Vector, ends: tuple[Vector, Vector]) -> float:
+def parameter_on_segment(point: Vector, ends: tuple[Vector, Vector]) -> float:
     """Return the parameter, 0 to 1, of the point on the segment between ``ends`` that is closest to a point."""
     axis = subtract(ends[1], ends[0])
     length_2 = dot(axis, axis)

@@ -1,6 +1,6 @@
-"""Candidates between pieces of bodies and a wall, kept from tick to tick, for physics and haptics alike.
+"""Candidates between pieces of bodies and a wall, with lists that persist from tick to tick, for physics and haptics.
 
-A tick calls `follow` once the pieces' positions are written, then `measure` as often as needed.
+A tick calls `follow` after it has written the pieces' positions, and then `measure` as often as necessary.
 """
 
 from __future__ import annotations
@@ -9,13 +9,13 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.candidate_list import (
     RENEWED,
     SAME,
-    WALL_IS_DUE,
+    WALL_MOVED_TOO_FAR,
     CandidateList,
+    add_travel,
     are_unmoved,
     list_at,
     may_be_within,
     new_list,
-    note_motion,
     renew_lists,
 )
 from services.mechanics.collision.candidates import Candidates, candidates_at, measure
@@ -33,20 +33,21 @@ from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 
-#: A list is complete until piece and wall have moved by this: thicker lists are longer, thinner ones renewed sooner.
+#: A list is complete until piece and wall have moved by this. A thicker skin means longer lists, a thinner one more
+#: frequent rebuilds.
 SKIN_M = 0.5e-3
-#: Motion of the wall by this share of the skin rebuilds all lists; the rest is left for the pieces.
+#: Motion of the wall by this fraction of the skin rebuilds all lists; the rest of the skin is for the pieces' motion.
 WALL_SHARE = 0.5
 
 
 class WallCandidates:
-    """Lists of so many pieces against the wall of a duct; ``along_m`` as `CandidateList` has it.
+    """Candidate lists of ``n_pieces`` pieces and the wall of a duct; ``along_m`` is that of `CandidateList`.
 
     Attributes:
         list: CandidateList. The caller writes its ``ends``, ``thickness``, ``active``, ``wanted`` and ``reach`` before
             `follow`.
         is_new: bool. Whether the next `follow` rebuilds all lists.
-        renewals, wall_renewals: int. How often lists of single pieces, and all lists because of the wall, were rebuilt.
+        renewals, wall_renewals: int. Number of rebuilds of single pieces' lists, and of all lists because of the wall.
     """
 
     def __init__(self, duct: ReducedDuct, n_pieces: int, along_m: float) -> None:
@@ -77,7 +78,7 @@ class WallCandidates:
         self.is_new = True
 
     def forget(self) -> None:
-        """Rebuild all lists in the next `follow`, as bodies have been placed elsewhere."""
+        """Rebuild all lists in the next `follow`, because bodies have been placed elsewhere."""
         self.is_new = True
 
     def follow(self, q: FloatArray, loads: Loads) -> bool:
@@ -92,18 +93,21 @@ class WallCandidates:
         moved_m = self._placement.set_configuration(q, loads)
         is_elsewhere = moved_m != 0.0 or not are_unmoved(listed.address)
         if is_elsewhere:
-            note_motion(listed.address, moved_m)
+            add_travel(listed.address, moved_m)
             self._place()
         outcome = renew_lists(listed.address, modes_moved_m, WALL_SHARE * SKIN_M)
-        if outcome == WALL_IS_DUE:
+        if outcome == WALL_MOVED_TOO_FAR:
             self._renew_wall(q, loads)
         elif outcome == RENEWED:
             self.renewals += 1
         return is_elsewhere or outcome != SAME
 
     def move(self, q: FloatArray, loads: Loads, lasting: Loads = NO_LOADS) -> None:
-        """Set another configuration of the wall and add its motion and the pieces' to the travel; lists are kept."""
-        note_motion(self.list.address, self._placement.set_configuration(q, loads, lasting))
+        """Set another configuration of the wall, and add its motion and that of the pieces to the travel.
+
+        Lists are not rebuilt.
+        """
+        add_travel(self.list.address, self._placement.set_configuration(q, loads, lasting))
 
     def measure(self, out: Candidates, first: int = 0, end: int | None = None) -> None:
         """Write the closest pairs of pieces ``first`` to before ``end`` with a gap up to ``wanted``."""
@@ -111,7 +115,7 @@ class WallCandidates:
         measure(self.list.address, out.address, (first, len(self.list.count) if end is None else end))
 
     def _place(self) -> None:
-        """Place the nodes of entries whose gap may be at most the wanted one."""
+        """Place the nodes of entries whose gap may be at most ``wanted``."""
         placement = self._placement
         request_nodes_of_entries(self.list.address, placement.wall.address)
         placement.place_requested()
@@ -133,14 +137,14 @@ class WallCandidates:
 
 @kernel
 def enclose_at(address: Address[CandidateList]) -> None:
-    """Put spheres round a list's triangles at the present positions of the nodes."""
+    """Compute the bounding spheres of a list's triangles at the present positions of the nodes."""
     listed = list_at(address)
     enclose(listed.clusters, listed.position)
 
 
 @kernel
 def request_nodes_of_entries(list_address: Address[CandidateList], wall_address: Address[PlacedWall]) -> None:
-    """Request the nodes of entries whose gap may be at most the wanted one."""
+    """Request the nodes of entries whose gap may be at most ``wanted``."""
     listed, wall = list_at(list_address), wall_at(wall_address)
     for p in range(listed.count.shape[0]):
         for k in range(listed.count[p]):

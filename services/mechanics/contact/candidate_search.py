@@ -1,4 +1,4 @@
-"""The candidates of a scene: measured at the start of a step, chosen for rows, and priced at its end."""
+"""The candidates of a scene: they are measured at the start of a step, chosen for rows, and priced at its end."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.bodies.sections import segment_radii
 from services.mechanics.collision.candidate_list import (
-    FASTEST_AHEAD_M,
-    MOST_AHEAD_M,
+    LOOK_AHEAD_M,
+    MAX_LOOK_AHEAD_M,
     CandidateList,
+    copy_ends,
     list_at,
-    note_ends,
-    want_ahead,
+    set_wanted_gaps,
 )
 from services.mechanics.collision.candidates import Candidates, Where, candidates_at
 from services.mechanics.collision.capsules import CapsuleMemory, Tools, capsules_at, detect_capsules
@@ -28,7 +28,12 @@ from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.engagement import engage_tools
 from services.mechanics.contact.geometry import ContactGeometry
-from services.mechanics.contact.price import note_pressed, write_capsule_violations, write_chosen, write_violations
+from services.mechanics.contact.price import (
+    update_working_set,
+    write_capsule_violations,
+    write_chosen,
+    write_violations,
+)
 from services.mechanics.contact.search import Moving
 from services.mechanics.contact.spheres import Spheres, no_spheres, write_end_positions, write_spheres
 from services.mechanics.contact.state import ContactState, state_at
@@ -43,29 +48,28 @@ from services.mechanics.contact.working_set import (
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.scene import SceneModel
 
-#: Room for closest pairs of a tick: a duct that two jaws have pinched shut has 600 within a millimetre.
+#: Maximum number of closest pairs: a duct that two jaws have pinched shut has 600 within a millimetre.
 CAPACITY = 4096
-#: A step sees contacts of a sphere so far ahead: what a snapping catheter drives goes 1.5 m/s, and nothing splits steps
-#: for it.
-MOST_AHEAD_OF_SPHERE_M = 1.5e-3
+#: Look-ahead for spheres in a step: a snapping catheter drives them at up to 1.5 m/s, and steps are not split for them.
+SPHERE_LOOK_AHEAD_M = 1.5e-3
 
 
 class _Start(NamedTuple):
-    """Where everything was when a step began."""
+    """The positions of pieces and wall at the start of a step."""
 
     where: Where
     wall: WallPlacement
 
 
 class CandidateSearch:
-    """Finds what touches, and what would, between catheter, tools and wall."""
+    """Finds contacts, and pairs that may come into contact, between catheter, spheres, tools and wall."""
 
     def __init__(self, scene: SceneModel, duct: ReducedDuct) -> None:
         self._radii_m, self._half_m = segment_radii(scene.catheter), 0.5 * scene.duct.thickness_m
         self._margin_m = scene.contact.margin_m
         self._end = N_TOOL_PIECES + len(self._radii_m)
         self._duct = duct
-        # Where contacts know not each other, each adds to the others: one a triangle, as in the paper.
+        # Penalty contacts do not share a load, so there is only one per triangle, as in the paper.
         along_m = TOUCHING_M if STRATEGIES[scene.contact.model].keeps_delassus else -1.0
         self._wall = WallCandidates(duct, self._end, along_m)
         self._walls = self._wall.new_start(), self._wall.new_start()
@@ -81,12 +85,12 @@ class CandidateSearch:
         self._working = new_working_set(mesh.vertices_m, *sizes)
         ends = np.zeros((2, n_pieces, 2, 3))
         self._start, self._before = (_Start((ends[k], wall.position_m), wall) for k, wall in enumerate(self._walls))
-        self._ahead_m, self._most_m = np.full(n_pieces, TOUCHING_M), np.full(n_pieces, MOST_AHEAD_M)
-        self._most_m[self._end :] = MOST_AHEAD_OF_SPHERE_M
+        self._ahead_m, self._most_m = np.full(n_pieces, TOUCHING_M), np.full(n_pieces, LOOK_AHEAD_M)
+        self._most_m[self._end :] = SPHERE_LOOK_AHEAD_M
         self._ahead_m[N_TOOL_PIECES : self._end] = self._catheter_ahead_m
         self._is_unknown = self._apart_is_unknown = True
 
-    def follow_spheres(self, spheres: Spheres) -> None:
+    def set_spheres(self, spheres: Spheres) -> None:
         """Find contacts of spheres with the wall too; again once there are more of them."""
         self._spheres = spheres
         self._wall.make_room(self._end + spheres.count)
@@ -94,29 +98,29 @@ class CandidateSearch:
 
     @property
     def reach_m(self) -> float:
-        """How far pieces may move in the step and be seen, see `expect`."""
+        """Motion (m) of a piece in a step up to which its contacts are detected, see `expect`."""
         return float(self._most_m[0])
 
     @property
     def has_candidates(self) -> bool:
-        """Whether anything is so near that it may touch within a step."""
+        """Whether any pair is so near that it may come into contact within a step."""
         return bool(self._wall.list.n_nodes > 0 or self._capsules.active.any())
 
     def begin(self, bodies: Moving, geometry: Address[ContactGeometry]) -> None:
         """Place wall and pieces at the start of a step, and choose the candidates that get rows."""
         duct, catheter, tools = bodies
         listed, n = self._wall.list, duct.n_loads
-        self._take_pieces(catheter.start_m, tools)
+        self._write_pieces(catheter.start_m, tools)
         if self._spheres.count:
             write_spheres(listed.address, self._spheres.address, self._end, self._half_m)
         if self._apart_is_unknown:
             self._working.merge_m[:] = merge_distance_m(listed.thickness, 2.0 * self._half_m)
             self._apart_is_unknown = False
         is_new = self._wall.is_new
-        if is_new:  # nobody knows how anything moves
+        if is_new:  # the last motion is unknown
             self._save_start()
         if self._is_unknown:
-            want_ahead(listed.address, self._start.where[0], self._ahead_m, self._most_m)
+            set_wanted_gaps(listed.address, self._start.where[0], self._ahead_m, self._most_m)
         if self._wall.follow(duct.q_start, (duct.load_nodes[:n], duct.load_force_n[:n])) or self._is_unknown:
             self._wall.measure(self._found)
         self._is_unknown = True
@@ -133,21 +137,21 @@ class CandidateSearch:
         self._start, self._before, self._is_unknown = self._before, self._start, True
 
     def _save_start(self) -> None:
-        note_ends(self._wall.list.address, self._start.where[0])
+        copy_ends(self._wall.list.address, self._start.where[0])
         self._wall.save_start(self._start.wall)
 
-    def _take_pieces(self, particles_m: FloatArray, tools: ToolBody) -> None:
+    def _write_pieces(self, particles_m: FloatArray, tools: ToolBody) -> None:
         poses = (tools.segments, tools.radius_m, tools.present)
         write_pieces(self._wall.list.address, particles_m, poses, (self._radii_m, self._half_m))
 
     def tool_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
-        """Append the chosen candidates of the tools, and what of them touches the catheter."""
+        """Append the chosen candidates of the tools, and their pairs with the catheter."""
         write_chosen(self._found.address, self._working.address, (0, N_TOOL_PIECES), pairs.address)
         poses, sizes = (tools.segments, tools.radius_m, tools.present), (self._radii_m, self._margin_m)
         capsule_pairs(self._capsules.address, poses, catheter.start_m, sizes, pairs.address)
 
     def engage(self, pairs: ContactPairs, geometry: Address[ContactGeometry]) -> None:
-        """Let tools that wait touch, unless a candidate or one of the pairs with the catheter shows them in it."""
+        """Engage disengaged tools, unless a candidate or one of ``pairs`` shows that they overlap a body."""
         engage_tools(self._found.address, pairs.address, geometry)
 
     def catheter_pairs(self, pairs: ContactPairs) -> None:
@@ -155,14 +159,14 @@ class CandidateSearch:
         write_chosen(self._found.address, self._working.address, (N_TOOL_PIECES, len(self._ahead_m)), pairs.address)
 
     def price(self, bodies: Moving, state: Address[ContactState], tolerance_m: float, pairs: ContactPairs) -> int:
-        """Write pairs of what ends too deep in the solved step, where the bodies are now, and return how many."""
+        """Write pairs of the candidates that end the step too deep, at the present poses; return their number."""
         duct, catheter, tools = bodies
         n = duct.n_loads
-        self._take_pieces(catheter.state.position_m, tools)
+        self._write_pieces(catheter.state.position_m, tools)
         if self._spheres.count:
-            take_sphere_ends(self._wall.list.address, state, self._end, self._half_m)
+            write_sphere_ends(self._wall.list.address, state, self._end, self._half_m)
         self._wall.move(duct.state.q, (duct.load_nodes[:n], duct.load_force_n[:n]), duct.lasting_loads)
-        want_ahead(self._wall.list.address, self._start.where[0], self._ahead_m, self._most_m)
+        set_wanted_gaps(self._wall.list.address, self._start.where[0], self._ahead_m, self._most_m)
         self._wall.measure(self._found)
         self._is_unknown = False
         self._wall.place_start(self._start.wall, self._found)
@@ -172,17 +176,17 @@ class CandidateSearch:
         return int(write_violations(addresses, self._start.where, tolerance_m, pairs.address))
 
     def price_tools(self, state: Address[ContactState], tolerance_m: float, pairs: ContactPairs) -> int:
-        """Append pairs of tools that end too deep in the catheter where `price` has measured; return how many."""
+        """Append pairs of tools and catheter that end too deep, at the poses of the last `price`; return how many."""
         addresses, sizes = (self._wall.list.address, self._capsules.address, state), (self._half_m, tolerance_m)
         return int(write_capsule_violations(addresses, self._start.where[0], sizes, pairs.address))
 
-    def note_pressed(self, state: Address[ContactState]) -> None:
-        """Renew the life of what pressed in the step that was solved."""
-        note_pressed(state, self._working.address)
+    def update_working_set(self, state: Address[ContactState]) -> None:
+        """Renew the life of the features whose contacts carried a force in the solved step."""
+        update_working_set(state, self._working.address)
 
     def expect(self, moved_m: float) -> None:
-        """Let lists reach as far as something may move in the next step, in one of two lengths."""
-        most_m, before_m = MOST_AHEAD_M if moved_m <= MOST_AHEAD_M else FASTEST_AHEAD_M, self._most_m[0]
+        """Set the look-ahead for a motion in the next step, which is one of two lengths."""
+        most_m, before_m = LOOK_AHEAD_M if moved_m <= LOOK_AHEAD_M else MAX_LOOK_AHEAD_M, self._most_m[0]
         if most_m == before_m:
             return
         self._most_m[: self._end] = most_m
@@ -190,14 +194,14 @@ class CandidateSearch:
             self._wall.list.is_listed[: self._end] = False
             self._is_unknown = True
 
-    def see_ahead(self, gap_m: float) -> None:
-        """Give the catheter rows from this gap on, which other laws than contact act across."""
+    def set_catheter_row_gap(self, gap_m: float) -> None:
+        """Give the catheter rows from this gap (m) on, for laws that act across a gap."""
         self._catheter_ahead_m = max(gap_m, TOUCHING_M)
         self._wall.forget()
         self._make_room()
 
     def forget(self) -> None:
-        """Forget the working set: bodies have been put elsewhere."""
+        """Clear the working set, because bodies have been put elsewhere."""
         forget(self._working)
         self._capsules.reset()
         self._wall.forget()
@@ -205,7 +209,7 @@ class CandidateSearch:
 
     @property
     def dropped(self) -> int:
-        """Candidates and entries of lists that found no room since the start."""
+        """Candidates and entries of lists that exceeded their capacity since the start."""
         return int(self._wall.list.dropped + self._found.dropped + self._ended.dropped)
 
     def is_sound(self) -> bool:
@@ -237,7 +241,7 @@ def capsule_pairs(
 
 
 @kernel
-def take_sphere_ends(
+def write_sphere_ends(
     list_address: Address[CandidateList], state_address: Address[ContactState], first: int, half_m: float
 ) -> None:
     """Write spheres where the solved step ends into a list."""

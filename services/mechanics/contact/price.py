@@ -1,9 +1,9 @@
-"""Pricing of candidates (constraint generation): which of them need a row, as they end the solved step too deep.
+"""Pricing of candidates (constraint generation): it finds those that need a row because they end the step too deep.
 
-The closest distances of all candidates are measured at the end of the step, less the overlap in squeezing jaws. A
-candidate that ends deeper than it began, or than zero, by more than a tolerance joins the working set with its points
-at the end, and the solve goes on. So the complementarity problem is solved over the rows that matter, and the others
-are shown not to.
+The closest distances of all candidates are measured at the end of the solved step, less the overlap that squeezing jaws
+allow. A candidate that ends deeper than it began, or than zero, by more than a tolerance gets a row with its points at
+the end, and the solve continues. So the complementarity problem is solved with the rows that matter, and the others are
+known to be satisfied.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from services.mechanics.collision.candidates import (
     offset,
     put,
 )
-from services.mechanics.collision.capsules import CapsuleMemory, between_capsules, capsules_at, meet_again
+from services.mechanics.collision.capsules import CapsuleMemory, capsules_at, measure_pair, vector_between
 from services.mechanics.collision.pairs import (
     CATHETER_SEGMENT,
     DUCT_TRIANGLE,
@@ -52,18 +52,18 @@ from services.mechanics.contact.working_set import (
     sort_by_key,
     store_pressed,
 )
-from services.mechanics.contact.writer import room_for_rows
+from services.mechanics.contact.writer import n_free_rows
 
 #: Least cosine between the normals of a violation and of a row at the same points that covers it.
 _SAME_ROW = 0.999
-#: Share of the distance between axis and middle surface: a piece that is deeper has no reliable normal.
+#: Depth beyond which a piece has no reliable normal, as a fraction of its axis's distance from the wall in contact.
 UNRELIABLE_DEPTH = 0.5
-#: Share of the tolerance by which a row that begins too deep may end deeper.
+#: Fraction of the tolerance by which a row that begins too deep may end deeper.
 ALLOWED_GROWTH = 0.1
-#: Share of the distance between axis and middle surface: violations nearer to each other get one row.
+#: Distance within which violations share a row, as a fraction of the axis's distance from the wall in contact.
 VIOLATION_SPACING = 0.1
-#: Most rows that one pricing adds, the deepest first; the others are priced again.
-MOST_NEW_ROWS = 24
+#: Maximum number of rows that a pricing adds, the deepest first; the others are priced again.
+MAX_NEW_ROWS = 24
 
 Found = tuple[Address[Candidates], Address[Candidates]]
 """Candidates at the end of the step, and room for those of them that end too deep."""
@@ -74,13 +74,14 @@ Addresses = tuple[Address[CandidateList], Found, Address[WorkingSet], Address[Co
 def write_violations(
     addresses: Addresses, start: Where, tolerance_m: float, pairs_address: Address[ContactPairs]
 ) -> int:
-    """Write pairs of the candidates that end too deep, the deepest of each place, and return their number.
+    """Write pairs of the candidates that end too deep, the deepest at each place, and return their number.
 
-    Candidates are measured where the step ends; ``start`` is where it began.
+    Candidates have been measured at the end of the step; ``start`` is its start. If there is no room for a row, return
+    the number of violations.
     """
     listed, found, working = list_at(addresses[0]), candidates_at(addresses[1][1]), set_at(addresses[2])
     state, pairs = state_at(addresses[3]), pairs_at(pairs_address)
-    most = min(MOST_NEW_ROWS, room_for_rows(state.rows))
+    most = min(MAX_NEW_ROWS, n_free_rows(state.rows))
     n = _find_violations(listed, (candidates_at(addresses[1][0]), found), state, start, tolerance_m)
     for i in range(n):
         corner = listed.clusters.triangles
@@ -123,7 +124,7 @@ def _find_violations(
             continue
         d, s, _, before = closest_pair(start, listed.clusters.triangles, p, t)
         if found.gap_m[i] < -UNRELIABLE_DEPTH * listed.thickness[p] or dot(normal, before) < 0.0:
-            # The axis went through the middle surface, or nearly: the piece must stay on the side of the start.
+            # The axis is at or beyond the middle surface: the piece must stay on the side of the start.
             normal, ends = before, (listed.ends, listed.position)
             away = offset(ends, listed.clusters.triangles, (p, t), found.s[i], row(found.weight, i))
             end = dot(before, away) - listed.thickness[p]
@@ -139,12 +140,12 @@ def _find_violations(
 
 @kernel
 def _has_row(listed: CandidateList, found: Candidates, working: WorkingSet, state: ContactState, i: int) -> bool:
-    """Return whether a row covers this violation already, at the same points and along the same normal."""
+    """Return whether a row at the same points and with the same normal exists for this violation."""
     p, t, rows, corner = found.piece[i], found.triangle[i], state.rows, listed.clusters.triangles
     normal = jaw_surface(state.geometry.tools, p, found.s[i], row(found.normal, i))[3]
     near, place = SAME_POINT * listed.thickness[p], row(working.at_rest, i)
     for at in range(rows.n_contacts):
-        if is_of(rows, at, p, t) and dot(row(rows.frame[at], 0), normal) > _SAME_ROW:
+        if is_row_of(rows, at, p, t) and dot(row(rows.frame[at], 0), normal) > _SAME_ROW:
             known = place_at_rest(working.rest, corner, t, row(rows.duct_weight, at))
             if squared_distance(place, known) < near * near:
                 return True
@@ -155,12 +156,12 @@ def _has_row(listed: CandidateList, found: Candidates, working: WorkingSet, stat
 def _has_pair_row(rows: ContactRows, p: int, t: int) -> bool:
     n = 0
     for at in range(rows.n_contacts):
-        n += is_of(rows, at, p, t)
+        n += is_row_of(rows, at, p, t)
     return n > 0
 
 
 @kernel
-def is_of(rows: ContactRows, at: int, p: int, t: int) -> bool:
+def is_row_of(rows: ContactRows, at: int, p: int, t: int) -> bool:
     """Return whether a row is a contact of this piece with this triangle."""
     identity = rows.identity[at]
     if identity < 0 or not HAS_GAP[rows.law[at]]:
@@ -185,8 +186,8 @@ def _write_violation(
 ) -> None:
     """Write a violation as a pair with the gap at the end of the step.
 
-    Round a corner a pair may seem to overlap at the start along the normal of the end, though it does not. Its normal
-    is then that between its points at the start.
+    At a corner a pair may seem to overlap at the start along the normal of the end, although it does not. Then the
+    normal between its points at the start is used.
     """
     p, t, s, w, normal = found.piece[i], found.triangle[i], found.s[i], row(found.weight, i), row(found.normal, i)
     away = offset(start, listed.clusters.triangles, (p, t), s, w)
@@ -207,8 +208,8 @@ def write_capsule_violations(
 ) -> int:
     """Append pairs of tools with segments of the catheter that end too deep, and return their number.
 
-    ``start`` (p, 2, 3) are the ends of the pieces where the step began; ``sizes`` are half the wall's thickness, which
-    is part of a piece's thickness, and the tolerance, both in m. A pair keeps the side on which it began.
+    ``start`` (p, 2, 3) are the ends of the pieces at the start of the step. ``sizes`` is (half the wall's thickness,
+    which is part of a piece's thickness, tolerance), in m. A pair keeps the side on which it began.
     """
     listed, memory, state = list_at(addresses[0]), capsules_at(addresses[1]), state_at(addresses[2])
     pairs, (half_m, tolerance_m), tools, count = pairs_at(pairs_address), sizes, state.geometry.tools, 0
@@ -220,18 +221,18 @@ def write_capsule_violations(
                 continue
             side, apart_m = row_of(memory.normal, i, j), listed.thickness[i] + listed.thickness[N_TOOL_PIECES + j]
             apart_m -= 2.0 * half_m + rest_offset_m
-            s, t, distance, normal = meet_again(listed.ends, (i, N_TOOL_PIECES + j), side)
+            s, t, distance, normal = measure_pair(listed.ends, (i, N_TOOL_PIECES + j), side)
             is_again = t == 1.0 and j + 1 < memory.active.shape[1] and memory.active[i, j + 1] == 1
             if is_again or distance - apart_m >= -tolerance_m:
                 continue
-            if distance >= meet_again(start, (i, N_TOOL_PIECES + j), side)[2] - ALLOWED_GROWTH * tolerance_m:
+            if distance >= measure_pair(start, (i, N_TOOL_PIECES + j), side)[2] - ALLOWED_GROWTH * tolerance_m:
                 continue
-            away = between_capsules(start, (i, N_TOOL_PIECES + j), s, t)
+            away = vector_between(start, (i, N_TOOL_PIECES + j), s, t)
             if dot(away, normal) < apart_m and dot(away, side) > 0.0:  # round a corner, see `_write_violation`
                 normal = unit(away)
             if not _has_capsule_row(state.rows, i, j, t, normal):
                 count += 1
-                if count <= min(MOST_NEW_ROWS, room_for_rows(state.rows) - pairs.count):
+                if count <= min(MAX_NEW_ROWS, n_free_rows(state.rows) - pairs.count):
                     pair = (i // 3, i % 3, -1, CATHETER_SEGMENT, j, s, (1.0 - t, t, 0.0))
                     write_pair(pairs, pair, distance - apart_m, normal)
     return count
@@ -258,7 +259,7 @@ def write_chosen(
     span: tuple[int, int],
     pairs_address: Address[ContactPairs],
 ) -> None:
-    """Append the chosen candidates of pieces in a span, from the first to before the last, to pairs."""
+    """Append the chosen candidates of a span of pieces (first, end) to pairs."""
     found, working, pairs = candidates_at(found_address), set_at(set_address), pairs_at(pairs_address)
     for k in range(working.n_chosen):
         i = working.chosen[k]
@@ -269,8 +270,8 @@ def write_chosen(
 
 
 @kernel
-def note_pressed(state_address: Address[ContactState], set_address: Address[WorkingSet]) -> None:
-    """Age the working set by a step, and renew the features that press."""
+def update_working_set(state_address: Address[ContactState], set_address: Address[WorkingSet]) -> None:
+    """Age the working set by a step, and renew the features whose contacts carry a normal force."""
     rows, working = state_at(state_address).rows, set_at(set_address)
     age(working)
     working.n_pressed = 0

@@ -1,4 +1,4 @@
-"""Contact rows: where each contact acts on duct, catheter and tools, and how far apart the surfaces are."""
+"""Contact rows: the points of each contact on duct, catheter and tools, its gap and slip, its law and its force."""
 
 from __future__ import annotations
 
@@ -20,36 +20,35 @@ class ContactRows(Struct):
 
     Attributes:
         law: (C,) int8. Number in the table of contact laws.
-        identity: (C,) int64. Names the pair of bodies, to find last tick's force again; see `identity`.
+        identity: (C,) int64. Name of the pair of bodies, for the warm start; see `identity`.
         frame: (C, 3, 3) float64. Rows: normal (towards the first body) and two tangents.
-        point_m: (C, 3) float64. Where the force acts on the first body.
+        point_m: (C, 3) float64. Point of the first body on which the force acts.
         gap_m: (C,) float64. Distance of the surfaces at the start of the step.
-        rest_offset_m: (C,) float64. Overlap of the surfaces up to which they do not push each other.
+        rest_offset_m: (C,) float64. Overlap of the surfaces up to which there is no force.
         effective_gap_m: (C,) float64. Gap that the laws constrain in this step: the distance, or, where surfaces
             overlap, only the part that is recovered (negative).
         slip_m: (C, 3) float64. Motion of the first body relative to the target over the step without contact forces, in
             world axes.
-        elastic_m: (C, 3) float64. Elastic slip at the start of the step, in world axes, for laws that remember it; see
+        elastic_m: (C, 3) float64. Elastic slip at the start of the step, in world axes, for laws with elastic axes; see
             `warm_start.store_anchors`.
         friction_energy_j: (C,) float64. Elastic energy of its friction at the start of the step, in J.
         friction: (C,) float64. Coefficient of Coulomb friction, for laws that have it.
         tresca_bound_n: (C,) float64. Bound on friction independent of the normal force, for laws with friction: zero
             except within a solve.
         force_limit_n: (C,) float64. Largest force, for laws that have one.
-        softness_m_n: (C, 3) float64. Compliance of the touching surfaces themselves, along the rows of the frame.
+        softness_m_n: (C, 3) float64. Compliance of the surfaces in contact, along the rows of the frame.
         force_n: (C, 3) float64. Solved force on the first body, along the rows of the frame.
-        duct_node: (C, 3) int32, duct_weight: (C, 3) float64. Barycentric point of the duct, always the target; weights
-            are zero where the duct has no part.
-        rod_node: (C, 4) int32, rod_weight: (C, 4) float64. Particles of the catheter; positive weights where it is the
-            first body, negative where it is the target.
-        stone: (C,) int8. The gallstone that is the first body, `NO_STONE` where none is.
-        tool: (C,) int8, lever: (C, 3, 4) float64. The tool that is the first body, and how its coordinates move the
-            point.
+        duct_node: (C, 3) int32, duct_weight: (C, 3) float64. Barycentric point of the duct, which is always the target;
+            weights are zero if the duct is not involved.
+        rod_node: (C, 4) int32, rod_weight: (C, 4) float64. Particles of the catheter; weights are positive if it is the
+            first body, and negative if it is the target.
+        stone: (C,) int8. The gallstone that is the first body, or `NO_STONE`.
+        tool: (C,) int8, lever: (C, 3, 4) float64. The tool that is the first body, or `NO_TOOL`, and the derivative of
+            the point by the tool's coordinates (m, rad).
         n_contacts: int. Contacts and holds in use.
-        dropped: int. Rows that found no room since the start.
-        dt_s: float. Length of the step, for laws that know speeds.
-        reserved: int. Room that is kept for the rows of holds, which come last: a hold without a row would stretch
-            unfelt.
+        dropped: int. Rows that exceeded the capacity since the start.
+        dt_s: float. Length of the step, for laws that depend on speeds.
+        reserved: int. Rows reserved for holds, which come last: a hold without a row would stretch without a force.
     """
 
     law: Annotated[ByteArray, "c"]
@@ -81,12 +80,12 @@ class ContactRows(Struct):
 
     @property
     def capacity(self) -> int:
-        """Number of contacts there is room for."""
+        """Maximum number of contacts."""
         return len(self.gap_m)
 
     @property
     def has_room(self) -> bool:
-        """Whether there is room for another contact."""
+        """Whether another contact can be appended."""
         return self.n_contacts + self.reserved < self.capacity
 
     @property
@@ -105,7 +104,7 @@ rows_at = reader(ContactRows)
 
 @kernel
 def add_rod_motion(address: Address[ContactRows], motion: FloatArray, sign: float) -> None:
-    """Add ``sign`` times the catheter's free motion (n, 3) to the slips of the rows in which it takes part."""
+    """Add ``sign`` times the catheter's free motion (n, 3) to the slips of its rows."""
     rows = rows_at(address)
     for row in range(rows.n_contacts):
         for point in range(N_ROD_POINTS):

@@ -1,4 +1,4 @@
-"""What a simulation asks of the search for contacts; `candidate_search.CandidateSearch` answers it."""
+"""The interface of contact detection; `candidate_search.CandidateSearch` implements it."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ Moving = tuple[DuctBody, CatheterBody, ToolBody]
 
 
 class ContactSearch(Protocol):
-    """Finds what gets a row at the start of a step, and what ends too deep without one."""
+    """Finds the pairs that get a row at the start of a step, and those that end too deep without one."""
 
     @property
     def has_candidates(self) -> bool:
-        """Whether anything is so near that it may touch within a step."""
+        """Whether any pair is so near that it may come into contact within a step."""
 
     @property
     def reach_m(self) -> float:
-        """How far a piece may move in a step and be seen."""
+        """Motion (m) of a piece in a step up to which its contacts are detected."""
 
     @property
     def dropped(self) -> int:
-        """Candidates that found no room since the start."""
+        """Candidates that exceeded the capacity since the start."""
 
     def expect(self, moved_m: float) -> None:
-        """Look as far as something may move in the next step."""
+        """Set the look-ahead for a motion (m) in the next step."""
 
     def begin(self, bodies: Moving, geometry: Address[ContactGeometry]) -> None:
         """Place wall and pieces at the start of a step, and choose the candidates that get rows."""
@@ -41,31 +41,31 @@ class ContactSearch(Protocol):
         """Restore the start of the last step: bodies are where they were then."""
 
     def tool_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
-        """Append the chosen candidates of the tools, and what of them touches the catheter."""
+        """Append the chosen candidates of the tools, and their pairs with the catheter."""
 
     def engage(self, pairs: ContactPairs, geometry: Address[ContactGeometry]) -> None:
-        """Let tools that wait touch, unless a candidate or one of the pairs with the catheter shows them in it."""
+        """Engage disengaged tools, unless a candidate or one of ``pairs`` shows that they overlap a body."""
 
     def catheter_pairs(self, pairs: ContactPairs) -> None:
         """Append the chosen candidates of catheter and spheres."""
 
-    def follow_spheres(self, spheres: Spheres) -> None:
+    def set_spheres(self, spheres: Spheres) -> None:
         """Find contacts of spheres with the wall too; again once there are more of them."""
 
-    def see_ahead(self, gap_m: float) -> None:
-        """Give the catheter rows from this gap on, which other laws than contact act across."""
+    def set_catheter_row_gap(self, gap_m: float) -> None:
+        """Give the catheter rows from this gap (m) on, for laws that act across a gap."""
 
     def price(self, bodies: Moving, state: Address[ContactState], tolerance_m: float, pairs: ContactPairs) -> int:
-        """Write pairs of what ends too deep in the solved step, where the bodies are now, and return how many."""
+        """Write pairs of the candidates that end the step too deep, at the present poses; return their number."""
 
     def price_tools(self, state: Address[ContactState], tolerance_m: float, pairs: ContactPairs) -> int:
-        """Append pairs of tools that end too deep in the catheter where `price` has measured; return how many."""
+        """Append pairs of tools and catheter that end too deep, at the poses of the last `price`; return how many."""
 
-    def note_pressed(self, state: Address[ContactState]) -> None:
-        """Renew the life of what pressed in the step that was solved."""
+    def update_working_set(self, state: Address[ContactState]) -> None:
+        """Renew the life of the features whose contacts carried a force in the solved step."""
 
     def forget(self) -> None:
-        """Forget the working set: bodies have been put elsewhere."""
+        """Clear the working set, because bodies have been put elsewhere."""
 
     def is_sound(self) -> bool:
         """Return whether the catheter's axis was clear of the wall's middle surface when the step began."""

@@ -20,7 +20,7 @@ from services.mechanics.contact.tool_loads import load_tools
 from services.mechanics.contact.warm_start import recall_forces, store_forces
 from services.mechanics.reduction.node_compliance import NodeArrays
 from services.mechanics.rod import contact_response
-from services.mechanics.rod.contact_energy_gain import pay_for_change
+from services.mechanics.rod.contact_energy_gain import remove_energy_gain
 from services.mechanics.rod.free_step import FreeStep, step_at
 from services.mechanics.rod.implicit_kernels import Addresses, Motion
 from services.mechanics.rod.model import model_at, work_at
@@ -140,7 +140,7 @@ def apply_to_bodies(
     if not contact_response.correct(rod, motion, catheter.contact, step):
         return False
     if limits_energy:
-        pay_for_change(model_at(rod[0]), work_at(rod[1]), catheter, motion, step[0])
+        remove_energy_gain(model_at(rod[0]), work_at(rod[1]), catheter, motion, step[0])
     duct_loads.correct(addresses[1], rows.duct_node[:k], rows.duct_weight[:k], forces, dt_s)
     load_tools(addresses[0], tool_force)
     correct_proxies(addresses[3], tool_force)

@@ -191,7 +191,7 @@ class ContactSystem:
             more = (bodies.duct.dt_s, tool_force, rod.twist is None)
             rod.note_factors(stages.apply_to_bodies(addresses, rod.addresses, motion, step, *more))
             if rod.twist is not None:
-                rod.pay_for_change(catheter.state, catheter.step_address)
+                rod.remove_energy_gain(catheter.state, catheter.step_address)
             catheter.note_contacts(k)
         else:
             if k or self._applied_forces:  # once more without forces, to remove those of the last step

@@ -1,11 +1,12 @@
-"""The working set: which candidates become contact rows, by one rule.
+"""The working set: the rule that selects the candidates which become contact rows.
 
-A candidate gets a row if it touches, or will if everything moves on as in the last step. Candidates are taken by
-increasing clearance (the gap plus the indentation by jaws), members of the set first. A candidate whose undeformed
-place and normal are near those of a chosen one of the same body is a duplicate and is left out, unless it nearly
-touches: a touching point without a row would sink in, and be pushed out later. A feature (piece and triangle) that
-pressed stays a member for some steps. Between squeezing jaws the closest pair need not have the least clearance: a
-place that pressed is a candidate in the next step too, or pricing would have to find it in each step.
+A candidate gets a row if it touches, or would touch if all motions continued as in the last step. Candidates are chosen
+by increasing clearance (the gap plus the indentation by jaws), members of the set first. A candidate whose position on
+the undeformed wall and normal are near those of a chosen one of the same body is a duplicate, and gets no row, unless
+it nearly touches: a touching point without a row would penetrate, and be pushed out later. A feature (piece and
+triangle) whose contact carried a force stays a member for some steps. Between squeezing jaws the closest pair need not
+have the smallest clearance: a point that carried a force is a candidate in the next step too, because otherwise pricing
+would have to find it in every step.
 """
 
 from __future__ import annotations
@@ -33,31 +34,31 @@ from services.mechanics.compiled.vectors import (
 from services.mechanics.contact.clearance import overlap_in_jaws, piece_can_touch
 from services.mechanics.contact.geometry import ContactGeometry, ToolGeometry, geometry_at
 
-#: Least cosine between the normals of duplicates, 26 degrees.
+#: Smallest cosine between the normals of duplicates, 26 degrees.
 SAME_NORMAL = 0.9
-#: Least cosine between the normals of contacts on one flat facet, 2 degrees.
+#: Smallest cosine between the normals of contacts on one flat facet, 2 degrees.
 SAME_FACET = 0.9994
 #: A facet is flat if a segment's clearance along it is within this of linear, a tenth of what touches.
 FLAT_M = 3e-6
-#: Largest gap that counts as touching: surfaces at rest overlap or part by less. A step begins with rows for candidates
-#: that touch, or will; those without a row may end no deeper, see `simulation.step_solver`.
+#: Largest gap that counts as touching: gaps and overlaps of surfaces at rest are smaller. Candidates without a row may
+#: end no deeper than this, see `simulation.step_solver`.
 TOUCHING_M = 30e-6
-#: Share of the distance between axis and middle surface within which two points are the same.
+#: Distance within which two points are the same, as a fraction of the axis's distance from the wall in contact.
 SAME_POINT = 0.02
-#: Touching candidates are merged within this share of the merge distance.
+#: Touching candidates are merged within this fraction of the merge distance.
 TOUCHING_SHARE = 0.5
-#: A step begins with rows for its members, and for the nearest others up to this number in all; pricing finds the rest.
-#: To assemble and solve so many rows costs about as much as to price.
-MOST_CHOSEN = 32
+#: A step begins with rows for all members, and for the nearest other candidates up to this total; pricing finds the
+#: rest. Assembling and solving so many rows costs about as much as pricing.
+MAX_CHOSEN = 32
 #: Steps for which a feature that no longer presses stays a member.
 LIFE_STEPS = 3
 
 
 class WorkingSet(Struct):
-    """Members by feature: p pieces, m triangles; and scratch for c candidates."""
+    """The members, which are features of p pieces and m triangles, and scratch for c candidates."""
 
-    life: Annotated[ByteArray, "p", "m"]  # steps left of each member
-    member: Annotated[LongArray, "k", 2]  # the features that have any left
+    life: Annotated[ByteArray, "p", "m"]  # remaining steps of each member, 0 for other features
+    member: Annotated[LongArray, "k", 2]  # the members: piece and triangle
     merge_m: Annotated[FloatArray, "p"]  # distance within which contacts of a piece are merged
     clearance_m: Annotated[FloatArray, "c"]  # gap plus the wall's indentation
     key: Annotated[FloatArray, "c"]
@@ -87,10 +88,10 @@ def new_working_set(
 
 
 def merge_distance_m(thickness_m: FloatArray, wall_m: float) -> FloatArray:
-    """Return within which distance two contacts of a piece are one (p,).
+    """Return the distances (p,), in m, within which two contacts of a piece are merged.
 
-    A round body of radius r is a quarter of the wall's thickness t off its tangent at a distance of sqrt(r t / 2);
-    twice that is between two such points. Half the radius at most.
+    At a distance of sqrt(r t / 2) from the contact a round body of radius r is a quarter of the wall's thickness t away
+    from its tangent. Two such points are twice as far from each other. The result is at most half the radius.
     """
     apart: FloatArray = np.minimum(0.5 * thickness_m, np.sqrt(2.0 * wall_m * thickness_m))
     return apart
@@ -103,10 +104,10 @@ def choose(
     row_gap: FloatArray,
     geometry_address: Address[ContactGeometry],
 ) -> None:
-    """Choose candidates for rows; ``chosen`` names them, nearest first.
+    """Choose candidates for rows, and write their indices into ``chosen``, nearest first.
 
-    A candidate is chosen if its clearance is at most ``row_gap`` (p,), or will be if everything moves on as since
-    ``before``, when the last step began. Absent and disengaged tools get no rows.
+    A candidate is chosen if its clearance is at most ``row_gap`` (p,) of its piece, or would be after another step like
+    the last one, which began at ``before``. Absent and disengaged tools get no rows.
     """
     listed, found, working = list_at(addresses[0]), candidates_at(addresses[1]), set_at(addresses[2])
     tools = geometry_at(geometry_address).tools
@@ -118,7 +119,7 @@ def choose(
     working.n_chosen = 0
     for k in range(found.count):
         i = working.order[k]
-        if working.n_chosen >= MOST_CHOSEN and not _is_member(found, working, i):
+        if working.n_chosen >= MAX_CHOSEN and not _is_member(found, working, i):
             break
         p = found.piece[i]
         if not piece_can_touch(tools, p):
@@ -171,7 +172,7 @@ def _is_between(found: Candidates, working: WorkingSet, i: int) -> bool:
 
 @kernel
 def _add_pressed(listed: CandidateList, found: Candidates, working: WorkingSet, tools: ToolGeometry, k: int) -> None:
-    """Make a place that pressed a candidate if it has less clearance than the closest pair."""
+    """Add a point that carried a force to the candidates, if it has less clearance than the closest pair."""
     p, t, w, nearest = working.pressed[k, 0], working.pressed[k, 1], row(working.weight, k), math.inf
     for i in range(found.count):
         if found.piece[i] == p and found.triangle[i] == t:
@@ -187,7 +188,7 @@ def _add_pressed(listed: CandidateList, found: Candidates, working: WorkingSet, 
 
 @kernel
 def _predicted_change_m(listed: CandidateList, found: Candidates, before: Where, i: int) -> float:
-    """Return by how much a gap grows in a step in which its points move as since ``before``."""
+    """Return the change (m) of a gap in a step in which its points move as they have since ``before``."""
     place, corner = (found.piece[i], found.triangle[i]), listed.clusters.triangles
     s, w = found.s[i], row(found.weight, i)
     now = offset((listed.ends, listed.position), corner, place, s, w)
@@ -209,13 +210,13 @@ def _is_member(found: Candidates, working: WorkingSet, i: int) -> bool:
 
 @kernel
 def place_at_rest(rest: FloatArray, corner: IntArray, t: int, w: Vector) -> Vector:
-    """Return where a point of a triangle is in the undeformed wall."""
+    """Return the position of a point of a triangle on the undeformed wall."""
     return combine(w, row(rest, corner[t, 0]), row(rest, corner[t, 1]), row(rest, corner[t, 2]))
 
 
 @kernel
 def _is_duplicate(found: Candidates, working: WorkingSet, i: int) -> bool:
-    """Return whether a chosen candidate stands for this one."""
+    """Return whether a chosen candidate represents this one."""
     near = working.merge_m[found.piece[i]]
     if _is_member(found, working, i):
         near = 2.0 * SAME_POINT * near

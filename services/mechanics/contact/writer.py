@@ -22,7 +22,7 @@ _ON_CURVE = 1
 
 
 @kernel
-def room_for_rows(rows: ContactRows) -> int:
+def n_free_rows(rows: ContactRows) -> int:
     """Return how many more rows can be appended."""
     return int(max(rows.gap_m.shape[0] - rows.reserved - rows.n_contacts, 0))
 

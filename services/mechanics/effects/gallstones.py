@@ -10,7 +10,7 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL
-from services.mechanics.collision.primitives import place_along
+from services.mechanics.collision.primitives import parameter_on_segment
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import Vector, along, dot, row, scaled, subtract, write_frame
@@ -171,7 +171,7 @@ def append_on_catheter(
     rod, spheres = geometry.rod, geometry.spheres
     centre, radius = row(spheres.start, stone), spheres.radius[stone]
     for segment in range(rod.position.shape[0] - 1):
-        s = place_along(centre, (row(rod.position, segment), row(rod.position, segment + 1)))
+        s = parameter_on_segment(centre, (row(rod.position, segment), row(rod.position, segment + 1)))
         away = subtract(centre, _between(rod.position, segment, s))
         slip = subtract(row(spheres.motion, stone), _between(rod.motion, segment, s))
         distance = math.sqrt(dot(away, away))

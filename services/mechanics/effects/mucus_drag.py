@@ -52,7 +52,7 @@ class MucusDrag(Effect):
 
     def prepare(self, world: World) -> None:
         """Compute b, and extend the catheter's contact margin to the film's thickness."""
-        world.search.see_ahead(self.settings.film_m)
+        world.search.set_catheter_row_gap(self.settings.film_m)
         catheter = world.catheter
         area = catheter.properties.segment_length_m * 2.0 * catheter.radius_m
         self._b_n_s_m = self.settings.viscosity_pa_s * area / self.settings.film_m

@@ -1,4 +1,4 @@
-"""Step of a rod without contact forces in one kernel, and the test whether a rod at rest can skip it."""
+"""The step of a rod without contact forces in one kernel, and the test whether a rod at rest can skip it."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from services.mechanics.rod import contact_response, implicit_kernels
 from services.mechanics.rod.banded import solve_ldl
 from services.mechanics.rod.implicit_kernels import Addresses
 from services.mechanics.rod.model import model_at, work_at
-from services.mechanics.rod.step_energy import energy_beside
+from services.mechanics.rod.step_energy import linearisation_error_j
 
-# A tenth of a micrometre a second: far below what is seen or felt.
+# Speed below which a particle is at rest: a tenth of a micrometre per second is neither visible nor felt.
 SLEEP_SPEED_M_S = 1e-7
-# A hundredth of a millimetre: a smaller motion turns no segment noticeably.
-UNSEEN_M = 1e-5
-# What `step_freely` returns besides the number of iterations.
+# Motion below which nonlinearity is negligible: a hundredth of a millimetre hardly rotates a segment.
+NEGLIGIBLE_MOTION_M = 1e-5
+# Values of `step_freely` other than the number of iterations.
 SLEPT, NOT_DEFINITE = -1, -2
 
 
@@ -26,12 +26,12 @@ class FreeStep(Struct):
 
     start: Annotated[FloatArray, "n", 3]
     motion: Annotated[FloatArray, "n", 3]
-    constant: Annotated[FloatArray, "n", 3]  # loads in every step
-    external: Annotated[FloatArray, "n", 3]  # loads
-    last_external: Annotated[FloatArray, "n", 3]  # those of the last step that moved it
+    constant: Annotated[FloatArray, "n", 3]  # loads that act in every step
+    external: Annotated[FloatArray, "n", 3]  # all loads except contacts
+    last_external: Annotated[FloatArray, "n", 3]  # those of the last step that was not skipped
     contact: Annotated[FloatArray, "n", 3]  # contact forces of the last step
-    load: Annotated[FloatArray, "n", 3]  # both loads
-    negated_contact: Annotated[FloatArray, "n", 3]  # minus `contact`, which the correction subtracts
+    load: Annotated[FloatArray, "n", 3]  # sum of ``external`` and ``contact``
+    negated_contact: Annotated[FloatArray, "n", 3]  # minus ``contact``, for the correction
     start_velocity: Annotated[FloatArray, "n", 3]
     start_slow: Annotated[FloatArray, "n", 3]  # see `generalized_alpha`
     linearised_end: Annotated[FloatArray, "n", 3]  # end of the step with the contact forces of the linearisation
@@ -89,10 +89,10 @@ def _note_motion(step: FreeStep, position: FloatArray) -> None:
 
 @kernel
 def nonlinear_error_j(address: Address[FreeStep], rod: Addresses, is_touched: bool, step: tuple[float, bool]) -> float:
-    """Return the energy in J that the linear correction leaves out for the solved contact forces; 0.0 if negligible.
+    """Return the energy in J that the linear correction neglects for the solved contact forces; 0.0 if negligible.
 
-    ``step`` is (dt, whether the matrix for contacts is factorised); afterwards it is. Nothing is computed if not even
-    free particles would move by `UNSEEN_M`.
+    ``step`` is (dt, whether the matrix for contacts is factorised); it is factorised afterwards. If even free particles
+    would move by less than `NEGLIGIBLE_MOTION_M`, nothing is computed.
     """
     own, model, work = step_at(address), model_at(rod[0]), work_at(rod[1])
     n, squared, lightest = own.start.shape[0], 0.0, model.mass[0]
@@ -102,13 +102,13 @@ def nonlinear_error_j(address: Address[FreeStep], rod: Addresses, is_touched: bo
             change = own.solved[i, axis] - (own.contact[i, axis] if is_touched else 0.0)
             work.rhs[3 * i + axis] = 0.0 if model.is_held[i] else step[0] ** 2 * change
             squared += change * change
-    if squared * step[0] ** 4 < (UNSEEN_M * lightest) ** 2:
+    if squared * step[0] ** 4 < (NEGLIGIBLE_MOTION_M * lightest) ** 2:
         return 0.0
     if not (step[1] or contact_response.factor_for_contacts(rod, step[0])):
         return 0.0
     work.rhs[3 * n :] = 0.0
     solve_ldl(work.band, work.rhs)
-    return float(energy_beside(model, own.linearised_end, work, step[0]))
+    return float(linearisation_error_j(model, own.linearised_end, work, step[0]))
 
 
 @kernel
@@ -146,22 +146,22 @@ def relinearise(
 
 @kernel
 def begin_step(address: Address[FreeStep], position: FloatArray, velocity: FloatArray, may_sleep: bool) -> bool:
-    """Note the start (n, 3) of a step and its loads; return whether it is left out, see `hangs_still`."""
+    """Store the start (n, 3) of a step and its loads; return whether the step can be skipped, see `is_at_rest`."""
     return bool(_begin(step_at(address), position, velocity, may_sleep))
 
 
 @kernel
-def sleep_on(address: Address[FreeStep], position: FloatArray, velocity: FloatArray) -> bool:
-    """Do what a step does that is left out, and return True, if this one is: see `hangs_still`; else do nothing."""
+def continue_sleep(address: Address[FreeStep], position: FloatArray, velocity: FloatArray) -> bool:
+    """If the step can be skipped (`is_at_rest`), store its start and return True; else do nothing."""
     step = step_at(address)
-    if not _hangs_still(step, velocity):
+    if not _is_at_rest(step, velocity):
         return False
     return bool(_begin(step, position, velocity, may_sleep=True))
 
 
 @kernel
 def _begin(step: FreeStep, position: FloatArray, velocity: FloatArray, may_sleep: bool) -> bool:
-    is_asleep = bool(may_sleep and _hangs_still(step, velocity))
+    is_asleep = bool(may_sleep and _is_at_rest(step, velocity))
     for i in range(position.shape[0]):
         for axis in range(3):
             step.start[i, axis] = position[i, axis]
@@ -176,13 +176,13 @@ def _begin(step: FreeStep, position: FloatArray, velocity: FloatArray, may_sleep
 
 
 @kernel
-def hangs_still(address: Address[FreeStep], velocity: FloatArray) -> bool:
-    """Return whether no particle (n, 3) moves and the loads are those of the last step that moved them."""
-    return bool(_hangs_still(step_at(address), velocity))
+def is_at_rest(address: Address[FreeStep], velocity: FloatArray) -> bool:
+    """Return whether all particles (n, 3) are at rest, and the loads are those of the last step not skipped."""
+    return bool(_is_at_rest(step_at(address), velocity))
 
 
 @kernel
-def _hangs_still(step: FreeStep, velocity: FloatArray) -> bool:
+def _is_at_rest(step: FreeStep, velocity: FloatArray) -> bool:
     for i in range(velocity.shape[0]):
         for axis in range(3):
             is_slow = abs(velocity[i, axis]) < SLEEP_SPEED_M_S

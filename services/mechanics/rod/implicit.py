@@ -1,4 +1,4 @@
-"""The implicit integrator: one banded factorisation a step, stable at 1 ms for a real catheter's stiffness."""
+"""The implicit integrator: one banded factorisation per step, stable at 1 ms for the stiffness of a real catheter."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled.struct import Address
 from services.mechanics.rod import contact_response, implicit_kernels
 from services.mechanics.rod.banded import empty_columns
-from services.mechanics.rod.contact_energy_gain import pay_for_change_with_twist
+from services.mechanics.rod.contact_energy_gain import remove_energy_gain_with_twist
 from services.mechanics.rod.free_step import NOT_DEFINITE, SLEPT, FreeStep, nonlinear_error_j, relinearise, step_freely
 from services.mechanics.rod.model import RodModel, allocate_work, build_model
 from services.mechanics.rod.properties import RodProperties
@@ -24,25 +24,25 @@ SPECTRAL_RADIUS = 0.6
 class ImplicitIntegrator(StepGains):
     """Generalized-alpha on the particles, second order, by guarded Newton iterations; contacts by implicit Euler.
 
-    ``A dv = dt f``, A the banded sum of mass, damping and the positive semidefinite tangent stiffness; f is taken in
-    the middle of the step, at the inertial prediction. One iteration is enough while a step turns segments by little;
-    where it would turn rotation into stretch (an impact, a jump of the hand), more are taken, at most
-    ``max_iterations``: the worst case is known. ``iterations`` says what the last step took.
+    An iteration solves ``A dv = dt f``, with A the banded sum of mass, damping and the positive semidefinite tangent
+    stiffness, and f the forces in the middle of the step, at the inertial prediction. One iteration is enough if a step
+    rotates segments by little. If the linearisation would cause spurious stretch (an impact, a jump of the hand), more
+    are taken, at most ``max_iterations``. ``iterations`` is the number that the last step took.
 
-    ``spectral_radius``, 0 to 1, is the numerical damping: the factor by which a step changes vibrations far too fast
-    for it. 1 is the midpoint rule, which conserves energy; below, a mode of angular frequency omega is damped by about
-    the ratio ``e^3 (omega dt)^3/2`` of its own, e = (1 - rho)/(1 + rho), while omega dt is small. Stable at any step in
-    the linear regime. Linear momentum is conserved exactly, angular momentum nearly so.
+    ``spectral_radius`` rho, 0 to 1, sets the numerical damping: it is the factor by which a step changes vibrations of
+    infinite frequency. 1 is the midpoint rule, which conserves energy. Below 1, a mode of angular frequency omega has
+    the additional damping ratio ``e^3 (omega dt)^3/2`` with e = (1 - rho)/(1 + rho), if omega dt is small. In the
+    linear regime every step is stable. Linear momentum is conserved exactly, angular momentum nearly.
 
-    Contact forces, which change by jumps, are kept out of that (Chen, Acary, Virlez and Bruls 2013): `correct` changes
-    velocities by ``dt B^-1 f`` and positions by dt times that, B = M + dt C + dt^2 K, so that a contact comes to rest
-    without a rebound. A lasting force belongs into `predict`, which takes it as held over the step, and its change into
-    `correct`.
+    Contact forces are discontinuous, and are integrated by implicit Euler instead (Chen, Acary, Virlez and Bruls 2013):
+    `correct` changes velocities by ``dt B^-1 f`` and positions by dt times that, with B = M + dt C + dt^2 K, so that a
+    contact comes to rest without a rebound. A force that lasts belongs in `predict`, which holds it constant over the
+    step, and its change in `correct`.
 
-    The first step of a state, and one in which segments turn too far, are taken by implicit Euler: it alone does not
-    mind velocities that are not smooth.
+    The first step of a state, and a step in which segments rotate too far, are taken by implicit Euler, which allows
+    velocities that are not smooth.
 
-    Call `predict`, then any number of `solve`, `compliance` and `correct`. B is factorised by the first of them.
+    Call `predict`, then any number of `solve`, `compliance` and `correct`. The first of these factorises B.
     """
 
     def __init__(
@@ -75,9 +75,9 @@ class ImplicitIntegrator(StepGains):
         self.is_factored = False
 
     def predict(self, state: RodState, external_force_n: FloatArray, dt_s: float) -> None:
-        """Advance ``state`` in place by ``dt_s`` under external forces (n, 3), held over the step.
+        """Advance ``state`` in place by ``dt_s`` under external forces (n, 3), constant over the step.
 
-        Raises FloatingPointError if the state or a force is not finite; ``state`` is then left as it was.
+        Raises FloatingPointError if the state or a force is not finite; ``state`` is then unchanged.
         """
         self._dt_s = dt_s
         self.is_factored = False
@@ -98,7 +98,7 @@ class ImplicitIntegrator(StepGains):
             raise FloatingPointError("the rod's state or a force on it is not finite")
 
     def step_freely(self, state: RodState, address: Address[FreeStep], dt_s: float, flags: tuple[bool, bool]) -> bool:
-        """Do as `predict` and `correct` do of a rod without twist, in one kernel; return whether the rod slept.
+        """Do as `predict` and `correct` do, for a rod without twist, in one kernel; return whether the rod slept.
 
         ``flags`` are those of `free_step.step_freely`.
         Raises FloatingPointError if the state or a force is not finite.
@@ -121,7 +121,7 @@ class ImplicitIntegrator(StepGains):
         return False
 
     def nonlinear_error_j(self, address: Address[FreeStep], *, is_touched: bool) -> float:
-        """Return the energy in J that `correct` leaves out for the solved contact forces, see `free_step`."""
+        """Return the energy in J that `correct` neglects for the solved contact forces, see `free_step`."""
         outcome: float = nonlinear_error_j(address, self.addresses, is_touched, (self._dt_s, self.is_factored))
         return outcome
 
@@ -155,7 +155,7 @@ class ImplicitIntegrator(StepGains):
         )
 
     def correct(self, state: RodState, contact_force_n: FloatArray) -> None:
-        """Add to ``state`` in place what contact forces (n, 3), as impulses over the step, change since `predict`."""
+        """Add to ``state`` in place the change by contact forces (n, 3), which act as impulses over the step."""
         motion, step = (state.position_m, state.velocity_m_s), (self._dt_s, self.is_factored)
         self.note_factors(contact_response.correct(self.addresses, motion, contact_force_n, step))
 
@@ -164,17 +164,17 @@ class ImplicitIntegrator(StepGains):
         if not self.is_factored:
             self.note_factors(contact_response.factor_for_contacts(self.addresses, self._dt_s))
 
-    def pay_for_change(self, state: RodState, address: Address[FreeStep]) -> None:
-        """Take out of the velocities of a rod with twist what a corrected step gained (`contact_energy_gain`)."""
+    def remove_energy_gain(self, state: RodState, address: Address[FreeStep]) -> None:
+        """Remove a corrected step's energy gain from the velocities of a rod with twist (`contact_energy_gain`)."""
         frame = state.frame
         assert self.twist is not None
         assert frame is not None
         task = (self.twist.address, (frame.tangent, frame.m1, frame.twist_rad), frame.end_is_held)
         motion = (state.position_m, state.velocity_m_s)
-        pay_for_change_with_twist(self.addresses, address, motion, self._dt_s, task)
+        remove_energy_gain_with_twist(self.addresses, address, motion, self._dt_s, task)
 
     def note_factors(self, is_factored: bool) -> None:
-        """Note whether B could be factorised. Raises FloatingPointError if it could not."""
+        """Store whether B is factorised. Raises FloatingPointError if it could not be."""
         self.is_factored = is_factored
         if not is_factored:
             raise FloatingPointError("the rod's state is not finite")

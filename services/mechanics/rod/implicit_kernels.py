@@ -26,8 +26,8 @@ Motion = tuple[FloatArray, FloatArray]
 Moving = tuple[FloatArray, FloatArray, FloatArray]
 Addresses = tuple[Address[RodModel], Address[RodWork]]
 
-_TOLERANCE = 1e-3  # spurious stretch energy that a step leaves, over the energy in motion
-_PATIENCE: int = np.int64(2)  # type: ignore[assignment]  # steps of second order before implicit Euler takes it
+_TOLERANCE = 1e-3  # spurious stretch energy that a step may leave, as a fraction of the kinetic energy
+_PATIENCE: int = np.int64(2)  # type: ignore[assignment]  # iterations of the second-order step before implicit Euler
 
 
 @kernel
@@ -40,11 +40,11 @@ def predict(
 ) -> int:
     """Advance motion = (x, v, w) in place without contacts; return the Newton iterations taken.
 
-    ``step`` is (dt, spectral radius, most iterations, whether this is the first step). Zero iterations, with motion
-    unchanged, mean that a number was not finite. One iteration of the second-order step is enough if its spurious
-    stretch energy is within _TOLERANCE of the energy in motion. If segments turn too far, or the step would gain
-    energy, implicit Euler takes the step: it minimises |y - dt v|_M^2 / (2 dt^2) + V(x + y) - f.y over the
-    displacements y, and a line search shortens a Newton iteration that would raise this. So large rotations in one step
+    ``step`` is (dt, spectral radius, maximum number of iterations, whether this is the first step). If a number is not
+    finite, zero iterations are returned, with motion unchanged. One iteration of the second-order step is enough if its
+    spurious stretch energy is at most _TOLERANCE times the kinetic energy. If segments rotate too far, or the step
+    would gain energy, the step is taken by implicit Euler: it minimises |y - dt v|_M^2 / (2 dt^2) + V(x + y) - f.y over
+    the displacements y, with a line search for Newton iterations that would increase this. So large rotations in a step
     do not become stretch, and stretch does not become motion.
     """
     model, work, (x, v, _) = model_at(addresses[0]), work_at(addresses[1]), motion
@@ -84,9 +84,9 @@ def _grow(model: RodModel, time_s: float) -> None:
 def _newton(
     model: RodModel, work: RodWork, motion: Moving, external: FloatArray, task: tuple[StepForm, float, int]
 ) -> int:
-    """Iterate; return the iterations taken, negative if the last was not good enough, 0 if a number is not finite.
+    """Iterate; return the number of iterations, negative without convergence, 0 if a number is not finite.
 
-    ``task`` is (form, energy in motion, most iterations).
+    ``task`` is (form, kinetic energy in J, maximum number of iterations).
     """
     form, energy, most = task
     taken = 0
@@ -123,14 +123,14 @@ def _add_solution(work: RodWork, share: float) -> None:
 
 @kernel
 def _mean_velocity(model: RodModel, work: RodWork, v: FloatArray, form: StepForm, i: int, c: int) -> float:
-    """Return the mean velocity; a held particle moves evenly to its target, and jumps to that velocity."""
+    """Return the mean velocity over the step; a held particle moves to its target at a constant velocity."""
     mean = 1.0 if model.is_held[i] else form.mean
     return float(v[i, c] + mean * work.velocity_change[i, c])
 
 
 @kernel
 def _take_configuration(model: RodModel, work: RodWork, motion: Moving, form: StepForm) -> None:
-    """Write the positions, leads and velocities at which forces are taken, for the velocity change found so far."""
+    """Write the positions, leads and velocities at which forces are taken, for the present velocity change."""
     x, v, w = motion
     dv = work.velocity_change
     work.is_middle = form.at < 1.0
@@ -149,7 +149,7 @@ def _take_configuration(model: RodModel, work: RodWork, motion: Moving, form: St
 
 @kernel
 def _take_end(model: RodModel, work: RodWork, motion: Moving, form: StepForm) -> None:
-    """Write the positions at the end of the step, for the velocity change found."""
+    """Write the positions at the end of the step, for the present velocity change."""
     x, v, _ = motion
     for i in range(x.shape[0]):
         for c in range(3):
@@ -210,7 +210,7 @@ def assemble_again(model: RodModel, work: RodWork, form: StepForm) -> None:
 
 @kernel
 def _begin_matrix(model: RodModel, work: RodWork, form: StepForm) -> tuple[float, float]:
-    """Write mass and drag, and return the scales of the tangents that come next."""
+    """Write mass and drag into the matrix, and return the scales of the tangents to be added, see `elasticity`."""
     stiff, damped = stiffness_scale(form), damping_scale(form)
     work.band[:] = 0.0
     for i in range(model.mass.shape[0]):

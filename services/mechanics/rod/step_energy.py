@@ -114,7 +114,7 @@ def _slides_back(model: RodModel, v: FloatArray, dv: FloatArray) -> bool:
 
 
 @inlined_kernel
-def energy_beside(model: RodModel, x: FloatArray, work: RodWork, dt_s: float) -> float:
+def linearisation_error_j(model: RodModel, x: FloatArray, work: RodWork, dt_s: float) -> float:
     """Return the energy [J] that a linear correction of a rod at ``x`` (n, 3) neglects; 0.0 if it is negligible.
 
     The solution in ``work`` is the correction. The energy of stretch is that of the error in the segments' lengths: a
@@ -123,7 +123,7 @@ def energy_beside(model: RodModel, x: FloatArray, work: RodWork, dt_s: float) ->
     direction before the step. Negligible is less than a thousandth of the kinetic energy of the correction plus the
     energy of a small strain of one segment.
     """
-    beside, kinetic, moved = 0.0, 0.0, work.rhs
+    error_j, kinetic, moved = 0.0, 0.0, work.rhs
     for j in range(x.shape[0]):
         for c in range(3):
             kinetic += 0.5 * model.mass[j] * (moved[3 * j + c] / dt_s) ** 2
@@ -135,8 +135,8 @@ def energy_beside(model: RodModel, x: FloatArray, work: RodWork, dt_s: float) ->
         length = math.sqrt(dot(edge, edge))
         end = math.sqrt(length * length + 2.0 * dot(edge, way) + dot(way, way))
         error = end - length - dot(edge, way) / length
-        beside += 0.5 * model.EA[j] / model.rest_length[j] * error * error
+        error_j += 0.5 * model.EA[j] / model.rest_length[j] * error * error
     if model.introducer.is_there:
-        beside += max(introducer_excess(model, work, x, 1.0), 0.0)
+        error_j += max(introducer_excess(model, work, x, 1.0), 0.0)
     least = 0.5 * model.EA[0] * model.rest_length[0] * _STRAIN**2
-    return beside if beside > _STRETCH * kinetic + least else 0.0
+    return error_j if error_j > _STRETCH * kinetic + least else 0.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from services.mechanics.rod.free_step import sleep_on
+from services.mechanics.rod.free_step import continue_sleep
 from services.mechanics.simulation.simulation import Simulation
 
 
@@ -16,4 +16,4 @@ def compile_rare_kernels(simulation: Simulation) -> None:
     for effect in simulation.world.effects:
         effect.potential_energy_j(simulation.world)
     catheter = simulation.catheter
-    sleep_on(catheter.step_address, catheter.state.position_m, catheter.state.velocity_m_s)
+    continue_sleep(catheter.step_address, catheter.state.position_m, catheter.state.velocity_m_s)

@@ -349,7 +349,7 @@ class Simulation:
             self.wire_drive.settle()
         self.seal.slide()
         self.holds.slide()
-        self.search.note_pressed(self.system.address)
+        self.search.update_working_set(self.system.address)
         if self.wire_drive is not None:
             self.wire_drive.give(self._tool_force)
         self.squeeze.update(self.tools, dt_s)

@@ -10,7 +10,7 @@ import numpy as np
 
 from services.mechanics.arrays import BoolArray, FloatArray
 from services.mechanics.bodies.forceps.sweep import FASTEST_HAND_M_S
-from services.mechanics.collision.candidate_list import FASTEST_AHEAD_M, MOST_AHEAD_M
+from services.mechanics.collision.candidate_list import LOOK_AHEAD_M, MAX_LOOK_AHEAD_M
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.scene.tools import ToolInputs
@@ -75,7 +75,7 @@ class StepSplitter:
         furthest(self._modes, self._world.duct.q_start, self._world.duct.state.q)
         tools = self._world.tools
         furthest_point(tools.port_m, tools.hand, tools.present, tools.present)
-        self._most_motion_m(self._world.catheter.start_m, FASTEST_AHEAD_M)
+        self._most_motion_m(self._world.catheter.start_m, MAX_LOOK_AHEAD_M)
 
     def parts(self, tools: ToolInputs, dt_s: float) -> tuple[int, float]:
         """Return the number of substeps of a step, and how far anything moves in one, in m.
@@ -87,7 +87,7 @@ class StepSplitter:
         speed_m_s, modal_change = speed_and_modal_change(self._moving.address)
         moved_m, last_s = speed_m_s * dt_s, duct.dt_s
         share = min(LONGEST_STEP_S / dt_s, 1.0)
-        most_m, seen_m = share * FASTEST_AHEAD_M, share * MOST_AHEAD_M
+        most_m, seen_m = share * MAX_LOOK_AHEAD_M, share * LOOK_AHEAD_M
         if last_s > 0.0:
             scale = dt_s / last_s
             if self._longest * modal_change * scale > seen_m:
@@ -113,16 +113,16 @@ class StepSplitter:
             return Verdict.LOOK_FURTHER
         duct, modal_change = self._world.duct, speed_and_modal_change(self._moving.address)[1]
         moved_m = self._longest * modal_change  # an upper bound
-        if moved_m > FASTEST_AHEAD_M:
+        if moved_m > MAX_LOOK_AHEAD_M:
             moved_m = furthest(self._modes, duct.q_start, duct.state.q)
-        return Verdict.ACCEPT if moved_m <= FASTEST_AHEAD_M and self.moved_m <= most_m else Verdict.HALVE
+        return Verdict.ACCEPT if moved_m <= MAX_LOOK_AHEAD_M and self.moved_m <= most_m else Verdict.HALVE
 
     def _most_motion_m(self, particles_m: FloatArray, moved_m: float) -> float:
         """Return how far (m) particles at (n, 3) may move without missing a contact, if they move by ``moved_m``."""
-        if moved_m <= MOST_AHEAD_M or not self._may_look_far:
-            return MOST_AHEAD_M
-        within_m = min((effect.most_motion_m(particles_m) for effect in self._world.effects), default=FASTEST_AHEAD_M)
-        return max(min(FASTEST_AHEAD_M, within_m), MOST_AHEAD_M)
+        if moved_m <= LOOK_AHEAD_M or not self._may_look_far:
+            return LOOK_AHEAD_M
+        within_m = min((effect.most_motion_m(particles_m) for effect in self._world.effects), default=MAX_LOOK_AHEAD_M)
+        return max(min(MAX_LOOK_AHEAD_M, within_m), LOOK_AHEAD_M)
 
 
 def sampled_modes(Phi: FloatArray) -> tuple[FloatArray, float]:

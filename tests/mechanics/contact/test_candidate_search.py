@@ -168,7 +168,7 @@ def test_rows_of_a_film_are_seen_whoever_is_prepared_first(small_scene, small_du
     catheter = replace(catheter, tip_position_m=(10e-3, -height_m * np.sin(np.pi / 12), -height_m * np.cos(np.pi / 12)))
     simulation = Simulation(replace(small_scene, catheter=catheter), small_duct)
     steps = [
-        lambda: simulation.search.see_ahead(0.4e-3),
+        lambda: simulation.search.set_catheter_row_gap(0.4e-3),
         lambda: simulation.world.add_spheres(np.array([1e-3])),
     ]
     for step in steps if film_first else reversed(steps):

@@ -12,7 +12,7 @@ from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, To
 from services.mechanics.contact.spheres import no_spheres
 from services.mechanics.contact.working_set import (
     LIFE_STEPS,
-    MOST_CHOSEN,
+    MAX_CHOSEN,
     N_TOOL_PIECES,
     SAME_NORMAL,
     SAME_POINT,
@@ -115,7 +115,7 @@ def test_who_is_left_out_is_stood_for_by_one_nearby_that_is_nearer(seed, n, n_me
         if k in chosen:
             assert not any(stands_for(one, k) for one in chosen[: chosen.index(k)])
         else:
-            is_too_many = len(chosen) == MOST_CHOSEN and all(rank[one] <= rank[k] for one in chosen)
+            is_too_many = len(chosen) == MAX_CHOSEN and all(rank[one] <= rank[k] for one in chosen)
             assert is_too_many or any(stands_for(one, k) and rank[one] <= rank[k] for one in chosen)
 
 
@@ -125,7 +125,7 @@ def test_all_members_have_rows_and_the_nearest_others_while_these_are_few(n_memb
     candidates = [one(piece=k % 6, triangle=int(t), gap_m=1e-6 * k) for k, t in enumerate(far)]
     for k in range(50 - n_members, 50):
         renew(chooser.set, *candidates[k][:2])
-    others = max(MOST_CHOSEN - n_members, 0)
+    others = max(MAX_CHOSEN - n_members, 0)
     assert chooser.choose(candidates) == [*range(50 - n_members, 50), *range(others)]
 
 

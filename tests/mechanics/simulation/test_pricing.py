@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL
 from services.mechanics.contact.identity import target_kind_of, target_of
-from services.mechanics.contact.price import MOST_NEW_ROWS, VIOLATION_SPACING, piece_of
+from services.mechanics.contact.price import MAX_NEW_ROWS, VIOLATION_SPACING, piece_of
 from services.mechanics.contact.working_set import N_TOOL_PIECES
 from services.mechanics.scene import QualityLevel
 from services.mechanics.scene.tools import ToolInputs
@@ -38,7 +38,7 @@ class PriceJudge:
         self.found, self.prices = self.found + found, self.prices + 1
         deep = self._too_deep(ends, thickness_m, corners, tolerance_m - SLACK_M)
         assert set(written) <= set(deep), "what is no deeper than the tolerance is a violation"
-        if found == MOST_NEW_ROWS:
+        if found == MAX_NEW_ROWS:
             return found
         known = self._features_of_rows()
         for (p, t), gap_m in deep.items():

@@ -67,8 +67,8 @@ def test_a_sleeping_catheter_is_one_question_a_tick(hanging, monkeypatch):
     def forbidden(*_):
         raise AssertionError("the integrator of a sleeping catheter was called")
 
-    ask = catheter_body.sleep_on
-    monkeypatch.setattr(catheter_body, "sleep_on", lambda *arguments: asked.append(1) or ask(*arguments))
+    ask = catheter_body.continue_sleep
+    monkeypatch.setattr(catheter_body, "continue_sleep", lambda *arguments: asked.append(1) or ask(*arguments))
     for name in ("predict", "step_freely", "correct", "compliance", "nonlinear_error_j", "relinearise"):
         monkeypatch.setattr(ImplicitIntegrator, name, forbidden)
     for _ in range(10):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from services.mechanics.collision.candidate_list import FASTEST_AHEAD_M, MOST_AHEAD_M
+from services.mechanics.collision.candidate_list import LOOK_AHEAD_M, MAX_LOOK_AHEAD_M
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.step_splitting import Verdict
 
@@ -12,12 +12,12 @@ BIT_M = 1e-6
 @pytest.mark.parametrize(
     ("moved_m", "reach_m", "verdict"),
     [
-        (MOST_AHEAD_M - BIT_M, MOST_AHEAD_M, Verdict.ACCEPT),
-        (MOST_AHEAD_M + BIT_M, MOST_AHEAD_M, Verdict.LOOK_FURTHER),
-        (MOST_AHEAD_M + BIT_M, FASTEST_AHEAD_M, Verdict.ACCEPT),
-        (FASTEST_AHEAD_M - BIT_M, MOST_AHEAD_M, Verdict.LOOK_FURTHER),
-        (FASTEST_AHEAD_M + BIT_M, MOST_AHEAD_M, Verdict.HALVE),
-        (FASTEST_AHEAD_M + BIT_M, FASTEST_AHEAD_M, Verdict.HALVE),
+        (LOOK_AHEAD_M - BIT_M, LOOK_AHEAD_M, Verdict.ACCEPT),
+        (LOOK_AHEAD_M + BIT_M, LOOK_AHEAD_M, Verdict.LOOK_FURTHER),
+        (LOOK_AHEAD_M + BIT_M, MAX_LOOK_AHEAD_M, Verdict.ACCEPT),
+        (MAX_LOOK_AHEAD_M - BIT_M, LOOK_AHEAD_M, Verdict.LOOK_FURTHER),
+        (MAX_LOOK_AHEAD_M + BIT_M, LOOK_AHEAD_M, Verdict.HALVE),
+        (MAX_LOOK_AHEAD_M + BIT_M, MAX_LOOK_AHEAD_M, Verdict.HALVE),
     ],
 )
 def test_a_step_is_judged_by_the_catheters_motion(small_scene, small_duct, moved_m, reach_m, verdict):
@@ -32,6 +32,6 @@ def test_a_step_in_which_the_wall_moved_too_far_is_halved(small_scene, small_duc
     simulation = Simulation(small_scene, small_duct)
     simulation.catheter.start_m[:] = simulation.catheter.state.position_m
     simulation.duct.q_start[:] = simulation.duct.state.q
-    assert simulation.splitter.judge(MOST_AHEAD_M) is Verdict.ACCEPT
+    assert simulation.splitter.judge(LOOK_AHEAD_M) is Verdict.ACCEPT
     simulation.duct.state.q[0] += 1.0
-    assert simulation.splitter.judge(MOST_AHEAD_M) is Verdict.HALVE
+    assert simulation.splitter.judge(LOOK_AHEAD_M) is Verdict.HALVE

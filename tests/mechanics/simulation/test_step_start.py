@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics.collision.candidate_list import FASTEST_AHEAD_M
+from services.mechanics.collision.candidate_list import MAX_LOOK_AHEAD_M
 from services.mechanics.contact.tool_loads import FORCE_RATE_N_S
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
@@ -87,7 +87,7 @@ def test_a_catheter_that_snaps_goes_no_further_in_a_part_than_contacts_are_seen_
     simulation.step(tools)
     assert sum(dt_s for dt_s, _ in ways.parts) == pytest.approx(1e-3)
     assert len(ways.parts) > 1
-    assert max(way_m for _, way_m in ways.parts) <= FASTEST_AHEAD_M
+    assert max(way_m for _, way_m in ways.parts) <= MAX_LOOK_AHEAD_M
 
 
 def test_a_catheter_thrown_at_a_tool_stops_at_it_though_it_was_no_candidate():

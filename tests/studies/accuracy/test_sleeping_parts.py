@@ -45,7 +45,7 @@ def test_what_is_woken_goes_where_it_would_have_gone(run_smallest):
 
 def test_a_part_that_sleeps_on_though_it_is_struck_or_touched_is_seen(monkeypatch):
     monkeypatch.setattr(duct_alone, "is_at_rest", lambda *_: True)
-    monkeypatch.setattr(catheter_body, "sleep_on", lambda *_: True)
+    monkeypatch.setattr(catheter_body, "continue_sleep", lambda *_: True)
     monkeypatch.setattr(CatheterBody, "_may_sleep_now", property(lambda body: body._may_sleep))
     reference = sleeping.reference(SMALLEST)
     for setting in BODIES:
