@@ -1,6 +1,7 @@
 // Saves a picture or a film of the view as a file, without the rest of the page; it sends nothing.
 
 const FILM_HZ = 30;
+const SLICE_MS = 100;
 const FORMATS = ["video/webm;codecs=vp9", "video/webm;codecs=vp8", "video/webm", "video/mp4"];
 
 export function nameOf(kind, now = new Date()) {
@@ -21,14 +22,20 @@ export class Film {
 
   begin() {
     const parts = [];
-    this.recorder = new MediaRecorder(this.canvas.captureStream(FILM_HZ), { mimeType: this.format });
-    this.recorder.ondataavailable = ({ data }) => data.size && parts.push(data);
-    this.recorder.onstop = () => save(new Blob(parts, { type: this.format }), nameOf(this.format.slice(6, 10).replace(";", "")));
-    this.recorder.start(1000);
+    const recorder = new MediaRecorder(this.canvas.captureStream(FILM_HZ), { mimeType: this.format });
+    recorder.ondataavailable = ({ data }) => {
+      if (data.size) parts.push(data);
+      if (this.recorder !== recorder && recorder.state === "recording" && parts.length) recorder.stop();
+    };
+    recorder.onstop = () => save(new Blob(parts, { type: this.format }), nameOf(this.format.slice(6, 10).replace(";", "")));
+    recorder.start(SLICE_MS);
+    this.recorder = recorder;
+    this.parts = parts;
   }
 
+  // A film that has no picture yet ends with its first one: a file without any would be empty.
   end() {
-    this.recorder?.stop();
-    this.recorder = null;
+    if (this.parts?.length) this.recorder.stop();
+    this.recorder = this.parts = null;
   }
 }

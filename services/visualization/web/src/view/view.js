@@ -108,7 +108,11 @@ export class View {
     const film = new Film(this.canvas);
     $("keep-film").disabled = !film.format;
     $("keep-film").title = film.format ? "Film the view, until pressed again; the file is saved here" : "This browser cannot film";
-    toggle($("keep-film"), (on) => (on ? film.begin() : film.end()));
+    toggle($("keep-film"), (on) => {
+      if (on) film.begin();
+      else film.end();
+      this.ask();
+    });
   }
 
   // The view as it is, as a file: drawn in the same turn, as a browser keeps no picture beyond it.
