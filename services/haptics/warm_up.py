@@ -67,7 +67,7 @@ def _step_catheter(scene: SceneModel) -> None:
 def compile_for_physics(scene: SceneModel, duct: ReducedDuct) -> None:
     """Call kernels that only physics needs, and needs last, so that both processes do not compile the same ones."""
     simulation = Simulation(scene, duct)
-    simulation.write_report(1e-3)
+    simulation.write_report()
     simulation.catheter.predict(1e-3)
     compile_rare_kernels(simulation)
     if simulation.catheter.plain_integrator is not None:

@@ -26,7 +26,7 @@ Explained = dict[tuple[int, int], FloatArray]
 
 
 def contact_forces_n(simulation: Simulation) -> FloatArray:
-    """Return the force of the contacts, and of a guide wire, on each tool (2, 3), before the limiter."""
+    """Return the force of the contacts, and of a guide wire, on each tool (2, 3), from the contact rows."""
     rows, n, forces = simulation.contacts, simulation.contacts.n_contacts, np.zeros((N_TOOLS, 3))
     if n:
         by_tool = rows.tool[:n] != NO_TOOL

@@ -30,8 +30,6 @@ LEAST_ENERGY_J = 1e-6
 FASTEST_SWEEP_M_S = 2.0
 """No hand is faster; a tool's target that jumps is swept at no more."""
 LEAST_FORCE_N_2 = 1e-24
-FALL_N_S = 250.0
-"""So fast a force that is gone at once may go on being felt to fall."""
 
 
 class Watch:
@@ -60,8 +58,6 @@ class Watch:
         self._thick_m = {name: radius_m if name in IN_CATHETER else duct.thickness_m for name in BODIES}
         self._healed_states = simulation.healed_states
         self._contact_n = self._contact_forces_n(is_healed=False)
-        self._force_n, self._gone_n = simulation.tool_results.force_n.copy(), np.zeros((N_TOOLS, 3))
-        self._hand = simulation.tools.hand.copy()
         self._present = simulation.tools.present.copy()
         self._largest_force_n = 0.0
         self._strain = 0.0
@@ -70,7 +66,7 @@ class Watch:
             (
                 *("raised", "not_finite", "speed", "stretch", "penetration", "penetration_any"),
                 *("tool_penetration", "tool_penetration_any", "crossings"),
-                *("force_step", "force_fall", "felt_step", "felt_error"),
+                *("force_step", "force_fall", "felt_error"),
             ),
             0.0,
         )
@@ -122,29 +118,20 @@ class Watch:
 
     def _look_at_forces(self, dt_s: float, is_healed: bool) -> None:
         felt_n, tools = self._simulation.tool_results.force_n, self._simulation.tools
-        contact_n, way_m = self._contact_forces_n(is_healed), tools.hand[:, :3] - self._hand[:, :3]
-        ticks, given_j = max(dt_s / 1e-3, 1.0), 0.0
+        contact_n, ticks = self._contact_forces_n(is_healed), max(dt_s / 1e-3, 1.0)
         for tool in np.flatnonzero(self._present & tools.present):
-            error_n = felt_n[tool] - contact_n[tool]
             fallen_n = self._fallen_n(int(tool), contact_n[tool]) * (not is_healed)
             step_n = _size(contact_n[tool] + fallen_n - self._contact_n[tool]) / ticks
             if step_n > CRITERIA["force_step"].limit:
                 self.sudden.append((self._steps, int(tool)))
-            is_late = _size(self._gone_n[tool]) > 0.0 and not is_healed
-            gone_n = self._gone_n[tool] + (self._contact_n[tool] - contact_n[tool] if is_late else fallen_n)
-            self._gone_n[tool] = gone_n * max(1.0 - FALL_N_S * dt_s / max(_size(gone_n), 1e-12), 0.0)
             self._keep("force_step", step_n)
             self._keep("force_fall", _size(fallen_n) / ticks)
-            self._keep("felt_step", _size(felt_n[tool] - self._force_n[tool]) / ticks)
-            self._keep("felt_error", _size(error_n - self._gone_n[tool] + _fall(self._gone_n[tool], error_n)))
-            given_j += float(error_n @ way_m[tool])
-        self._energy.give(given_j)
-        self._force_n[:], self._present[:], self._hand[:] = felt_n, tools.present, tools.hand
-        self._contact_n = contact_n
+            self._keep("felt_error", _size(felt_n[tool] - contact_n[tool]))
+        self._present[:], self._contact_n = tools.present, contact_n
         self._largest_force_n = max(self._largest_force_n, math.sqrt(float((felt_n**2).sum(axis=1).max())))
 
     def _contact_forces_n(self, is_healed: bool) -> FloatArray:
-        """Return the contact force on each tool (2, 3), before the limiter; none in a tick that ended in a heal."""
+        """Return the contact force on each tool (2, 3); none in a tick that ended in a heal."""
         return np.zeros((N_TOOLS, 3)) if is_healed else contact_forces_n(self._simulation)
 
     def _fallen_n(self, tool: int, contact_n: FloatArray) -> FloatArray:
@@ -268,7 +255,6 @@ class _Energy:
         self._highest_j = 0.0
         self._fall_j = 0.0
         self._imbalance_j = 0.0
-        self._given_j = self._least_given_j = self._most_given_j = 0.0
 
     def enter(self, flow: EnergyFlow) -> None:
         spent_j = flow.input_j - flow.stored_j
@@ -277,14 +263,8 @@ class _Energy:
         self._fall_j = max(self._fall_j, self._highest_j - spent_j)
         self._imbalance_j = max(self._imbalance_j, abs(flow.imbalance_j))
 
-    def give(self, given_j: float) -> None:
-        """Enter what a hand was given by the force that it is shown beyond what the contacts' gives it."""
-        self._given_j += given_j
-        self._least_given_j = min(self._least_given_j, self._given_j)
-        self._most_given_j = max(self._most_given_j, self._given_j - self._least_given_j)
-
     def figures(self) -> Figures:
-        figures = {"gain": self._fall_j, "imbalance": self._imbalance_j, "felt_gain": self._most_given_j}
+        figures = {"gain": self._fall_j, "imbalance": self._imbalance_j}
         return {name: value / self._largest_j for name, value in figures.items()}
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated
 
 from services.mechanics.arrays import FloatArray
@@ -15,10 +14,6 @@ from services.mechanics.contact.laws import HAS_GAP
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.scene.tools import N_TOOLS, ToolResults
-
-# Largest rate of the reported force. A hand at 0.5 m/s loads a coupling of 500 N/m at this rate. A force that jumps, as
-# when a grip is lost, is felt as a ramp of this slope.
-FORCE_RATE_N_S = 250.0
 
 
 class ReportArrays(Struct):
@@ -71,7 +66,6 @@ def report(
     state_address: Address[ContactState],
     tools_address: Address[ToolArrays],
     report_address: Address[ReportArrays],
-    dt_s: float,
 ) -> float:
     """Write the tools' loads and poses; return the catheter's deepest overlap (m) at the start of the step.
 
@@ -81,27 +75,11 @@ def report(
     _moments(state.rows, state.force_n, tools.port, out.port_moment)
     for tool in range(out.loads.shape[0]):
         out.grasp_torque[tool] = out.loads[tool, 3]
-        _limit_force_rate(tools.present[tool], out.loads[tool], FORCE_RATE_N_S * dt_s, out.force[tool])
         for axis in range(3):
+            out.force[tool, axis] = out.loads[tool, axis]
             out.proxy_position[tool, axis] = tools.proxy[tool, axis]
         out.proxy_jaw_angle[tool] = tools.proxy[tool, 3]
     return _deepest_overlap(state.rows)
-
-
-@kernel
-def _limit_force_rate(is_present: bool, load: FloatArray, max_change_n: float, out: FloatArray) -> None:
-    """Change ``out`` (3,) towards ``load`` (3,), in N, by at most ``max_change_n``; of an absent tool make it zero."""
-    change_2 = 0.0
-    for axis in range(3):
-        change_2 += (load[axis] - out[axis]) ** 2
-    share = max_change_n / math.sqrt(change_2) if change_2 > max_change_n * max_change_n else 1.0
-    for axis in range(3):
-        if not is_present:
-            out[axis] = 0.0
-        elif share == 1.0:
-            out[axis] = load[axis]
-        else:
-            out[axis] += share * (load[axis] - out[axis])
 
 
 @kernel

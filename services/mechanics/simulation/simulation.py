@@ -131,7 +131,7 @@ class Simulation:
                 self._heal()
                 break
         start_ns = perf_counter_ns()
-        self.write_report(dt_s)
+        self.write_report()
         self.cost_ns[-1] = perf_counter_ns() - start_ns
         if self._fading and all(effect.rests for effect in self._fading):
             self._use_rung(self.quality_level)
@@ -359,10 +359,10 @@ class Simulation:
             effect.after_solve(self.world, dt_s)
         self.cost_ns[-2] += perf_counter_ns() - start_ns
 
-    def write_report(self, dt_s: float) -> None:
-        """Write the forces on the tools at the end of a tick of length ``dt_s``, whatever its number of substeps."""
+    def write_report(self) -> None:
+        """Write the forces on the tools at the end of a tick, whatever its number of substeps."""
         addresses = (self.system.address, self.tools.address, self._report_arrays.address)
-        self.max_penetration_m = report(*addresses, dt_s)
+        self.max_penetration_m = report(*addresses)
         if self.system.strategy.keeps_delassus and self.is_felt:
             self._stiffness.write()
         if self.wire_drive is not None:

@@ -55,7 +55,7 @@ GAINED = [
 @pytest.mark.parametrize(("seed", "family", "case", "before"), GAINED)
 def test_it_gains_nothing(seed, family, case, before):
     result = run_case(Order(Reach.LONG, seed, (family,)), family, case)
-    assert not {"gain", "imbalance", "speed", "stretch", "rest", "felt_step"} & set(result.failed), result.figures
+    assert not {"gain", "imbalance", "speed", "stretch", "rest"} & set(result.failed), result.figures
     assert result.figures["gain"] < 0.5 * min(before, 0.01)
 
 
@@ -88,14 +88,14 @@ TAKEN_BACK = [
 @pytest.mark.parametrize(("seed", "family", "case", "before"), TAKEN_BACK)
 def test_what_overlaps_are_taken_back_by_comes_from_nowhere_else(seed, family, case, before):
     result = run_case(Order(Reach.LONG, seed, (family,)), family, case)
-    assert not {"gain", "imbalance", "speed", "stretch", "rest", "felt_step"} & set(result.failed), result.figures
+    assert not {"gain", "imbalance", "speed", "stretch", "rest"} & set(result.failed), result.figures
     assert result.figures["gain"] < min(3e-3, 0.1 * before)
 
 
 def test_a_light_catheter_in_its_seal_gains_nothing():
     """In one tick the solve ends before it converges: 1e-5 to 0.008 were seen, and 0.25 before that."""
     result = run_case(Order(Reach.LONG, 11, ("mass",)), "mass", "catheter 0.01 times as heavy, number 0")
-    assert not {"imbalance", "speed", "stretch", "rest", "felt_step"} & set(result.failed), result.figures
+    assert not {"imbalance", "speed", "stretch", "rest"} & set(result.failed), result.figures
     assert result.figures["gain"] < 3e-3
 
 
@@ -128,7 +128,7 @@ SLIPPED_THROUGH = [
 @pytest.mark.parametrize(("seed", "family", "case", "gained", "deep_m"), SLIPPED_THROUGH)
 def test_jaws_that_let_go_meet_what_they_held_where_it_is(seed, family, case, gained, deep_m):
     result = run_case(Order(Reach.LONG, seed, (family,)), family, case)
-    assert not {"gain", "tool_penetration_any", "felt_step"} & set(result.failed), result.figures
+    assert not {"gain", "tool_penetration_any"} & set(result.failed), result.figures
     assert result.figures["gain"] < 0.5 * gained
     assert result.figures["tool_penetration_any"] * 1e-3 < 0.1 * deep_m
 
@@ -166,7 +166,7 @@ SUNK_IN = [
 @pytest.mark.parametrize(("seed", "family", "case", "deep_m"), SUNK_IN)
 def test_a_wall_does_not_roll_into_the_catheter(seed, family, case, deep_m):
     result = run_case(Order(Reach.LONG, seed, (family,)), family, case)
-    assert not {"gain", "felt_step", "rest"} & set(result.failed), result.figures
+    assert not {"gain", "rest"} & set(result.failed), result.figures
     if family == "mass":
         assert result.figures["penetration_hand"] < 0.4 * deep_m
     else:  # known: by the outside judge the catheter is deep between its particles, where rows see nothing
