@@ -301,8 +301,9 @@ def _dissipated_by_effects_j(simulation: Simulation) -> float:
 
 
 def _kick_energy_j(simulation: Simulation) -> float:
-    """Energy that the kicks of the wall are the gradient of."""
-    return sum(effect.potential_energy_j(simulation.world) for effect in simulation.effects.values() if effect.kicks)
+    """Energy that the kicks of the wall are the gradient of, before any of it relaxed."""
+    kicking = [effect for effect in simulation.effects.values() if effect.kicks]
+    return sum(effect.potential_energy_j(simulation.world) + effect.dissipated_j for effect in kicking)
 
 
 def _driven_j(simulation: Simulation) -> tuple[float, float]:

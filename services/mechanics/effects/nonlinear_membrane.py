@@ -6,8 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from services.mechanics.arrays import AnyArray, FloatArray
 from services.mechanics.effects.base import Effect, recipe_of, require_positive
+from services.mechanics.reduction.nonlinear.cubic_force import apply_impulse
 from services.mechanics.reduction.nonlinear.quadratic_manifold import fetch_membrane_force
+from services.mechanics.reduction.viscoelastic import NEVER, ViscousModes
 from services.mechanics.scene import SceneModel
 from services.mechanics.world import World
 
@@ -27,6 +30,10 @@ class NonlinearMembrane(Effect):
 
     The splitting is symplectic: energy is bounded while the tangent stays below (2 / dt)^2. The force derives from one
     polynomial energy, so it feeds in no energy on average.
+
+    A viscoelastic wall has the energy (1 - sum g) W(q) + sum_k g_k W(q - d_k) with the energy W of the elastic one,
+    which is never negative, and the lagging coordinates d_k of its modes. If only the linear part of W relaxed, the
+    rest would exceed it where the wall is bent by some thicknesses, and the wall would snap.
     """
 
     Settings = NonlinearMembraneSettings
@@ -50,13 +57,44 @@ class NonlinearMembrane(Effect):
         recipe = replace(recipe_of(duct, "nonlinear_membrane"), mesh=duct.mesh)
         self._force = fetch_membrane_force(recipe, duct.basis, self.settings.n_coordinates, duct.cache_dir)
         self._damping = 2.0 * duct.basis.omega_rad_s * duct.damping_ratio
-        self._scratch = np.zeros((3, duct.basis.n_modes))
+        self._gradient, self._branch = np.zeros((2, duct.basis.n_modes))
+        self._scratch = np.zeros((2, self.settings.n_coordinates))
+        viscous = self.scene.effects.get("viscoelasticity")
+        self._lagging = ViscousModes(duct.basis.omega_rad_s, viscous.series() if viscous is not None else NEVER)
 
     def add_loads(self, world: World, dt_s: float) -> None:
         """Kick the modes."""
-        self._force.kick(world.duct.state, dt_s, self._damping, self._scratch)
-        world.duct.modal_kick -= self._scratch[0]
+        state = world.duct.state
+        self._write_gradient(state.q)
+        apply_impulse(state.qdot, state.qddot, self._gradient, self._damping, -dt_s)
+        world.duct.modal_kick -= self._gradient
+
+    def after_solve(self, world: World, dt_s: float) -> None:
+        """Let the lagging coordinates follow the modes."""
+        q, lagging = world.duct.state.q, self._lagging
+        if len(lagging.g):
+            behind = q - lagging.d
+            lagging.relax(q, dt_s)
+            for share, before, after in zip(lagging.g, behind, q - lagging.d, strict=True):
+                self.dissipated_j += share * (self._force.energy_j(before) - self._force.energy_j(after))
+
+    def state_arrays(self) -> tuple[AnyArray, ...]:
+        """Return the lagging coordinates."""
+        return (self._lagging.d,) if len(self._lagging.g) else ()
 
     def potential_energy_j(self, world: World) -> float:
         """Return the energy of the polynomial."""
-        return self._force.energy_j(world.duct.state.q)
+        q, lagging = world.duct.state.q, self._lagging
+        branches_j = sum(share * self._force.energy_j(q - d) for share, d in zip(lagging.g, lagging.d, strict=True))
+        return lagging.long_term * self._force.energy_j(q) + float(branches_j)
+
+    def _write_gradient(self, q: FloatArray) -> None:
+        gradient, branch, lagging = self._gradient, self._branch, self._lagging
+        gradient[:] = 0.0
+        self._force.add_force(q, gradient, self._scratch)
+        if len(lagging.g):
+            gradient *= lagging.long_term
+            for share, d in zip(lagging.g, lagging.d, strict=True):
+                branch[:] = 0.0
+                self._force.add_force(q - d, branch, self._scratch)
+                gradient += share * branch

@@ -53,34 +53,37 @@ class ViscousModes:
     holds where the acceleration at the start of a step counts the force of that step.
 
     Attributes:
+        g: (k,) float64. Shares of the terms.
+        long_term: float. Share that never relaxes, 1 - sum g.
         d: (k, r) float64. Lagging coordinates; d' = (q - d) / tau.
         dissipated_j: float. Energy lost to relaxation so far.
     """
 
     def __init__(self, omega_rad_s: FloatArray, series: PronySeries) -> None:
         self._stiffness = omega_rad_s**2
-        self._g = np.array(series.g)
+        self.g: FloatArray = np.array(series.g)
+        self.long_term = 1.0 - float(self.g.sum())
         self._tau_s = np.array(series.tau_s)
         self._dt_s = float("nan")
-        self._decay = np.ones(self._g.size)
-        self.d = np.zeros((self._g.size, omega_rad_s.size))
+        self._decay = np.ones(self.g.size)
+        self.d = np.zeros((self.g.size, omega_rad_s.size))
         self.dissipated_j = 0.0
 
     def add_force(self, out: FloatArray) -> None:
         """Add omega^2 sum_k g_k d_k to the modal force ``out`` (r,)."""
-        add_viscous_force(self._stiffness, self._g, self.d, out)
+        add_viscous_force(self._stiffness, self.g, self.d, out)
 
     def relax(self, q: FloatArray, dt_s: float) -> None:
         """Let the lagging coordinates follow q (r,) for ``dt_s``."""
         if dt_s != self._dt_s:
             self._decay = np.exp(-dt_s / self._tau_s)
             self._dt_s = dt_s
-        self.dissipated_j += relax_coordinates(self._stiffness, self._g, self._decay, q, self.d)
+        self.dissipated_j += relax_coordinates(self._stiffness, self.g, self._decay, q, self.d)
 
     def stored_energy_j(self, q: FloatArray) -> float:
         """Return the elastic energy of a viscoelastic wall at q (r,): springs of all terms and the long-term one."""
-        long_term = (1.0 - self._g.sum()) * q**2
-        terms = np.sum(self._g[:, None] * (q - self.d) ** 2, axis=0)
+        long_term = self.long_term * q**2
+        terms = np.sum(self.g[:, None] * (q - self.d) ** 2, axis=0)
         return 0.5 * float(self._stiffness @ (long_term + terms))
 
 

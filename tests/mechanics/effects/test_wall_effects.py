@@ -143,6 +143,32 @@ def test_a_wall_that_stiffens_rings_faster_the_further_it_swings(with_effects, s
     assert third_zero_ms(scene, duct, 8e-3) < 0.85 * linear
 
 
+def stored_in_wall_j(simulation):
+    duct = simulation.duct
+    elastic_j = duct.state.strain_energy_j(duct.reduced.basis.omega_rad_s)
+    return elastic_j + sum(effect.potential_energy_j(simulation.world) for effect in simulation.effects.values())
+
+
+def test_a_bent_wall_that_stiffens_relaxes_to_the_same_share_of_its_energy(with_effects, small_duct):
+    """If the linear part alone relaxed, walls bent by a few radii would store less than nothing, and snap."""
+    scene = with_effects(nonlinear_membrane={"n_coordinates": 6})
+    elastic = Simulation(scene, small_duct)
+    relaxed = Simulation(with_effects(nonlinear_membrane={"n_coordinates": 6}, viscoelasticity={}), small_duct)
+    series = relaxed.scene.effects["viscoelasticity"].series()
+    random = np.random.default_rng(0)
+    for _ in range(20):
+        q = np.zeros_like(elastic.duct.state.q)
+        q[:6] = random.normal(size=6) / small_duct.basis.omega_rad_s[:6]
+        q *= random.uniform(4e-3, 16e-3) / np.linalg.norm(small_duct.basis.displacements(q), axis=1).max()
+        for each in (elastic, relaxed):
+            each.duct.state.q[:] = q
+        for effect in relaxed.effects.values():
+            effect.after_solve(relaxed.world, 1e3)
+        assert stored_in_wall_j(elastic) > 0.0
+        assert sum(effect.dissipated_j for effect in relaxed.effects.values()) > 0.0
+        assert stored_in_wall_j(relaxed) == pytest.approx((1.0 - sum(series.g)) * stored_in_wall_j(elastic), rel=1e-6)
+
+
 def test_the_stiffening_is_kept_where_the_modes_of_the_duct_are(with_effects, tmp_path, own_cache):
     scene = with_effects(nonlinear_membrane={"n_coordinates": 2})
     of_others = set(own_cache.rglob("membrane-*"))

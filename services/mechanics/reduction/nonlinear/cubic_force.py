@@ -16,7 +16,6 @@ import numpy.typing as npt
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import kernel
-from services.mechanics.reduction.modal_state import ModalState
 from services.mechanics.reduction.nonlinear.membrane import Membrane
 
 PairIndices = npt.NDArray[np.intp]
@@ -52,27 +51,10 @@ class CubicForce:
         add_cubic_force(self.coordinates, self.quadratic, self.cubic, q, out, scratch)
 
     def energy_j(self, q: FloatArray) -> float:
-        """Return the energy in J, by Euler's theorem a third and a quarter of the parts' work q . f."""
-        scratch, none = np.zeros((2, self.coordinates.size)), np.zeros_like(self.cubic[:0])
-        x = q[self.coordinates]
-        quadratic, total = np.zeros((2, q.size))
-        add_cubic_force(self.coordinates, self.quadratic, none, q, quadratic, scratch)
-        self.add_force(q, total, scratch)
-        second = quadratic[self.coordinates]
-        return float(x @ second / 3.0 + x @ (total[self.coordinates] - second) / 4.0)
-
-    def kick(self, state: ModalState, dt_s: float, damping_1_s: FloatArray, scratch: FloatArray) -> None:
-        """Apply the force of one step as an impulse to ``state``, in place, before the linear step.
-
-        With a linear step that is exact or Newmark's this is a symplectic splitting: without damping the energy
-        is bounded, not drifting, while the tangent stiffness of the whole stays below (2 / dt)^2. The
-        acceleration follows by the damping force; ``damping_1_s`` (r,) is 2 omega zeta, ``scratch`` (3, r),
-        of which the first row keeps the gradient of the energy that the impulse is of.
-        """
-        impulse = scratch[0]
-        impulse[:] = 0.0
-        self.add_force(state.q, impulse, scratch[1:, : self.coordinates.size])
-        apply_impulse(state.qdot, state.qddot, impulse, damping_1_s, -dt_s)
+        """Return the energy in J."""
+        work, scratch = np.zeros((2, q.size)), np.zeros((2, self.coordinates.size))
+        energy: float = cubic_energy_j(self.coordinates, self.quadratic, self.cubic, q, work, scratch)
+        return energy
 
 
 @kernel
@@ -103,8 +85,32 @@ def add_cubic_force(
 
 
 @kernel
+def cubic_energy_j(
+    coordinates: IntArray,
+    quadratic: FloatArray,
+    cubic: FloatArray,
+    q: FloatArray,
+    work: FloatArray,
+    scratch: FloatArray,
+) -> float:
+    """Return the energy in J, by Euler's theorem a third and a quarter of the parts' work q . f; ``work`` is (2, r)."""
+    work[:] = 0.0
+    add_cubic_force(coordinates, quadratic, cubic[:0], q, work[0], scratch)
+    add_cubic_force(coordinates, quadratic, cubic, q, work[1], scratch)
+    energy = 0.0
+    for mode in range(q.shape[0]):
+        energy += q[mode] * (work[0, mode] / 3.0 + (work[1, mode] - work[0, mode]) / 4.0)
+    return energy
+
+
+@kernel
 def apply_impulse(qdot: FloatArray, qddot: FloatArray, force: FloatArray, damping: FloatArray, duration: float) -> None:
-    """Change rates and accelerations (r,) in place by an impulse ``force`` times ``duration``."""
+    """Change rates and accelerations (r,) in place by an impulse ``force`` times ``duration``.
+
+    With a linear step that is exact or Newmark's this is a symplectic splitting: without damping the energy is bounded,
+    not drifting, while the tangent stiffness of the whole stays below (2 / dt)^2. The acceleration follows by the
+    damping force; ``damping`` (r,) is 2 omega zeta.
+    """
     for mode in range(qdot.shape[0]):
         change = duration * force[mode]
         qdot[mode] += change
