@@ -8,7 +8,8 @@ budget that the last one could have had, so that jaws shut on a wall need one so
 because other contacts bear the load then, nothing is recovered, and the solution of the laws alone is passive.
 
 Jaws at rest would keep their last micrometres of overlap for ever, which is an error of one per cent in a force. So
-there is a small credit, a fraction of the recent work of the hands, which friction and impacts repay.
+while a tool touches something there is a small credit, a fraction of the recent work of the hands, which friction and
+impacts repay. A catheter left alone has none: it would be set swinging for seconds.
 
 There is no limit in the first tenth of a second. Bodies may overlap when a scene begins, as a wall does that a hand
 presses while physics restarts; they are separated at the bounded speed of recovery.
@@ -21,6 +22,7 @@ from typing import Annotated
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.tool_body import ToolArrays
+from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Struct
 from services.mechanics.contact.laws import ELASTIC_AXES, HAS_GAP
@@ -29,9 +31,9 @@ from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import solve_contacts
 from services.mechanics.contact.solver_steps import SolverScratch
 
-# Energy that a step may add without debt: a ten-thousandth of a catheter's kinetic energy at 0.1 m/s. A catheter at
-# rest on flat triangles adds a sixth of it when its contact points change triangles.
-SLACK_J = 1e-10
+# Energy that a step may add without debt. At a power of SLACK_J in each millisecond a tip that weighs on the wall with
+# 0.2 mN, at a friction of 0.05, slides at 0.1 mm/s, a tenth of what counts as rest.
+SLACK_J = 1e-12
 # Largest debt, as a fraction of the work of the hands within the last `RECENT_S`.
 CREDIT = 2e-3
 RECENT_S = 1.0
@@ -85,7 +87,7 @@ def solve_passively(
         ledger.contact_time_s += tools_and_step[1]
         only: int = solve_contacts(problem, W, effort, scratch)
         return only
-    credit_j = max(CREDIT * ledger.max_hand_work_j - ledger.debt_j, SLACK_J)
+    credit_j = max(CREDIT * ledger.max_hand_work_j - ledger.debt_j, SLACK_J) if _touch_tools(rows) else SLACK_J
     is_limited = limit_recovery(rows, ledger.budget_j + credit_j, problem.motion)
     sweeps: int = solve_contacts(problem, W, effort, scratch)
     excess_j = _excess_j(problem, tools_and_step)
@@ -127,6 +129,11 @@ def _add_hand_work(ledger: Ledger, tools: ToolArrays, dt_s: float) -> None:
                 force = tools.stiffness[tool, axis] * tools.stretch[tool, axis]
                 ledger.hand_work_j -= force * (tools.hand[tool, axis] - tools.start[tool, axis])
     ledger.max_hand_work_j = max(kept * ledger.max_hand_work_j, abs(ledger.hand_work_j))
+
+
+@kernel
+def _touch_tools(rows: ContactRows) -> bool:
+    return bool((rows.tool[: rows.n_contacts] != NO_TOOL).any())
 
 
 @kernel

@@ -3,10 +3,10 @@
 A candidate gets a row if it touches, or would touch if all motions continued as in the last step. Candidates are chosen
 by increasing clearance (the gap plus the indentation by jaws), members of the set first. A candidate whose position on
 the undeformed wall and normal are near those of a chosen one of the same body is a duplicate, and gets no row, unless
-it nearly touches: a touching point without a row would penetrate, and be pushed out later. A feature (piece and
-triangle) whose contact carried a force stays a member for some steps. Between squeezing jaws the closest pair need not
-have the smallest clearance: a point that carried a force is a candidate in the next step too, because otherwise pricing
-would have to find it in every step.
+it is deeper: a body would roll into the wall there, and be pushed out again. A feature (piece and triangle) whose
+contact carried a force stays a member for some steps. Between squeezing jaws the closest pair need not have the
+smallest clearance: a point that carried a force is a candidate in the next step too, because otherwise pricing would
+have to find it in every step.
 """
 
 from __future__ import annotations
@@ -38,15 +38,13 @@ from services.mechanics.contact.geometry import ContactGeometry, ToolGeometry, g
 SAME_NORMAL = 0.9
 #: Smallest cosine between the normals of contacts on one flat facet, 2 degrees.
 SAME_FACET = 0.9994
-#: A facet is flat if a segment's clearance along it is within this of linear, a tenth of what touches.
-FLAT_M = 3e-6
+#: A contact is left out only if its clearance is at most this below what chosen ones imply: a tenth of what touches.
+IMPLIED_M = 3e-6
 #: Largest gap that counts as touching: gaps and overlaps of surfaces at rest are smaller. Candidates without a row may
 #: end no deeper than this, see `simulation.step_solver`.
 TOUCHING_M = 30e-6
 #: Distance within which two points are the same, as a fraction of the axis's distance from the wall in contact.
 SAME_POINT = 0.02
-#: Touching candidates are merged within this fraction of the merge distance.
-TOUCHING_SHARE = 0.5
 #: A step begins with rows for all members, and for the nearest other candidates up to this total; pricing finds the
 #: rest. Assembling and solving so many rows costs about as much as pricing.
 MAX_CHOSEN = 32
@@ -167,7 +165,7 @@ def _is_between(found: Candidates, working: WorkingSet, i: int) -> bool:
         return False
     share = (s - found.s[before]) / (found.s[after] - found.s[before])
     implied_m = (1.0 - share) * working.clearance_m[before] + share * working.clearance_m[after]
-    return bool(working.clearance_m[i] >= implied_m - FLAT_M)
+    return bool(working.clearance_m[i] >= implied_m - IMPLIED_M)
 
 
 @kernel
@@ -220,17 +218,17 @@ def _is_duplicate(found: Candidates, working: WorkingSet, i: int) -> bool:
     near = working.merge_m[found.piece[i]]
     if _is_member(found, working, i):
         near = 2.0 * SAME_POINT * near
-    elif working.clearance_m[i] <= TOUCHING_M:
-        near *= TOUCHING_SHARE
     return has_chosen_near(found, working, i, near)
 
 
 @kernel
 def has_chosen_near(found: Candidates, working: WorkingSet, i: int, near: float) -> bool:
-    """Return whether one that is chosen is of this one's body and normal, and nearer than ``near`` at rest."""
+    """Return whether a chosen one, as deep, has this one's body and normal, and is nearer than ``near`` at rest."""
     p, normal, place = found.piece[i], row(found.normal, i), row(working.at_rest, i)
     for k in range(working.n_chosen):
         other = working.chosen[k]
+        if working.clearance_m[i] < working.clearance_m[other] - IMPLIED_M:
+            continue
         is_alike = is_same_body(working, p, found.piece[other]) and dot(normal, row(found.normal, other)) >= SAME_NORMAL
         if is_alike and squared_distance(place, row(working.at_rest, other)) < near * near:
             return True

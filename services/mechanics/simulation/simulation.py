@@ -93,7 +93,7 @@ class Simulation:
         self._stiffness = LocalStiffness(self.system.bodies, self.system.address, self.tool_results)
         self.cost_ns = [0] * len(STAGE_NAMES)
         self._marks_ns = [0] * (len(STAGE_NAMES) - 1)
-        self.splitter = StepSplitter(world)
+        self.splitter, self._must_settle = StepSplitter(world), True
         self._arguments = ArgumentCheck()
         self.watcher: Watcher | None = None
         for effect in stages["prepare"]:
@@ -138,6 +138,7 @@ class Simulation:
 
     def _step_in_parts(self, tools: ToolInputs, dt_s: float) -> bool:
         """Advance by a step in substeps; return False as soon as one of them ends in an unsound state."""
+        self._must_settle = True
         parts, moved_m = self.splitter.parts(tools, dt_s)
         self.search.expect(moved_m)
         return all(self._take_part(tools, dt_s / parts) for _ in range(parts))
@@ -145,7 +146,9 @@ class Simulation:
     def _take_part(self, tools: ToolInputs, dt_s: float) -> bool:
         """Advance by a substep; return whether the state is sound.
 
-        A substep that is not accepted is rolled back, and repeated with longer candidate lists or in halves.
+        A substep that is not accepted is rolled back, and repeated with longer candidate lists or in halves. Once one
+        of the shortest has failed, contacts need not settle in the rest of the step: halves mend motion, not a wall
+        that is crushed until its contacts have no solution.
         """
         self.duct.change_step(dt_s)
         if self.watcher is not None:
@@ -159,6 +162,7 @@ class Simulation:
                 self.search.expect(self.splitter.moved_m)
                 count = 1
             return all(self._take_part(tools, dt_s / count) for _ in range(count))
+        self._must_settle &= verdict is Verdict.ACCEPT
         self._correct(dt_s)
         if self.watcher is not None:
             self.watcher.end(dt_s)
@@ -183,7 +187,7 @@ class Simulation:
         if self.system.rows.n_contacts > 0:
             self.solver.prepare(dt_s)
         marks[4] = perf_counter_ns()
-        is_settled = self.solver.solve(dt_s)
+        is_settled = self.solver.solve(dt_s) or not self._must_settle
         marks[5] = perf_counter_ns()
         self.cost_ns[:5] = map(add, self.cost_ns, map(sub, marks[1:], marks))
         verdict = self.splitter.judge(self.search.reach_m)

@@ -115,17 +115,23 @@ def test_a_step_that_is_solved_again_is_entered_once():
     assert entered[-1][0] == pytest.approx((1.0 + (1.0 - DT_S / RECENT_S)) * 4 * 1000.0 * 1e-3 * 2e-3)
 
 
-def test_what_a_step_may_give_is_not_owed():
-    """A catheter that lies still on flat triangles gives 16 pJ in each step: once that added up, points were kept."""
-    for gap_m, gives_j in ((-5e-6 - 3e-10, 0.6e-10), (-10e-6, 1e-6)):
-        pressed = Pressed(0, k=1)
-        rows = pressed.rows
-        rows.gap_m[0], rows.friction[0] = gap_m, 0.0
-        rows.slip_m[0] = -1e-3 * rows.frame[0, 0]
-        pressed.bodies_m_n = np.diag([1e-3, 1e-9, 1e-9])
-        pressed.W = pressed.bodies_m_n + np.diag(rows.softness_m_n[0])
-        free_motion(rows, RECOVERY, DT_S, pressed.problem.motion)
-        pressed.ledger.max_hand_work_j = 1.0
-        contact_work_j = pressed.solve(solve_passively).contact_work_j()
-        assert contact_work_j == pytest.approx(gives_j, rel=0.01)
-        assert pressed.ledger.debt_j == pytest.approx(max(contact_work_j - SLACK_J, 0.0), rel=1e-6)
+@pytest.mark.parametrize(
+    ("tool", "gap_m", "gives_j"),
+    [(0, -5e-6 - 3e-12, 0.6e-12), (0, -10e-6, 1e-6), (-1, -5e-6 - 3e-12, 0.6e-12), (-1, -10e-6, -1e-7)],
+)
+def test_what_a_step_may_give_is_not_owed(tool, gap_m, gives_j):
+    """A tool's contacts may use a share of the hands' work; a catheter left alone would swing with it.
+
+    There the surfaces sink at 1 N by their softness of 1e-7 m/N, and nothing is recovered.
+    """
+    pressed = Pressed(0, k=1)
+    rows = pressed.rows
+    rows.tool[0], rows.gap_m[0], rows.friction[0] = tool, gap_m, 0.0
+    rows.slip_m[0] = -1e-3 * rows.frame[0, 0]
+    pressed.bodies_m_n = np.diag([1e-3, 1e-9, 1e-9])
+    pressed.W = pressed.bodies_m_n + np.diag(rows.softness_m_n[0])
+    free_motion(rows, RECOVERY, DT_S, pressed.problem.motion)
+    pressed.ledger.max_hand_work_j = 1.0
+    contact_work_j = pressed.solve(solve_passively).contact_work_j()
+    assert contact_work_j == pytest.approx(gives_j, rel=0.02)
+    assert pressed.ledger.debt_j == pytest.approx(max(contact_work_j - SLACK_J, 0.0), abs=1e-15)

@@ -11,13 +11,13 @@ from services.mechanics.collision.clusters import cluster_triangles
 from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, ToolGeometry, WallGeometry
 from services.mechanics.contact.spheres import no_spheres
 from services.mechanics.contact.working_set import (
+    IMPLIED_M,
     LIFE_STEPS,
     MAX_CHOSEN,
     N_TOOL_PIECES,
     SAME_NORMAL,
     SAME_POINT,
     TOUCHING_M,
-    TOUCHING_SHARE,
     age,
     choose,
     forget,
@@ -90,7 +90,7 @@ def is_one_body(p, q):
 @settings(max_examples=60)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 60), n_members=st.integers(0, 20))
 def test_who_is_left_out_is_stood_for_by_one_nearby_that_is_nearer(seed, n, n_members):
-    """Nothing that touches is merged beyond its share, no member but with itself; or nearer ones fill the set."""
+    """No candidate is merged with one that is less deep, no member but with itself; or nearer ones fill the set."""
     rng, chooser = np.random.default_rng(seed), Chooser()
     candidates = random_candidates(rng, n)
     for k in rng.choice(n, min(n, n_members), replace=False):
@@ -101,13 +101,11 @@ def test_who_is_left_out_is_stood_for_by_one_nearby_that_is_nearer(seed, n, n_me
     assert [rank[k] for k in chosen] == sorted(rank[k] for k in chosen)
 
     def merge_m(k):
-        apart_m = chooser.set.merge_m[candidates[k][0]]
-        if is_member[k]:
-            return 2.0 * SAME_POINT * apart_m
-        return apart_m * (TOUCHING_SHARE if candidates[k][4] <= TOUCHING_M else 1.0)
+        return (2.0 * SAME_POINT if is_member[k] else 1.0) * chooser.set.merge_m[candidates[k][0]]
 
     def stands_for(one, k):
         is_alike = candidates[one][3] @ candidates[k][3] >= SAME_NORMAL
+        is_alike &= candidates[k][4] >= candidates[one][4] - IMPLIED_M
         apart_m = np.linalg.norm(place(candidates[one]) - place(candidates[k]))
         return is_one_body(candidates[one][0], candidates[k][0]) and is_alike and apart_m < merge_m(k)
 
