@@ -58,6 +58,14 @@ def test_it_meets_its_criteria(family):
     assert not result.failed, told
 
 
+def test_a_case_is_the_same_to_the_bit_after_another():
+    """The long run asks so of every tenth case."""
+    case, other = (next(iter(FAMILIES[name].cases(QUICK.draw))) for name in ("rolling", "probing"))
+    digest = case.run().digest
+    other.run()
+    assert case.run().digest == digest
+
+
 def test_there_is_one_of_every_family():
     assert list(DAY) == list(FAMILIES)
     assert set(DAY.items()) <= set(list_cases(QUICK))
