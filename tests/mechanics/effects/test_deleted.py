@@ -57,6 +57,7 @@ FEATURES = [
     *(f"services.mechanics.bodies.{name}" for name in ("catheter_drive", "wire_drive", "guide_wire")),
     *("services.mechanics.rod.guide_wire", "services.mechanics.scene.duct_tubes", "services.meshes.branching"),
 ]
+#: A line for each argument, which names the effects that are left out, with commas between them.
 #: Both tools press a duct with a catheter in it, one from above and one aside, with every other effect but the two that
 #: take seconds to prepare: the state to the last bit, how many calls of stages a step makes and how many instructions
 #: of the interpreter it takes, and whether anything was touched.
@@ -70,27 +71,27 @@ from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.scene_duct import build_scene_duct
 from tests.instructions import instructions
-left_out = sys.argv[1:]
-others = [name for name in EFFECTS if name not in (*left_out, "softening", "hyperelasticity")]
-scene = SceneModel(
-    duct=DuctScene(n_around=12, n_along=14, n_modes=20, thickness_m=1e-3, youngs_modulus_pa=300e3),
-    catheter=CatheterScene(n_segments=30, tip_position_m=(25e-3, 0.0, 0.0), introducer_to_tip_m=65e-3),
-    forceps=(ForcepsScene(port_position_m=(20e-3, 0.0, 0.15)), ForcepsScene(port_position_m=(60e-3, 10e-3, 0.15))),
-    effects={{name: EFFECTS[name].kind.Settings() for name in others}},
-)
-simulation, tools = Simulation(scene, build_scene_duct(scene)), ToolInputs()
-state, touched = hashlib.blake2b(), 0
-for tick in range(400):
-    down = 5e-3 * np.sin(np.pi * tick / 400.0) ** 2
-    tools.position_m[0] = 20e-3, 1e-3 * np.sin(tick / 40.0), 23e-3 - 1.6 * down
-    tools.position_m[1] = 55e-3, 0.0, 22e-3 - 3.2 * down
-    simulation.step(tools)
-    touched = max(touched, simulation.contacts.n_contacts)
-    state.update(simulation.catheter.state.position_m.tobytes() + simulation.duct.state.q.tobytes())
-    state.update(simulation.tool_results.force_n.tobytes())
-calls = sum(map(len, simulation._stages.values()))
-known = len(EFFECTS.keys() & set(left_out))
-print(known, touched > 5, state.hexdigest(), calls, instructions(simulation.step, tools))
+for left_out in (names.split(",") for names in sys.argv[1:]):
+    others = [name for name in EFFECTS if name not in (*left_out, "softening", "hyperelasticity")]
+    scene = SceneModel(
+        duct=DuctScene(n_around=12, n_along=14, n_modes=20, thickness_m=1e-3, youngs_modulus_pa=300e3),
+        catheter=CatheterScene(n_segments=30, tip_position_m=(25e-3, 0.0, 0.0), introducer_to_tip_m=65e-3),
+        forceps=(ForcepsScene(port_position_m=(20e-3, 0.0, 0.15)), ForcepsScene(port_position_m=(60e-3, 10e-3, 0.15))),
+        effects={{name: EFFECTS[name].kind.Settings() for name in others}},
+    )
+    simulation, tools = Simulation(scene, build_scene_duct(scene)), ToolInputs()
+    state, touched = hashlib.blake2b(), 0
+    for tick in range(400):
+        down = 5e-3 * np.sin(np.pi * tick / 400.0) ** 2
+        tools.position_m[0] = 20e-3, 1e-3 * np.sin(tick / 40.0), 23e-3 - 1.6 * down
+        tools.position_m[1] = 55e-3, 0.0, 22e-3 - 3.2 * down
+        simulation.step(tools)
+        touched = max(touched, simulation.contacts.n_contacts)
+        state.update(simulation.catheter.state.position_m.tobytes() + simulation.duct.state.q.tobytes())
+        state.update(simulation.tool_results.force_n.tobytes())
+    calls = sum(map(len, simulation._stages.values()))
+    known = len(EFFECTS.keys() & set(left_out))
+    print(known, touched > 5, state.hexdigest(), calls, instructions(simulation.step, tools))
 """
 
 
@@ -100,19 +101,25 @@ GROUPS = [list(EFFECTS)[k::N_GROUPS] for k in range(N_GROUPS)]
 pytestmark = pytest.mark.timeout(600)  # the first of the processes may have every kernel to compile
 
 
-def outcome(names: list[str], hide: str) -> list[str]:
-    done = subprocess.run(
-        [sys.executable, "-c", RUN.format(hide=hide), *names], capture_output=True, text=True, check=False
-    )
+def outcomes(left_out: list[list[str]], hide: str) -> list[list[str]]:
+    """Return what comes of each run of one process, without the effects that are left out of it."""
+    command = [sys.executable, "-c", RUN.format(hide=hide), *map(",".join, left_out)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    return done.stdout.split()
+    return [line.split() for line in done.stdout.splitlines()]
 
 
-def assert_off_is_as_deleted(names: list[str]) -> None:
+@pytest.fixture(scope="module")
+def off(request):
+    """What comes of the build as it is, by the effects that are left out: one process runs all."""
+    left_out = [[], *GROUPS, *([name] for name in EFFECTS if request.config.getoption("--long"))]
+    return dict(zip(map(tuple, left_out), outcomes(left_out, ""), strict=True))
+
+
+def assert_off_is_as_deleted(names: list[str], off: list[str]) -> None:
     kinds = [EFFECTS[name].kind for name in names]
-    off = outcome(names, "")
     gone = {"modules": [kind.__module__ for kind in kinds], "kinds": [kind.__name__ for kind in kinds]}
-    deleted = outcome(names, HIDE.format(**gone))
+    (deleted,) = outcomes([names], HIDE.format(**gone))
     assert off[:2] == [str(len(names)), "True"]
     assert deleted[0] == "0"
     assert off[1:] == deleted[1:]  # the state to the last bit, as many calls of stages and instructions: off costs none
@@ -120,18 +127,18 @@ def assert_off_is_as_deleted(names: list[str]) -> None:
 
 
 @pytest.mark.parametrize("names", GROUPS, ids="-".join)
-def test_off_is_bit_identical_to_a_build_without_them(names):
-    assert_off_is_as_deleted(names)
+def test_off_is_bit_identical_to_a_build_without_them(names, off):
+    assert_off_is_as_deleted(names, off[tuple(names)])
 
 
-def test_a_scene_without_branches_drives_and_wires_is_bit_identical_to_a_build_without_them():
+def test_a_scene_without_branches_drives_and_wires_is_bit_identical_to_a_build_without_them(off):
     """And a step of it takes as many instructions: what is not there is asked for, and nothing of it runs."""
-    with_them, without = outcome([], ""), outcome([], STAND_INS.format(modules=FEATURES))
-    assert with_them[1] == "True"
-    assert with_them == without
+    (without,) = outcomes([[]], STAND_INS.format(modules=FEATURES))
+    assert off[()][1] == "True"
+    assert off[()] == without
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", list(EFFECTS))
-def test_off_is_bit_identical_to_a_build_without_it(name):
-    assert_off_is_as_deleted([name])
+def test_off_is_bit_identical_to_a_build_without_it(name, off):
+    assert_off_is_as_deleted([name], off[name,])
