@@ -13,11 +13,12 @@ from services.supervisor.run_report import RunReport
 from services.supervisor.state_machine import RigState
 from tests.supervisor.made_up import Bench, rig
 
-_TURN_S = 0.02
+_TURN_S = 0.05
 #: Longer than any window of figures.
 _FILLED_S = 75.0
 #: A report is made ten times a second by each of six processes; one that stays takes more than a kilobyte.
-_MORE_S, _MORE_BYTES = 20.0, 20_000
+#: A number that stays of each turn takes 13 kB.
+_MORE_S, _MORE_BYTES = 20.0, 10_000
 
 
 @pytest.fixture
