@@ -168,8 +168,8 @@ def test_cuts_are_searched_on_the_surface_that_is_used_alone(tmp_path):
     """On the source of another they took a minute; what is made of it is searched, and refused."""
     assert repair_surface(crossing_tubes(), is_used=False).mesh.n_triangles == CONE.n_triangles
     path = save(crossing_tubes(), tmp_path / "cut.stl")
-    with pytest.raises(MeshError, match=r"remeshing to edges of 0.6 mm breaks the surface: .*cut through others"):
-        load_duct_surface(path, SurfaceSettings("m", edge_m=0.6e-3))
+    with pytest.raises(MeshError, match=r"remeshing to edges of 1.2 mm breaks the surface: .*cut through others"):
+        load_duct_surface(path, SurfaceSettings("m", edge_m=1.2e-3))
 
 
 def moebius_band():
