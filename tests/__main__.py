@@ -40,8 +40,14 @@ importlib.import_module(f"services.{name}.__main__").prepare(load_process_config
 
 
 #: Tests as pytest has rewritten them are kept, whatever is asked of Python elsewhere: each worker would take a quarter
-#: of a minute to make them anew. They lie in the cache, not in the tree.
-_BYTECODE = {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": str(cache_directory() / "bytecode")}
+#: of a minute to make them anew. They lie in the cache, not in the tree. And what Python does at its end is short.
+_ENVIRONMENT = {
+    "PYTHONDONTWRITEBYTECODE": "",
+    "PYTHONPYCACHEPREFIX": str(cache_directory() / "bytecode"),
+    "PYTHONPATH": os.pathsep.join(
+        [f"{Path(__file__).parent / 'at_start'}", *filter(None, [os.environ.get("PYTHONPATH")])]
+    ),
+}
 _PAGE = Path(__file__).parents[1] / "docs" / "results" / "stability.md"
 _MOST_SEED = 2**31
 
@@ -63,7 +69,7 @@ def run_part(options: tuple[str, ...], arguments: list[str]) -> Outcome:
     with tempfile.TemporaryDirectory() as folder:
         report = Path(folder) / "report.xml"
         command = [sys.executable, "-m", "pytest", *options, f"--junitxml={report}", *arguments]
-        exit_code = subprocess.run(command, check=False, env={**os.environ, **_BYTECODE}).returncode
+        exit_code = subprocess.run(command, check=False, env={**os.environ, **_ENVIRONMENT}).returncode
         passed, failed, skipped = _counts(report) if report.exists() else (0, 0, 0)
     return Outcome(exit_code, passed, failed, skipped, time.monotonic() - began_s)
 

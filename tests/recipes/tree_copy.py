@@ -121,7 +121,8 @@ class TreeCopy:
         path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
         # Bytecode lies in the copy, as it goes with it.
         bytecode = {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": ""}
-        return {**os.environ, "PATH": path, "PYTHONPATH": str(self.root), **bytecode}
+        modules = os.pathsep.join(filter(None, [str(self.root), os.environ.get("PYTHONPATH")]))
+        return {**os.environ, "PATH": path, "PYTHONPATH": modules, **bytecode}
 
     def pytest(self, *arguments: str, **options: float) -> str:
         """Run tests of the copy, and return what pytest prints."""
