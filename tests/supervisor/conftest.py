@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import socket
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 
 from services.runtime import bus
 from services.runtime.process import Options
-from services.supervisor import page, supervisor
+from services.supervisor import page, session, supervisor
 from services.supervisor.fork_link import ForkServer
 from tests.supervisor.fakes import Fakes
 
@@ -25,6 +26,26 @@ def soon(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let a rig settle, and start its page again, without the second or two that it takes for either."""
     monkeypatch.setattr(supervisor, "SETTLE_S", 0.2)
     monkeypatch.setattr(page, "_RETRY_S", 0.2)
+
+
+class _NoPage:
+    """In the place of a page's process, whose address is taken as it takes it."""
+
+    def __init__(self, sock: socket.socket, *_: object) -> None:
+        self._socket = sock
+
+    def turn(self, now_s: float) -> None:
+        """Tell nobody."""
+
+    def close(self) -> None:
+        """Release the address."""
+        self._socket.close()
+
+
+@pytest.fixture
+def pageless(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let rigs start no page, which takes as much processor as all their fakes: it is asked of in other tests."""
+    monkeypatch.setattr(session, "Page", _NoPage)
 
 
 @pytest.fixture

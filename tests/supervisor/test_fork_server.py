@@ -22,7 +22,7 @@ from services.supervisor.supervisor import Supervisor
 from tests.patience import PATIENCE_S
 from tests.supervisor.fakes import HERE, Fakes, Scenario, gone, until, until_running
 
-pytestmark = pytest.mark.usefixtures("soon")
+pytestmark = pytest.mark.usefixtures("soon", "pageless")
 
 _TELLS = """
 import gc, os, signal, sys

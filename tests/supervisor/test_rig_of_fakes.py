@@ -15,6 +15,7 @@ from services.runtime.errors import BusError
 from services.supervisor import session
 from services.supervisor.fork_link import ForkServer
 from services.supervisor.member import MemberState
+from services.supervisor.page import Page
 from services.supervisor.state_machine import RigState
 from services.supervisor.supervisor import Supervisor
 from tests.real_time import fifo_is_granted
@@ -22,8 +23,13 @@ from tests.supervisor.fakes import Fakes, Scenario, gone, page_servers, until, u
 
 
 @pytest.fixture
-def fakes(fakes: Fakes, server: ForkServer, soon: None) -> Fakes:
+def fakes(fakes: Fakes, server: ForkServer, soon: None, pageless: None) -> Fakes:
     return replace(fakes, fork_server=server)
+
+
+@pytest.fixture
+def with_page(pageless: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(session, "Page", Page)
 
 
 def test_start_order_progress_no_second_rig_and_a_clean_end(fakes: Fakes) -> None:
@@ -174,6 +180,7 @@ def test_a_process_that_cannot_start_ends_the_rig_with_its_sentence(fakes: Fakes
 
 
 @pytest.mark.skipif(not fifo_is_granted(), reason="this system refuses SCHED_FIFO")
+@pytest.mark.usefixtures("with_page")
 def test_it_judges_in_real_time_and_what_it_starts_is_ordinary(fakes: Fakes) -> None:
     with open(fakes.options.rig, "a") as file:
         file.write("processes: {supervisor: {priority: 10}}\n")

@@ -40,6 +40,7 @@ def fakes(fakes: Fakes, server: ForkServer, soon: None) -> Fakes:
     return replace(fakes, fork_server=server)
 
 
+@pytest.mark.usefixtures("pageless")
 def test_report_counts_the_running_time_only(fakes: Fakes, tmp_path: Path) -> None:
     report: list[run_report.RunReport] = []
 
@@ -79,6 +80,7 @@ def test_report_counts_the_running_time_only(fakes: Fakes, tmp_path: Path) -> No
     assert any(fact["name"] == "scheduling" for fact in result["realtime"]["gateway"])
 
 
+@pytest.mark.usefixtures("pageless")
 def test_a_process_that_does_not_end_is_killed_and_counts_no_longer(
     fakes: Fakes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -109,7 +111,7 @@ from pathlib import Path
 from tests.supervisor.fakes import Fakes
 from services.runtime.process import Options
 from services.supervisor import session
-from services.cli import up
+from services.cli import up, validation
 from services.visualization.web import build
 
 fakes = Fakes(Options({rig!r}, None, ()))
@@ -117,6 +119,7 @@ real = session.SessionOptions
 session.TABLE = fakes.table()
 session.SessionOptions = lambda options, **rest: real(options, fakes.table(), **rest)
 build.build_fault = lambda: "page: not the one of here"
+validation._check = lambda options: None  # what a scene is checked against takes a second to import
 sys.argv = ["trocar", "up", "--rig", {rig!r}, *sys.argv[1:]]
 from services.cli.app import main
 main()
