@@ -14,6 +14,7 @@ from studies.published.shells import (
     reference_duct,
     sorted_duct_frequencies_hz,
 )
+from tests.by_day import by_day
 from tests.mechanics.reduction.dense_modes import compute_modes_dense, condensed_stiffness
 
 CST, ANDES = ElementChoice("cst", "dkt"), ElementChoice("andes", "dkt")
@@ -62,7 +63,7 @@ def test_reference_duct_first_eight_frequencies(elements):
     assert found == pytest.approx(sorted_duct_frequencies_hz()[:8], rel=0.015)
 
 
-@pytest.mark.parametrize("elements", [CST, ANDES], ids=str)
+@pytest.mark.parametrize("elements", by_day([ANDES], [CST]), ids=str)
 def test_reference_duct_converges(elements):
     """The first 24 frequencies (up to five axial half waves) within 1 % at a fine mesh."""
     found = compute_modes(reference_duct(60, 90, elements), 24).frequency_hz
