@@ -45,9 +45,9 @@ DAY = {
 }
 
 
-#: With --long only: by day `test_violence`, `test_rim`, `test_hard_input` (twice), `test_quality`, `test_scenarios` and
-#: `test_catheter_effects` judge the same.
-ELSEWHERE = ["jumps", "lost_ticks", "vanishing", "numbers", "steps", "friction", "gravity"]
+#: With --long only: by day `test_violence`, `test_rim`, `test_hard_input` (twice), `test_quality`, `test_scenarios`,
+#: `test_catheter_effects` and `test_branches` (a catheter twisted and steered through a fork) judge the same.
+ELSEWHERE = ["jumps", "lost_ticks", "vanishing", "numbers", "steps", "friction", "gravity", "driving"]
 
 
 @pytest.mark.parametrize("family", by_day([each for each in DAY if each not in ELSEWHERE], ELSEWHERE))
