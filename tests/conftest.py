@@ -10,10 +10,11 @@ Tests marked ``long`` run with ``--long`` only.
 from __future__ import annotations
 
 import contextlib
+import gc
 import hashlib
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from importlib.metadata import version
 from pathlib import Path
 
@@ -35,6 +36,11 @@ MAKERS = (
     "services.meshes.cached",
 )
 _LIBRARIES = ("numpy", "scipy", "numba", "trimesh", "pyvista", "pyacvd")
+#: Files of ten seconds and more: the last of all would keep one worker while the others have nothing left.
+_FIRST = (
+    *("test_runs_of_fakes", "test_rig_of_fakes", "test_late_kernels", "test_trajectories", "test_window"),
+    *("test_day", "test_picture", "test_replay", "test_kernel_cache", "test_fork_server"),
+)
 _KEPT = 3
 _IN_USE_S = 3600.0
 
@@ -55,9 +61,20 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     return "mark.rig" not in collection_path.read_text(encoding="utf-8") or None
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Look for no garbage while all files are imported, nor later in what they have made: it lives to the end."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out what is long, unless it is asked for; what waits for processes most of the time comes first."""
-    items.sort(key=lambda item: "of_fakes" not in item.path.name)
+    """Leave out what is long, unless it is asked for; what takes longest, or waits most of the time, comes first."""
+    items.sort(key=lambda item: item.path.stem not in _FIRST)
     if config.getoption("--long"):
         return
     left_out = [item for item in items if item.get_closest_marker("long")]
