@@ -30,7 +30,6 @@ from tests.visualization.test_view_codec import a_layout, a_picture
 
 TOKEN = "what trocar up printed"
 LOG = logging.getLogger("test")
-PERIOD_NS = 4_000_000
 
 
 def nobodys_hands(published: list[bodies.Hands] | None = None, *followers: str) -> PageHands:
@@ -41,7 +40,8 @@ def nobodys_hands(published: list[bodies.Hands] | None = None, *followers: str) 
 class Show:
     """An output that shows a picture every few milliseconds in a thread of its own, as the process does in its loop."""
 
-    def __init__(self) -> None:
+    def __init__(self, period_s: float = 4e-3) -> None:
+        self._period_ns = round(1e9 * period_s)
         self.path = LatencyPath(LatencyHistogram(33_000_000))
         self.layout = a_layout()
         self.picture = a_picture(self.layout)
@@ -71,7 +71,7 @@ class Show:
                 self.picture.centreline_m, self.picture.poses, self.picture.jaw_rad, self.picture.force_n,
             )  # fmt: skip
             output.show(self.layout, picture, '{"type": "rig"}')
-            output.wait_until(time.monotonic_ns() + PERIOD_NS)
+            output.wait_until(time.monotonic_ns() + self._period_ns)
             self.clients = output.gauges()["clients"]
             self.wanted_hz = output.wanted_hz()
             self.ready.set()
