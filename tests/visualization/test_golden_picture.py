@@ -9,11 +9,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from services.visualization import codec
 from services.visualization.picture import Picture, PictureLayout
 from services.visualization.render_pipe import FRAME, HELLO, RENDER, pack
-from tests.visualization.likeness import likeness, mean_likeness, picture
+from tests.visualization.likeness import Pixels, likeness, mean_likeness, picture
 from tests.visualization.test_render import a_scene, pytestmark, render
 
 __all__ = ["pytestmark"]
@@ -32,26 +33,32 @@ def _still() -> tuple[PictureLayout, Picture]:
     return layout, replace(shown, force_n=np.array([[0.1, 0.0, 0.3]], np.float32))
 
 
-def test_the_native_picture_is_like_its_golden_image_and_one_that_lacks_a_body_is_not() -> None:
+@pytest.fixture(scope="module")
+def drawn() -> list[Pixels]:
+    """Return the whole picture, those that lack catheter, tool, duct or arrow, and one without tool and arrow."""
     layout, shown = _still()
-    away = np.array([0.0, 0.0, 1.0], np.float32)
+    away, no_force_n = np.array([0.0, 0.0, 1.0], np.float32), np.zeros((1, 3), np.float32)
+    without_tool = replace(shown, poses=shown.poses + np.append(away, [0, 0, 0, 0]).astype(np.float32))
     lacking = [
         replace(shown, centreline_m=shown.centreline_m + away),
-        replace(shown, poses=shown.poses + np.append(away, [0, 0, 0, 0]).astype(np.float32)),
+        without_tool,
         replace(shown, points_m=shown.points_m + away),
-        replace(shown, force_n=np.zeros((1, 3), np.float32)),
+        replace(shown, force_n=no_force_n),
+        replace(without_tool, force_n=no_force_n),
     ]
+    return [picture(each) for each in _drawn(layout, shown, *lacking)]
+
+
+def test_the_native_picture_is_like_its_golden_image_and_one_that_lacks_a_body_is_not(drawn: list[Pixels]) -> None:
     golden = picture(GOLDEN.read_bytes())
-    whole, *without = map(picture, _drawn(layout, shown, *lacking))
+    whole, *without, _ = drawn
     assert mean_likeness(whole, golden) > LIKE
     assert [each for each in without if likeness(each, golden).min() > UNLIKE] == []
 
 
-def test_a_tool_casts_its_shadow_on_the_wall_and_the_bed() -> None:
+def test_a_tool_casts_its_shadow_on_the_wall_and_the_bed(drawn: list[Pixels]) -> None:
     """Places where a tool was not seen, and flesh was, are brighter once it is gone."""
-    layout, shown = _still()
-    gone = replace(shown, poses=shown.poses + np.array([0, 0, 1, 0, 0, 0, 0], np.float32), force_n=0.0 * shown.force_n)
-    with_tool, without = map(picture, _drawn(layout, shown, gone))
+    with_tool, without = drawn[0], drawn[-1]
     red, green, _ = np.moveaxis(with_tool, 2, 0)
     shaded = (without[..., 0] - red > 8.0) & (red > 1.5 * green)
     wall = without[..., 0] > 110.0

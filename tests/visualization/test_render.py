@@ -78,16 +78,30 @@ def test_beyond_the_tip_of_the_catheter_its_wire_is_drawn_and_it_is_as_thin_as_t
     np.testing.assert_allclose(drawn - ends_m, [(-0.8 * radius_m, 0.0, 0.0) for *_, radius_m in ends_m], atol=1e-6)
 
 
-def test_the_picture_shows_duct_catheter_and_tool_and_follows_the_deformation():
+def _sheared() -> np.ndarray:
+    points_m = a_scene()[1].points_m.copy()
+    points_m[:, 2] += 0.5 * points_m[:, 0]
+    return points_m
+
+
+def _shown(*shapes: np.ndarray, formats: tuple[bytes, ...] = (b"png",)) -> list[bytes]:
+    """Return the pictures of the shapes of a duct that a new renderer draws one after another, in each format."""
     layout, picture = a_scene()
-    hello = pack(HELLO, codec.encode_hello(layout).encode())
-    sheared = picture.points_m.copy()
-    sheared[:, 2] += 0.5 * sheared[:, 0]
-    flattened = picture.points_m * np.array([1.0, 1.0, 0.05], np.float32)
-    shapes = (picture.points_m, sheared, flattened, picture.points_m)
     frames = [pack(FRAME, codec.encode(replace(picture, points_m=points), 0)) for points in shapes]
-    messages = [part for frame in frames for part in (frame, pack(RENDER, b"png"))]
-    rest, tilted, flat, again = (pixels(image) for image in render(hello, *messages))
+    asked = b"".join(pack(RENDER, each) for each in formats)
+    return render(pack(HELLO, codec.encode_hello(layout).encode()), *(frame + asked for frame in frames))
+
+
+@pytest.fixture(scope="module")
+def fresh() -> list[bytes]:
+    """Return the sheared duct of a renderer that has drawn nothing else, as a PNG and as a JPEG."""
+    return _shown(_sheared(), formats=(b"png", b"jpeg"))
+
+
+def test_the_picture_shows_duct_catheter_and_tool_and_follows_the_deformation(fresh):
+    at_rest = a_scene()[1].points_m
+    flattened = at_rest * np.array([1.0, 1.0, 0.05], np.float32)
+    rest, tilted, flat, again = (pixels(image) for image in _shown(at_rest, _sheared(), flattened, at_rest))
 
     assert rest.shape == (600, 800, 3)
     red, green, blue = rest[..., 0], rest[..., 1], rest[..., 2]
@@ -99,14 +113,12 @@ def test_the_picture_shows_duct_catheter_and_tool_and_follows_the_deformation():
     assert np.abs(flat - rest).mean() > 1.0
     np.testing.assert_array_equal(again, rest)
     # The same picture as the first of a new renderer: nothing of the shapes before is left, normals included.
-    (fresh,) = render(hello, frames[1], pack(RENDER, b"png"))
-    np.testing.assert_array_equal(pixels(fresh), tilted)
+    np.testing.assert_array_equal(pixels(fresh[0]), tilted)
     assert np.abs(tilted - rest).mean() > 1.0
 
 
-def test_a_jpeg_is_a_jpeg():
-    layout, picture = a_scene()
-    hello, frame = pack(HELLO, codec.encode_hello(layout).encode()), pack(FRAME, codec.encode(picture, 0))
-    (image,) = render(hello, frame, pack(RENDER, b"jpeg"))
+def test_a_jpeg_is_a_jpeg(fresh):
+    image = fresh[1]
     assert image[:2] == b"\xff\xd8"
     assert pixels(image).shape == (600, 800, 3)
+    assert np.abs(pixels(image) - pixels(fresh[0])).mean() < 5.0, "of the same picture"
