@@ -34,6 +34,7 @@ from studies.published.large_displacements import (
     pushed_half_cylinder,
     squeezed_duct,
 )
+from tests.by_day import by_day
 
 
 @pytest.mark.parametrize("membrane", ["cst", "andes"])
@@ -104,7 +105,7 @@ def test_a_hemisphere_without_a_hole_gives_way_as_published_to_small_forces():
     assert [moved[0, 0], -moved[1, 1]] == pytest.approx([0.0924, 0.0924], rel=0.01)
 
 
-@pytest.mark.parametrize(("thickness", "lowest"), [(12.7, 512.0), (6.35, -385.0)])
+@pytest.mark.parametrize(("thickness", "lowest"), by_day([(6.35, -385.0)], [(12.7, 512.0)]))
 def test_hinged_roof_snaps_through_and_back(thickness, lowest):
     """The limit is published; the lowest load is of this method on a mesh of twice the fineness."""
     limit = 3000.0 * ROOF_LIMITS[thickness][0]
