@@ -75,7 +75,7 @@ def _signatures() -> set[str]:
 
 
 def _config(scene: str) -> Any:
-    return SimpleNamespace(scene_name=scene, scene_overrides=() if scene == "duct-only" else SMALL)
+    return SimpleNamespace(scene_name=scene, scene_overrides=SMALL)
 
 
 class _Hands:
