@@ -41,7 +41,7 @@ from tests.physics.conftest import let_time_pass
 from tests.preloaded import Preloaded
 
 #: Of the hands' motion; then they begin again. A rung of the ladder holds for so many ticks.
-TICKS, AGAIN, RUNG = 1200, 200, 100
+TICKS, AGAIN, RUNG = 600, 200, 100
 #: Smaller ducts: what is compiled does not depend on their size.
 SMALL = ["duct.n_around=12", "duct.n_along=16", "duct.n_modes=24"]
 BY_DAY = ("everything", "guide-wire", "duct-only")
