@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import pytest
 
-from tests.recipes.tree_copy import TreeCopy
+from tests.preloaded import Preloaded
+from tests.recipes.tree_copy import LIBRARIES, TreeCopy
 
 
 @pytest.fixture(scope="session")
-def only_copy(tmp_path_factory: pytest.TempPathFactory) -> TreeCopy:
+def only_copy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TreeCopy]:
     """Return the copy as whoever had it last has left it."""
-    return TreeCopy(tmp_path_factory.mktemp("recipes") / "tree")
+    folder = tmp_path_factory.mktemp("recipes")
+    with Preloaded(folder, LIBRARIES) as forks:
+        yield TreeCopy(folder / "tree", forks)
 
 
 @pytest.fixture

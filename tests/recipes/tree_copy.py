@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 import re
-import shlex
 import shutil
 import subprocess
 import sys
@@ -20,8 +19,15 @@ from pathlib import Path
 
 from markdown_it import MarkdownIt
 
+from tests.preloaded import Preloaded
 from tests.with_us import with_us
 
+#: What a process of a copy imports that is not of the copy; bytecode lies beside its source then.
+LIBRARIES = """
+import sys
+sys.pycache_prefix = None
+import msgspec, numba, pydantic, pytest, scipy.linalg, scipy.sparse.linalg, scipy.spatial, yaml, zmq
+"""
 ROOT = Path(__file__).resolve().parents[2]
 RECIPES = Path("docs", "how-to", "recipes.md")
 _COPIED = ("services", "studies", "review", "protocol", "trocar", "configs", "docs", "tests", "pyproject.toml")
@@ -29,10 +35,10 @@ _LEFT_OUT = shutil.ignore_patterns("__pycache__", "node_modules", ".*", "*.mcap"
 
 
 class TreeCopy:
-    """The sources, tests, configuration and documents in a folder of their own."""
+    """The sources, tests, configuration and documents in a folder of their own; `forks` have imported `LIBRARIES`."""
 
-    def __init__(self, root: Path) -> None:
-        self.root = root
+    def __init__(self, root: Path, forks: Preloaded) -> None:
+        self.root, self._forks = root, forks
         for name in _COPIED:
             if (ROOT / name).is_dir():
                 shutil.copytree(ROOT / name, root / name, ignore=_LEFT_OUT)
@@ -102,9 +108,11 @@ class TreeCopy:
         assert done.returncode == 0, f"{' '.join(command)} ended with {done.returncode}:\n{said}"
         return done.stdout
 
-    def python(self, code: str, *arguments: str, **options: float) -> str:
+    def python(self, code: str, *arguments: str, expects: tuple[int, ...] = (0,)) -> str:
         """Run `code` with the copy's packages, and return what it prints."""
-        return self.run(sys.executable, "-c", code, *arguments, **options)
+        done = self._forks.start(code, arguments, self.root, self._environment).wait()
+        assert done.returncode in expects, f"ended with {done.returncode}:\n{done.stdout}\n{done.stderr}\n{code}"
+        return done.stdout
 
     @contextmanager
     def start(self, *arguments: str) -> Iterator[subprocess.Popen[bytes]]:
@@ -124,16 +132,15 @@ class TreeCopy:
         modules = os.pathsep.join(filter(None, [str(self.root), os.environ.get("PYTHONPATH")]))
         return {**os.environ, "PATH": path, "PYTHONPATH": modules, **bytecode}
 
-    def pytest(self, *arguments: str, **options: float) -> str:
+    def pytest(self, *arguments: str, expects: tuple[int, ...] = (0,)) -> str:
         """Run tests of the copy, and return what pytest prints."""
-        return self.run(sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *arguments, **options)
+        code = "import sys, pytest; sys.exit(pytest.main(sys.argv[1:]))"
+        return self.python(code, "-q", "-p", "no:cacheprovider", *arguments, expects=expects)
 
     def failed_tests(self, suite: str, *arguments: str) -> dict[str, set[str]]:
         """Return by parameter which tests of a suite in the copy fail or cannot be set up: none where all pass."""
         report = self.root / "report.xml"
-        options = ["-q", "--tb=no", "-p", "no:cacheprovider", f"--junitxml={report}"]
-        command = [sys.executable, "-m", "pytest", *options, suite]
-        self.run("bash", "-c", f"{shlex.join([*command, *arguments])} || true")
+        self.pytest("--tb=no", f"--junitxml={report}", suite, *arguments, expects=(0, 1))
         failed: dict[str, set[str]] = {}
         for case in ElementTree.parse(report).iter("testcase"):
             test, parameter = re.fullmatch(r"(\w+)\[(?:\d-)?(\w+)\]", case.get("name", "")).groups()  # type: ignore[union-attr]
