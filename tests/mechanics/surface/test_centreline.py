@@ -89,4 +89,4 @@ def test_branches_that_cannot_be_are_refused_in_one_sentence(change, sentence):
 def test_tubes_that_touch_beside_their_joins_are_refused():
     beside = DuctBranch(name="more", angle_rad=0.62, radius_m=3.5e-3, length_m=25e-3, end="free")
     with pytest.raises(MeshError, match="open ends"):
-        branching_mesh(duct_tubes(DuctScene(radius_m=4.5e-3, length_m=40e-3, branches=(*BRANCHES, beside))), 1.6e-3)
+        branching_mesh(duct_tubes(DuctScene(radius_m=4.5e-3, length_m=40e-3, branches=(*BRANCHES, beside))), 2.4e-3)
