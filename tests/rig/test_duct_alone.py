@@ -12,7 +12,7 @@ from protocol.bodies import PhysicsState
 from services.runtime.flight import flight_directory
 from tests.rig.conftest import Rig, running_rig
 
-pytestmark = [pytest.mark.rig, pytest.mark.timeout(600)]
+pytestmark = pytest.mark.timeout(600)
 
 SMALL = ["duct.n_around=12", "duct.n_along=14", "duct.n_modes=20"]
 OF_CONTACT = ("gateway", "haptics")
