@@ -133,12 +133,12 @@ def write_stl(mesh, path):
     path.write_text("solid duct\n" + "".join(facets) + "endsolid duct\n")
 
 
-def test_in_a_surface_from_any_file_the_catheter_finds_the_mouth_and_goes_in(tmp_path):
+def test_in_a_surface_from_any_file_the_catheter_finds_the_mouth_and_goes_in(own_cache, tmp_path):
     pytest.importorskip("trimesh", reason="needs the mesh packages")
     bent = DuctScene(radius_m=6e-3, length_m=42e-3, n_around=24, n_along=34, taper=0.2, curvature_1_m=6.0)
     write_stl(scene_mesh(bent), tmp_path / "bent.stl")
     scene = load_scene("anatomy", [f"duct.mesh_file={tmp_path / 'bent.stl'}", "duct.n_modes=30"])
-    simulation, largest_n = played(scene, tmp_path)
+    simulation, largest_n = played(scene, own_cache)
     assert simulation.inserted_length_m > 15e-3
     assert largest_n < 0.3
 
@@ -247,9 +247,9 @@ def test_a_coarse_or_short_duct_is_held_where_it_has_vertices(overrides, depth_m
     assert np.linalg.norm(away - depth * mouth.inward) < 1e-4
 
 
-def test_a_duct_alone_is_left_alone(tmp_path):
+def test_a_duct_alone_is_left_alone(own_cache):
     scene = load_scene("duct-only", SMALLER)
-    duct = load_duct(scene, tmp_path, lambda *_: None)
+    duct = load_duct(scene, own_cache, lambda *_: None)
     assert scene.duct_alone
     assert hands_of(scene, duct.mesh).motions == (None, None)
     alone = DuctAlone(scene, duct)
@@ -259,17 +259,16 @@ def test_a_duct_alone_is_left_alone(tmp_path):
     assert (alone.duct.surface_m() == before).all()
 
 
-def test_one_hand_alone_inserts_the_catheter(tmp_path):
-    simulation, _ = played(
-        replace(load_scene("insertion", SMALLER), forceps=load_scene("insertion").forceps[:1]), tmp_path
-    )
+def test_one_hand_alone_inserts_the_catheter(own_cache):
+    scene = load_scene("insertion", SMALLER)
+    simulation, _ = played(replace(scene, forceps=scene.forceps[:1]), own_cache)
     assert simulation.inserted_length_m > 15e-3
     assert not simulation.tools.present[1]
 
 
-def test_one_hand_alone_pinches(tmp_path):
+def test_one_hand_alone_pinches(own_cache):
     scene = load_scene("pinch", SMALLER)
-    simulation, largest_n = played(replace(scene, forceps=scene.forceps[1:]), tmp_path)
+    simulation, largest_n = played(replace(scene, forceps=scene.forceps[1:]), own_cache)
     # Where friction stops these jaws, and with it the force at their hinge, hangs on the last digits of the compliance;
     # how far they press the wall together does not.
     assert 0.01 < largest_n < 1.0

@@ -21,10 +21,10 @@ RADIUS_M, HALF_WALL_M = 4e-3, 0.5e-3
 
 
 @pytest.fixture
-def simulation(tmp_path_factory: pytest.TempPathFactory) -> Simulation:
+def simulation(own_cache: Path) -> Simulation:
     scene = insertion_scene()
     scene = replace(scene, duct=replace(scene.duct, n_around=24, n_along=20, n_modes=20))
-    return Simulation(scene, build_scene_duct(scene, tmp_path_factory.getbasetemp()))
+    return Simulation(scene, build_scene_duct(scene, own_cache))
 
 
 def lay(simulation: Simulation, heights_m: tuple[float, float]) -> None:
@@ -102,11 +102,11 @@ def test_a_tool_is_where_the_step_has_left_it(simulation: Simulation) -> None:
     np.testing.assert_array_equal(poses, tools.segments)
 
 
-def test_strands_and_stones_are_judged_where_a_scene_has_them(tmp_path: Path) -> None:
+def test_strands_and_stones_are_judged_where_a_scene_has_them(own_cache: Path) -> None:
     stones = GallstonesSettings(((20e-3, 0.0, 0.0),), (1.5e-3,))
     scene = replace(insertion_scene(), effects={"gallstones": stones, "self_contact": SelfContactSettings()})
     scene = replace(scene, duct=replace(scene.duct, n_around=24, n_along=20, n_modes=20))
-    simulation = Simulation(scene, build_scene_duct(scene, tmp_path))
+    simulation = Simulation(scene, build_scene_duct(scene, own_cache))
     line, radius_m = simulation.catheter.state.position_m, simulation.catheter.radius_m
     line[:] = np.linspace((60e-3, 0.0, 0.0), (160e-3, 0.0, 0.0), len(line))
     assert max(OverlapJudge(simulation).look().values()) == 0.0
@@ -118,10 +118,10 @@ def test_strands_and_stones_are_judged_where_a_scene_has_them(tmp_path: Path) ->
     assert found["strands"] == pytest.approx(0.1e-3)
 
 
-def test_in_ordinary_play_no_body_crosses_the_wall(tmp_path: Path) -> None:
+def test_in_ordinary_play_no_body_crosses_the_wall(own_cache: Path) -> None:
     """Wall and catheter as one collision mesh of the IPC Toolkit, every 100 ms of the insertion."""
     scenario = insertion()
-    simulation, tools = Simulation(scenario.scene, build_scene_duct(scenario.scene, tmp_path)), ToolInputs()
+    simulation, tools = Simulation(scenario.scene, build_scene_duct(scenario.scene, own_cache)), ToolInputs()
     triangles = simulation.duct.reduced.mesh.triangles
     n, m = simulation.duct.reduced.mesh.n_vertices, len(simulation.catheter.state.position_m)
     segments = n + np.stack([np.arange(m - 1), np.arange(1, m)], axis=1)
