@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -157,15 +158,14 @@ class Bench:
         self.heard = {name: Heard.nothing(2.0) for name in self.peers}
         self.supervisor.crew.on_report = lambda name, body: self.heard[name].take(body)
 
-    def run(self, seconds: float, until: Callable[[], bool] = lambda: False) -> float:
-        """Let time pass in steps of 10 ms; return how much passed before `until`."""
-        steps = round(seconds / 0.01)
-        for step in range(steps):
+    def run(self, seconds: float, until: Callable[[], bool] = lambda: False, turn_s: float = 0.02) -> float:
+        """Let time pass in turns of a session; return how much passed before `until`."""
+        for turn in range(math.ceil(round(seconds / turn_s, 6))):
             if until():
-                return step * 0.01
-            self.now_s += 0.01
+                return turn * turn_s
+            self.now_s += turn_s
             for peer in self.peers.values():
-                peer.turn(self.now_s, 0.01)
+                peer.turn(self.now_s, turn_s)
             self.supervisor.step(self.now_s)
         return seconds
 
