@@ -12,6 +12,7 @@ in ``docs/results``.
 
 from __future__ import annotations
 
+import hashlib
 import os
 import secrets
 import subprocess
@@ -20,10 +21,12 @@ import tempfile
 import time
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 
 from services import kernel_cache
 from services.cache_directory import cache_directory
+from services.source_closure import Sources
 
 #: A worker of the mechanics holds 0.7 GB, and beyond four the longest file decides.
 _MOST_WORKERS = 4
@@ -103,15 +106,29 @@ def summary(parts: list[Outcome]) -> str:
 def compile_kernels() -> float:
     """Let physics and haptics compile, as they do beside each other when a rig starts; return the seconds taken.
 
-    What they say of that, and of a failure, is left to the tests, which do the same again.
+    What they say of that, and of a failure, is left to the tests, which do the same again. Where the same sources have
+    been compiled before, which a file beside the kernels tells, that takes no time.
     """
     began_s, scene = time.monotonic(), str(Path(__file__).parent / "scenes" / "small.yaml")
+    done = kernel_cache.root() / f"tests-{_sources_of('physics', 'haptics')}.done"
+    if done.exists():
+        return 0.0
     with tempfile.TemporaryDirectory() as bases:
         environment = {"NUMBA_CACHE_DIR": str(kernel_cache.root()), **os.environ, "TROCAR_CACHE_DIR": bases}
         commands = [[sys.executable, "-c", _PREPARE, name, scene] for name in ("physics", "haptics")]
-        for process in [subprocess.Popen(each, env=environment, stderr=subprocess.DEVNULL) for each in commands]:
-            process.wait()
+        running = [subprocess.Popen(each, env=environment, stderr=subprocess.DEVNULL) for each in commands]
+        codes = [process.wait() for process in running]
+    if not any(codes):
+        done.touch()
     return time.monotonic() - began_s
+
+
+def _sources_of(*processes: str) -> str:
+    """Return what names all that processes compile, and what compiles it."""
+    sources = Sources(Path(__file__).parents[1])
+    made_of = [sources.digest(f"services.{name}.__main__") for name in processes]
+    versions = [version(name) for name in ("numba", "llvmlite", "numpy")]
+    return hashlib.sha256("\n".join([*made_of, *versions]).encode()).hexdigest()[:16]
 
 
 def main(arguments: list[str]) -> int:
