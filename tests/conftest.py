@@ -25,6 +25,7 @@ import services.runtime  # noqa: F401  first of all: it keeps the numerics libra
 from services import kernel_cache
 from services.cache_directory import cache_directory
 from services.source_closure import Sources
+from tests.by_day import LONG
 
 #: The modules that make entries of the cache: their results follow from these and from what they import.
 MAKERS = (
@@ -47,11 +48,17 @@ _IN_USE_S = 3600.0
 
 # Properties are tried with other numbers in every run; what fails prints how it is run again.
 settings.register_profile("trocar", deadline=None, print_blob=True)
+settings.register_profile(LONG, settings.get_profile("trocar"), max_examples=1000)
 settings.load_profile("trocar")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--long", action="store_true", help="also run what is marked long: before a release")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if config.getoption("--long"):
+        settings.load_profile(LONG)
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:

@@ -15,13 +15,18 @@ import protocol
 from protocol import TOPICS, Frame, FrameError, Reason, bodies, decode, encode, peek, soundness
 from protocol.arrays import Array, pack
 from protocol.frame import MAX_FRAME_BYTES
+from tests.by_day import examples
 from tests.protocol import samples, strategies
 
 numbers = st.integers(0, 2**48)
 
 
 @pytest.mark.parametrize("name", TOPICS)
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+@settings(
+    max_examples=examples(20, 200),
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
+)
 @given(data=st.data())
 def test_every_body_arrives_as_it_was_sent(name: str, data: st.DataObject) -> None:
     row = TOPICS[name]

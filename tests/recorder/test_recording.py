@@ -23,6 +23,7 @@ from services.recordings import reader
 from services.recordings.reader import read_frames, read_messages, read_moments
 from services.recordings.schema import PACKAGE, file_descriptor
 from services.recordings.transcode import to_frame, to_protobuf
+from tests.by_day import examples
 from tests.protocol import samples, strategies
 from tests.recorder.made_up import long_recording, settle
 
@@ -126,7 +127,7 @@ def test_negative_and_large_integers_survive() -> None:
     _assert_same(message, body)
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=examples(25, 200), deadline=None, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 @pytest.mark.parametrize("name", TOPICS)
 def test_any_body_comes_back(name: str, data: st.DataObject) -> None:

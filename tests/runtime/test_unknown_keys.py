@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from services.runtime import config
 from services.runtime.errors import ConfigError
 from services.runtime.rig import Rig
+from tests.by_day import examples
 
 #: Every section of these is a class with settings; instruments, loops and processes among them.
 RIGS = {
@@ -39,7 +40,7 @@ def test_there_are_many_places_to_look_at() -> None:
     assert {len(place) for _, place in PLACES} >= {0, 1, 2, 3}
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(50, 500))
 @given(st.sampled_from(PLACES), st.from_regex(r"[a-z][a-z_]{2,12}", fullmatch=True), st.none() | st.integers())
 def test_an_unknown_key_is_refused_with_its_path(where: tuple[str, Any], key: str, value: object) -> None:
     name, place = where

@@ -19,6 +19,7 @@ from review.attempts.trace import Trace
 from services.training.judge import Judge
 from services.training.procedure import PHASES, Procedure
 from services.training.situation import Loads, Situation, SituationReader, segments_apart_m
+from tests.by_day import examples
 from tests.protocol import strategies
 from tests.training.streams import GOOD, SCENARIO, SITE, Channel, changed, messages
 from tests.training.test_errors import judged, pulse
@@ -160,7 +161,7 @@ def hold(**said: int) -> GraspHold:
     return GraspHold(hold_id=1, target_kind=1, target_weights=weights, limit_n=1.0, jaw_angle_rad=0.1, **said)
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=examples(15, 200), deadline=None, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_no_sound_frame_ends_a_judge(data: st.DataObject) -> None:
     judge = Judge(SCENARIO, data.draw(st.sampled_from([SITE, None])))
