@@ -15,6 +15,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.by_day import by_day
+
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "docs" / "examples"
 READER, BLUEPRINT = EXAMPLES / "rerun_scene.py", EXAMPLES / "rerun-blueprint.rbl"
@@ -87,7 +89,7 @@ def test_rerun_itself_takes_what_the_reader_draws(tmp_path: Path) -> None:
 
 
 @with_rerun
-@pytest.mark.parametrize("name", ["insertion-success", "insertion-miss"])
+@pytest.mark.parametrize("name", by_day(["insertion-success"], ["insertion-miss"]))
 def test_rerun_itself_finds_recordings_sound_and_decodes_their_scene(tmp_path: Path, name: str) -> None:
     """By the schemas in the file, without a reader of ours."""
     file, out = SAMPLE.with_stem(name), tmp_path / "decoded.rrd"
