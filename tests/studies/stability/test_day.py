@@ -60,7 +60,7 @@ def test_it_meets_its_criteria(family):
 
 def test_a_case_is_the_same_to_the_bit_after_another():
     """The long run asks so of every tenth case."""
-    case, other = (next(iter(FAMILIES[name].cases(QUICK.draw))) for name in ("rolling", "probing"))
+    case, other = (next(iter(FAMILIES[name].cases(QUICK.draw))) for name in ("probing", "rolling"))
     digest = case.run().digest
     other.run()
     assert case.run().digest == digest
