@@ -71,11 +71,13 @@ def test_a_cache_that_cannot_be_written_is_done_without(monkeypatch, tmp_path):
 def test_what_a_crash_left_of_a_kept_file_is_found_anew(kept_here, monkeypatch, tmp_path):
     found = find_scene_hands("default")
     (file,) = (tmp_path / "scenes").iterdir()
+    again = iter([file.read_bytes()] * 2)
+    monkeypatch.setattr(scene_findings, "_found", lambda *_: next(again))
     for left in ("", '[{"port_m": [0.0, 0.0, 0.0]}]'):
         file.write_text(left)
         assert find_scene_hands("default") == found
-    monkeypatch.setattr(scene_findings.subprocess, "run", None)
-    assert find_scene_hands("default") == found
+    assert find_scene_hands("default") == found, "kept"
+    assert list(again) == [], "found twice"
 
 
 def test_port_and_arm_are_where_the_scene_wants_them():
