@@ -21,15 +21,18 @@ from tests.by_day import by_day
 
 
 def deepest_m(simulation):
-    """Of the catheter in the wall, as both are drawn: between points of all triangles and of the axis."""
-    mesh, wall_m = simulation.duct.reduced.mesh, simulation.duct.surface_m()
-    weights = np.array([(a, b, 8 - a - b) for a in range(9) for b in range(9 - a)]) / 8.0
-    samples = np.einsum("wk,tkx->twx", weights, wall_m[mesh.triangles]).reshape(-1, 3)
+    """Of the catheter in the wall, as both are drawn: between points of all triangles near the axis and of the axis."""
+    corners_m = simulation.duct.surface_m()[simulation.duct.reduced.mesh.triangles]
     x = simulation.catheter.state.position_m
     axis = (x[:-1, None] + np.linspace(0.0, 1.0, 6)[:, None] * np.diff(x, axis=0)[:, None]).reshape(-1, 3)
-    near = np.linalg.norm(axis - samples.mean(axis=0), axis=1) < 0.15
-    radius_m = np.repeat(segment_radii(simulation.scene.catheter), 6)[near]
-    return float((radius_m - cKDTree(samples).query(axis[near])[0]).max()) + 0.5 * 1e-3
+    longest_m = np.linalg.norm(corners_m - np.roll(corners_m, 1, axis=1), axis=2).max()
+    corners_m = corners_m[cKDTree(axis).query(corners_m.mean(axis=1))[0] < longest_m + 3e-3]
+    if not len(corners_m):
+        return 0.0
+    weights = np.array([(a, b, 8 - a - b) for a in range(9) for b in range(9 - a)]) / 8.0
+    samples = np.einsum("wk,tkx->twx", weights, corners_m).reshape(-1, 3)
+    radius_m = np.repeat(segment_radii(simulation.scene.catheter), 6)
+    return float((radius_m - cKDTree(samples).query(axis)[0]).max()) + 0.5 * 1e-3
 
 
 @pytest.mark.parametrize(
