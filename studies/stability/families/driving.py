@@ -34,7 +34,7 @@ from services.mechanics.scene.duct_tubes import duct_tubes
 from services.mechanics.simulation.scene_catheter import place_catheter
 from services.mechanics.simulation.scene_duct import scene_mesh
 from services.mechanics.surface.mesh import TriangleMesh
-from services.meshes.branching import branching_mesh
+from services.meshes.branching import load_branching
 from studies.stability.drive import Play
 from studies.stability.family import Case, Draw, played
 from studies.stability.hands import HandMotions, least_jerk
@@ -93,7 +93,7 @@ class Wall(Enum):
 @cache
 def mesh_of(wall: Wall) -> TriangleMesh:
     """Return the triangles of a wall: of the fork a trunk and two branches, one of them held; the tube is as long."""
-    return branching_mesh(duct_tubes(FORK.duct), EDGE_M) if wall is Wall.FORK else scene_mesh(TUBE.duct)
+    return load_branching(duct_tubes(FORK.duct), EDGE_M) if wall is Wall.FORK else scene_mesh(TUBE.duct)
 
 
 def cases(draw: Draw, wall: Wall = Wall.FORK, wire: GuideWireScene | None = None) -> Iterator[Case]:

@@ -16,7 +16,7 @@ from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.scene_catheter import place_catheter
 from services.mechanics.simulation.scene_duct import build_scene_duct
 from services.mechanics.surface.centreline import centrelines
-from services.meshes.branching import branching_mesh
+from services.meshes.branching import load_branching
 from services.tube_paths import TubePaths
 
 LENGTH_M = 0.12
@@ -40,7 +40,7 @@ SCENE = SceneModel(
 
 @pytest.fixture(scope="module")
 def duct(cache_dir):
-    return build_scene_duct(SCENE, cache_dir, mesh=branching_mesh(duct_tubes(SCENE.duct), 1.6e-3))
+    return build_scene_duct(SCENE, cache_dir, mesh=load_branching(duct_tubes(SCENE.duct), 1.6e-3, cache_dir))
 
 
 class Run:
