@@ -141,10 +141,10 @@ def shake(seed, kind, dt_s, ways, coefficients, series=NEVER, ticks=1500):
         gains = made.position, made.velocity, made.acceleration
         follow_loads(wall.address, (nodes, forces), modal, (state.q, q_start, state.qdot, state.qddot), gains, dt_s)
         relax()
-        change = spent_j() - spent
-        seen.largest_j = max(seen.largest_j, energy())
+        change, after = spent_j() - spent, energy()
+        seen.largest_j = max(seen.largest_j, after)
         seen.fell_j = max(seen.fell_j, -change)
-        seen.imbalance_j = max(seen.imbalance_j, abs(energy() + change - before))
+        seen.imbalance_j = max(seen.imbalance_j, abs(after + change - before))
         seen.softened += bool(wall.force.any())
         seen.turned += 0.0 < wall.pattern.numbers[TURN] < np.inf
         seen.owed_j = max(seen.owed_j, -wall.books[TANK])
