@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address
@@ -27,7 +25,7 @@ Moving = tuple[FloatArray, FloatArray, FloatArray]
 Addresses = tuple[Address[RodModel], Address[RodWork]]
 
 _TOLERANCE = 1e-3  # spurious stretch energy that a step may leave, as a fraction of the kinetic energy
-_PATIENCE: int = np.int64(2)  # type: ignore[assignment]  # iterations of the second-order step before implicit Euler
+_PATIENCE = 2  # iterations of the second-order step before implicit Euler
 
 
 @kernel
