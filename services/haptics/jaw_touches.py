@@ -16,7 +16,7 @@ from services.mechanics.collision.capsules import CapsuleMemory, Tools, capsules
 from services.mechanics.collision.pairs import SHAFT, ContactPairs, pairs_at
 from services.mechanics.collision.pieces import N_TOOL_PIECES, write_piece_pair, write_pieces
 from services.mechanics.collision.wall_candidates import WallCandidates
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.compiled.vectors import row
 from services.mechanics.contact.working_set import TOUCHING_M
@@ -98,7 +98,7 @@ def write_jaw_pairs(
     detect_capsules(memory, jaws, particles, (radii_m, GRASP_GAP_M), pairs)
 
 
-@kernel
+@inlined_kernel
 def _closest(found: Candidates, piece: int) -> int:
     """Return the closest candidate of a piece, -1 if there is none."""
     best = -1

@@ -33,7 +33,7 @@ from protocol.bodies.physics import (
 from services.haptics.instruments import HANDLE_RATE, INSTRUMENT_COLUMNS, VELOCITY
 from services.haptics.reactions import is_held
 from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.scene import ProbeScene, ToolScene
 from services.mechanics.scene.tools import N_TOOLS
@@ -107,7 +107,7 @@ def write_models(address: Address[ModelInputs], n: int) -> None:
             _write_model(felt, tool)
 
 
-@kernel
+@inlined_kernel
 def _write_model(felt: ModelInputs, tool: int) -> None:
     """Write the model of a tool in contact."""
     solved, moves, model = felt.reactions[tool], felt.instruments[tool], felt.models[tool]
@@ -129,7 +129,7 @@ def _write_model(felt: ModelInputs, tool: int) -> None:
     model[MODEL_CONTACT] = 1.0
 
 
-@kernel
+@inlined_kernel
 def felt_damping(stiffness: FloatArray, scale: float, out: FloatArray) -> None:
     r"""Write the damping (9,) in N s/m felt by the hand: the coupling's, in series with the touched body.
 

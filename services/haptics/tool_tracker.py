@@ -14,7 +14,7 @@ from services.haptics.reactions import is_held
 from services.mechanics.arrays import BoolArray, FloatArray
 from services.mechanics.bodies.forceps.grasp import JawState
 from services.mechanics.bodies.forceps.tool_body import ToolArrays, ToolBody, tools_at, update_poses
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS
@@ -89,7 +89,7 @@ def follow_hands(hands_address: Address[HandTables], tools_address: Address[Tool
     update_poses(tools_address)
 
 
-@kernel
+@inlined_kernel
 def _follow_hand(hands: HandTables, tools: ToolArrays, tool: int) -> None:
     """Place a proxy. A body between the jaws keeps them open."""
     hand, solved, table = hands.instruments[tool], hands.reactions[tool], hands.table[tool]

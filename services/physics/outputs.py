@@ -27,7 +27,7 @@ from protocol.bodies.physics import (
 )
 from services.mechanics.arrays import ByteArray, FloatArray
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.contact.identity import target_kind_of
 from services.mechanics.contact.rows import ContactRows, rows_at
@@ -192,7 +192,7 @@ def tabulate(rows_address: Address[ContactRows], sent_address: Address[Sent], fi
     return rows.n_contacts
 
 
-@kernel
+@inlined_kernel
 def _count(rows: ContactRows, sent: Sent, first_hold: int, after_holds: int) -> None:
     """Write the kind of each row for the wire, and count each tool's contacts and holds."""
     tool, duct_weight, force, kinds = rows.tool, rows.duct_weight, sent.contact_force, sent.kind

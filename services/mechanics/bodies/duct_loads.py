@@ -89,7 +89,7 @@ def correct(address: Address[DuctLoads], nodes: IntArray, weights: FloatArray, f
     pay_for_impulses(out, dt_s)
 
 
-@kernel
+@inlined_kernel
 def _spread_loads(nodes: IntArray, weights: FloatArray, forces: FloatArray, out: DuctLoads) -> int:
     """Write the reactions on the duct's nodes, each node once, and return their number."""
     load_nodes, loads, slot = out.node, out.force, out.slot
@@ -111,7 +111,7 @@ def _spread_loads(nodes: IntArray, weights: FloatArray, forces: FloatArray, out:
     return count
 
 
-@kernel
+@inlined_kernel
 def _write_modal_force(out: DuctLoads, forces: FloatArray) -> None:
     """Write the modal force (r,) of the reactions to ``forces`` (k, 3)."""
     modes, impulse = out.modes, out.impulse
@@ -125,7 +125,7 @@ def _write_modal_force(out: DuctLoads, forces: FloatArray) -> None:
                     impulse[mode] -= modes[3 * row + axis, mode] * force
 
 
-@kernel
+@inlined_kernel
 def _add_impulse(out: DuctLoads) -> None:
     """Add the effect of the modal contact force to the state at the end of the step."""
     gains, force, state = out.gains, out.impulse, out.free
@@ -135,7 +135,7 @@ def _add_impulse(out: DuctLoads) -> None:
         state.qddot[mode] += gains[2, mode] * force[mode]
 
 
-@kernel
+@inlined_kernel
 def pay_for_impulses(out: DuctLoads, dt_s: float) -> None:
     r"""Remove from the rates the energy that contact impulses added beyond their work and beyond damping.
 

@@ -13,7 +13,7 @@ import numpy as np
 from services.mechanics.arrays import ByteArray, FloatArray, IntArray
 from services.mechanics.bodies.wall_motion import wall_motion
 from services.mechanics.collision.primitives import segment_pierces
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.vectors import Vector, along, cross, dot, row, squared_distance, subtract
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.surface.mesh import TriangleMesh, boundary_loops
@@ -142,7 +142,7 @@ def cross_caps(
     return (last, by) if inside[position.shape[0] - 1] else (OUTSIDE, -1)
 
 
-@kernel
+@inlined_kernel
 def _measure_caps(corners: FloatArray, caps: Caps) -> None:
     """Write the radius of a bounding sphere about the first corner of each cap."""
     (triangles, ends, radii), first = caps, 0

@@ -17,7 +17,7 @@ import numpy as np
 
 from services.mechanics.arrays import BoolArray, FloatArray, IntArray, LongArray
 from services.mechanics.collision.clusters import Clusters, centroid, vector_from_segment
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import dot, row, row_of, subtract
 
@@ -116,7 +116,7 @@ def are_unmoved(address: Address[CandidateList]) -> bool:
     return True
 
 
-@kernel
+@inlined_kernel
 def _listed_wall_moved_m(found: CandidateList) -> float:
     """Return the largest displacement of a listed node since the wall's lists were rebuilt."""
     largest_2 = 0.0
@@ -156,7 +156,7 @@ def renew_lists(address: Address[CandidateList], modes_moved_m: float, most_m: f
     return SAME
 
 
-@kernel
+@inlined_kernel
 def _list_piece(found: CandidateList, p: int, wall_moved_m: float) -> None:
     """List the triangles within reach of a piece; ``wall_moved_m`` is the motion since spheres were computed."""
     a, b, clusters = row_of(found.ends, p, 0), row_of(found.ends, p, 1), found.clusters
@@ -184,7 +184,7 @@ def _list_piece(found: CandidateList, p: int, wall_moved_m: float) -> None:
             found.listed_ends[p, end, axis] = found.ends[p, end, axis]
 
 
-@kernel
+@inlined_kernel
 def _list_nodes(found: CandidateList) -> None:
     found.stamp += 1
     n, corner = 0, found.clusters.triangles
@@ -206,7 +206,7 @@ def may_be_within(found: CandidateList, p: int, k: int) -> bool:
     return bool(found.bound[p, k] - found.wall_travel - found.piece_travel[p] <= reach)
 
 
-@kernel
+@inlined_kernel
 def is_within(found: CandidateList, p: int, k: int) -> bool:
     """Return the same for an entry whose nodes are placed, from its bound and the corners of the triangle.
 

@@ -22,7 +22,7 @@ from services.mechanics.collision.primitives import (
     closest_segment_triangle,
     parameter_on_segment,
 )
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import (
     Vector,
@@ -83,7 +83,7 @@ def measure(address: Address[CandidateList], out_address: Address[Candidates], s
                 _measure_entry(found, p, k, out)
 
 
-@kernel
+@inlined_kernel
 def _measure_entry(found: CandidateList, p: int, k: int, out: Candidates) -> None:
     t, where = found.entry[p, k], (found.ends, found.position)
     places = _places(where, found.clusters.triangles, p, t)
@@ -96,7 +96,7 @@ def _measure_entry(found: CandidateList, p: int, k: int, out: Candidates) -> Non
             _put_further_minima(found, (p, t), places, (min(distance + found.along_m, reach), s), out)
 
 
-@kernel
+@inlined_kernel
 def _put_further_minima(
     found: CandidateList, place: tuple[int, int], places: Places, closest: tuple[float, float], out: Candidates
 ) -> None:
@@ -133,7 +133,7 @@ def put(out: Candidates, place: tuple[int, int], pair: tuple[float, float, Vecto
     out.count += 1
 
 
-@kernel
+@inlined_kernel
 def closest_pair(where: Where, corner: IntArray, p: int, t: int) -> tuple[float, float, Vector, Vector]:
     """Return the distance (m) of piece p and triangle t, the parameter on the piece, weights and normal."""
     return _closest(where, corner, (p, t), _places(where, corner, p, t))

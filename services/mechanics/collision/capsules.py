@@ -15,7 +15,7 @@ from services.mechanics.arrays import BoolArray, ByteArray, FloatArray
 from services.mechanics.collision.candidate_list import MAX_LOOK_AHEAD_M
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL, ContactPairs, pairs_at, write_pair
 from services.mechanics.collision.primitives import closest_of_segments
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import (
     Vector,
@@ -54,7 +54,7 @@ class CapsuleMemory(Struct):
 capsules_at = reader(CapsuleMemory)
 
 
-@kernel
+@inlined_kernel
 def segment_ends(tools: Tools, tool: int, segment: int) -> tuple[Vector, Vector]:
     """Return start and end of a segment of a tool."""
     e = tools[0]
@@ -136,7 +136,7 @@ def detect_capsules(
                     memory.active[i, j] = 0
 
 
-@kernel
+@inlined_kernel
 def _write_nearest(
     memory: CapsuleMemory, i: int, who: tuple[int, int], sizes: tuple[float, FloatArray, float], pairs: ContactPairs
 ) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.collision.primitives import parameter_on_segment
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Struct
 from services.mechanics.compiled.vectors import Vector, along, dot, put_row, row, scaled, squared_distance, subtract
 
@@ -50,7 +50,7 @@ def cluster_triangles(vertices_m: FloatArray, triangles: IntArray) -> Clusters:
     return Clusters.zeros(triangles=corners, order=np.concatenate(pieces), first=first, **extents)
 
 
-@kernel
+@inlined_kernel
 def enclose(clusters: Clusters, position: FloatArray) -> None:
     """Compute the bounding spheres of all triangles and clusters, with the nodes at ``position`` (n, 3)."""
     corner = clusters.triangles
@@ -70,7 +70,7 @@ def centroid(a: Vector, b: Vector, c: Vector) -> Vector:
     return scaled((a[0] + b[0] + c[0], a[1] + b[1] + c[1], a[2] + b[2] + c[2]), 1.0 / 3.0)
 
 
-@kernel
+@inlined_kernel
 def _enclose_cluster(clusters: Clusters, c: int) -> None:
     middle, first, end = (0.0, 0.0, 0.0), clusters.first[c], clusters.first[c + 1]
     for entry in range(first, end):

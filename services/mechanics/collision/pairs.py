@@ -11,7 +11,7 @@ from typing import Annotated, Self
 import numpy as np
 
 from services.mechanics.arrays import ByteArray, FloatArray, IntArray
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Struct, reader
 from services.mechanics.compiled.vectors import Vector, put_row
 
@@ -94,7 +94,7 @@ def write_pair(pairs: ContactPairs, pair: Pair, gap_m: float, normal: Vector) ->
     return place
 
 
-@kernel
+@inlined_kernel
 def _free_place(pairs: ContactPairs, gap_m: float) -> int:
     """Return the index for a new pair with this gap, or `FULL`."""
     if pairs.count < pairs.gap_m.shape[0]:

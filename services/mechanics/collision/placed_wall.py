@@ -19,7 +19,7 @@ import numpy as np
 
 from services.mechanics.arrays import AnyArray, ByteArray, Float32Array, FloatArray, IntArray, LongArray
 from services.mechanics.collision.wall_bounds import WallBounds, wall_bounds
-from services.mechanics.compiled import kernel, summing_kernel
+from services.mechanics.compiled import inlined_kernel, kernel, summing_kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.reduction.large_rotations.warping import SectionFrame
 from services.mechanics.reduction.reduced_duct import ReducedDuct
@@ -181,7 +181,7 @@ def configure_wall(address: Address[PlacedWall], q: FloatArray, moved_m: float, 
     return float(_bound_motion(wall, moved_m))
 
 
-@kernel
+@inlined_kernel
 def _remove_loads(wall: PlacedWall, q: FloatArray) -> None:
     """Set the coordinates q (r,) and remove all loads."""
     wall.n_changed = 0
@@ -213,7 +213,7 @@ def _note_change(wall: PlacedWall, load: int, sign: float) -> None:
         wall.change[node, axis] += sign * wall.load_force[load, axis]
 
 
-@kernel
+@inlined_kernel
 def _bound_motion(wall: PlacedWall, moved_m: float) -> float:
     """Return a bound (m) on any node's motion, with ``moved_m`` that of the modes; motion makes all nodes stale."""
     total = 0.0
@@ -295,7 +295,7 @@ def displace(address: Address[PlacedWall], store: BlockStore) -> bool:
     return bool(end > first)
 
 
-@kernel
+@inlined_kernel
 def _displace(wall: PlacedWall, first: int, load: int) -> None:
     """Add a load's displacement of the nodes to be placed; ``first`` is the first block of the row of its node."""
     force, blocks, extra, requested = wall.load_force, wall.blocks, wall.extra, wall.requested
@@ -310,7 +310,7 @@ def _displace(wall: PlacedWall, first: int, load: int) -> None:
         extra[node, 2] += blocks[b, 0, 2] * x + blocks[b, 1, 2] * y + blocks[b, 2, 2] * z
 
 
-@kernel
+@inlined_kernel
 def _row_of(wall: PlacedWall, node: int) -> int:
     """Return the cached row of a node; if there is none, replace the least recently used one."""
     row = wall.row_of[node]
@@ -329,7 +329,7 @@ def _row_of(wall: PlacedWall, node: int) -> int:
     return int(row)
 
 
-@kernel
+@inlined_kernel
 def _read_blocks(wall: PlacedWall, store: BlockStore, source: int, row: int) -> None:
     """Read the missing blocks between node ``source``, which has this row, and the nodes to be placed."""
     first = row * wall.rest.shape[0]

@@ -7,7 +7,7 @@ or a corner, so they identify the feature.
 
 from __future__ import annotations
 
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.vectors import Vector, along, combine, cross, dot, squared_distance, subtract
 
 Place = tuple[float, float, Vector]
@@ -97,7 +97,7 @@ def segment_pierces(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> tu
     return (True, s, (1.0 - v - w, v, w))
 
 
-@kernel
+@inlined_kernel
 def closest_places(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> Places:
     """Return the closest pairs of both ends of pq with triangle abc, and of pq with each edge.
 
@@ -120,7 +120,7 @@ def _closest_to_edge(p: Vector, q: Vector, k: int, ends: tuple[Vector, Vector]) 
     return d2, s, ((1.0 - t, t, 0.0) if k == 0 else (0.0, 1.0 - t, t) if k == 1 else (t, 0.0, 1.0 - t))
 
 
-@kernel
+@inlined_kernel
 def closest_segment_triangle(p: Vector, q: Vector, corners: tuple[Vector, Vector, Vector], places: Places) -> Place:
     """Return the closest pair of segment pq and a triangle, at distance 0 if they intersect; see `closest_places`."""
     meets, s, w = segment_pierces(p, q, corners[0], corners[1], corners[2])

@@ -31,9 +31,9 @@ def kernel(function: F) -> F:
 
 
 def inlined_kernel(function: F) -> F:
-    """Compile a part of one long kernel only as part of it, not by itself; decorator.
+    """Compile a kernel with a single caller only as part of it, not by itself, which takes longer; decorator.
 
-    It must have a single caller, because each gets its own copy.
+    Each further caller would get its own copy.
     """
     return _compiled(function, **_OPTIONS, inline="always")
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.contact.laws import (
     HAS_FRICTION,
     IS_DAMPER,
@@ -51,7 +51,7 @@ def _multiple(count: float, limit: float) -> float:
     return count * max(limit, 0.0) if 0.0 < count < math.inf else count
 
 
-@kernel
+@inlined_kernel
 def relax(problem: ContactProblem, W: FloatArray, block: int) -> None:
     """Solve the law of one contact with the others fixed: the normal force, then the tangential force.
 
@@ -80,7 +80,7 @@ def relax(problem: ContactProblem, W: FloatArray, block: int) -> None:
         set_force(problem, W, block, 0, force[0] - motion[row] / W[row, row])
 
 
-@kernel
+@inlined_kernel
 def minimise_in_disk(a: float, b: float, c: float, r_1: float, r_2: float, limit: float) -> tuple[float, float]:
     r"""Minimise :math:`\tfrac12 f^T W f + r^T f` over the disk :math:`|f| \le` ``limit``; return both components of f.
 
@@ -105,7 +105,7 @@ def minimise_in_disk(a: float, b: float, c: float, r_1: float, r_2: float, limit
     return scale * f_1, scale * f_2
 
 
-@kernel
+@inlined_kernel
 def add_unknowns(problem: ContactProblem, block: int, out: Unknowns, n: int) -> int:
     """Append the force components of a contact that a Newton step may change; return the new number of unknowns.
 
@@ -141,7 +141,7 @@ def project(rows: ContactRows, row: int) -> None:
         force[2] *= limit / tangential
 
 
-@kernel
+@inlined_kernel
 def step_to_bounds(rows: ContactRows, row: int, change: tuple[float, float, float]) -> float:
     """Return the largest fraction, at most 1, of a change of force (N) at which the contact neither opens nor slips.
 
@@ -161,7 +161,7 @@ def step_to_bounds(rows: ContactRows, row: int, change: tuple[float, float, floa
     return fraction
 
 
-@kernel
+@inlined_kernel
 def _step_to_edge(a: float, b: float, c: float) -> float:
     """Return the first root s of :math:`a s^2 + 2 b s + c`, with ``c`` < 0, or 1 if there is none in (0, 1]."""
     root = b * b - a * c
@@ -171,7 +171,7 @@ def _step_to_edge(a: float, b: float, c: float) -> float:
     return min(-c / below, 1.0) if below > 0.0 else 1.0
 
 
-@kernel
+@inlined_kernel
 def slides(rows: ContactRows, row: int) -> bool:
     """Return whether a force is on the edge of its disk or, without a disk, at an end of its interval."""
     law, force = rows.law[row], rows.force_n[row]

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.collision.pairs import NO_TOOL
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.contact.rows import ContactRows
 
 Row = tuple[float, float, float]
 Block = tuple[Row, Row, Row]
 
 
-@kernel
+@inlined_kernel
 def add_rod_compliance(rows: ContactRows, slot: IntArray, rod: FloatArray, points: IntArray, out: FloatArray) -> None:
     """Add the catheter's compliance between its p touched particles, ``rod`` (3 p, 3 p) in m/N, to ``out`` (m, m).
 
@@ -39,7 +39,7 @@ def add_rod_compliance(rows: ContactRows, slot: IntArray, rod: FloatArray, point
             _add_block(out, 3 * a, 3 * b, weight, rod, first, 3 * slot[rows.rod_node[b, j]])
 
 
-@kernel
+@inlined_kernel
 def _add_block(
     out: FloatArray, row: int, column: int, weight: float, block: FloatArray, first: int, second: int
 ) -> None:
@@ -48,7 +48,7 @@ def _add_block(
             out[row + i, column + j] += weight * block[first + i, second + j]
 
 
-@kernel
+@inlined_kernel
 def add_tool_compliance(rows: ContactRows, compliance: FloatArray, out: FloatArray) -> None:
     """Add G diag(c) G^T of each tool's contacts, with G their levers and c the couplings' ``compliance`` (2, 4)."""
     for a in range(rows.n_contacts):
@@ -66,7 +66,7 @@ def add_tool_compliance(rows: ContactRows, compliance: FloatArray, out: FloatArr
                     out[3 * a + i, 3 * b + j] += total
 
 
-@kernel
+@inlined_kernel
 def rotate_to_contact_frames(rows: ContactRows, W: FloatArray) -> None:
     """Rotate the lower blocks of ``W`` (m, m) into the contacts' frames in place, mirror them, and add the softness.
 
@@ -93,7 +93,7 @@ def _load(array: FloatArray, row: int, column: int) -> Block:
     )
 
 
-@kernel
+@inlined_kernel
 def _transposed(block: Block) -> Block:
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = block
     return (xx, yx, zx), (xy, yy, zy), (xz, yz, zz)
@@ -115,7 +115,7 @@ def _along(vector: Row, frame: Block) -> Row:
     )
 
 
-@kernel
+@inlined_kernel
 def _store(W: FloatArray, row: int, column: int, block: Block) -> None:
     """Write a block and, at its mirror image, its transpose."""
     for i in range(3):

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel, summing_kernel
+from services.mechanics.compiled import inlined_kernel, summing_kernel
 
 #: Columns of a panel. The trailing matrix is loaded and stored once for each panel, not once for each column.
 PANEL = 4
 
 
-@kernel
+@inlined_kernel
 def solve_dense(A: FloatArray, b: FloatArray) -> bool:
     """Solve A (n, n) x = b (n,) by elimination with partial pivoting; return False if A is singular.
 
@@ -28,7 +28,7 @@ def solve_dense(A: FloatArray, b: FloatArray) -> bool:
     return True
 
 
-@kernel
+@inlined_kernel
 def _bring_pivot(A: FloatArray, b: FloatArray, k: int) -> bool:
     """Swap the row with the largest entry of column k, from row k on, into row k; return False if all are zero."""
     n = b.shape[0]
@@ -43,7 +43,7 @@ def _bring_pivot(A: FloatArray, b: FloatArray, k: int) -> bool:
     return bool(A[k, k] != 0.0)
 
 
-@kernel
+@inlined_kernel
 def _eliminate_in_panel(A: FloatArray, b: FloatArray, k: int, end: int) -> None:
     """Eliminate column k within the panel and in b; the factors are stored in place of the zeros."""
     inverse = 1.0 / A[k, k]
@@ -55,7 +55,7 @@ def _eliminate_in_panel(A: FloatArray, b: FloatArray, k: int, end: int) -> None:
         b[i] -= factor * b[k]
 
 
-@kernel
+@inlined_kernel
 def _complete_rows(A: FloatArray, first: int, end: int) -> None:
     """Eliminate to the right of the panel in the panel's own rows."""
     n = A.shape[0]
@@ -66,7 +66,7 @@ def _complete_rows(A: FloatArray, first: int, end: int) -> None:
                 A[i, j] -= factor * A[k, j]
 
 
-@kernel
+@inlined_kernel
 def _update_rest(A: FloatArray, first: int, end: int) -> None:
     """Update the trailing matrix by the panel's rows; a panel shorter than `PANEL` is the last one and has none."""
     n = A.shape[0]

@@ -13,7 +13,7 @@ from __future__ import annotations
 from services.mechanics.bodies.forceps.kinematics import N_SEGMENTS
 from services.mechanics.collision.candidates import Candidates, candidates_at
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, SHAFT, ContactPairs, pairs_at
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.geometry import ContactGeometry, geometry_at
 
@@ -34,7 +34,7 @@ def engage_tools(
             tools.disengaged[tool] = _is_inside(found, pairs, tool, clear_m)
 
 
-@kernel
+@inlined_kernel
 def _is_inside(found: Candidates, pairs: ContactPairs, tool: int, clear_m: float) -> bool:
     """Return whether a tool overlaps the wall or the catheter by more than ``clear_m``."""
     deepest_m = 0.0

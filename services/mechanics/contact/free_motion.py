@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.pairs import NO_TOOL
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.contact.laws import ELASTIC_AXES, FIXES_DISTANCE, HAS_GAP
 from services.mechanics.contact.rows import ContactRows
 
@@ -39,7 +39,7 @@ RECOVERY_M_S = 20e-3
 TOOL_RECOVERY_M_S = 0.1
 
 
-@kernel
+@inlined_kernel
 def effective_gap(rows: ContactRows, row: int, recovery: float, dt_s: float) -> float:
     """Return the gap (m) that the law of a row constrains: the distance, or the recovered part of an overlap.
 

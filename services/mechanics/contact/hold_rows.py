@@ -7,7 +7,7 @@ from typing import Annotated
 
 from services.mechanics.arrays import BoolArray, ByteArray, FloatArray, IntArray, LongArray
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, SHAFT
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import along, cross, dot, put_row_of, row_of, tangents, unit
 from services.mechanics.contact.geometry import ContactGeometry, ToolGeometry, WallGeometry
@@ -74,7 +74,7 @@ def append_holds(state_address: Address[ContactState], holds_address: Address[Ho
     return n_rows
 
 
-@kernel
+@inlined_kernel
 def _tool_side(holds: HoldArrays, slot: int, tools: ToolGeometry, rows: ContactRows, row: int) -> None:
     """Make a tool the first body, with a frame along the world axes."""
     tool, anchor, arm = holds.tool[slot], holds.anchor[slot], rows.point_m[row]
@@ -90,7 +90,7 @@ def _tool_side(holds: HoldArrays, slot: int, tools: ToolGeometry, rows: ContactR
     add_tool_motion(rows, row, tools)
 
 
-@kernel
+@inlined_kernel
 def _catheter_side(holds: HoldArrays, slot: int, geometry: ContactGeometry, rows: ContactRows, row: int) -> None:
     """Make the catheter the target: subtract the held point from the slip, and align the frame across the jaws."""
     rod = geometry.rod
@@ -116,7 +116,7 @@ def _place_on_catheter(holds: HoldArrays, slot: int) -> float:
     return place
 
 
-@kernel
+@inlined_kernel
 def _set_place(holds: HoldArrays, slot: int, place: float, n_segments: int) -> None:
     """Set the position of a held point along the catheter, in segments; beyond an end the hold is lost."""
     if not 0.0 <= place <= n_segments:
@@ -127,7 +127,7 @@ def _set_place(holds: HoldArrays, slot: int, place: float, n_segments: int) -> N
     holds.weights[slot, 0], holds.weights[slot, 1], holds.weights[slot, 2] = 1.0 - s, s, 0.0
 
 
-@kernel
+@inlined_kernel
 def _wall_side(holds: HoldArrays, slot: int, wall: WallGeometry, rows: ContactRows, row: int) -> None:
     """Make the wall the target: subtract its rest position from the slip; `subtract_duct_motion` does the rest."""
     corners, weights = wall.triangles[holds.target[slot]], holds.weights[slot]
@@ -137,7 +137,7 @@ def _wall_side(holds: HoldArrays, slot: int, wall: WallGeometry, rows: ContactRo
             rows.slip_m[row, axis] -= weights[corner] * wall.vertices[corners[corner], axis]
 
 
-@kernel
+@inlined_kernel
 def _free_opening_direction(tool: int, tools: ToolGeometry, rows: ContactRows, row: int) -> None:
     """Free the held point along the opening direction, in which `squeeze` constrains a held wall."""
     for axis in range(3):
@@ -173,7 +173,7 @@ def slide_holds(
     return dissipated_j, is_lost
 
 
-@kernel
+@inlined_kernel
 def _write_in_world_axes(rows: ContactRows, row: int, motion: tuple[float, float, float], out: FloatArray) -> None:
     """Rotate a motion from the row's frame to world axes, and write it into ``out`` (3,)."""
     for axis in range(3):
@@ -182,7 +182,7 @@ def _write_in_world_axes(rows: ContactRows, row: int, motion: tuple[float, float
             out[axis] += motion[k] * rows.frame[row, k, axis]
 
 
-@kernel
+@inlined_kernel
 def _slide_along_catheter(holds: HoldArrays, slot: int, slip: FloatArray, position: FloatArray) -> None:
     """Move the held point along the catheter by the axial part of ``slip`` (3,), and subtract that part from it."""
     _, _, slope = point_on_curve(position, _place_on_catheter(holds, slot))
@@ -193,7 +193,7 @@ def _slide_along_catheter(holds: HoldArrays, slot: int, slip: FloatArray, positi
     _set_place(holds, slot, _place_on_catheter(holds, slot) + axial / dot(slope, tangent), position.shape[0] - 1)
 
 
-@kernel
+@inlined_kernel
 def _slide_in_jaws(holds: HoldArrays, slot: int, slip: FloatArray, tools: ToolGeometry) -> None:
     """Move the held point in the jaws by minus ``slip`` (3,); if it leaves the jaws, the hold is lost."""
     tool, anchor = holds.tool[slot], holds.anchor[slot]

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 
 
 class BitField(NamedTuple):
@@ -70,7 +70,7 @@ def with_law(identity: int, law: int) -> int:
     return identity | (law << LAW.shift)
 
 
-@kernel
+@inlined_kernel
 def hold_identity(number: int) -> int:
     """Return the identity of a hold, which is unique even without its target."""
     return -(number + 1) * TARGET.size

@@ -54,7 +54,7 @@ class LastingArrays(Struct):
 lasting_at = reader(LastingArrays)
 
 
-@kernel
+@inlined_kernel
 def add_wall_compliance(
     rows: ContactRows, closed: IntArray, wall: WallAddress, lasting: LastingArrays, out: FloatArray
 ) -> None:
@@ -117,7 +117,7 @@ def add_catheter_compliance(
     return True
 
 
-@kernel
+@inlined_kernel
 def _list_particles(rows: ContactRows, closed: IntArray, lasting: LastingArrays) -> int:
     """Write the particles on which closed axes act, ascending, and their slots; return their number."""
     slot = lasting.slot
@@ -130,7 +130,7 @@ def _list_particles(rows: ContactRows, closed: IntArray, lasting: LastingArrays)
     return number_marked(slot, lasting.particles)
 
 
-@kernel
+@inlined_kernel
 def _subtract_step(touch: CatheterTouch, particles: IntArray, out: FloatArray) -> None:
     """Subtract the compliance of one step between the listed particles from ``out`` (3 p, 3 p)."""
     size = 0
@@ -143,7 +143,7 @@ def _subtract_step(touch: CatheterTouch, particles: IntArray, out: FloatArray) -
             out[row, column] -= step[at, 3 * touch.slot[particles[column // 3]] + column % 3]
 
 
-@kernel
+@inlined_kernel
 def _move_particles(
     rows: ContactRows, row: int, axis: int, slot: IntArray, between: FloatArray, out: FloatArray
 ) -> bool:
@@ -162,7 +162,7 @@ def _move_particles(
     return acts
 
 
-@kernel
+@inlined_kernel
 def _moved_along(rows: ContactRows, row: int, axis: int, lasting: LastingArrays) -> float:
     """Return the motion of a row's contact point along one of its axes, from what `_move_particles` has written."""
     total = 0.0

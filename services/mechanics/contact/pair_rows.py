@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, NO_TOOL, SHAFT, ContactPairs
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel
 from services.mechanics.compiled.vectors import put_row, write_frame
 from services.mechanics.compiled.vectors import row as row_at
 from services.mechanics.contact.clearance import can_touch, jaw_surface
@@ -25,7 +25,7 @@ from services.mechanics.contact.writer import (
 _UNILATERAL = number_of("unilateral")
 
 
-@kernel
+@inlined_kernel
 def append_pairs(pairs: ContactPairs, geometry: ContactGeometry, rows: ContactRows) -> None:
     """Append pairs to ``rows`` as unilateral contacts, except those of absent or disengaged tools.
 
@@ -54,7 +54,7 @@ def append_pairs(pairs: ContactPairs, geometry: ContactGeometry, rows: ContactRo
             _wall_target(pairs, index, geometry.wall, rows, row)
 
 
-@kernel
+@inlined_kernel
 def _tool_side(pairs: ContactPairs, index: int, tools: ToolGeometry, rows: ContactRows, row: int) -> None:
     """Make a tool the first body. With a squeezed wall the force acts at the wall's middle surface."""
     tool, segment, s = pairs.tool[index], pairs.tool_segment[index], pairs.tool_parameter[index]
@@ -82,7 +82,7 @@ def _tool_side(pairs: ContactPairs, index: int, tools: ToolGeometry, rows: Conta
     add_tool_motion(rows, row, tools)
 
 
-@kernel
+@inlined_kernel
 def _catheter_side(pairs: ContactPairs, index: int, rod: RodGeometry, rows: ContactRows, row: int) -> None:
     """Make the catheter the first body."""
     first, s = pairs.particle[index], pairs.tool_parameter[index]
@@ -96,7 +96,7 @@ def _catheter_side(pairs: ContactPairs, index: int, rod: RodGeometry, rows: Cont
         rows.slip_m[row, axis] = (1.0 - s) * rod.motion[first, axis] + s * rod.motion[second, axis]
 
 
-@kernel
+@inlined_kernel
 def _sphere_side(pairs: ContactPairs, index: int, geometry: ContactGeometry, rows: ContactRows, row: int) -> None:
     """Make a sphere the first body; in pairs, spheres are numbered after the segments of the catheter."""
     spheres, sphere = geometry.spheres, pairs.particle[index] - (geometry.rod.position.shape[0] - 1)
@@ -108,7 +108,7 @@ def _sphere_side(pairs: ContactPairs, index: int, geometry: ContactGeometry, row
         rows.slip_m[row, axis] = spheres.motion[sphere, axis]
 
 
-@kernel
+@inlined_kernel
 def _catheter_target(pairs: ContactPairs, index: int, rod: RodGeometry, rows: ContactRows, row: int) -> None:
     """Make a segment of the catheter the target."""
     target, weights = pairs.target[index], pairs.target_weights[index]
@@ -120,7 +120,7 @@ def _catheter_target(pairs: ContactPairs, index: int, rod: RodGeometry, rows: Co
             rows.slip_m[row, axis] -= weights[end] * rod.motion[target + end, axis]
 
 
-@kernel
+@inlined_kernel
 def _wall_target(pairs: ContactPairs, index: int, wall: WallGeometry, rows: ContactRows, row: int) -> None:
     """Make a triangle of the wall the target."""
     corners, weights = wall.triangles[pairs.target[index]], pairs.target_weights[index]

@@ -105,7 +105,7 @@ def solve_passively(
     return sweeps
 
 
-@kernel
+@inlined_kernel
 def _begin_solve(ledger: Ledger) -> None:
     """Save the ledger at the first solve of a step, and restore it at the others."""
     at_start = ledger.at_start
@@ -118,7 +118,7 @@ def _begin_solve(ledger: Ledger) -> None:
     ledger.n_solves += 1
 
 
-@kernel
+@inlined_kernel
 def _add_hand_work(ledger: Ledger, tools: ToolArrays, dt_s: float) -> None:
     """Add the work of the hands on the couplings, computed with the couplings' stretch at the start of the step."""
     kept = max(1.0 - dt_s / RECENT_S, 0.0)
@@ -145,7 +145,7 @@ def _excess_j(problem: ContactProblem, tools_and_step: tuple[ToolArrays, float])
     )
 
 
-@kernel
+@inlined_kernel
 def coupling_dissipation_j(rows: ContactRows, tools: ToolArrays, dt_s: float) -> float:
     """Return the energy (J) that the couplings' dampers and implicit steps dissipate with the solved forces."""
     total = 0.0
@@ -165,7 +165,7 @@ def coupling_dissipation_j(rows: ContactRows, tools: ToolArrays, dt_s: float) ->
     return total
 
 
-@kernel
+@inlined_kernel
 def contact_work_j(problem: ContactProblem) -> float:
     """Return the work (J) that contacts between surfaces do on the bodies and on the springs of their friction."""
     rows, motion, total = problem.rows, problem.motion, 0.0
@@ -183,7 +183,7 @@ def contact_work_j(problem: ContactProblem) -> float:
     return total
 
 
-@kernel
+@inlined_kernel
 def _elastic_m(rows: ContactRows, row: int, axis: int) -> float:
     """Return a row's elastic slip (m) at the start of the step along an axis of its frame."""
     total = 0.0
@@ -229,7 +229,7 @@ def _row_recovery_work_j(rows: ContactRows, row: int) -> float:
     return work
 
 
-@kernel
+@inlined_kernel
 def _row_work_limit_j(rows: ContactRows, budget_j: float) -> float:
     """Return the limit (J) on the work of each row at which the work of all rows is the budget, by bisection."""
     low, high = 0.0, budget_j

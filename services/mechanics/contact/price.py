@@ -32,7 +32,7 @@ from services.mechanics.collision.pairs import (
     write_pair,
 )
 from services.mechanics.collision.pieces import N_TOOL_PIECES, write_piece_pair
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.compiled.vectors import Vector, dot, put_row, row, row_of, scaled, squared_distance, unit
 from services.mechanics.contact.clearance import jaw_surface, overlap_in_jaws, piece_can_touch
@@ -101,7 +101,7 @@ def write_violations(
     return int(working.n_chosen if most > 0 else n)
 
 
-@kernel
+@inlined_kernel
 def _find_violations(
     listed: CandidateList,
     candidates: tuple[Candidates, Candidates],
@@ -138,7 +138,7 @@ def _find_violations(
     return out.count
 
 
-@kernel
+@inlined_kernel
 def _has_row(listed: CandidateList, found: Candidates, working: WorkingSet, state: ContactState, i: int) -> bool:
     """Return whether a row at the same points and with the same normal exists for this violation."""
     p, t, rows, corner = found.piece[i], found.triangle[i], state.rows, listed.clusters.triangles
@@ -152,7 +152,7 @@ def _has_row(listed: CandidateList, found: Candidates, working: WorkingSet, stat
     return False
 
 
-@kernel
+@inlined_kernel
 def _has_pair_row(rows: ContactRows, p: int, t: int) -> bool:
     n = 0
     for at in range(rows.n_contacts):
@@ -180,7 +180,7 @@ def piece_of(rows: ContactRows, at: int) -> int:
     return int(N_TOOL_PIECES + ((identity >> PARTICLE.shift) & (PARTICLE.size - 1)) - 1)
 
 
-@kernel
+@inlined_kernel
 def _write_violation(
     listed: CandidateList, found: Candidates, i: int, start: Where, to: tuple[ToolGeometry, ContactPairs]
 ) -> None:
@@ -238,7 +238,7 @@ def write_capsule_violations(
     return count
 
 
-@kernel
+@inlined_kernel
 def _has_capsule_row(rows: ContactRows, i: int, j: int, t: float, normal: Vector) -> bool:
     """Return whether a row couples a piece of a tool with a segment of the catheter near this place and normal."""
     for at in range(rows.n_contacts):

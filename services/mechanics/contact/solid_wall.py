@@ -26,7 +26,7 @@ from typing import Annotated
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.kinematics import N_CELLS
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Struct
 from services.mechanics.scene.tools import N_TOOLS
 
@@ -78,7 +78,7 @@ def _strain(wall: SolidWall, tool: int, cell: int, opening_rad: float) -> float:
     return strain
 
 
-@kernel
+@inlined_kernel
 def write_indentation(
     wall: SolidWall, tool: int, openings_rad: tuple[float, float], out: FloatArray, slope: FloatArray
 ) -> None:
@@ -128,7 +128,7 @@ def wall_reaction(wall: SolidWall, tool: int, opening_rad: float) -> tuple[float
     return torque, stiffness, total
 
 
-@kernel
+@inlined_kernel
 def cell_energy_j(wall: SolidWall, tool: int, cell: int, opening_rad: float) -> float:
     """Return the elastic energy of a cell in J, the integral of its force over the thickness."""
     strain = _strain(wall, tool, cell, opening_rad)
@@ -140,7 +140,7 @@ def cell_energy_j(wall: SolidWall, tool: int, cell: int, opening_rad: float) -> 
     return energy
 
 
-@kernel
+@inlined_kernel
 def stored_energy_j(wall: SolidWall, tool: int, opening_rad: float) -> float:
     """Return the elastic energy of all cells of a tool in J."""
     total = 0.0
@@ -157,7 +157,7 @@ def _scale_n(wall: SolidWall, tool: int, cell: int) -> float:
     return scale
 
 
-@kernel
+@inlined_kernel
 def equilibrium_opening(wall: SolidWall, tool: int, free_rad: float, compliance: float) -> float:
     """Return the opening (rad) at which the wall alone balances the coupling; without wall it is ``free_rad``.
 

@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Struct
 from services.mechanics.contact.admissible import closed_axes, relax, slides
 from services.mechanics.contact.newton import add_step, feasible_step_length, list_unknowns, newton_step
@@ -48,7 +48,7 @@ def sweep(problem: ContactProblem, W: FloatArray) -> tuple[float, float]:
     return largest_n, largest_m
 
 
-@kernel
+@inlined_kernel
 def has_small_residual(problem: ContactProblem, tolerance_n: float) -> bool:
     """Return whether the forces of closed contacts are within ``tolerance_n`` of the solution.
 

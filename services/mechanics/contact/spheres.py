@@ -9,7 +9,7 @@ from typing import Annotated
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.candidate_list import CandidateList, list_at
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import Vector, along, put_row_of, row
 from services.mechanics.contact.identity import STONE
@@ -83,7 +83,7 @@ def _put_piece(listed: CandidateList, piece: int, centre: Vector, thickness: flo
         put_row_of(listed.ends, piece, end, centre)
 
 
-@kernel
+@inlined_kernel
 def add_sphere_compliance(rows: ContactRows, spheres: Spheres, W: FloatArray) -> None:
     """Add the compliance of each sphere between all of its rows to the lower blocks of W, along world axes."""
     for a in range(rows.n_contacts):

@@ -22,7 +22,7 @@ from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.bodies.forceps.kinematics import N_CELLS
 from services.mechanics.bodies.forceps.tool_body import ToolArrays, ToolBody, tools_at
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, JAW_B
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import write_frame
 from services.mechanics.contact.geometry import ToolGeometry, WallGeometry
@@ -148,7 +148,7 @@ def append_squeeze_rows(
     squeeze.count = rows.n_contacts - squeeze.first
 
 
-@kernel
+@inlined_kernel
 def _write_indentation(squeeze: SqueezeArrays, tools: ToolArrays, out: ToolGeometry, tool: int) -> None:
     """Write the wall's indentation and its slope towards the opening expected with the last step's contact loads."""
     start_rad = tools.proxy[tool, 3]
@@ -159,7 +159,7 @@ def _write_indentation(squeeze: SqueezeArrays, tools: ToolArrays, out: ToolGeome
     write_indentation(squeeze.wall, tool, openings_rad, out.indentation[tool], out.indentation_slope[tool])
 
 
-@kernel
+@inlined_kernel
 def _append_catheter(rows: ContactRows, tools: ToolArrays, squeeze: SqueezeArrays, tool: int) -> None:
     stop = tools.jaw_stop[tool]
     if tools.free[tool, 3] < stop:
@@ -169,7 +169,7 @@ def _append_catheter(rows: ContactRows, tools: ToolArrays, squeeze: SqueezeArray
             _soften_tangents(rows, tools, row)
 
 
-@kernel
+@inlined_kernel
 def _append_wall(rows: ContactRows, tools: ToolArrays, squeeze: SqueezeArrays, tool: int) -> None:
     wall, start, free = squeeze.wall, tools.proxy[tool, 3], tools.free[tool, 3]
     torque, stiffness, force = wall_reaction(wall, tool, start)
@@ -280,7 +280,7 @@ def update_squeezes(
         squeeze.dissipated_j += before - squeeze.stored_j[tool, _WALL] - squeeze.stored_j[tool, _CATHETER]
 
 
-@kernel
+@inlined_kernel
 def _find_pressed_spans(
     rows: ContactRows, wall: WallGeometry, tools: ToolArrays, pressed_span: FloatArray, tool: int
 ) -> None:
@@ -303,7 +303,7 @@ def _find_pressed_spans(
         pressed_span[side, jaw, 1] = max(pressed_span[side, jaw, 1], place)
 
 
-@kernel
+@inlined_kernel
 def _points_outwards(wall: WallGeometry, triangle: int, normal: FloatArray) -> bool:
     """Return whether a normal points to the same side of the wall as the triangle's normal at rest."""
     corners = wall.triangles[triangle]
@@ -315,7 +315,7 @@ def _points_outwards(wall: WallGeometry, triangle: int, normal: FloatArray) -> b
     return bool(total > 0.0)
 
 
-@kernel
+@inlined_kernel
 def _update_cells(squeeze: SqueezeArrays, tool: int, opening_rad: float, dt_s: float) -> None:
     """Occupy cells in which both jaws press wall, at its present thickness, and release cells without pressed wall."""
     wall, pressed_span = squeeze.wall, squeeze.pressed_span

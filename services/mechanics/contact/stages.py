@@ -8,7 +8,7 @@ from services.mechanics.bodies.catheter import spread_rod_forces
 from services.mechanics.bodies.duct_loads import DuctLoads, gather_kept, loads_at
 from services.mechanics.bodies.forceps.tool_body import ToolArrays, correct_proxies
 from services.mechanics.collision.pairs import ContactPairs, pairs_at
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.contact import admissible
 from services.mechanics.contact.free_motion import subtract_duct_motion
@@ -98,14 +98,14 @@ def finish(state: ContactState) -> None:
     store_forces(state.memory, state.rows, state.force_n, state.slides, state.geometry.wall.vertices)
 
 
-@kernel
+@inlined_kernel
 def mark_sliding(rows: ContactRows, out: BoolArray) -> None:
     """Write for each contact (k,) whether its force is at the limit of its law."""
     for row in range(rows.n_contacts):
         out[row] = admissible.slides(rows, row)
 
 
-@kernel
+@inlined_kernel
 def write_world_forces(rows: ContactRows, out: FloatArray) -> None:
     """Write the forces on the first bodies along world axes into ``out`` (k, 3), in N."""
     for row in range(rows.n_contacts):

@@ -8,7 +8,7 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
 from services.mechanics.bodies.forceps.tool_body import ToolArrays, tools_at
 from services.mechanics.collision.pairs import NO_TOOL
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.contact.laws import HAS_GAP
 from services.mechanics.contact.rows import ContactRows
@@ -82,7 +82,7 @@ def report(
     return _deepest_overlap(state.rows)
 
 
-@kernel
+@inlined_kernel
 def _moments(rows: ContactRows, forces: FloatArray, about: FloatArray, moment: FloatArray) -> None:
     """Write the moment (2, 3), in N m, of the forces on each tool about its point in ``about`` (2, 3)."""
     moment[:] = 0.0
@@ -99,7 +99,7 @@ def _moments(rows: ContactRows, forces: FloatArray, about: FloatArray, moment: F
         moment[tool, 2] += x * f[1] - y * f[0]
 
 
-@kernel
+@inlined_kernel
 def _deepest_overlap(rows: ContactRows) -> float:
     deepest = 0.0
     for row in range(rows.n_contacts):

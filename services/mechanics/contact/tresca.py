@@ -124,7 +124,7 @@ def _try_coulomb_step(
     return cost, False
 
 
-@kernel
+@inlined_kernel
 def _remove_excess_friction(rows: ContactRows, friction: FloatArray) -> bool:
     """Set the bound of contacts whose friction is outside its cone to zero; return whether there are any."""
     is_above = False
@@ -136,14 +136,14 @@ def _remove_excess_friction(rows: ContactRows, friction: FloatArray) -> bool:
     return is_above
 
 
-@kernel
+@inlined_kernel
 def _scale_friction(force: FloatArray, factor: float) -> None:
     """Multiply the tangential force (two of three components) by a factor."""
     force[1] *= factor
     force[2] *= factor
 
 
-@kernel
+@inlined_kernel
 def _lower_coefficients(rows: ContactRows, friction: FloatArray) -> None:
     """Remove the bounds; a contact that slides on a reduced bound gets the coefficient of friction that fits it."""
     for row in range(rows.n_contacts):

@@ -10,7 +10,7 @@ import math
 from typing import Annotated
 
 from services.mechanics.arrays import BoolArray, FloatArray, LongArray
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Struct
 from services.mechanics.compiled.vectors import Vector, put_row, squared_distance
 from services.mechanics.compiled.vectors import row as vector
@@ -38,7 +38,7 @@ class ForceMemory(Struct):
 SAME_PLACE_M = 50e-6
 
 
-@kernel
+@inlined_kernel
 def recall_forces(memory: ForceMemory, rows: ContactRows, slides: BoolArray, vertices_m: FloatArray) -> None:
     """Fill ``rows.force_n``, ``elastic_m``, ``friction_energy_j`` and ``slides`` (C,) from the memory, or with zero.
 
@@ -101,7 +101,7 @@ def _recall(memory: ForceMemory, rows: ContactRows, row: int, old: int, slides: 
     return True
 
 
-@kernel
+@inlined_kernel
 def store_forces(
     memory: ForceMemory, rows: ContactRows, forces: FloatArray, slides: BoolArray, vertices_m: FloatArray
 ) -> None:
@@ -115,7 +115,7 @@ def store_forces(
             memory.force_n[row, axis] = forces[row, axis]
 
 
-@kernel
+@inlined_kernel
 def store_anchors(problem: ContactProblem, slides: BoolArray, out: FloatArray) -> None:
     r"""Write the elastic slip (C, 3) at the end of the step along world axes, from the solved forces and motions.
 

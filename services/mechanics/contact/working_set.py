@@ -20,7 +20,7 @@ from services.mechanics.arrays import ByteArray, FloatArray, IntArray, LongArray
 from services.mechanics.collision.candidate_list import CandidateList, list_at
 from services.mechanics.collision.candidates import Candidates, Where, candidates_at, nearest_to, offset, put
 from services.mechanics.collision.pieces import N_TOOL_PIECES
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import (
     Vector,
@@ -130,7 +130,7 @@ def choose(
     _leave_out_between(found, working)
 
 
-@kernel
+@inlined_kernel
 def _leave_out_between(found: Candidates, working: WorkingSet) -> None:
     """Leave out chosen candidates of a catheter's segment that two others, one on each side, imply.
 
@@ -147,7 +147,7 @@ def _leave_out_between(found: Candidates, working: WorkingSet) -> None:
     working.n_chosen = kept
 
 
-@kernel
+@inlined_kernel
 def _is_between(found: Candidates, working: WorkingSet, i: int) -> bool:
     """Return whether chosen candidates of the same segment and normal, one on each side, imply this one's clearance."""
     p, s, normal, before, after = found.piece[i], found.s[i], row(found.normal, i), -1, -1
@@ -168,7 +168,7 @@ def _is_between(found: Candidates, working: WorkingSet, i: int) -> bool:
     return bool(working.clearance_m[i] >= implied_m - IMPLIED_M)
 
 
-@kernel
+@inlined_kernel
 def _add_pressed(listed: CandidateList, found: Candidates, working: WorkingSet, tools: ToolGeometry, k: int) -> None:
     """Add a point that carried a force to the candidates, if it has less clearance than the closest pair."""
     p, t, w, nearest = working.pressed[k, 0], working.pressed[k, 1], row(working.weight, k), math.inf
@@ -184,7 +184,7 @@ def _add_pressed(listed: CandidateList, found: Candidates, working: WorkingSet, 
         found.count -= working.clearance_m[found.count - 1] >= nearest
 
 
-@kernel
+@inlined_kernel
 def _predicted_change_m(listed: CandidateList, found: Candidates, before: Where, i: int) -> float:
     """Return the change (m) of a gap in a step in which its points move as they have since ``before``."""
     place, corner = (found.piece[i], found.triangle[i]), listed.clusters.triangles
@@ -212,7 +212,7 @@ def place_at_rest(rest: FloatArray, corner: IntArray, t: int, w: Vector) -> Vect
     return combine(w, row(rest, corner[t, 0]), row(rest, corner[t, 1]), row(rest, corner[t, 2]))
 
 
-@kernel
+@inlined_kernel
 def _is_duplicate(found: Candidates, working: WorkingSet, i: int) -> bool:
     """Return whether a chosen candidate represents this one."""
     near = working.merge_m[found.piece[i]]
@@ -235,7 +235,7 @@ def has_chosen_near(found: Candidates, working: WorkingSet, i: int, near: float)
     return False
 
 
-@kernel
+@inlined_kernel
 def is_same_body(working: WorkingSet, p: int, other: int) -> bool:
     """Return whether contacts of two pieces may be one: of one piece, or of neighbours along the catheter."""
     if min(p, other) < N_TOOL_PIECES or max(p, other) >= working.first_sphere:
@@ -262,7 +262,7 @@ def sort_by_key(working: WorkingSet, count: int) -> None:
         step //= 3
 
 
-@kernel
+@inlined_kernel
 def age(working: WorkingSet) -> None:
     """Age all members by a step."""
     kept = 0
@@ -275,7 +275,7 @@ def age(working: WorkingSet) -> None:
     working.n_members = kept
 
 
-@kernel
+@inlined_kernel
 def renew(working: WorkingSet, p: int, t: int) -> None:
     """Make a feature a member with its full life."""
     if working.life[p, t] == 0:
@@ -286,7 +286,7 @@ def renew(working: WorkingSet, p: int, t: int) -> None:
     working.life[p, t] = LIFE_STEPS
 
 
-@kernel
+@inlined_kernel
 def store_pressed(working: WorkingSet, p: int, t: int, w: Vector) -> None:
     """Store the place of a feature that pressed beside its closest pair, for the next step."""
     if working.n_pressed < working.pressed.shape[0]:

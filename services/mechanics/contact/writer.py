@@ -109,7 +109,7 @@ def put_on_rod(rows: ContactRows, row: int, side: int, nodes: tuple[int, int], w
     rows.rod_weight[row, side], rows.rod_weight[row, side + 1] = weights[0], weights[1]
 
 
-@kernel
+@inlined_kernel
 def put_on_curve(rows: ContactRows, row: int, first: int, weights: Vector) -> None:
     """Put the target on the catheter's curve: on three particles from ``first`` on, with ``weights`` as in `curve`."""
     for k in range(3):

@@ -6,7 +6,7 @@ A film of mucus has a row beside that of the contact it lies in, at the same poi
 from __future__ import annotations
 
 from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 
 Points = tuple[IntArray, FloatArray]
 
@@ -23,7 +23,7 @@ def find_sources(points: Points, source: IntArray) -> None:
                 break
 
 
-@kernel
+@inlined_kernel
 def _is_same(nodes: IntArray, weights: FloatArray, a: int, b: int) -> bool:
     for corner in range(3):
         if nodes[a, corner] != nodes[b, corner] or weights[a, corner] != weights[b, corner]:

@@ -20,7 +20,7 @@ from typing import Annotated
 import numpy as np
 
 from services.mechanics.arrays import BoolArray, Float32Array, FloatArray, IntArray, LongArray
-from services.mechanics.compiled import kernel, summing_kernel
+from services.mechanics.compiled import inlined_kernel, kernel, summing_kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.reduction.basis import gather_modes
 from services.mechanics.reduction.reduced_duct import ReducedDuct
@@ -144,7 +144,7 @@ def _displace_points(kept: NodeArrays, points: Points, loads: Loads, out: tuple[
     return True
 
 
-@kernel
+@inlined_kernel
 def _touch_all(touched: TouchedNodes, points: Points, loads: Loads) -> bool:
     (nodes, weights), has_all = points, True
     for point in range(nodes.shape[0]):
@@ -156,7 +156,7 @@ def _touch_all(touched: TouchedNodes, points: Points, loads: Loads) -> bool:
     return has_all
 
 
-@kernel
+@inlined_kernel
 def _move_nodes(kept: NodeArrays, loads: Loads) -> None:
     """Write what loads move all the nodes by that have a place; those without a node hold numbers without meaning."""
     nodes, force = loads
@@ -197,7 +197,7 @@ def _admit(kept: NodeArrays, store: BlockStore, node: int) -> bool:
     return True
 
 
-@kernel
+@inlined_kernel
 def _copy_blocks(kept: NodeArrays, store: BlockStore, first: int, second: int) -> None:
     """Copy the blocks of two places, their mean: they are rounded each for itself."""
     there = block_between(store, kept.touched.node[first], kept.touched.node[second])
@@ -233,14 +233,14 @@ def weigh_blocks(address: Address[NodeArrays], points: Points, gain: FloatArray,
     return True
 
 
-@kernel
+@inlined_kernel
 def _clear_rows(out: FloatArray, a: int) -> None:
     for i in range(3):
         for column in range(3 * a + 3):
             out[3 * a + i, column] = 0.0
 
 
-@kernel
+@inlined_kernel
 def _weigh_rows(kept: NodeArrays, point: int, weights: FloatArray) -> None:
     """Write the compliance between a point and all places into ``rows``."""
     whole, rows, first = kept.whole, kept.rows, kept.first
@@ -251,7 +251,7 @@ def _weigh_rows(kept: NodeArrays, point: int, weights: FloatArray) -> None:
             rows[i, column] = u * whole[p + i, column] + v * whole[q + i, column] + w * whole[r + i, column]
 
 
-@kernel
+@inlined_kernel
 def _take_gain(kept: NodeArrays, gain: FloatArray) -> None:
     """Invalidate the blocks if the gain has changed, as it does with the step length."""
     is_same = True
@@ -264,7 +264,7 @@ def _take_gain(kept: NodeArrays, gain: FloatArray) -> None:
             kept.has_modes[place] = False
 
 
-@kernel
+@inlined_kernel
 def _complete(kept: NodeArrays, points: Points) -> bool:
     """Compute missing rows of C, as many as a tick has time for, and return whether none is missing."""
     (nodes, weights), left, is_complete = points, MOST_NEW_BLOCKS, True
@@ -283,7 +283,7 @@ def _complete(kept: NodeArrays, points: Points) -> bool:
     return is_complete
 
 
-@kernel
+@inlined_kernel
 def _add_modes(kept: NodeArrays, place: int) -> int:
     """Fill the rows and columns of a place in C and return how many blocks that were."""
     kept.has_modes[place] = True
@@ -295,7 +295,7 @@ def _add_modes(kept: NodeArrays, place: int) -> int:
     return count
 
 
-@kernel
+@inlined_kernel
 def _fill_block(kept: NodeArrays, first: int, second: int) -> None:
     """Write C between two places: the modes' part and the residual.
 

@@ -11,7 +11,7 @@ from typing import Annotated, Self
 import numpy as np
 
 from services.mechanics.arrays import IntArray, LongArray
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Struct
 
 N_PLACES = 128
@@ -35,7 +35,7 @@ class TouchedNodes(Struct):
         return cls.zeros(m=room, place=np.full(n_nodes, NO_PLACE, np.int32), node=np.full(room, -1, np.int32))
 
 
-@kernel
+@inlined_kernel
 def begin_tick(touched: TouchedNodes) -> None:
     """Count a tick, and take their places from the nodes that have not been touched for long."""
     touched.tick += 1
@@ -59,7 +59,7 @@ def touch(touched: TouchedNodes, node: int) -> bool:
     return True
 
 
-@kernel
+@inlined_kernel
 def give_place(touched: TouchedNodes, node: int) -> int:
     """Give a node the first free place, or that of the node touched longest ago, and return it.
 

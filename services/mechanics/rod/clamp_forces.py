@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.vectors import row
 from services.mechanics.rod.elasticity import Scale, bending_angle, bent_length, geometric_bending, joint_gradient
 from services.mechanics.rod.model import RodModel, RodWork
 
 
-@kernel
+@inlined_kernel
 def add_wall_joints(model: RodModel, work: RodWork, scale: Scale) -> None:
     """Add the forces of the half joints between walls and end segments, with a stiffness of 2 EI/l0 each.
 

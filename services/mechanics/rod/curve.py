@@ -12,7 +12,7 @@ import math
 from typing import NamedTuple
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.vectors import Vector, along, combine, dot, row, scaled, subtract
 
 _NEWTON_STEPS = 8
@@ -34,7 +34,7 @@ class CurvePoint(NamedTuple):
     offset: Vector
 
 
-@kernel
+@inlined_kernel
 def closest_on_curve(x: FloatArray, segment: int, s: float, p: Vector) -> CurvePoint:
     """Return the point nearest to p of the curve of ``x`` (n, 3), n at least 3, by Newton's method.
 

@@ -22,7 +22,7 @@ from __future__ import annotations
 import math
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.vectors import Vector, cross, dot, row, scaled
 from services.mechanics.rod.model import RodModel, RodWork
 
@@ -58,7 +58,7 @@ def segment_geometry(model: RodModel, work: RodWork) -> None:
                 work.tangent[j, c] = e[c] / length
 
 
-@kernel
+@inlined_kernel
 def mean_elongation(model: RodModel, work: RodWork) -> None:
     """Replace elongations in the middle of a step by the mean of those at its ends, where rotation is no stretch.
 
@@ -119,7 +119,7 @@ def bending_energy(model: RodModel, work: RodWork) -> float:
     return total
 
 
-@kernel
+@inlined_kernel
 def add_stretch(model: RodModel, work: RodWork) -> None:
     """Add the stretch forces, damping included."""
     f = work.force
@@ -136,7 +136,7 @@ def add_stretch(model: RodModel, work: RodWork) -> None:
             f[j + 1, c] -= pull
 
 
-@kernel
+@inlined_kernel
 def _lead(work: RodWork, j: int) -> tuple[Vector, Vector]:
     """Return how much both leads move the ends of segment j apart."""
     u, v = work.lead[0], work.lead[1]
@@ -153,7 +153,7 @@ def geometric_stretch(model: RodModel, work: RodWork, j: int) -> float:
     return float(k * max(0.0, work.taut[j]) / max(work.length[j], model.rest_length[j]))
 
 
-@kernel
+@inlined_kernel
 def add_stretch_tangent(model: RodModel, work: RodWork, scale: Scale) -> None:
     """Add the stretch stiffness: along each segment, and the geometric one of a segment in tension."""
     band = work.band
@@ -220,7 +220,7 @@ def add_rank_one(band: FloatArray, first: int, vector: FloatArray, factor: float
             band[first + c, a] += value * vector[c + a]
 
 
-@kernel
+@inlined_kernel
 def add_bending(model: RodModel, work: RodWork) -> None:
     """Add the bending forces -k (theta + d theta/dx . lead) d theta/dx, and store what their tangent needs."""
     for i in range(model.joint_stiffness.shape[0]):
@@ -243,7 +243,7 @@ def bent_length(model: RodModel, work: RodWork, j: int) -> float:
     return float(max(work.length[j], SHORTEST * model.rest_length[j]))
 
 
-@kernel
+@inlined_kernel
 def bending_excess(model: RodModel, work: RodWork, scale: float) -> float:
     """Return the bending energy [J] after ``scale`` times the solution moves the rod, minus its quadratic model.
 
@@ -277,7 +277,7 @@ def _moved_tangent(work: RodWork, j: int, scale: float) -> Vector:
     return scaled(edge, 1.0 / end) if end > 0.0 else t
 
 
-@kernel
+@inlined_kernel
 def add_bending_tangent(model: RodModel, work: RodWork, scale: Scale) -> None:
     """Add the tangent of the bending forces that were added last."""
     for i in range(model.joint_stiffness.shape[0]):

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 
 
 class StepForm(NamedTuple):
@@ -38,7 +38,7 @@ class StepForm(NamedTuple):
     follow: float
 
 
-@kernel
+@inlined_kernel
 def generalized_alpha(dt_s: float, rho: float) -> StepForm:
     """Return the second-order step of spectral radius rho."""
     e = (1.0 - rho) / (1.0 + rho)
@@ -53,13 +53,13 @@ def implicit_euler(dt_s: float) -> StepForm:
     return StepForm(dt_s, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
-@kernel
+@inlined_kernel
 def stiffness_scale(form: StepForm) -> float:
     """Return the factor of the stiffness in the step's matrix: dt times the derivative of a strain by dv."""
     return float(form.dt_s * form.dt_s * (form.mean * (form.at + form.lead_lag) + form.lead_change))
 
 
-@kernel
+@inlined_kernel
 def damping_scale(form: StepForm) -> float:
     """Return the factor of the damping in the step's matrix: dt times the derivative of damping's velocity by dv."""
     return float(form.dt_s * (form.mean * (1.0 + form.speed_lag) + form.speed_change))

@@ -126,7 +126,7 @@ def _mean_velocity(model: RodModel, work: RodWork, v: FloatArray, form: StepForm
     return float(v[i, c] + mean * work.velocity_change[i, c])
 
 
-@kernel
+@inlined_kernel
 def _take_configuration(model: RodModel, work: RodWork, motion: Moving, form: StepForm) -> None:
     """Write the positions, leads and velocities at which forces are taken, for the present velocity change."""
     x, v, w = motion
@@ -145,7 +145,7 @@ def _take_configuration(model: RodModel, work: RodWork, motion: Moving, form: St
             work.lead[0, i, c] = work.lead[1, i, c] + model.beta * leading
 
 
-@kernel
+@inlined_kernel
 def _take_end(model: RodModel, work: RodWork, motion: Moving, form: StepForm) -> None:
     """Write the positions at the end of the step, for the present velocity change."""
     x, v, _ = motion
@@ -165,7 +165,7 @@ def _finish(model: RodModel, work: RodWork, motion: Moving, form: StepForm) -> N
             w[i, c] += form.follow * (mean - w[i, c])
 
 
-@kernel
+@inlined_kernel
 def _newton_direction(model: RodModel, work: RodWork) -> float:
     """Replace the right-hand side by the solution; return their scalar product, NaN if the matrix is not SPD."""
     remove_held(model, work)

@@ -115,7 +115,7 @@ def _moved(work: RodWork, i: int, scale: float) -> Vector:
     return (scale * work.rhs[3 * i], scale * work.rhs[3 * i + 1], scale * work.rhs[3 * i + 2])
 
 
-@kernel
+@inlined_kernel
 def _moved_point(work: RodWork, point: CurvePoint, scale: float) -> Vector:
     """Return the motion of a point of the curve by ``scale`` times the solution."""
     total = scaled(_moved(work, point.first, scale), point.weights[0])
@@ -123,7 +123,7 @@ def _moved_point(work: RodWork, point: CurvePoint, scale: float) -> Vector:
     return along(total, _moved(work, point.first + 2, scale), point.weights[2])
 
 
-@kernel
+@inlined_kernel
 def _stop(model: RodModel, work: RodWork, i: int, over: float, scale: float) -> None:
     k = model.introducer.stop_stiffness
     for c in range(3):
@@ -133,7 +133,7 @@ def _stop(model: RodModel, work: RodWork, i: int, over: float, scale: float) -> 
                 work.band[3 * i + c, b - c] += scale * k * model.introducer.axis[c] * model.introducer.axis[b]
 
 
-@kernel
+@inlined_kernel
 def _hold_particle(model: RodModel, work: RodWork, i: int, axial: float, scale: float) -> None:
     a = (model.introducer.axis[0], model.introducer.axis[1], model.introducer.axis[2])
     o = offset_from_axis(model.introducer, work.position, i)

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.vectors import Vector, along, dot
 from services.mechanics.rod.introducer_forces import passing_point
 from services.mechanics.rod.introducer_passage import (
@@ -29,7 +29,7 @@ _SAMPLES_PER_SPAN = 4
 _SPANS = 3
 
 
-@kernel
+@inlined_kernel
 def introducer_normal_force(model: RodModel, x: FloatArray, passage: Passage) -> float:
     """Return the integral [N] along the axis of the normal force of the introducer's wall on the rod at ``x`` (n, 3).
 

@@ -39,7 +39,7 @@ def put_held(model: RodModel, work: RodWork, x: FloatArray, v: FloatArray, targe
     return kinetic + floor
 
 
-@kernel
+@inlined_kernel
 def turns_little(model: RodModel, x: FloatArray, v: FloatArray, dt_s: float) -> bool:
     """Return whether no segment would rotate or stretch by more than _FARTHEST in a step with its present velocity."""
     for j in range(x.shape[0] - 1):
@@ -52,7 +52,7 @@ def turns_little(model: RodModel, x: FloatArray, v: FloatArray, dt_s: float) -> 
     return True
 
 
-@kernel
+@inlined_kernel
 def start_guarded(model: RodModel, work: RodWork, x: FloatArray, v: FloatArray, step: tuple[float, float]) -> None:
     """Start the iteration with a fraction of the free particles' velocity: 1, 1/2, 1/4, 1/8 or 0.
 
@@ -135,7 +135,7 @@ def _end_lengths(work: RodWork, form: StepForm, share: float, j: int) -> tuple[f
     return math.sqrt(before), math.sqrt(after), along, squared
 
 
-@kernel
+@inlined_kernel
 def _excess_stretch(model: RodModel, work: RodWork, form: StepForm, share: float) -> float:
     """Return the stretch energy [J] at the end of the step with a fraction of the solution, minus its quadratic model.
 
@@ -153,7 +153,7 @@ def _excess_stretch(model: RodModel, work: RodWork, form: StepForm, share: float
     return total
 
 
-@kernel
+@inlined_kernel
 def correct_stretch(model: RodModel, work: RodWork, form: StepForm) -> float:
     """Replace the solution by a correction to the exact stretch, with the same matrix; return the error's energy [J].
 

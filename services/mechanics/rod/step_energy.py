@@ -71,7 +71,7 @@ def gains(model: RodModel, x: FloatArray, v: FloatArray, work: RodWork, load: Fl
     return bool(change > _GAIN * (kinetic + kinetic_energy(model, v, dv)))
 
 
-@kernel
+@inlined_kernel
 def kinetic_energy(model: RodModel, v: FloatArray, dv: FloatArray) -> float:
     """Return the kinetic energy [J] at the velocities v + dv (n, 3)."""
     total = 0.0
@@ -81,7 +81,7 @@ def kinetic_energy(model: RodModel, v: FloatArray, dv: FloatArray) -> float:
     return total
 
 
-@kernel
+@inlined_kernel
 def _turns_little(model: RodModel, x: FloatArray, end: FloatArray) -> bool:
     """Return whether the relative motion of no segment's ends exceeds _SLOW times its length."""
     for j in range(x.shape[0] - 1):
@@ -94,7 +94,7 @@ def _turns_little(model: RodModel, x: FloatArray, end: FloatArray) -> bool:
     return True
 
 
-@kernel
+@inlined_kernel
 def _slides_far(model: RodModel, x: FloatArray, end: FloatArray) -> bool:
     """Return whether the first particle, which the introducer guides, moves further than _SLIDES of a segment."""
     squared = 0.0
@@ -103,7 +103,7 @@ def _slides_far(model: RodModel, x: FloatArray, end: FloatArray) -> bool:
     return bool(squared > (_SLIDES * model.rest_length[0]) ** 2)
 
 
-@kernel
+@inlined_kernel
 def _slides_back(model: RodModel, v: FloatArray, dv: FloatArray) -> bool:
     """Return whether the first particle reverses its motion along the introducer in a step."""
     before, change = 0.0, 0.0

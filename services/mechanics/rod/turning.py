@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.compiled.vectors import cross, dot, row
 from services.mechanics.rod.elasticity import add_joint_force, add_rank_one, joint_strain
@@ -44,7 +44,7 @@ def first_of(work: RodWork, i: int) -> int:
     return int(min(max(i - work.first_joint, 0), work.position.shape[0] - 3))
 
 
-@kernel
+@inlined_kernel
 def add_turns(work: RodWork) -> None:
     """Add the forces that resist the twist of joints."""
     for i in range(work.turn.shape[0]):
@@ -55,7 +55,7 @@ def add_turns(work: RodWork) -> None:
         add_joint_force(turn, strain, first, work.force)
 
 
-@kernel
+@inlined_kernel
 def add_turns_tangent(work: RodWork, scale: float) -> None:
     """Add the tangent of these forces, times ``scale``."""
     for i in range(work.turn.shape[0]):

@@ -15,7 +15,7 @@ from typing import Annotated
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.memory import copy_arrays, copy_table
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.scene.tools import N_TOOLS
@@ -127,7 +127,7 @@ def state_is_sound(live_address: Address[LiveState]) -> bool:
     return bool(_are_sound(live_at(live_address)))
 
 
-@kernel
+@inlined_kernel
 def _are_sound(live: LiveState) -> bool:
     """Return whether all numbers are finite, and segment lengths and speeds of the catheter within their limits."""
     position, velocity = live.position, live.velocity

@@ -11,14 +11,14 @@ import math
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.pairs import JAW_A, JAW_B, SHAFT
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel
 
 N_SEGMENTS = 3
 N_COORDINATES = 4  # J and the opening angle
 N_CELLS = 20  # cells along the jaws, each with something between them or nothing
 
 
-@kernel
+@inlined_kernel
 def tool_frame(junction: FloatArray, port: FloatArray, roll: float, out: FloatArray) -> float:
     """Write b, h and d into the rows of ``out`` (3, 3) and return the length of shaft inside the port, in m."""
     length = math.sqrt((junction[0] - port[0]) ** 2 + (junction[1] - port[1]) ** 2 + (junction[2] - port[2]) ** 2)
@@ -38,7 +38,7 @@ def tool_frame(junction: FloatArray, port: FloatArray, roll: float, out: FloatAr
     return length
 
 
-@kernel
+@inlined_kernel
 def tool_segments(
     junction: FloatArray, start: FloatArray, frame: FloatArray, jaw_angle: float, jaw_length: float, out: FloatArray
 ) -> None:
@@ -53,7 +53,7 @@ def tool_segments(
         out[JAW_B, 1, axis] = junction[axis] + cosine * frame[2, axis] - sine * frame[0, axis]
 
 
-@kernel
+@inlined_kernel
 def contact_lever(frame: FloatArray, length: float, segment: int, arm: FloatArray, out: FloatArray) -> None:
     r"""Write the lever G (3, 4) of a point at ``arm`` = p - J: its motion is G (dJ, dtheta).
 

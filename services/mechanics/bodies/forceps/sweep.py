@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.vectors import cross, unit
 
 # Instruments of bariatric surgery, the longest there are, have 0.45 m of shaft; J is no further from the port.
@@ -20,7 +20,7 @@ FASTEST_HAND_M_S = 0.5
 _STRAIGHT = 1e-12
 
 
-@kernel
+@inlined_kernel
 def sweep(
     port: FloatArray,
     pose: tuple[FloatArray, float],
@@ -45,7 +45,7 @@ def sweep(
     return roll + share * (asked_roll - roll)
 
 
-@kernel
+@inlined_kernel
 def _share(
     port: FloatArray,
     pose: tuple[FloatArray, float],
@@ -74,7 +74,7 @@ def _polar(port: FloatArray, start: FloatArray, end: FloatArray) -> tuple[float,
     return math.sqrt(before), math.sqrt(after), math.atan2(math.sqrt(across), along)
 
 
-@kernel
+@inlined_kernel
 def _swing(port: FloatArray, start: FloatArray, end: FloatArray, share: float, out: FloatArray) -> None:
     """Write the point at ``share`` of the swing about the port from ``start`` to ``end`` into ``out``."""
     before, after, angle = _polar(port, start, end)

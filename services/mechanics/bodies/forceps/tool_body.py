@@ -10,7 +10,7 @@ import numpy as np
 from services.mechanics.arrays import AnyArray, BoolArray, FloatArray
 from services.mechanics.bodies.forceps.kinematics import N_CELLS, N_COORDINATES, N_SEGMENTS, tool_frame, tool_segments
 from services.mechanics.bodies.forceps.sweep import FASTEST_HAND_M_S, LONGEST_SHAFT_M, sweep
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.scene import ForcepsScene, ToolScene
 from services.mechanics.scene.tools import N_TOOLS, ToolInputs
@@ -222,7 +222,7 @@ def predict_proxies(
     return flags
 
 
-@kernel
+@inlined_kernel
 def _move_hand(
     tools: ToolArrays, tool: int, target: tuple[FloatArray, float, float], is_there: bool, dt_s: float
 ) -> bool:
@@ -243,7 +243,7 @@ def _move_hand(
     return bool(is_there and is_lagging)
 
 
-@kernel
+@inlined_kernel
 def _is_sound(junction: FloatArray, port: FloatArray, opening: float, roll: float) -> bool:
     """Return whether these numbers are a possible pose: finite, with some shaft inside the port but not too much."""
     length_2 = 0.0
