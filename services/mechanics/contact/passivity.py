@@ -131,9 +131,12 @@ def _add_hand_work(ledger: Ledger, tools: ToolArrays, dt_s: float) -> None:
     ledger.max_hand_work_j = max(kept * ledger.max_hand_work_j, abs(ledger.hand_work_j))
 
 
-@kernel
+@inlined_kernel
 def _touch_tools(rows: ContactRows) -> bool:
-    return bool((rows.tool[: rows.n_contacts] != NO_TOOL).any())
+    count = 0
+    for row in range(rows.n_contacts):
+        count += rows.tool[row] != NO_TOOL
+    return count > 0
 
 
 @kernel
