@@ -196,17 +196,14 @@ class CatheterBody:
 
     def save_start(self) -> None:
         """Save the state at the start of a step beside `step_arrays`."""
-        state = self.state
-        path_m = None if state.frame is None else state.frame.last_path_m
+        slow = self.state.slow_velocity_m_s
         self._saved_flags = self._was_touched, self._was_woken, self.slept
-        self._saved = [None if array is None else array.copy() for array in (state.slow_velocity_m_s, path_m)]
+        self._saved_slow = None if slow is None else slow.copy()
 
     def restore_start(self) -> None:
         """Restore it."""
         self._was_touched, self._was_woken, self.slept = self._saved_flags
-        self.state.slow_velocity_m_s, path_m = self._saved
-        if self.state.frame is not None:
-            self.state.frame.last_path_m = path_m
+        self.state.slow_velocity_m_s = self._saved_slow
 
     def halt(self) -> None:
         """Stop all motion at the present position."""

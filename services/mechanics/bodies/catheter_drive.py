@@ -9,12 +9,11 @@ import numpy as np
 
 from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.bodies.forceps import ToolBody
-from services.mechanics.bodies.guide_wire import frame_of
 from services.mechanics.bodies.sections import joint_curvature
 from services.mechanics.collision.pairs import CATHETER_SEGMENT
 from services.mechanics.compiled.vectors import cross, dot, row
 from services.mechanics.rod.material_frame import initial_frame, roll
-from services.mechanics.rod.twist import TwistModel, energy_at
+from services.mechanics.rod.twist import TwistModel, energy_at, frame_task
 from services.mechanics.scene import CatheterScene, SceneModel
 from services.mechanics.scene.tools import GraspHold
 
@@ -110,9 +109,8 @@ class CatheterDrive:
 
     def _stored_j(self, twist: TwistModel) -> tuple[float, float]:
         """Return the elastic energy of the rod, and that of catheter and wire bent against each other."""
-        frame, wire = self._state.frame, self._wire
-        assert frame is not None
-        own_j = float(energy_at((twist.address, frame_of(self._state), frame.end_is_held), self._state.position_m))
+        wire = self._wire
+        own_j = float(energy_at(frame_task(twist, self._state), self._state.position_m))
         return own_j, 0.0 if wire is None else wire.stored_j(self._state, wire.place)[1]
 
 

@@ -13,6 +13,11 @@ Damping acts on strains as if the particles were displaced by ``lead`` more. The
 velocities, and acts along a segment and on the angle of a joint; that of an implicit step, its numerical damping, acts
 wherever there is stiffness. ``lead[0]`` is the sum of both, ``lead[1]`` the step's alone.
 
+Only a material frame tells whether a joint whose plane turns bends its material, or rolls with it. A rod that has one
+is also damped by c = (theta/2) cot(theta/2) r.v - theta s, the rate of its curvature in the material out of the plane,
+with r the gradient there and s the rate at which directors turn. Forces and moments on directors are the derivatives of
+beta k c^2/2 by v and s (`twist` has those with s), so a rigid rotation is not damped.
+
 ``scale`` is the factor of the stiffness in the band: scale[0] where the material's damping acts too (along a segment,
 in the plane of bending), scale[1] where only stiffness acts; with zero no tangent is added.
 """
@@ -233,7 +238,10 @@ def add_bending(model: RodModel, work: RodWork) -> None:
         add_joint_force(q, k * (theta + joint_strain(q, work.lead[0], i)), i, work.force)
         has_plane = theta >= _NO_PLANE
         aside = geometric_bending(theta) if has_plane else 1.0
-        add_joint_force(r, k * aside * joint_strain(r, work.lead[1 if has_plane else 0], i), i, work.force)
+        strain = joint_strain(r, work.lead[1 if has_plane else 0], i)
+        if has_plane and model.has_frame:
+            strain += aside * (joint_strain(r, work.lead[0], i) - strain)
+        add_joint_force(r, k * aside * strain, i, work.force)
         work.has_plane[i], work.aside[i] = has_plane, aside
 
 
@@ -284,4 +292,6 @@ def add_bending_tangent(model: RodModel, work: RodWork, scale: Scale) -> None:
         k = model.joint_stiffness[i]
         add_rank_one(work.band, 3 * i, work.joint[i, 0], scale[0] * k)
         out_of_plane = scale[1 if work.has_plane[i] else 0] * work.aside[i] * k
+        if work.has_plane[i] and model.has_frame:
+            out_of_plane += (scale[0] - scale[1]) * work.aside[i] ** 2 * k
         add_rank_one(work.band, 3 * i, work.joint[i, 1], out_of_plane)

@@ -9,14 +9,14 @@ from services.mechanics.compiled.struct import Address
 from services.mechanics.rod import contact_response, implicit_kernels
 from services.mechanics.rod.banded import empty_columns
 from services.mechanics.rod.contact_energy_gain import remove_energy_gain_with_twist
+from services.mechanics.rod.frame_step import predict_with_frame
 from services.mechanics.rod.free_step import NOT_DEFINITE, SLEPT, FreeStep, nonlinear_error_j, relinearise, step_freely
 from services.mechanics.rod.model import RodModel, allocate_work, build_model
 from services.mechanics.rod.properties import RodProperties
 from services.mechanics.rod.state import RodState
 from services.mechanics.rod.step_gains import StepGains
 from services.mechanics.rod.supports import Supports
-from services.mechanics.rod.turning import note_turns
-from services.mechanics.rod.twist import TwistModel, add_frame_forces, build_twist_model
+from services.mechanics.rod.twist import TwistModel, build_twist_model, frame_task
 
 SPECTRAL_RADIUS = 0.6
 
@@ -67,9 +67,10 @@ class ImplicitIntegrator(StepGains):
         self.work = allocate_work(n, 0 if self.twist is None else len(self.twist.torsion))
         if self.twist is not None:
             self.work.first_joint = self.twist.first
+            self.model.has_frame = True
         self.addresses = (self.model.address, self.work.address)
         self.held_target_m: FloatArray = np.full((len(self.model.held), 3), np.nan)
-        self._external, self._frame_force = np.zeros((n, 3)), np.zeros((n, 3))
+        self._frame_step = np.zeros((7, n, 3))
         self._columns = empty_columns(3 * n)
         self._dt_s = 0.0
         self.is_factored = False
@@ -86,14 +87,12 @@ class ImplicitIntegrator(StepGains):
             state.slow_velocity_m_s = np.zeros_like(state.velocity_m_s)
         motion = (state.position_m, state.velocity_m_s, state.slow_velocity_m_s)
         step = (dt_s, self.spectral_radius, self.max_iterations, is_start)
-        if self.twist is not None:
-            self._frame_force[:] = 0.0
-            add_frame_forces(self.twist, state, self._frame_force, of_next_step=True)
-            assert state.frame is not None
-            frame = (state.frame.tangent, state.frame.m1, state.frame.twist_rad)
-            note_turns(self.work.address, self.twist.address, state.frame.path(state.position_m)[1], frame)
-            external_force_n = np.add(external_force_n, self._frame_force, out=self._external)
-        self.iterations = implicit_kernels.predict(self.addresses, motion, external_force_n, self.held_target_m, step)
+        load = external_force_n, self.held_target_m
+        if self.twist is None:
+            self.iterations = implicit_kernels.predict(self.addresses, motion, *load, step)
+        else:
+            rod = self.addresses, frame_task(self.twist, state)
+            self.iterations = predict_with_frame(rod, self._frame_step, motion, load, step)
         if self.iterations == 0:
             raise FloatingPointError("the rod's state or a force on it is not finite")
 
@@ -133,7 +132,7 @@ class ImplicitIntegrator(StepGains):
         assert state.slow_velocity_m_s is not None
         motion = (state.position_m, state.velocity_m_s, state.slow_velocity_m_s)
         step = (self._dt_s, self.spectral_radius, self.max_iterations, share)
-        taken = relinearise(address, self.addresses, motion, self._frame_force, self.held_target_m, step)
+        taken = relinearise(address, self.addresses, motion, self._frame_step[5], self.held_target_m, step)
         self.iterations += max(taken, 0)
         self.note_factors(taken not in (0, NOT_DEFINITE))
 
@@ -166,11 +165,8 @@ class ImplicitIntegrator(StepGains):
 
     def remove_energy_gain(self, state: RodState, address: Address[FreeStep]) -> None:
         """Remove a corrected step's energy gain from the velocities of a rod with twist (`contact_energy_gain`)."""
-        frame = state.frame
         assert self.twist is not None
-        assert frame is not None
-        task = (self.twist.address, (frame.tangent, frame.m1, frame.twist_rad), frame.end_is_held)
-        motion = (state.position_m, state.velocity_m_s)
+        task, motion = frame_task(self.twist, state), (state.position_m, state.velocity_m_s)
         remove_energy_gain_with_twist(self.addresses, address, motion, self._dt_s, task)
 
     def note_factors(self, is_factored: bool) -> None:

@@ -22,6 +22,7 @@ from services.mechanics.rod.step_energy import gains
 
 Motion = tuple[FloatArray, FloatArray]
 Moving = tuple[FloatArray, FloatArray, FloatArray]
+Step = tuple[float, float, int, bool]
 Addresses = tuple[Address[RodModel], Address[RodWork]]
 
 _TOLERANCE = 1e-3  # spurious stretch energy that a step may leave, as a fraction of the kinetic energy
@@ -30,28 +31,27 @@ _PATIENCE = 2  # iterations of the second-order step before implicit Euler
 
 @kernel
 def predict(
-    addresses: Addresses,
-    motion: Moving,
-    external: FloatArray,
-    target: FloatArray,
-    step: tuple[float, float, int, bool],
+    addresses: Addresses, motion: Moving, external: FloatArray, target: FloatArray, step: Step, goes_on: bool = False
 ) -> int:
     """Advance motion = (x, v, w) in place without contacts; return the Newton iterations taken.
 
-    ``step`` is (dt, spectral radius, maximum number of iterations, whether this is the first step). If a number is not
-    finite, zero iterations are returned, with motion unchanged. One iteration of the second-order step is enough if its
-    spurious stretch energy is at most _TOLERANCE times the kinetic energy. If segments rotate too far, or the step
-    would gain energy, the step is taken by implicit Euler: it minimises |y - dt v|_M^2 / (2 dt^2) + V(x + y) - f.y over
-    the displacements y, with a line search for Newton iterations that would increase this. So large rotations in a step
-    do not become stretch, and stretch does not become motion.
+    ``step`` is (dt, spectral radius, maximum number of iterations, whether this is the first step). With ``goes_on`` it
+    starts with the change of velocity and the factors of the last call. If a number is not finite, zero iterations are
+    returned, with motion unchanged. One iteration of the second-order step is enough if its spurious stretch energy is
+    at most _TOLERANCE times the kinetic energy. If segments rotate too far, or the step would gain energy, the step is
+    taken by implicit Euler: it minimises |y - dt v|_M^2 / (2 dt^2) + V(x + y) - f.y over the displacements y, with a
+    line search for Newton iterations that would increase this. So large rotations in a step do not become stretch, and
+    stretch does not become motion.
     """
     model, work, (x, v, _) = model_at(addresses[0]), work_at(addresses[1]), motion
     dt_s, rho, max_iterations, is_start = step
+    if not goes_on:
+        work.velocity_change[:] = 0.0
     energy = put_held(model, work, x, v, target, dt_s)
     taken = 0
     if not is_start and turns_little(model, x, v, dt_s):
         form = generalized_alpha(dt_s, rho)
-        taken = _newton(model, work, motion, external, (form, energy, _PATIENCE))
+        taken = _newton(model, work, motion, external, (form, energy, _PATIENCE, goes_on))
         if taken > 0:
             _take_end(model, work, motion, form)
             if gains(model, x, v, work, external):
@@ -60,11 +60,12 @@ def predict(
                 _finish(model, work, motion, form)
         if taken >= 0:
             return taken
+    work.velocity_change[:] = 0.0
     put_held(model, work, x, v, target, dt_s)
     _grow(model, 0.5 * dt_s)  # to the end of the step, where its forces are taken
     start_guarded(model, work, x, v, (dt_s, energy))
     form = implicit_euler(dt_s)
-    more = abs(_newton(model, work, motion, external, (form, energy, max_iterations)))
+    more = abs(_newton(model, work, motion, external, (form, energy, max_iterations, False)))
     _grow(model, -0.5 * dt_s)
     if more == 0:
         return 0
@@ -80,20 +81,20 @@ def _grow(model: RodModel, time_s: float) -> None:
 
 @kernel
 def _newton(
-    model: RodModel, work: RodWork, motion: Moving, external: FloatArray, task: tuple[StepForm, float, int]
+    model: RodModel, work: RodWork, motion: Moving, external: FloatArray, task: tuple[StepForm, float, int, bool]
 ) -> int:
     """Iterate; return the number of iterations, negative without convergence, 0 if a number is not finite.
 
-    ``task`` is (form, kinetic energy in J, maximum number of iterations).
+    ``task`` is (form, kinetic energy in J, maximum number of iterations, whether the first takes the last factors).
     """
-    form, energy, most = task
+    form, energy, most, is_factored = task
     taken = 0
     while taken < most:
         _take_configuration(model, work, motion, form)
-        _assemble(model, work, external, form)
+        _assemble(model, work, external, form, is_factored)
         if work.hits_stop:
             return -taken - 1
-        decrease = _newton_direction(model, work)
+        decrease, is_factored = _newton_direction(model, work, is_factored), False
         if not math.isfinite(decrease):
             return 0
         taken += 1
@@ -166,12 +167,15 @@ def _finish(model: RodModel, work: RodWork, motion: Moving, form: StepForm) -> N
 
 
 @inlined_kernel
-def _newton_direction(model: RodModel, work: RodWork) -> float:
+def _newton_direction(model: RodModel, work: RodWork, is_factored: bool) -> float:
     """Replace the right-hand side by the solution; return their scalar product, NaN if the matrix is not SPD."""
-    remove_held(model, work)
+    if not is_factored:
+        remove_held(model, work)
+    for k in range(model.held.shape[0]):
+        work.rhs[3 * model.held[k] : 3 * model.held[k] + 3] = 0.0
     for i in range(work.rhs.shape[0]):
         work.residual[i] = work.rhs[i]
-    if not factor_ldl(work.band):
+    if not (is_factored or factor_ldl(work.band)):
         return math.nan
     solve_ldl(work.band, work.rhs)
     product = 0.0
@@ -181,13 +185,13 @@ def _newton_direction(model: RodModel, work: RodWork) -> float:
 
 
 @inlined_kernel
-def _assemble(model: RodModel, work: RodWork, external: FloatArray, form: StepForm) -> None:
-    """Write the residual dt f - M dv into the right-hand side, and A, both at the current iterate."""
+def _assemble(model: RodModel, work: RodWork, external: FloatArray, form: StepForm, is_factored: bool) -> None:
+    """Write the residual dt f - M dv into the right-hand side, and A unless it is factored, at the current iterate."""
     n = external.shape[0]
     for i in range(n):
         for c in range(3):
             work.force[i, c] = external[i, c] - model.drag[i] * work.leading_velocity[i, c]
-    assemble_matrix(model, work, form)
+    add_internal_forces(model, work, (0.0, 0.0) if is_factored else _begin_matrix(model, work, form))
     for i in range(n):
         for c in range(3):
             work.rhs[3 * i + c] = form.dt_s * work.force[i, c] - model.mass[i] * work.velocity_change[i, c]
@@ -195,14 +199,8 @@ def _assemble(model: RodModel, work: RodWork, external: FloatArray, form: StepFo
 
 
 @inlined_kernel
-def assemble_matrix(model: RodModel, work: RodWork, form: StepForm) -> None:
-    """Write the step's matrix and add the rod's own forces, at the configuration in ``work``."""
-    add_internal_forces(model, work, _begin_matrix(model, work, form))
-
-
-@inlined_kernel
 def assemble_again(model: RodModel, work: RodWork, form: StepForm) -> None:
-    """Write the matrix of another form of the step, at the configuration of the last `assemble_matrix`."""
+    """Write the matrix of another form of the step, at the configuration where forces were taken last."""
     add_internal_tangent(model, work, _begin_matrix(model, work, form))
 
 

@@ -37,22 +37,10 @@ class MaterialFrame:
     m1: FloatArray
     twist_rad: FloatArray
     end_is_held: bool = False
-    last_path_m: FloatArray | None = None
 
     def copy(self) -> MaterialFrame:
         """Return an independent frame with the same values."""
-        path_m = None if self.last_path_m is None else self.last_path_m.copy()
-        return MaterialFrame(self.tangent.copy(), self.m1.copy(), self.twist_rad.copy(), self.end_is_held, path_m)
-
-    def forget_motion(self) -> None:
-        """Expect nothing to move in the next step."""
-        self.last_path_m = None
-
-    def path(self, position_m: FloatArray) -> FloatArray:
-        """Return (2, n, 3): last positions of the particles, and those that `expect_middle` writes."""
-        if self.last_path_m is None:
-            self.last_path_m = np.stack([position_m, position_m])
-        return self.last_path_m
+        return MaterialFrame(self.tangent.copy(), self.m1.copy(), self.twist_rad.copy(), self.end_is_held)
 
 
 def initial_frame(
@@ -86,18 +74,6 @@ def roll(frame: MaterialFrame, segment: int, angle_rad: float) -> None:
     """
     last = len(frame.m1) - 1
     rotate_frame((frame.tangent, frame.m1, frame.twist_rad), segment % (last + 1), angle_rad)
-
-
-@kernel
-def expect_middle(x: FloatArray, path: FloatArray) -> None:
-    """Write into path[1] where particles x (n, 3) will be in the middle of the next step, if they go on as in the last.
-
-    Call it once a step.
-    """
-    for i in range(x.shape[0]):
-        for c in range(3):
-            path[1, i, c] = x[i, c] + 0.5 * (x[i, c] - path[0, i, c])
-            path[0, i, c] = x[i, c]
 
 
 @kernel

@@ -29,6 +29,7 @@ class RodModel(Struct):
     introducer: IntroducerSprings
     held: Annotated[IntArray, "h"]  # held particles
     is_held: Annotated[BoolArray, "n"]
+    has_frame: bool = False  # whether a material frame tells if a joint whose plane turns bends its material
 
 
 class RodWork(Struct):

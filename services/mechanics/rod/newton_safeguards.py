@@ -21,7 +21,7 @@ _HALVINGS = 6
 
 @kernel
 def put_held(model: RodModel, work: RodWork, x: FloatArray, v: FloatArray, target: FloatArray, dt_s: float) -> float:
-    """Initialise the change of velocity: zero, but held particles move uniformly to their target (NaN: they stay).
+    """Write the change of velocity of held particles, which move uniformly to their target (NaN: they stay).
 
     Return the kinetic energy [J] plus that of a negligible motion.
     """
@@ -29,7 +29,6 @@ def put_held(model: RodModel, work: RodWork, x: FloatArray, v: FloatArray, targe
     for i in range(x.shape[0]):
         floor += 0.5 * model.mass[i] * (_NEGLIGIBLE_MOTION * model.rest_length[0] / dt_s) ** 2
         for c in range(3):
-            work.velocity_change[i, c] = 0.0
             kinetic += 0.5 * model.mass[i] * v[i, c] * v[i, c]
     for k in range(model.held.shape[0]):
         i = model.held[k]

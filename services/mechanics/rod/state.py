@@ -40,8 +40,6 @@ class RodState:
         """Stop all motion at the present position."""
         self.velocity_m_s[:] = 0.0
         self.slow_velocity_m_s = None
-        if self.frame is not None:
-            self.frame.forget_motion()
 
 
 def straight_rod(properties: RodProperties, start_m: ArrayLike, direction: ArrayLike) -> RodState:

@@ -1,6 +1,6 @@
 """The stiffness with which a step resists the twist of joints while the directors stay.
 
-Directors relax in the next step only: this step takes their forces as given numbers. So the step's matrix must be as
+Directors relax only before a step is taken: it takes their forces as given numbers. So the step's matrix must be as
 stiff as the rod is with fixed directors, or the motion to which they give way would be thrown back (the splitting of
 Eyre 1998: convex terms belong into the implicit step). Bending is in the matrix; a curved joint that is tilted out of
 its plane is also twisted, by tan(theta/2) of both tilts, at torsional stiffness k. The force is -k g (g.(x - x0)), with

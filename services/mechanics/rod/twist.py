@@ -1,7 +1,8 @@
 """Torsion and rest curvature of the material frame, in torsional equilibrium at every step.
 
-Torsional waves are some hundred times faster than bending, so the frames always take the angles of least energy (a
-tridiagonal Newton step) and have no inertia. The roll of the first director is prescribed, that of the last one may be.
+Torsional waves are some hundred times faster than bending, so the frames have no inertia: they take the angles of least
+energy (a tridiagonal Newton step), held up only by the damping of bending (`elasticity`). The roll of the first
+director is prescribed, that of the last one may be.
 
 Torsion: ``kt/2 (m - m0)^2``, kt = GJ/l0, m the twist of a joint. Between the wall of a clamped end and its segment is
 half a joint, kt = 2 GJ/l0, as there is for bending: the rod twists over all of its length. Rest curvature changes the
@@ -20,9 +21,9 @@ import numpy as np
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import Vector, cross, dot, row
-from services.mechanics.rod.elasticity import SHORTEST, bending_angle
-from services.mechanics.rod.material_frame import NO_WALLS, Frame, expect_middle, follow, initial_frame, rotate_frame
+from services.mechanics.compiled.vectors import Vector, along, cross, dot, put_row, row, scaled, subtract
+from services.mechanics.rod.elasticity import SHORTEST, bending_angle, geometric_bending
+from services.mechanics.rod.material_frame import NO_WALLS, Frame, follow, initial_frame, rotate_frame
 from services.mechanics.rod.properties import RodProperties
 from services.mechanics.rod.state import RodState
 
@@ -36,16 +37,21 @@ class TwistModel(Struct):
     bending: Annotated[FloatArray, "m - 1"]
     rest_rotation: Annotated[FloatArray, "m - 1", 3]  # in the material frame, rad
     diagonal: Annotated[FloatArray, "m"]
+    coupling: Annotated[FloatArray, "m - 1"]  # minus the other diagonal
+    aside: Annotated[FloatArray, "m - 1", 3]  # moment of a joint on its sides as its material turns, N m/rad
     angle: Annotated[FloatArray, "m"]
+    turned: Annotated[FloatArray, "m"]  # angles by which equilibrium has turned the directors in this step, rad
     tangent: Annotated[FloatArray, "m", 3]  # these three: scratch, a frame elsewhere
     m1: Annotated[FloatArray, "m", 3]
     twist: Annotated[FloatArray, "m - 1"]
     walls: Annotated[FloatArray, 2, 3]  # directions of clamped ends; NaN rows where an end may turn
     first: int  # row of the first segment, 1 behind a wall
     shortest: float  # a segment crushed below this counts as that long, m
+    beta: float  # Kelvin-Voigt damping of the material, s
 
 
 Task = tuple[Address[TwistModel], Frame, bool]
+Motion = tuple[FloatArray, FloatArray]
 twist_at = reader(TwistModel)
 
 
@@ -73,22 +79,22 @@ def build_twist_model(properties: RodProperties, walls: FloatArray = NO_WALLS) -
         bending=bending,
         rest_rotation=rest,
         diagonal=np.zeros(n_directors),
+        coupling=np.zeros(n_directors - 1),
+        aside=np.zeros((n_directors - 1, 3)),
         angle=np.zeros(n_directors),
+        turned=np.zeros(n_directors),
         tangent=np.zeros((n_directors, 3)),
         m1=np.zeros((n_directors, 3)),
         twist=np.zeros(n_directors - 1),
         walls=walls,
         first=at_start,
         shortest=SHORTEST * properties.segment_length_m,
+        beta=float(properties.internal_damping_s),
     )
 
 
-def add_frame_forces(model: TwistModel, state: RodState, force_n: FloatArray, *, of_next_step: bool = False) -> None:
-    """Bring the frames of ``state`` to its positions and to torsional equilibrium, and add their forces to ``force_n``.
-
-    With ``of_next_step`` the positions are those that `expect_middle` predicts for the middle of the next step, to
-    second order; call it once before each step then. The forces enter a step as given numbers; the implicit matrix
-    contains their change while the directors stay (`turning`).
+def frame_task(model: TwistModel, state: RodState) -> Task:
+    """Return the frame of ``state`` for kernels; a state without one gets one without twist.
 
     Raises ValueError if the frame was made for other clamped ends.
     """
@@ -99,12 +105,15 @@ def add_frame_forces(model: TwistModel, state: RodState, force_n: FloatArray, *,
             f"the rod has {len(state.frame.m1)} directors, not {len(model.angle)}: make its initial_frame with the "
             "wall_directions of its supports"
         )
-    frame = (state.frame.tangent, state.frame.m1, state.frame.twist_rad)
-    task = (model.address, frame, state.frame.end_is_held)
-    if of_next_step:
-        _update_ahead(task, state.position_m, state.frame.path(state.position_m), force_n)
-    else:
-        _update(task, state.position_m, force_n)
+    return model.address, (state.frame.tangent, state.frame.m1, state.frame.twist_rad), state.frame.end_is_held
+
+
+def add_frame_forces(model: TwistModel, state: RodState, force_n: FloatArray) -> None:
+    """Bring the frames of ``state`` to its positions and to torsional equilibrium, and add their forces to ``force_n``.
+
+    Raises ValueError if the frame was made for other clamped ends.
+    """
+    update_frame(frame_task(model, state), (state.position_m, state.velocity_m_s), (math.inf, False), force_n)
 
 
 def twist_energy(model: TwistModel, state: RodState) -> float:
@@ -126,52 +135,98 @@ def energy_at(task: Task, x: FloatArray) -> float:
         model.twist[i] = twist[i]
     there = (model.tangent, model.m1, model.twist)
     follow(x, there, model.first)
-    relax(model, there, end_is_held)
+    _write_equilibrium(model, there)
+    _turn(model, there, end_is_held)
     return float(_energy(model, there))
 
 
 @kernel
-def _update_ahead(task: Task, x: FloatArray, path: FloatArray, f: FloatArray) -> None:
-    expect_middle(x, path)
-    _update(task, path[1], f)
+def update_frame(task: Task, motion: Motion, step: tuple[float, bool], f: FloatArray) -> None:
+    """Bring a frame to the middle of a step and to equilibrium there, with damping, and add its forces to f (n, 3).
 
+    ``motion`` are positions and velocities (n, 3) there; ``step`` is (dt, whether the frame comes there a second time).
 
-@kernel
-def _update(task: Task, x: FloatArray, f: FloatArray) -> None:
+    An implicit step takes its other forces there too. At rest, the elastic moment of a curved joint and that of its
+    rest curvature cancel. Taken at two places, they would leave a force that adds energy. The step takes these forces
+    as given numbers; its matrix contains their change while the directors stay (`turning`).
+    """
     model, frame, end_is_held = twist_at(task[0]), task[1], task[2]
-    follow(x, frame, model.first)
-    relax(model, frame, end_is_held)
-    add_forces(model, x, frame, f)
+    lag = model.beta / step[0]
+    if not step[1]:
+        model.turned[:] = 0.0
+    follow(motion[0], frame, model.first)
+    _write_equilibrium(model, frame)
+    if lag > 0.0:
+        _add_damping(model, frame, motion, lag)
+    _turn(model, frame, end_is_held)
+    for j in range(model.angle.shape[0]):
+        model.turned[j] += model.angle[j]
+    add_forces(model, motion[0], frame, lag, f)
 
 
 @kernel
-def relax(model: TwistModel, frame: Frame, end_is_held: bool) -> None:
-    """Take one Newton step of the angles towards least energy; it is exact for a rod without rest curvature.
+def _write_equilibrium(model: TwistModel, frame: Frame) -> None:
+    """Write the moments on the directors and their matrix.
 
-    The matrix is the torsion's tridiagonal one plus the positive part of the diagonal terms of rest curvature.
+    The matrix is the tridiagonal one of torsion plus the positive part of the diagonal terms of rest curvature.
     """
     diagonal, angle = model.diagonal, model.angle
-    n = angle.shape[0]
-    last = n - 1 if end_is_held else n
-    for j in range(n):
-        diagonal[j] = 0.0
-        angle[j] = 0.0
-    for i in range(n - 1):
+    diagonal[:] = 0.0
+    angle[:] = 0.0
+    for i in range(model.torsion.shape[0]):
         moment = model.torsion[i] * (frame[2][i] - model.rest_rotation[i, 2])
         angle[i] += moment
         angle[i + 1] -= moment
         diagonal[i] += model.torsion[i]
         diagonal[i + 1] += model.torsion[i]
+        model.coupling[i] = model.torsion[i]
         if _has_rest_curvature(model, i):
             _add_rest_curvature_moments(model, frame, i)
+
+
+@kernel
+def _add_damping(model: TwistModel, frame: Frame, motion: Motion, lag: float) -> None:
+    """Add the moments of `elasticity`'s damping out of the planes of joints, and their matrix."""
+    (x, v), diagonal, angle = motion, model.diagonal, model.angle
+    for p in range(1, x.shape[0] - 1):
+        i = p - 1 + model.first
+        theta, b = bending_angle(row(frame[0], i), row(frame[0], i + 1))
+        before, after = inverse_lengths(model, x, p)
+        near, far = subtract(row(v, p), row(v, p - 1)), subtract(row(v, p + 1), row(v, p))
+        b = scaled(b, geometric_bending(theta) * model.bending[i] * theta)
+        stiffness = 0.25 * lag * model.bending[i] * theta * theta
+        tilting = after * dot(b, far) - before * dot(b, near)
+        moment = 0.5 * model.beta * tilting - 2.0 * stiffness * _turned(model, i)
+        put_row(model.aside, i, b)
+        angle[i] += moment
+        angle[i + 1] += moment
+        diagonal[i] += stiffness
+        diagonal[i + 1] += stiffness
+        model.coupling[i] -= stiffness
+
+
+@kernel
+def _turn(model: TwistModel, frame: Frame, end_is_held: bool) -> None:
+    """Solve for the angles, and turn the directors by them: a Newton step, exact for a rod without rest curvature."""
+    diagonal, coupling, angle = model.diagonal, model.coupling, model.angle
+    n = angle.shape[0]
+    last = n - 1 if end_is_held else n
+    angle[0] = 0.0
+    angle[last:] = 0.0
     for j in range(2, last):
-        factor = model.torsion[j - 1] / diagonal[j - 1]
-        diagonal[j] -= factor * model.torsion[j - 1]
+        factor = coupling[j - 1] / diagonal[j - 1]
+        diagonal[j] -= factor * coupling[j - 1]
         angle[j] += factor * angle[j - 1]
     for j in range(last - 1, 0, -1):
-        carried = model.torsion[j] * angle[j + 1] if j + 1 < last else 0.0
+        carried = coupling[j] * angle[j + 1] if j + 1 < last else 0.0
         angle[j] = (angle[j] + carried) / diagonal[j]
         rotate_frame(frame, j, angle[j])
+
+
+@kernel
+def _turned(model: TwistModel, i: int) -> float:
+    """Return the angle by which the material of a joint has been turned in this step, without a hand's roll."""
+    return float(0.5 * (model.turned[i] + model.turned[i + 1]))
 
 
 @kernel
@@ -210,8 +265,8 @@ def _add_rest_curvature_moments(model: TwistModel, frame: Frame, i: int) -> None
 
 
 @kernel
-def add_forces(model: TwistModel, x: FloatArray, frame: Frame, f: FloatArray) -> None:
-    """Add to f (n, 3) minus the gradient of torsion and rest curvature at fixed angles.
+def add_forces(model: TwistModel, x: FloatArray, frame: Frame, lag: float, f: FloatArray) -> None:
+    """Add to f (n, 3) minus the gradient of torsion and rest curvature at fixed angles, and the damping of their turn.
 
     The twist of a joint depends on the positions through the transport: its gradient by either edge is
     (t x u)/(1 + t.u) over the edge's length. A wall does not turn.
@@ -227,6 +282,9 @@ def add_forces(model: TwistModel, x: FloatArray, frame: Frame, f: FloatArray) ->
         h = g
         if _has_rest_curvature(model, i):
             g, h = _rest_curvature_gradient(model, frame, i, g)
+        if lag > 0.0:
+            b = scaled(row(model.aside, i), lag * _turned(model, i))
+            g, h = along(g, b, 1.0), along(h, b, -1.0)
         p = i + 1 - model.first
         before, after = inverse_lengths(model, x, p)
         for c in range(3):

@@ -3,10 +3,16 @@
 import numpy as np
 import pytest
 
-from services.mechanics.rod import Introducer, RodState, Supports, initial_frame, rod_energy, roll
+from services.mechanics.rod import ImplicitIntegrator, Introducer, RodState, Supports, initial_frame, rod_energy, roll
 from services.mechanics.rod.forces import add_internal_forces
 from services.mechanics.rod.model import allocate_work, build_model
-from services.mechanics.rod.twist import add_frame_forces, build_twist_model, twist_energy
+from services.mechanics.rod.twist import (
+    add_frame_forces,
+    build_twist_model,
+    frame_task,
+    twist_energy,
+    update_frame,
+)
 from studies.published.rods import example_rod
 
 N = 10
@@ -158,3 +164,43 @@ def test_twist_and_rest_curvature_forces_are_the_gradient_at_equilibrium_angles(
     expected = -numerical_gradient(relaxed_energy, state.position_m, h=1e-6)
     np.testing.assert_allclose(force, expected, rtol=0, atol=1e-5 * np.abs(expected).max())
     assert np.abs(force.sum(axis=0)).max() < 1e-12 * np.abs(force).max()
+
+
+@pytest.fixture(scope="module")
+def damping_of_curved_rod():
+    """Return a curved rod's positions at rest, and its damping forces there as a function of velocities."""
+    rng, beta, dt_s = np.random.default_rng(4), 1e-3, 1e-10  # in so short a step the elastic moments change by nothing
+    curvature = rng.normal(size=(N - 1, 3)) * 15.0
+    rod = example_rod(N, torsional_stiffness_n_m2=17e-6, rest_curvature_1_m=curvature, internal_damping_s=beta)
+    integrator, position = ImplicitIntegrator(rod), bent_chain()
+    rest, work = RodState(position, np.zeros_like(position), initial_frame(position)), integrator.work
+    for _ in range(30):
+        add_frame_forces(integrator.twist, rest, np.zeros_like(position))
+
+    def forces_at(velocity):
+        force = np.zeros_like(position)
+        update_frame(frame_task(integrator.twist, rest.copy()), (position, velocity), (dt_s, False), force)
+        work.position[:], work.lead[0], work.force[:] = position, beta * velocity, 0.0
+        add_internal_forces(integrator.model, work, (0.0, 0.0))
+        return force + work.force
+
+    return position, lambda velocity: 0.5 * (forces_at(velocity) - forces_at(-velocity))
+
+
+def test_damping_in_the_material_leaves_rigid_motion_alone(damping_of_curved_rod):
+    """About an axis normal to the first director's tangent, as the roll of that director is prescribed."""
+    position, damping = damping_of_curved_rod
+    first, other = position[1] - position[0], np.random.default_rng(5).normal(size=position.shape)
+    for axis in np.eye(3):
+        rigid = np.array([0.3, -0.2, 0.5]) + np.cross(5.0 * np.cross(first / np.linalg.norm(first), axis), position)
+        assert np.abs(damping(rigid)).max() < 1e-7 * np.abs(damping(other)).max()
+
+
+def test_damping_in_the_material_follows_from_a_potential_and_takes_energy(damping_of_curved_rod):
+    position, damping = damping_of_curved_rod
+    rng = np.random.default_rng(6)
+    for _ in range(20):
+        u, v = rng.normal(size=(2, *position.shape))
+        here, there = damping(u), damping(v)
+        assert np.sum(here * u) < 0.0
+        assert np.sum(there * u) == pytest.approx(np.sum(here * v), rel=1e-6)
