@@ -13,7 +13,7 @@ import numpy as np
 from services.mechanics.arrays import BoolArray, FloatArray
 from services.mechanics.bodies.wire_drive import WireMotion
 from services.mechanics.collision.pairs import NO_TOOL
-from services.mechanics.contact.laws import ELASTIC_AXES
+from services.mechanics.contact.laws import HAS_FRICTION
 from services.mechanics.reduction import ModalState
 from services.mechanics.rod import ImplicitIntegrator, RodState
 from services.mechanics.rod.energy import RodEnergy, rod_energy
@@ -314,7 +314,7 @@ def _driven_j(simulation: Simulation) -> tuple[float, float]:
 def _anchor_energy_j(simulation: Simulation) -> float:
     """What the tangents of contacts that stick, or slide, have stored."""
     rows, k = simulation.system.rows, simulation.system.rows.n_contacts
-    is_elastic = np.arange(3) >= 3 - ELASTIC_AXES[rows.law[:k], None]
+    is_elastic = (np.arange(3) > 0) & HAS_FRICTION[rows.law[:k], None]
     return 0.5 * float(np.sum((rows.softness_m_n[:k] * rows.force_n[:k] ** 2)[is_elastic]))
 
 

@@ -12,7 +12,7 @@ from services.mechanics.bodies.forceps.grasp import GRASP_GAP_M
 from services.mechanics.bodies.sections import segment_radii
 from services.mechanics.collision.candidate_list import MAX_ENTRIES
 from services.mechanics.collision.candidates import Candidates, candidates_at
-from services.mechanics.collision.capsules import CapsuleMemory, Tools, capsules_at, detect_capsules
+from services.mechanics.collision.capsules import CapsuleMemory, Tools, detect_capsules
 from services.mechanics.collision.pairs import SHAFT, ContactPairs, pairs_at
 from services.mechanics.collision.pieces import N_TOOL_PIECES, write_piece_pair, write_pieces
 from services.mechanics.collision.wall_candidates import WallCandidates
@@ -69,7 +69,7 @@ class JawTouches:
     def forget(self) -> None:
         """Rebuild all lists in the next call, as the scene restarts."""
         self.pairs.clear()
-        self._wall.forget()
+        self._wall.is_new = True
 
     @property
     def dropped(self) -> int:
@@ -89,13 +89,13 @@ def write_jaw_pairs(
 
     Distances from the catheter are unsigned after a reset of the memory.
     """
-    found, memory, pairs = candidates_at(addresses[0]), capsules_at(addresses[1]), pairs_at(pairs_address)
+    found, pairs = candidates_at(addresses[0]), pairs_at(pairs_address)
     for piece in range(N_TOOL_PIECES):
         i = _closest(found, piece)
         if i >= 0 and found.gap_m[i] < GRASP_GAP_M:
             place = piece, found.triangle[i]
             write_piece_pair(pairs, place, found.s[i], row(found.weight, i), found.gap_m[i], row(found.normal, i))
-    detect_capsules(memory, jaws, particles, (radii_m, GRASP_GAP_M), pairs)
+    detect_capsules((addresses[1], pairs_address), jaws, particles, (radii_m, GRASP_GAP_M))
 
 
 @inlined_kernel

@@ -18,7 +18,6 @@ from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS
 from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.rare_kernels import compile_rare_kernels
 from services.mechanics.simulation.scene_catheter import scene_rod
 from services.runtime.log import progress
 
@@ -69,7 +68,7 @@ def compile_for_physics(scene: SceneModel, duct: ReducedDuct) -> None:
     simulation = Simulation(scene, duct)
     simulation.write_report()
     simulation.catheter.predict(1e-3)
-    compile_rare_kernels(simulation)
+    simulation.compile_rare_kernels()
     if simulation.catheter.plain_integrator is not None:
         simulation.catheter.store_linearisation()
         simulation.catheter.relinearise(0.0)

@@ -10,9 +10,9 @@ from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.bodies.duct import DuctBody
 from services.mechanics.bodies.forceps import ToolBody
 from services.mechanics.collision.pairs import ContactPairs
+from services.mechanics.contact.candidate_search import CandidateSearch
 from services.mechanics.contact.holds import HoldRegistry
 from services.mechanics.contact.seal import IntroducerSeal
-from services.mechanics.contact.search import ContactSearch
 from services.mechanics.contact.squeeze import JawSqueeze
 from services.mechanics.contact.system import ContactSystem
 from services.mechanics.scene import SceneModel
@@ -40,8 +40,8 @@ class World:
         holds: HoldRegistry. What the jaws hold.
         seal: IntroducerSeal. What the introducer holds.
         squeeze: JawSqueeze. What the jaws squeeze.
-        search: ContactSearch. Collision detection.
-        pairs: ContactPairs. This step's candidate pairs of the catheter.
+        search: CandidateSearch. Collision detection.
+        pairs: ContactPairs. This step's candidate pairs.
         acceleration_m_s2: (3,) float64. Of the body forces on everything that has mass, in scene axes: zero unless an
             effect has added to it.
         effects: tuple of effects. Those of the scene.
@@ -55,7 +55,7 @@ class World:
     holds: HoldRegistry
     seal: IntroducerSeal
     squeeze: JawSqueeze
-    search: ContactSearch
+    search: CandidateSearch
     pairs: ContactPairs
     acceleration_m_s2: FloatArray
     effects: tuple[WorldEffect, ...] = ()

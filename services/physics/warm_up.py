@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -14,8 +13,8 @@ from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, ContactPairs
 from services.mechanics.compiled.struct import Address
+from services.mechanics.contact.candidate_search import CandidateSearch, Moving
 from services.mechanics.contact.geometry import ContactGeometry
-from services.mechanics.contact.search import Moving
 from services.mechanics.contact.spheres import Spheres
 from services.mechanics.contact.state import ContactState
 from services.mechanics.reduction.reduced_duct import ReducedDuct
@@ -25,7 +24,6 @@ from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.duct_alone import DuctAlone
-from services.mechanics.simulation.rare_kernels import compile_rare_kernels
 from services.physics.inputs import ContactsReader
 from services.physics.outputs import Outputs
 from services.physics.stand_in import stand_in_duct, stand_in_scene
@@ -68,7 +66,7 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
             simulation.set_quality(level)
             simulation.step(tools)
         simulation.solver.compile_kernels()
-        compile_rare_kernels(simulation)
+        simulation.compile_rare_kernels()
         ContactsReader(simulation).compile_kernels()
         Outputs(simulation, "").state(0, tool_table(()))
         _ = simulation.inserted_length_m
@@ -111,13 +109,13 @@ def _write_touches(pairs: ContactPairs) -> None:
     pairs.count = 2
 
 
-class _FixedContactSearch:
+class _FixedContactSearch(CandidateSearch):
     """Returns artificial contacts of a jaw, and no candidates to price."""
 
-    has_candidates, dropped, reach_m = False, 0, math.inf
+    has_candidates, dropped = False, 0
 
-    def expect(self, moved_m: float) -> None:
-        """Do nothing: pairs are artificial."""
+    def __init__(self) -> None:
+        pass
 
     def begin(self, bodies: Moving, geometry: Address[ContactGeometry]) -> None:
         """Do nothing: no tool overlaps a body."""
@@ -129,12 +127,9 @@ class _FixedContactSearch:
     def engage(self, pairs: ContactPairs, geometry: Address[ContactGeometry]) -> None:
         """Do nothing: the tools are engaged."""
 
-    def tool_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
+    def write_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
         """Write the jaw's contacts."""
         _write_touches(pairs)
-
-    def catheter_pairs(self, pairs: ContactPairs) -> None:
-        """Append nothing."""
 
     def set_spheres(self, spheres: Spheres) -> None:
         """Do nothing: spheres have no contact."""

@@ -19,12 +19,12 @@ from services.mechanics.arrays import BoolArray, FloatArray, IntArray, LongArray
 from services.mechanics.collision.clusters import Clusters, centroid, vector_from_segment
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import dot, row, row_of, subtract
+from services.mechanics.compiled.vectors import dot, put_row_of, row, row_of, squared_distance, subtract
 
 #: Maximum number of entries of a piece: a tool's shaft lies along a third of a duct of 40 mm.
 MAX_ENTRIES = 768
-#: Look-ahead of lists in a step, which is 0.5 m/s, and their largest look-ahead, for faster motions.
-LOOK_AHEAD_M, MAX_LOOK_AHEAD_M = 0.5e-3, 2e-3
+#: Motion of a piece in a step up to which its contacts are detected: 2 m/s, as fast as a catheter snaps.
+LOOK_AHEAD_M = 2e-3
 
 
 class CandidateList(Struct):
@@ -65,9 +65,7 @@ def add_travel(address: Address[CandidateList], wall_moved_m: float) -> None:
     found.wall_travel += wall_moved_m
     for p in range(found.count.shape[0]):
         found.piece_travel[p] += _furthest(found.ends, found.last_ends, p)
-        for end in range(2):
-            for axis in range(3):
-                found.last_ends[p, end, axis] = found.ends[p, end, axis]
+        _copy_ends(found, p, found.last_ends)
 
 
 @kernel
@@ -75,45 +73,38 @@ def copy_ends(address: Address[CandidateList], ends: FloatArray) -> None:
     """Copy the ends of all pieces into ``ends`` (p, 2, 3)."""
     found = list_at(address)
     for p in range(found.count.shape[0]):
-        for end in range(2):
-            for axis in range(3):
-                ends[p, end, axis] = found.ends[p, end, axis]
+        _copy_ends(found, p, ends)
 
 
 @kernel
-def set_wanted_gaps(address: Address[CandidateList], start: FloatArray, ahead: FloatArray, most: FloatArray) -> None:
-    """Request candidates up to a gap of ``ahead`` (p,) plus each piece's motion since ``start`` (p, 2, 3), in m.
+def _copy_ends(found: CandidateList, p: int, out: FloatArray) -> None:
+    for end in range(2):
+        put_row_of(out, p, end, row_of(found.ends, p, end))
 
-    ``most`` (p,) limits that motion.
-    """
+
+@kernel
+def set_wanted_gaps(address: Address[CandidateList], start: FloatArray, ahead: FloatArray) -> None:
+    """Request candidates up to a gap of ``ahead`` (p,) plus each piece's motion since ``start`` (p, 2, 3), in m."""
     found = list_at(address)
     for p in range(found.count.shape[0]):
-        found.wanted[p] = ahead[p] + min(_furthest(found.ends, start, p), most[p])
-        found.reach[p] = ahead[p] + most[p]
+        found.wanted[p] = ahead[p] + min(_furthest(found.ends, start, p), LOOK_AHEAD_M)
+        found.reach[p] = ahead[p] + LOOK_AHEAD_M
 
 
 @kernel
 def _furthest(ends: FloatArray, others: FloatArray, p: int) -> float:
     """Return the larger displacement of both ends of a piece between two sets of ends."""
-    longest_2 = 0.0
-    for end in range(2):
-        offset_2 = 0.0
-        for axis in range(3):
-            offset_2 += (ends[p, end, axis] - others[p, end, axis]) ** 2
-        longest_2 = max(longest_2, offset_2)
-    return math.sqrt(longest_2)
+    first_2 = squared_distance(row_of(ends, p, 0), row_of(others, p, 0))
+    return math.sqrt(max(first_2, squared_distance(row_of(ends, p, 1), row_of(others, p, 1))))
 
 
 @kernel
 def are_unmoved(address: Address[CandidateList]) -> bool:
     """Return whether no piece has moved since the last `add_travel`."""
-    found = list_at(address)
+    found, furthest = list_at(address), 0.0
     for p in range(found.count.shape[0]):
-        for end in range(2):
-            for axis in range(3):
-                if found.ends[p, end, axis] != found.last_ends[p, end, axis]:
-                    return False
-    return True
+        furthest = max(furthest, _furthest(found.ends, found.last_ends, p))
+    return bool(furthest == 0.0)
 
 
 @inlined_kernel
@@ -121,10 +112,8 @@ def _listed_wall_moved_m(found: CandidateList) -> float:
     """Return the largest displacement of a listed node since the wall's lists were rebuilt."""
     largest_2 = 0.0
     for k in range(found.n_nodes):
-        node, offset_2 = found.node[k], 0.0
-        for axis in range(3):
-            offset_2 += (found.position[node, axis] - found.listed_position[node, axis]) ** 2
-        largest_2 = max(largest_2, offset_2)
+        node = found.node[k]
+        largest_2 = max(largest_2, squared_distance(row(found.position, node), row(found.listed_position, node)))
     return math.sqrt(largest_2)
 
 
@@ -179,9 +168,7 @@ def _list_piece(found: CandidateList, p: int, wall_moved_m: float) -> None:
             found.entry[p, n], found.bound[p, n] = t, distance - wall_moved_m + travel
             n += 1
     found.count[p], found.is_listed[p] = n, True
-    for end in range(2):
-        for axis in range(3):
-            found.listed_ends[p, end, axis] = found.ends[p, end, axis]
+    _copy_ends(found, p, found.listed_ends)
 
 
 @inlined_kernel

@@ -44,27 +44,20 @@ Where = tuple[FloatArray, FloatArray]
 
 #: Distance of an axis from the middle surface below which no normal is defined.
 _NO_NORMAL_M = 1e-12
-#: Smallest separation of two candidates along a piece, as a fraction of its axis's distance from the wall in contact.
-_MIN_SEPARATION = 0.02
+#: Distance within which two points are the same, as a fraction of the axis's distance from the wall in contact: there a
+#: round body has left its tangent by 1/5000 of its radius.
+SAME_POINT = 0.02
 
 
 class Candidates(Struct):
-    """Closest pairs; only the first ``count`` entries are valid.
-
-    Attributes:
-        piece, triangle: (c,) int64. Their indices.
-        s: (c,) float64. Parameter of the point on the piece's axis, 0 to 1.
-        weight: (c, 3) float64. Barycentric weights in the triangle.
-        normal: (c, 3) float64. Unit vector from the wall to the piece.
-        gap_m: (c,) float64. Between the surfaces; negative where they overlap.
-    """
+    """Closest pairs, of which the first ``count`` are valid."""
 
     piece: Annotated[LongArray, "c"]
     triangle: Annotated[LongArray, "c"]
-    s: Annotated[FloatArray, "c"]
-    weight: Annotated[FloatArray, "c", 3]
-    normal: Annotated[FloatArray, "c", 3]
-    gap_m: Annotated[FloatArray, "c"]
+    s: Annotated[FloatArray, "c"]  # parameter of the point on the piece's axis, 0 to 1
+    weight: Annotated[FloatArray, "c", 3]  # barycentric
+    normal: Annotated[FloatArray, "c", 3]  # unit vector from the wall to the piece
+    gap_m: Annotated[FloatArray, "c"]  # between the surfaces, negative where they overlap
     count: int = 0
     dropped: int = 0
 
@@ -73,11 +66,11 @@ candidates_at = reader(Candidates)
 
 
 @kernel
-def measure(address: Address[CandidateList], out_address: Address[Candidates], span: tuple[int, int]) -> None:
-    """Write the closest pairs of listed entries whose gap is at most ``wanted`` of the piece, for a span of pieces."""
+def measure(address: Address[CandidateList], out_address: Address[Candidates]) -> None:
+    """Write the closest pairs of listed entries whose gap is at most ``wanted`` of the piece."""
     found, out = list_at(address), candidates_at(out_address)
     out.count = 0
-    for p in range(span[0], span[1]):
+    for p in range(found.count.shape[0]):
         for k in range(found.count[p]):
             if is_within(found, p, k):
                 _measure_entry(found, p, k, out)
@@ -106,7 +99,7 @@ def _put_further_minima(
     """
     p, (limit, s_closest), corner = place[0], closest, found.clusters.triangles
     a, b = row_of(found.ends, p, 0), row_of(found.ends, p, 1)
-    separation = _MIN_SEPARATION * found.thickness[p] / max(math.sqrt(squared_distance(a, b)), _NO_NORMAL_M)
+    separation = SAME_POINT * found.thickness[p] / max(math.sqrt(squared_distance(a, b)), _NO_NORMAL_M)
     for k in range(5):
         d2, s, w = places[k]
         is_other = _NO_NORMAL_M**2 < d2 <= limit * limit and abs(s - s_closest) > separation

@@ -12,7 +12,7 @@ import math
 from typing import Annotated
 
 from services.mechanics.arrays import BoolArray, ByteArray, FloatArray
-from services.mechanics.collision.candidate_list import MAX_LOOK_AHEAD_M
+from services.mechanics.collision.candidate_list import LOOK_AHEAD_M
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL, ContactPairs, pairs_at, write_pair
 from services.mechanics.collision.primitives import closest_of_segments
 from services.mechanics.compiled import inlined_kernel, kernel
@@ -35,6 +35,9 @@ from services.mechanics.compiled.vectors import (
 Tools = tuple[FloatArray, FloatArray, BoolArray]
 """(segments (n_tools, 3, 2, 3), radii (n_tools, 3), zero where there is no segment, present (n_tools,))."""
 
+Segment = tuple[Vector, Vector]
+"""Start and end."""
+
 #: Distance of two axes below which the direction between them is undefined; smaller differences of distances are zero.
 _NO_DIRECTION_M = 1e-9
 
@@ -54,80 +57,72 @@ class CapsuleMemory(Struct):
 capsules_at = reader(CapsuleMemory)
 
 
-@inlined_kernel
-def segment_ends(tools: Tools, tool: int, segment: int) -> tuple[Vector, Vector]:
-    """Return start and end of a segment of a tool."""
-    e = tools[0]
-    return (
-        (e[tool, segment, 0, 0], e[tool, segment, 0, 1], e[tool, segment, 0, 2]),
-        (e[tool, segment, 1, 0], e[tool, segment, 1, 1], e[tool, segment, 1, 2]),
-    )
-
-
 @kernel
 def track_pair(
-    memory: CapsuleMemory, i: int, j: int, first: tuple[Vector, Vector], second: tuple[Vector, Vector], reach: float
+    memory: CapsuleMemory, i: int, j: int, first: Segment, second: Segment, reach: float
 ) -> tuple[float, float, float, Vector]:
     """Return (s, t, signed distance of the axes in m, normal towards the first segment), and store the normal.
 
     Out of reach the distance is infinite.
     """
-    active = memory.active
-    s, t, d2 = closest_of_segments(first[0], first[1], second[0], second[1])
-    if not d2 < reach * reach:
-        active[i, j] = 0
-        return (s, t, math.inf, (0.0, 0.0, 0.0))
-    distance, was_active, old = math.sqrt(d2), active[i, j] == 1, row_of(memory.normal, i, j)
-    u, v = subtract(first[1], first[0]), subtract(second[1], second[0])
-    if distance > _NO_DIRECTION_M:
-        away = subtract(along(first[0], u, s), along(second[0], v, t))
-        normal = scaled(away, 1.0 / distance)
-    else:
-        normal = old if was_active else unit(cross(u, v))
-    if was_active and 0.0 < s < 1.0 and dot(normal, old) < 0.0:
-        normal, distance = scaled(normal, -1.0), -distance
-    active[i, j] = 1
+    was_active = memory.active[i, j] == 1
+    side = row_of(memory.normal, i, j) if was_active else (0.0, 0.0, 0.0)
+    s, t, distance, normal = measure_pair(first, second, side)
+    if not abs(distance) < reach:
+        memory.active[i, j] = 0
+        return (s, t, math.inf, normal)
+    if not was_active and distance <= _NO_DIRECTION_M:
+        normal = unit(cross(subtract(first[1], first[0]), subtract(second[1], second[0])))
+    memory.active[i, j] = 1
     put_row_of(memory.normal, i, j, normal)
     return (s, t, distance, normal)
 
 
 @kernel
-def measure_pair(ends: FloatArray, who: tuple[int, int], side: Vector) -> tuple[float, float, float, Vector]:
-    """Return the tuple of `track_pair` for two pieces of ``ends`` (p, 2, 3), whose last normal was ``side``."""
-    i, j = who
-    s, t, d2 = closest_of_segments(row_of(ends, i, 0), row_of(ends, i, 1), row_of(ends, j, 0), row_of(ends, j, 1))
-    distance = math.sqrt(d2)
-    normal = scaled(vector_between(ends, who, s, t), 1.0 / distance) if distance > _NO_DIRECTION_M else side
+def measure_pair(first: Segment, second: Segment, side: Vector) -> tuple[float, float, float, Vector]:
+    """Return the tuple of `track_pair` for two segments whose last normal was ``side``."""
+    s, t, d2 = closest_of_segments(first[0], first[1], second[0], second[1])
+    distance, normal = math.sqrt(d2), side
+    if distance > _NO_DIRECTION_M:
+        normal = scaled(vector_between(first, second, s, t), 1.0 / distance)
     if 0.0 < s < 1.0 and dot(normal, side) < 0.0:
         return s, t, -distance, scaled(normal, -1.0)
     return s, t, distance, normal
 
 
 @kernel
-def vector_between(ends: FloatArray, who: tuple[int, int], s: float, t: float) -> Vector:
-    """Return the vector from the point at t of the second of two pieces to the point at s of the first."""
-    i, j = who
-    a, c = row_of(ends, i, 0), row_of(ends, j, 0)
-    return subtract(along(a, subtract(row_of(ends, i, 1), a), s), along(c, subtract(row_of(ends, j, 1), c), t))
+def ends_of(ends: FloatArray, i: int) -> Segment:
+    """Return start and end of piece i of ``ends`` (p, 2, 3)."""
+    return row_of(ends, i, 0), row_of(ends, i, 1)
+
+
+@kernel
+def vector_between(first: Segment, second: Segment, s: float, t: float) -> Vector:
+    """Return the vector from the point at t of the second of two segments to the point at s of the first."""
+    (a, b), (c, d) = first, second
+    return subtract(along(a, subtract(b, a), s), along(c, subtract(d, c), t))
 
 
 @kernel
 def detect_capsules(
-    memory: CapsuleMemory, tools: Tools, particles: FloatArray, sizes: tuple[FloatArray, float], pairs: ContactPairs
+    addresses: tuple[Address[CapsuleMemory], Address[ContactPairs]],
+    tools: Tools,
+    particles: FloatArray,
+    sizes: tuple[FloatArray, float],
 ) -> None:
     """Append pairs of tool segments with catheter segments; ``sizes`` is (radii of catheter segments, margin) in m.
 
     Normals are stored for all pairs that a step may bring into contact.
     """
-    n_segments = tools[0].shape[1]
+    memory, pairs, n_segments = capsules_at(addresses[0]), pairs_at(addresses[1]), tools[0].shape[1]
     for tool in range(tools[0].shape[0]):
         for segment in range(n_segments):
             i = tool * n_segments + segment
             if tools[2][tool] and tools[1][tool, segment] > 0.0:
-                ends = segment_ends(tools, tool, segment)
+                ends = ends_of(tools[0][tool], segment)
                 for j in range(memory.active.shape[1]):
                     second = (row(particles, j), row(particles, j + 1))
-                    reach = tools[1][tool, segment] + sizes[0][j] + max(sizes[1], MAX_LOOK_AHEAD_M)
+                    reach = tools[1][tool, segment] + sizes[0][j] + max(sizes[1], LOOK_AHEAD_M)
                     s, t, distance, _ = track_pair(memory, i, j, ends, second, reach)
                     put_row(memory.found, j, (s, t, distance))
                 _write_nearest(memory, i, (tool, segment), (tools[1][tool, segment], *sizes), pairs)
@@ -199,7 +194,7 @@ def _clearance_m(particles: FloatArray, n_apart: int, thickness: float) -> float
 
 
 @kernel
-def _halves_and_middles(first: tuple[Vector, Vector], second: tuple[Vector, Vector]) -> tuple[float, float]:
+def _halves_and_middles(first: Segment, second: Segment) -> tuple[float, float]:
     """Return the sum of half of both lengths, and four times the squared distance of the midpoints."""
     (a, b), (c, d) = first, second
     half = 0.5 * (math.sqrt(squared_distance(a, b)) + math.sqrt(squared_distance(c, d)))

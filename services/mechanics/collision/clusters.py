@@ -13,7 +13,7 @@ import numpy as np
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.collision.primitives import parameter_on_segment
 from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Struct
+from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import Vector, along, dot, put_row, row, scaled, squared_distance, subtract
 
 #: Maximum number of triangles of a cluster: their sphere is hardly larger than that of a triangle and its neighbours.
@@ -50,9 +50,13 @@ def cluster_triangles(vertices_m: FloatArray, triangles: IntArray) -> Clusters:
     return Clusters.zeros(triangles=corners, order=np.concatenate(pieces), first=first, **extents)
 
 
-@inlined_kernel
-def enclose(clusters: Clusters, position: FloatArray) -> None:
+clusters_at = reader(Clusters)
+
+
+@kernel
+def enclose(address: Address[Clusters], position: FloatArray) -> None:
     """Compute the bounding spheres of all triangles and clusters, with the nodes at ``position`` (n, 3)."""
+    clusters = clusters_at(address)
     corner = clusters.triangles
     for t in range(corner.shape[0]):
         u, v, w = row(position, corner[t, 0]), row(position, corner[t, 1]), row(position, corner[t, 2])

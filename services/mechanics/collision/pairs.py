@@ -11,7 +11,7 @@ from typing import Annotated, Self
 import numpy as np
 
 from services.mechanics.arrays import ByteArray, FloatArray, IntArray
-from services.mechanics.compiled import inlined_kernel, kernel
+from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Struct, reader
 from services.mechanics.compiled.vectors import Vector, put_row
 
@@ -21,36 +21,23 @@ DUCT_TRIANGLE, CATHETER_SEGMENT = 0, 1
 
 
 class ContactPairs(Struct):
-    """Arrays for contact pairs; only the first ``count`` entries of each array are valid.
+    """Contact pairs, of which the first ``count`` are valid.
 
-    Attributes:
-        count: int. Number of pairs in use.
-        dropped: int. Pairs lost this tick because the arrays were full; the writer keeps the deepest.
-        tool: (N,) int8. 0 or 1, or `NO_TOOL` where the first body is the catheter.
-        tool_segment: (N,) int8. `SHAFT`, `JAW_A` or `JAW_B`.
-        particle: (N,) int32. Catheter particle when the catheter is the first body (-1 otherwise). With
-            ``tool_parameter`` s > 0 the first body is the point at (1 - s) of this particle and s of the next one.
-        target_kind: (N,) int8. `DUCT_TRIANGLE` or `CATHETER_SEGMENT`.
-        target: (N,) int32. Triangle or segment index.
-        tool_parameter: (N,) float64. Parameter on the first body's segment, 0 at its start and 1 at its end.
-        target_weights: (N, 3) float64. Barycentric weights in the triangle; (1 - s, s, 0) on a catheter segment.
-        normal: (N, 3) float64. Unit vector from the target towards the first body: the direction of the normal force on
-            the first body.
-        gap_m: (N,) float64. Distance of the surfaces (radii and half thickness are subtracted), negative if they
-            overlap.
+    Where the catheter is the first body, the pair's point is at (1 - s) of ``particle`` and s of the next one, with s
+    the ``tool_parameter``.
     """
 
-    tool: Annotated[ByteArray, "capacity"]
-    tool_segment: Annotated[ByteArray, "capacity"]
-    particle: Annotated[IntArray, "capacity"]
-    target_kind: Annotated[ByteArray, "capacity"]
-    target: Annotated[IntArray, "capacity"]
-    tool_parameter: Annotated[FloatArray, "capacity"]
-    target_weights: Annotated[FloatArray, "capacity", 3]
-    normal: Annotated[FloatArray, "capacity", 3]
-    gap_m: Annotated[FloatArray, "capacity"]
+    tool: Annotated[ByteArray, "capacity"]  # or `NO_TOOL`, where the first body is the catheter
+    tool_segment: Annotated[ByteArray, "capacity"]  # `SHAFT`, `JAW_A` or `JAW_B`
+    particle: Annotated[IntArray, "capacity"]  # -1 where the first body is a tool
+    target_kind: Annotated[ByteArray, "capacity"]  # `DUCT_TRIANGLE` or `CATHETER_SEGMENT`
+    target: Annotated[IntArray, "capacity"]  # triangle or segment
+    tool_parameter: Annotated[FloatArray, "capacity"]  # on the first body's segment, 0 to 1
+    target_weights: Annotated[FloatArray, "capacity", 3]  # barycentric; (1 - s, s, 0) on a segment
+    normal: Annotated[FloatArray, "capacity", 3]  # unit vector from the target towards the first body
+    gap_m: Annotated[FloatArray, "capacity"]  # distance of the surfaces, negative if they overlap
     count: int = 0
-    dropped: int = 0
+    dropped: int = 0  # pairs lost in this tick for lack of room
 
     @classmethod
     def allocate(cls, capacity: int) -> Self:
@@ -70,39 +57,20 @@ class ContactPairs(Struct):
 
 pairs_at = reader(ContactPairs)
 
-FULL = -1
-
 Pair = tuple[int, int, int, int, int, float, Vector]
 """(tool, tool segment, particle, kind of target, target, place on the first body, weights in the target)."""
 
 
 @kernel
-def write_pair(pairs: ContactPairs, pair: Pair, gap_m: float, normal: Vector) -> int:
-    """Write a pair and return its index; in full arrays it replaces the shallowest pair, if that is less deep."""
-    place = _free_place(pairs, gap_m)
-    if place == FULL:
-        return FULL
-    pairs.tool[place] = pair[0]
-    pairs.tool_segment[place] = pair[1]
-    pairs.particle[place] = pair[2]
-    pairs.target_kind[place] = pair[3]
-    pairs.target[place] = pair[4]
-    pairs.tool_parameter[place] = pair[5]
+def write_pair(pairs: ContactPairs, pair: Pair, gap_m: float, normal: Vector) -> None:
+    """Append a pair, or count it as dropped."""
+    place = pairs.count
+    if place == pairs.gap_m.shape[0]:
+        pairs.dropped += 1
+        return
+    pairs.count = place + 1
+    pairs.tool[place], pairs.tool_segment[place], pairs.particle[place] = pair[0], pair[1], pair[2]
+    pairs.target_kind[place], pairs.target[place], pairs.tool_parameter[place] = pair[3], pair[4], pair[5]
     put_row(pairs.target_weights, place, pair[6])
     put_row(pairs.normal, place, normal)
     pairs.gap_m[place] = gap_m
-    return place
-
-
-@inlined_kernel
-def _free_place(pairs: ContactPairs, gap_m: float) -> int:
-    """Return the index for a new pair with this gap, or `FULL`."""
-    if pairs.count < pairs.gap_m.shape[0]:
-        pairs.count += 1
-        return int(pairs.count - 1)
-    pairs.dropped += 1
-    gaps, shallowest = pairs.gap_m, FULL
-    for k in range(gaps.shape[0]):
-        if gaps[k] > gap_m and (shallowest == FULL or gaps[k] > gaps[shallowest]):
-            shallowest = k
-    return shallowest

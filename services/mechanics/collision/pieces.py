@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.candidate_list import CandidateList, list_at
-from services.mechanics.collision.capsules import Tools
+from services.mechanics.collision.capsules import Segment, Tools, ends_of
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs, write_pair
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
-from services.mechanics.compiled.vectors import Vector
+from services.mechanics.compiled.vectors import Vector, put_row_of, row
 from services.mechanics.scene.tools import N_TOOLS
 
 #: Pieces of tools come first: three of each.
@@ -28,17 +28,18 @@ def write_pieces(
     first = segments.shape[0] * n_segments
     for p in range(first):
         tool, segment = p // n_segments, p % n_segments
+        put_piece(listed, p, ends_of(segments[tool], segment), radius[tool, segment] + sizes[1])
         listed.active[p] = present[tool] and radius[tool, segment] > 0.0
-        listed.thickness[p] = radius[tool, segment] + sizes[1]
-        for end in range(2):
-            for axis in range(3):
-                listed.ends[p, end, axis] = segments[tool, segment, end, axis]
     for k in range(particles.shape[0] - 1):
-        p = first + k
-        listed.active[p], listed.thickness[p] = True, sizes[0][k] + sizes[1]
-        for end in range(2):
-            for axis in range(3):
-                listed.ends[p, end, axis] = particles[k + end, axis]
+        put_piece(listed, first + k, (row(particles, k), row(particles, k + 1)), sizes[0][k] + sizes[1])
+
+
+@kernel
+def put_piece(listed: CandidateList, p: int, ends: Segment, thickness: float) -> None:
+    """Write a piece as active, with its axis between two points and its distance (m) from the wall in contact."""
+    listed.active[p], listed.thickness[p] = True, thickness
+    put_row_of(listed.ends, p, 0, ends[0])
+    put_row_of(listed.ends, p, 1, ends[1])
 
 
 @kernel

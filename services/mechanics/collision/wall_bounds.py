@@ -10,13 +10,12 @@ from __future__ import annotations
 import itertools
 import math
 from copy import copy
-from typing import Annotated, Self
+from typing import Self
 
 import numpy as np
 
 from services.mechanics.arrays import FloatArray, LongArray
 from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.reduction.large_rotations.warping import SectionFrame
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 
@@ -24,16 +23,8 @@ _BLOCKS = 8
 """Number of blocks of modes; blocks of soft modes, which move far, are smaller."""
 
 
-class BlocksOfModes(Struct):
-    """Frequencies of r modes, edges of b blocks of them, each block's gain, and the reference coordinates."""
-
-    omega: Annotated[FloatArray, "r"]
-    edges: Annotated[LongArray, "e"]
-    gain: Annotated[FloatArray, "b"]
-    reference: Annotated[FloatArray, "r"]
-
-
-blocks_at = reader(BlocksOfModes)
+Blocks = tuple[FloatArray, LongArray, FloatArray]
+"""Frequencies (r,) of the modes, edges (b + 1,) of blocks of them, and the gain (b,) of each block."""
 
 
 class WallBounds:
@@ -44,25 +35,22 @@ class WallBounds:
         edges = np.unique(np.round(r * np.linspace(0.0, 1.0, _BLOCKS + 1) ** 1.5).astype(int))
         spans = list(itertools.pairwise(edges))
         gain = np.array([largest_gain(Phi[:, :, a:b] / omega_rad_s[a:b]).max() for a, b in spans])
-        self._modes = BlocksOfModes.zeros(omega=np.ascontiguousarray(omega_rad_s), edges=edges, gain=gain, r=r)
+        self._blocks: Blocks = np.ascontiguousarray(omega_rad_s), edges, gain
+        self._reference = np.zeros(r)
 
     def twin(self) -> Self:
         """Return bounds of the same wall with their own reference."""
-        twin, modes = copy(self), self._modes
-        twin._modes = BlocksOfModes(  # noqa: SLF001
-            omega=modes.omega, edges=modes.edges, gain=modes.gain, reference=modes.reference.copy()
-        )
+        twin = copy(self)
+        twin._reference = self._reference.copy()  # noqa: SLF001
         return twin
 
     def set_reference(self, q: FloatArray) -> None:
         """Count from these coordinates (r,)."""
-        self._modes.reference[:] = q
+        self._reference[:] = q
 
     def moved_m(self, q: FloatArray, beyond_m: float = 0.0) -> float:
         """Return a bound, in m, on any node's motion from the reference; loads move it by at most ``beyond_m``."""
-        if not len(q):
-            return 0.0
-        return float(moved_by_blocks(self._modes.address, q))
+        return float(moved_by_blocks(self._blocks, self._reference, q))
 
 
 class RotatingBounds(WallBounds):
@@ -72,7 +60,7 @@ class RotatingBounds(WallBounds):
         if duct.warp is None:
             raise ValueError("a wall that turns needs a duct with a warp")
         super().__init__(duct.warp.local, duct.basis.omega_rad_s)
-        self._at_rest = self.twin()._modes  # noqa: SLF001
+        self._at_rest = np.zeros_like(self._reference)
         self._frame = SectionFrame(duct.warp)
         self._arm_m = float(np.linalg.norm(duct.warp.arm_m, axis=1).max())
         self._rotations, self._centres_m = self._frame.turns.copy(), self._frame.centres_m.copy()
@@ -88,7 +76,7 @@ class RotatingBounds(WallBounds):
         self._frame.update(q)
         rotated = np.linalg.norm(self._frame.turns - self._rotations, axis=1).max()
         carried = np.linalg.norm(self._frame.centres_m - self._centres_m, axis=1).max()
-        local_m = float(moved_by_blocks(self._at_rest.address, q))
+        local_m = float(moved_by_blocks(self._blocks, self._at_rest, q))
         return super().moved_m(q) + float(carried + rotated * (self._arm_m + local_m + beyond_m))
 
 
@@ -98,10 +86,9 @@ def wall_bounds(duct: ReducedDuct) -> WallBounds:
 
 
 @kernel
-def moved_by_blocks(address: Address[BlocksOfModes], q: FloatArray) -> float:
-    """Return the sum over blocks of modes of their gain times |omega (q - anchor)|."""
-    modes, total = blocks_at(address), 0.0
-    omega, edges, gain, reference = modes.omega, modes.edges, modes.gain, modes.reference
+def moved_by_blocks(blocks: Blocks, reference: FloatArray, q: FloatArray) -> float:
+    """Return the sum over blocks of modes of their gain times |omega (q - reference)|."""
+    (omega, edges, gain), total = blocks, 0.0
     for block in range(gain.shape[0]):
         square = 0.0
         for mode in range(edges[block], edges[block + 1]):

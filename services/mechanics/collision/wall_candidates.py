@@ -77,10 +77,6 @@ class WallCandidates:
         self.list = new_list(self._clusters, self._placement.position_m, n_pieces, SKIN_M, self._along_m)
         self.is_new = True
 
-    def forget(self) -> None:
-        """Rebuild all lists in the next `follow`, because bodies have been placed elsewhere."""
-        self.is_new = True
-
     def follow(self, q: FloatArray, loads: Loads) -> bool:
         """Set the wall's coordinates q (r,) and loads, and rebuild the lists of pieces that have moved too far.
 
@@ -109,10 +105,10 @@ class WallCandidates:
         """
         add_travel(self.list.address, self._placement.set_configuration(q, loads, lasting))
 
-    def measure(self, out: Candidates, first: int = 0, end: int | None = None) -> None:
-        """Write the closest pairs of pieces ``first`` to before ``end`` with a gap up to ``wanted``."""
+    def measure(self, out: Candidates) -> None:
+        """Write the closest pairs with a gap up to ``wanted``."""
         self._place()
-        measure(self.list.address, out.address, (first, len(self.list.count) if end is None else end))
+        measure(self.list.address, out.address)
 
     def _place(self) -> None:
         """Place the nodes of entries whose gap may be at most ``wanted``."""
@@ -127,19 +123,12 @@ class WallCandidates:
         self._placement.place(self._placement.every)
         listed.listed_position[:] = listed.position
         self._bounds.set_reference(q)
-        enclose_at(listed.address)
+        enclose(listed.clusters.address, listed.position)
         listed.is_listed[:], listed.wall_travel, listed.piece_travel[:] = False, 0.0, 0.0
         listed.last_ends[:] = listed.ends
         self.is_new = False
         renew_lists(listed.address, 0.0, 0.0)
         self.wall_renewals += 1
-
-
-@kernel
-def enclose_at(address: Address[CandidateList]) -> None:
-    """Compute the bounding spheres of a list's triangles at the present positions of the nodes."""
-    listed = list_at(address)
-    enclose(listed.clusters, listed.position)
 
 
 @kernel

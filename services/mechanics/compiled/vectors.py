@@ -65,6 +65,12 @@ def combine(w: Vector, a: Vector, b: Vector, c: Vector) -> Vector:
 
 
 @kernel
+def between(u: Vector, v: Vector, share: float) -> Vector:
+    """Return (1 - share) u + share v."""
+    return along(scaled(u, 1.0 - share), v, share)
+
+
+@kernel
 def row(array: FloatArray | Float32Array, i: int) -> Vector:
     """Return row i of an (n, 3) array as a tuple, which stays in registers."""
     return (array[i, 0], array[i, 1], array[i, 2])

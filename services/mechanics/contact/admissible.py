@@ -18,7 +18,7 @@ from services.mechanics.contact.laws import (
     MAX_TENSION,
     NEEDS_LIMIT,
 )
-from services.mechanics.contact.problem import ContactProblem, Unknowns, add_unknown, set_force
+from services.mechanics.contact.problem import ContactProblem, add_unknown, set_force
 from services.mechanics.contact.rows import ContactRows
 
 # A force above this fraction of its limit counts as sliding: local solves reach the limit only up to rounding.
@@ -105,8 +105,8 @@ def minimise_in_disk(a: float, b: float, c: float, r_1: float, r_2: float, limit
     return scale * f_1, scale * f_2
 
 
-@inlined_kernel
-def add_unknowns(problem: ContactProblem, block: int, out: Unknowns, n: int) -> int:
+@kernel
+def add_unknowns(problem: ContactProblem, block: int, n: int) -> int:
     """Append the force components of a contact that a Newton step may change; return the new number of unknowns.
 
     These are the normal force inside its interval, and both tangential components inside the disk; on the edge of the
@@ -117,17 +117,17 @@ def add_unknowns(problem: ContactProblem, block: int, out: Unknowns, n: int) -> 
     tangential, limit = math.hypot(force[1], force[2]), tangential_limit(rows, block)
     sticks = tangential < ON_THE_LIMIT * limit
     if low < force[0] < high:
-        n = add_unknown(out, n, block, (1.0, 0.0, 0.0), 0.0)
+        n = add_unknown(problem, n, block, (1.0, 0.0, 0.0), 0.0)
         if HAS_FRICTION[rows.law[block]] and not sticks and tangential > 0.0:
             for axis in range(1, 3):
-                out.column[n - 1, axis] = rows.friction[block] * force[axis] / tangential
+                problem.column[n - 1, axis] = rows.friction[block] * force[axis] / tangential
     if sticks:
-        n = add_unknown(out, n, block, (0.0, 1.0, 0.0), 0.0)
-        return add_unknown(out, n, block, (0.0, 0.0, 1.0), 0.0)
+        n = add_unknown(problem, n, block, (0.0, 1.0, 0.0), 0.0)
+        return add_unknown(problem, n, block, (0.0, 0.0, 1.0), 0.0)
     if tangential == 0.0:
         return n
     shift = max(-(motion[row + 1] * force[1] + motion[row + 2] * force[2]) / (tangential * tangential), 0.0)
-    return add_unknown(out, n, block, (0.0, -force[2] / tangential, force[1] / tangential), shift)
+    return add_unknown(problem, n, block, (0.0, -force[2] / tangential, force[1] / tangential), shift)
 
 
 @kernel

@@ -2,30 +2,22 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.catheter import CatheterBody
+from services.mechanics.bodies.duct import DuctBody
 from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.bodies.sections import segment_radii
-from services.mechanics.collision.candidate_list import (
-    LOOK_AHEAD_M,
-    MAX_LOOK_AHEAD_M,
-    CandidateList,
-    copy_ends,
-    list_at,
-    set_wanted_gaps,
-)
+from services.mechanics.collision.candidate_list import CandidateList, copy_ends, list_at, set_wanted_gaps
 from services.mechanics.collision.candidates import Candidates, Where, candidates_at
-from services.mechanics.collision.capsules import CapsuleMemory, Tools, capsules_at, detect_capsules
-from services.mechanics.collision.pairs import ContactPairs, pairs_at
-from services.mechanics.collision.pieces import N_TOOL_PIECES, write_pieces
-from services.mechanics.collision.placed_wall import WallPlacement
+from services.mechanics.collision.capsules import CapsuleMemory, detect_capsules
+from services.mechanics.collision.pairs import ContactPairs
+from services.mechanics.collision.pieces import N_TOOL_PIECES, put_piece, write_pieces
 from services.mechanics.collision.wall_candidates import WallCandidates
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
+from services.mechanics.compiled.vectors import along, row
 from services.mechanics.contact.engagement import engage_tools
 from services.mechanics.contact.geometry import ContactGeometry
 from services.mechanics.contact.price import (
@@ -34,10 +26,9 @@ from services.mechanics.contact.price import (
     write_chosen,
     write_violations,
 )
-from services.mechanics.contact.search import Moving
-from services.mechanics.contact.spheres import Spheres, no_spheres, write_end_positions, write_spheres
+from services.mechanics.contact.spheres import Spheres, no_spheres, write_spheres
 from services.mechanics.contact.state import ContactState, state_at
-from services.mechanics.contact.strategies import STRATEGIES
+from services.mechanics.contact.system import STRATEGIES
 from services.mechanics.contact.working_set import (
     TOUCHING_M,
     choose,
@@ -48,17 +39,10 @@ from services.mechanics.contact.working_set import (
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.scene import SceneModel
 
+Moving = tuple[DuctBody, CatheterBody, ToolBody]
+
 #: Maximum number of closest pairs: a duct that two jaws have pinched shut has 600 within a millimetre.
 CAPACITY = 4096
-#: Look-ahead for spheres in a step: a snapping catheter drives them at up to 1.5 m/s, and steps are not split for them.
-SPHERE_LOOK_AHEAD_M = 1.5e-3
-
-
-class _Start(NamedTuple):
-    """The positions of pieces and wall at the start of a step."""
-
-    where: Where
-    wall: WallPlacement
 
 
 class CandidateSearch:
@@ -70,12 +54,15 @@ class CandidateSearch:
         self._end = N_TOOL_PIECES + len(self._radii_m)
         self._duct = duct
         # Penalty contacts do not share a load, so there is only one per triangle, as in the paper.
-        along_m = TOUCHING_M if STRATEGIES[scene.contact.model].keeps_delassus else -1.0
-        self._wall = WallCandidates(duct, self._end, along_m)
-        self._walls = self._wall.new_start(), self._wall.new_start()
+        shares_load = STRATEGIES[scene.contact.model].keeps_delassus
+        self._wall = WallCandidates(duct, self._end, TOUCHING_M if shares_load else -1.0)
+        self._start_wall = self._wall.new_start()
+        # Contacts that are not priced at the end of a step have rows before they touch.
+        is_priced = shares_load and scene.catheter.integrator == "implicit"
+        self._row_gap_m = TOUCHING_M if is_priced else max(TOUCHING_M, self._margin_m)
         self._found, self._ended = Candidates.zeros(c=CAPACITY), Candidates.zeros(c=CAPACITY)
         self._capsules = CapsuleMemory.zeros(m=N_TOOL_PIECES, n=len(self._radii_m))
-        self._spheres, self._catheter_ahead_m = no_spheres(), TOUCHING_M
+        self._spheres, self._catheter_ahead_m = no_spheres(), self._row_gap_m
         self._make_room()
 
     def _make_room(self) -> None:
@@ -83,10 +70,8 @@ class CandidateSearch:
         n_pieces = len(listed.count)
         sizes = n_pieces, len(mesh.triangles), CAPACITY, n_pieces - self._end
         self._working = new_working_set(mesh.vertices_m, *sizes)
-        ends = np.zeros((2, n_pieces, 2, 3))
-        self._start, self._before = (_Start((ends[k], wall.position_m), wall) for k, wall in enumerate(self._walls))
-        self._ahead_m, self._most_m = np.full(n_pieces, TOUCHING_M), np.full(n_pieces, LOOK_AHEAD_M)
-        self._most_m[self._end :] = SPHERE_LOOK_AHEAD_M
+        self._start: Where = (np.zeros((n_pieces, 2, 3)), self._start_wall.position_m)
+        self._ahead_m = np.full(n_pieces, self._row_gap_m)
         self._ahead_m[N_TOOL_PIECES : self._end] = self._catheter_ahead_m
         self._is_unknown = self._apart_is_unknown = True
 
@@ -95,11 +80,6 @@ class CandidateSearch:
         self._spheres = spheres
         self._wall.make_room(self._end + spheres.count)
         self._make_room()
-
-    @property
-    def reach_m(self) -> float:
-        """Motion (m) of a piece in a step up to which its contacts are detected, see `expect`."""
-        return float(self._most_m[0])
 
     @property
     def has_candidates(self) -> bool:
@@ -116,47 +96,34 @@ class CandidateSearch:
         if self._apart_is_unknown:
             self._working.merge_m[:] = merge_distance_m(listed.thickness, 2.0 * self._half_m)
             self._apart_is_unknown = False
-        is_new = self._wall.is_new
-        if is_new:  # the last motion is unknown
-            self._save_start()
+        copy_ends(listed.address, self._start[0])
         if self._is_unknown:
-            set_wanted_gaps(listed.address, self._start.where[0], self._ahead_m, self._most_m)
+            set_wanted_gaps(listed.address, self._start[0], self._ahead_m)
         if self._wall.follow(duct.q_start, (duct.load_nodes[:n], duct.load_force_n[:n])) or self._is_unknown:
             self._wall.measure(self._found)
         self._is_unknown = True
-        if is_new:
-            self._save_start()
-        self._wall.place_start(self._start.wall, self._found)
-        addresses = listed.address, self._found.address, self._working.address
-        choose(addresses, self._start.where, self._ahead_m, geometry)
-        self._start, self._before = self._before, self._start
-        self._save_start()
+        choose((listed.address, self._found.address, self._working.address), self._ahead_m, geometry)
+        self._wall.save_start(self._start_wall)
 
     def restore_start(self) -> None:
-        """Restore the start of the last step: bodies are where they were then."""
-        self._start, self._before, self._is_unknown = self._before, self._start, True
-
-    def _save_start(self) -> None:
-        copy_ends(self._wall.list.address, self._start.where[0])
-        self._wall.save_start(self._start.wall)
+        """Measure anew at the start of the next step: bodies are where they were at that of the last one."""
+        self._is_unknown = True
 
     def _write_pieces(self, particles_m: FloatArray, tools: ToolBody) -> None:
         poses = (tools.segments, tools.radius_m, tools.present)
         write_pieces(self._wall.list.address, particles_m, poses, (self._radii_m, self._half_m))
 
-    def tool_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
-        """Append the chosen candidates of the tools, and their pairs with the catheter."""
-        write_chosen(self._found.address, self._working.address, (0, N_TOOL_PIECES), pairs.address)
+    def write_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
+        """Append the chosen candidates of tools, catheter and spheres, and pairs of the tools with the catheter."""
+        chosen = self._found.address, self._working.address
+        write_chosen(*chosen, (0, N_TOOL_PIECES), pairs.address)
         poses, sizes = (tools.segments, tools.radius_m, tools.present), (self._radii_m, self._margin_m)
-        capsule_pairs(self._capsules.address, poses, catheter.start_m, sizes, pairs.address)
+        detect_capsules((self._capsules.address, pairs.address), poses, catheter.start_m, sizes)
+        write_chosen(*chosen, (N_TOOL_PIECES, len(self._ahead_m)), pairs.address)
 
     def engage(self, pairs: ContactPairs, geometry: Address[ContactGeometry]) -> None:
         """Engage disengaged tools, unless a candidate or one of ``pairs`` shows that they overlap a body."""
         engage_tools(self._found.address, pairs.address, geometry)
-
-    def catheter_pairs(self, pairs: ContactPairs) -> None:
-        """Append the chosen candidates of catheter and spheres."""
-        write_chosen(self._found.address, self._working.address, (N_TOOL_PIECES, len(self._ahead_m)), pairs.address)
 
     def price(self, bodies: Moving, state: Address[ContactState], tolerance_m: float, pairs: ContactPairs) -> int:
         """Write pairs of the candidates that end the step too deep, at the present poses; return their number."""
@@ -166,45 +133,35 @@ class CandidateSearch:
         if self._spheres.count:
             write_sphere_ends(self._wall.list.address, state, self._end, self._half_m)
         self._wall.move(duct.state.q, (duct.load_nodes[:n], duct.load_force_n[:n]), duct.lasting_loads)
-        set_wanted_gaps(self._wall.list.address, self._start.where[0], self._ahead_m, self._most_m)
+        set_wanted_gaps(self._wall.list.address, self._start[0], self._ahead_m)
         self._wall.measure(self._found)
         self._is_unknown = False
-        self._wall.place_start(self._start.wall, self._found)
+        self._wall.place_start(self._start_wall, self._found)
         pairs.clear()
         found = self._found.address, self._ended.address
         addresses = (self._wall.list.address, found, self._working.address, state)
-        return int(write_violations(addresses, self._start.where, tolerance_m, pairs.address))
+        return int(write_violations(addresses, self._start, tolerance_m, pairs.address))
 
     def price_tools(self, state: Address[ContactState], tolerance_m: float, pairs: ContactPairs) -> int:
         """Append pairs of tools and catheter that end too deep, at the poses of the last `price`; return how many."""
         addresses, sizes = (self._wall.list.address, self._capsules.address, state), (self._half_m, tolerance_m)
-        return int(write_capsule_violations(addresses, self._start.where[0], sizes, pairs.address))
+        return int(write_capsule_violations(addresses, self._start[0], sizes, pairs.address))
 
     def update_working_set(self, state: Address[ContactState]) -> None:
         """Renew the life of the features whose contacts carried a force in the solved step."""
         update_working_set(state, self._working.address)
 
-    def expect(self, moved_m: float) -> None:
-        """Set the look-ahead for a motion in the next step, which is one of two lengths."""
-        most_m, before_m = LOOK_AHEAD_M if moved_m <= LOOK_AHEAD_M else MAX_LOOK_AHEAD_M, self._most_m[0]
-        if most_m == before_m:
-            return
-        self._most_m[: self._end] = most_m
-        if most_m > before_m:
-            self._wall.list.is_listed[: self._end] = False
-            self._is_unknown = True
-
     def set_catheter_row_gap(self, gap_m: float) -> None:
         """Give the catheter rows from this gap (m) on, for laws that act across a gap."""
-        self._catheter_ahead_m = max(gap_m, TOUCHING_M)
-        self._wall.forget()
+        self._catheter_ahead_m = max(gap_m, self._row_gap_m)
+        self._wall.is_new = True
         self._make_room()
 
     def forget(self) -> None:
         """Clear the working set, because bodies have been put elsewhere."""
         forget(self._working)
         self._capsules.reset()
-        self._wall.forget()
+        self._wall.is_new = True
         self._is_unknown = True
 
     @property
@@ -229,21 +186,15 @@ def pierces(found_address: Address[Candidates], list_address: Address[CandidateL
 
 
 @kernel
-def capsule_pairs(
-    memory: Address[CapsuleMemory],
-    tools: Tools,
-    particles: FloatArray,
-    sizes: tuple[FloatArray, float],
-    pairs: Address[ContactPairs],
-) -> None:
-    """Append pairs of tool segments with catheter segments; ``sizes`` holds (radii of these, margin)."""
-    detect_capsules(capsules_at(memory), tools, particles, sizes, pairs_at(pairs))
-
-
-@kernel
 def write_sphere_ends(
     list_address: Address[CandidateList], state_address: Address[ContactState], first: int, half_m: float
 ) -> None:
     """Write spheres where the solved step ends into a list."""
-    state = state_at(state_address)
-    write_end_positions(list_at(list_address), state.geometry.spheres, (state.rows, state.force_n), first, half_m)
+    listed, state = list_at(list_address), state_at(state_address)
+    spheres, rows = state.geometry.spheres, state.rows
+    for k in range(spheres.count):
+        end = along(row(spheres.start, k), row(spheres.motion, k), 1.0)
+        for at in range(rows.n_contacts):
+            if rows.stone[at] == k:
+                end = along(end, row(state.force_n, at), spheres.compliance[k])
+        put_piece(listed, first + k, (end, end), spheres.radius[k] + half_m)

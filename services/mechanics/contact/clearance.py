@@ -13,37 +13,37 @@ from __future__ import annotations
 import math
 
 from services.mechanics.bodies.forceps.kinematics import N_CELLS, N_SEGMENTS
+from services.mechanics.bodies.forceps.tool_body import ToolArrays
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, JAW_A, SHAFT
 from services.mechanics.collision.pieces import N_TOOL_PIECES
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import Vector, along, dot, row, row_of, scaled, subtract
-from services.mechanics.contact.geometry import ToolGeometry
 
 Surface = tuple[float, float, float, Vector]
 """Allowed overlap (m) along the piece's normal; that along the surface's normal; its slope (m/rad); this normal."""
 
 
 @kernel
-def can_touch(tools: ToolGeometry, tool: int) -> bool:
+def can_touch(tools: ToolArrays, tool: int) -> bool:
     """Return whether a tool can touch: it is present and engaged."""
     return bool(tools.present[tool] and not tools.disengaged[tool])
 
 
 @kernel
-def piece_can_touch(tools: ToolGeometry, p: int) -> bool:
+def piece_can_touch(tools: ToolArrays, p: int) -> bool:
     """Return whether a piece can touch: pieces of absent or disengaged tools cannot."""
     return bool(p >= N_TOOL_PIECES or can_touch(tools, p // N_SEGMENTS))
 
 
 @kernel
-def overlap_in_jaws(tools: ToolGeometry, p: int, s: float, normal: Vector) -> float:
+def overlap_in_jaws(tools: ToolArrays, p: int, s: float, normal: Vector) -> float:
     """Return the allowed overlap (m) of the wall and a piece: the jaws' indentation, or the rest offset of a hold."""
     overlap: float = jaw_surface(tools, p, s, normal)[0]
     return overlap
 
 
 @kernel
-def jaw_surface(tools: ToolGeometry, p: int, s: float, normal: Vector) -> Surface:
+def jaw_surface(tools: ToolArrays, p: int, s: float, normal: Vector) -> Surface:
     """Return the surface of piece p for the wall's middle surface, at the parameter ``s`` and along a normal.
 
     Jaws are round. Along a normal at an angle a to their opening direction, the plane midway between them has the

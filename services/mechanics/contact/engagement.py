@@ -16,10 +16,10 @@ from services.mechanics.collision.pairs import CATHETER_SEGMENT, SHAFT, ContactP
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.geometry import ContactGeometry, geometry_at
+from services.mechanics.contact.working_set import SHARE_OF_WALL
 
-# Largest overlap of a tool that engages: contacts at rest overlap by less, and the force at this depth is not felt. On
-# thin walls the limit is a fraction of the thickness.
-CLEAR_M, CLEAR_OF_WALL = 10e-6, 0.125
+# Largest overlap of a tool that engages: contacts at rest overlap by less, and the force at this depth is not felt.
+CLEAR_M = 10e-6
 
 
 @kernel
@@ -28,7 +28,7 @@ def engage_tools(
 ) -> None:
     """Engage the disengaged tools that overlap neither the wall (candidates) nor the catheter (pairs)."""
     found, pairs, geometry = candidates_at(found_address), pairs_at(pairs_address), geometry_at(geometry_address)
-    tools, clear_m = geometry.tools, min(CLEAR_M, 2.0 * CLEAR_OF_WALL * geometry.wall.half_thickness)
+    tools, clear_m = geometry.tools, min(CLEAR_M, 2.0 * SHARE_OF_WALL * geometry.wall.half_thickness)
     for tool in range(tools.disengaged.shape[0]):
         if tools.disengaged[tool] and tools.present[tool]:
             tools.disengaged[tool] = _is_inside(found, pairs, tool, clear_m)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.contact.laws import ELASTIC_AXES, FIXES_DISTANCE, HAS_GAP
-from services.mechanics.contact.rows import ContactRows
+from services.mechanics.compiled.vectors import row as vector
+from services.mechanics.contact.laws import FIXES_DISTANCE, HAS_GAP
+from services.mechanics.contact.rows import ContactRows, in_frame
 
 
 @kernel
@@ -61,13 +62,11 @@ def free_motion(rows: ContactRows, recovery: float, dt_s: float, out: FloatArray
     the gap at the end of the step, with `effective_gap` for the gap at the start.
     """
     for row in range(rows.n_contacts):
+        slip = in_frame(rows, row, vector(rows.slip_m, row))
         for axis in range(3):
-            total = 0.0
-            for k in range(3):
-                total += rows.frame[row, axis, k] * rows.slip_m[row, k]
-            if axis >= 3 - ELASTIC_AXES[rows.law[row]]:
-                for k in range(3):
-                    total += rows.frame[row, axis, k] * rows.elastic_m[row, k]
+            total = slip[axis]
+            for k in range(3 if axis > 0 else 0):
+                total += rows.frame[row, axis, k] * rows.elastic_m[row, k]
             out[3 * row + axis] = total
         if HAS_GAP[rows.law[row]]:
             rows.effective_gap_m[row] = effective_gap(rows, row, recovery, dt_s)

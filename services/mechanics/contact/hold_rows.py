@@ -6,14 +6,27 @@ import math
 from typing import Annotated
 
 from services.mechanics.arrays import BoolArray, ByteArray, FloatArray, IntArray, LongArray
+from services.mechanics.bodies.forceps.tool_body import ToolArrays
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, SHAFT
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import along, cross, dot, put_row_of, row_of, tangents, unit
-from services.mechanics.contact.geometry import ContactGeometry, ToolGeometry, WallGeometry
+from services.mechanics.compiled.vectors import (
+    Vector,
+    along,
+    combine,
+    cross,
+    dot,
+    put_row,
+    put_row_of,
+    row_of,
+    tangents,
+    unit,
+)
+from services.mechanics.compiled.vectors import row as vector
+from services.mechanics.contact.geometry import ContactGeometry
 from services.mechanics.contact.identity import hold_identity
 from services.mechanics.contact.laws import number_of
-from services.mechanics.contact.rows import ContactRows
+from services.mechanics.contact.rows import ContactRows, in_world
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.writer import (
     NO_ROOM,
@@ -68,25 +81,20 @@ def append_holds(state_address: Address[ContactState], holds_address: Address[Ho
         if holds.target_kind[slot] == CATHETER_SEGMENT:
             _catheter_side(holds, slot, geometry, rows, row)
         else:
-            _wall_side(holds, slot, geometry.wall, rows, row)
-            _free_opening_direction(holds.tool[slot], geometry.tools, rows, row)
+            _wall_side(holds, slot, geometry, rows, row)
         n_rows += 1
     return n_rows
 
 
-@inlined_kernel
-def _tool_side(holds: HoldArrays, slot: int, tools: ToolGeometry, rows: ContactRows, row: int) -> None:
-    """Make a tool the first body, with a frame along the world axes."""
-    tool, anchor, arm = holds.tool[slot], holds.anchor[slot], rows.point_m[row]
-    frame = tools.frame[tool]
-    for axis in range(3):
-        arm[axis] = anchor[0] * frame[0, axis] + anchor[1] * frame[1, axis] + anchor[2] * frame[2, axis]
-        for other in range(3):
-            rows.frame[row, axis, other] = 1.0 if axis == other else 0.0
+@kernel
+def _tool_side(holds: HoldArrays, slot: int, tools: ToolArrays, rows: ContactRows, row: int) -> None:
+    """Make a tool the first body."""
+    tool, frame = holds.tool[slot], tools.frame[holds.tool[slot]]
+    arm = combine(vector(holds.anchor, slot), vector(frame, 0), vector(frame, 1), vector(frame, 2))
+    put_row(rows.point_m, row, arm)
     # The held point lies between both jaws, so that their opening does not move it, as if it were on the shaft.
     put_on_tool(rows, row, tools, tool, SHAFT)
-    for axis in range(3):
-        rows.slip_m[row, axis] = rows.point_m[row, axis]
+    put_row(rows.slip_m, row, vector(rows.point_m, row))
     add_tool_motion(rows, row, tools)
 
 
@@ -127,23 +135,20 @@ def _set_place(holds: HoldArrays, slot: int, place: float, n_segments: int) -> N
     holds.weights[slot, 0], holds.weights[slot, 1], holds.weights[slot, 2] = 1.0 - s, s, 0.0
 
 
-@inlined_kernel
-def _wall_side(holds: HoldArrays, slot: int, wall: WallGeometry, rows: ContactRows, row: int) -> None:
-    """Make the wall the target: subtract its rest position from the slip; `subtract_duct_motion` does the rest."""
+@kernel
+def _wall_side(holds: HoldArrays, slot: int, geometry: ContactGeometry, rows: ContactRows, row: int) -> None:
+    """Make the wall the target, free along the opening direction, in which `squeeze` constrains it.
+
+    The slip loses the wall's rest position here, and its motion in `subtract_duct_motion`.
+    """
+    wall, rows.softness_m_n[row, 0] = geometry.wall, LOOSE_SOFTNESS_M_N
     corners, weights = wall.triangles[holds.target[slot]], holds.weights[slot]
     put_on_duct(rows, row, corners, weights)
     for corner in range(3):
         for axis in range(3):
             rows.slip_m[row, axis] -= weights[corner] * wall.vertices[corners[corner], axis]
-
-
-@inlined_kernel
-def _free_opening_direction(tool: int, tools: ToolGeometry, rows: ContactRows, row: int) -> None:
-    """Free the held point along the opening direction, in which `squeeze` constrains a held wall."""
     for axis in range(3):
-        for other in range(3):
-            rows.frame[row, axis, other] = tools.frame[tool, axis, other]
-    rows.softness_m_n[row, 0] = LOOSE_SOFTNESS_M_N
+        put_row_of(rows.frame, row, axis, row_of(geometry.tools.frame, holds.tool[slot], axis))
 
 
 @kernel
@@ -162,44 +167,33 @@ def slide_holds(
         row, slot = first + index, holds.order[index]
         if not state.slides[row]:
             continue
-        u, slip, f = state.problem.motion[3 * row : 3 * row + 3], state.problem.change, rows.force_n[row]
-        dissipated_j -= f[0] * u[0] + f[1] * u[1] + f[2] * u[2]
-        _write_in_world_axes(rows, row, (u[0], u[1], u[2]), slip)
-        holds.slipped_m[slot] += math.sqrt(slip[0] * slip[0] + slip[1] * slip[1] + slip[2] * slip[2])
+        u = state.problem.motion[3 * row], state.problem.motion[3 * row + 1], state.problem.motion[3 * row + 2]
+        dissipated_j -= dot(vector(rows.force_n, row), u)
+        slip = in_world(rows, row, u)
+        holds.slipped_m[slot] += math.sqrt(dot(slip, slip))
         if holds.target_kind[slot] == CATHETER_SEGMENT:
-            _slide_along_catheter(holds, slot, slip, state.geometry.rod.position)
+            slip = _slide_along_catheter(holds, slot, slip, state.geometry.rod.position)
         _slide_in_jaws(holds, slot, slip, state.geometry.tools)
         is_lost = is_lost or holds.lost[slot]
     return dissipated_j, is_lost
 
 
-@inlined_kernel
-def _write_in_world_axes(rows: ContactRows, row: int, motion: tuple[float, float, float], out: FloatArray) -> None:
-    """Rotate a motion from the row's frame to world axes, and write it into ``out`` (3,)."""
-    for axis in range(3):
-        out[axis] = 0.0
-        for k in range(3):
-            out[axis] += motion[k] * rows.frame[row, k, axis]
-
-
-@inlined_kernel
-def _slide_along_catheter(holds: HoldArrays, slot: int, slip: FloatArray, position: FloatArray) -> None:
-    """Move the held point along the catheter by the axial part of ``slip`` (3,), and subtract that part from it."""
+@kernel
+def _slide_along_catheter(holds: HoldArrays, slot: int, slip: Vector, position: FloatArray) -> Vector:
+    """Move the held point along the catheter by the axial part of ``slip``, and return the rest."""
     _, _, slope = point_on_curve(position, _place_on_catheter(holds, slot))
     tangent = unit(slope)
-    axial = dot((slip[0], slip[1], slip[2]), tangent)
-    for axis in range(3):
-        slip[axis] -= axial * tangent[axis]
+    axial = dot(slip, tangent)
     _set_place(holds, slot, _place_on_catheter(holds, slot) + axial / dot(slope, tangent), position.shape[0] - 1)
+    return along(slip, tangent, -axial)
 
 
-@inlined_kernel
-def _slide_in_jaws(holds: HoldArrays, slot: int, slip: FloatArray, tools: ToolGeometry) -> None:
-    """Move the held point in the jaws by minus ``slip`` (3,); if it leaves the jaws, the hold is lost."""
+@kernel
+def _slide_in_jaws(holds: HoldArrays, slot: int, slip: Vector, tools: ToolArrays) -> None:
+    """Move the held point in the jaws by minus ``slip``; if it leaves the jaws, the hold is lost."""
     tool, anchor = holds.tool[slot], holds.anchor[slot]
-    frame = tools.frame[tool]
     for axis in range(3):
-        anchor[axis] -= frame[axis, 0] * slip[0] + frame[axis, 1] * slip[1] + frame[axis, 2] * slip[2]
+        anchor[axis] -= dot(row_of(tools.frame, tool, axis), slip)
     across, beyond = holds.reach[tool, 0], holds.reach[tool, 1]
     if not (-across <= anchor[2] <= beyond and abs(anchor[0]) <= across and abs(anchor[1]) <= across):
         holds.lost[slot] = True

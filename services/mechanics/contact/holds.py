@@ -9,7 +9,6 @@ import numpy as np
 from services.mechanics.arrays import AnyArray, FloatArray
 from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A
-from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.hold_rows import HoldArrays, append_holds, slide_holds
 from services.mechanics.contact.system import ContactSystem
 from services.mechanics.rod.curve import point_on_curve
@@ -174,11 +173,6 @@ class HoldRegistry:
         first = self._system.rows.n_contacts
         n_rows = append_holds(self._system.address, self._arrays.address, len(self.active)) if self.active else 0
         self.rows = range(first, first + n_rows)
-
-    @property
-    def in_use(self) -> tuple[Address[HoldArrays], int]:
-        """The address of the holds' arrays, and the number of active holds."""
-        return self._arrays.address, len(self.active)
 
     def limit_rows(self) -> None:
         """Set the force limit of each hold's row to that of its request."""

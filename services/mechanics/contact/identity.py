@@ -37,15 +37,6 @@ SEGMENT = BitField(45, 1 << 2)
 TOOL = BitField(47, 1 << 2)
 STONE = BitField(49, 1 << 7)
 LAW = BitField(56, 1 << 7)
-FIELDS = {
-    "target": TARGET,
-    "target_kind": TARGET_KIND,
-    "particle": PARTICLE,
-    "segment": SEGMENT,
-    "tool": TOOL,
-    "stone": STONE,
-    "law": LAW,
-}
 
 
 @kernel

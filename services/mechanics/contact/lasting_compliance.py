@@ -18,7 +18,7 @@ from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.bodies.catheter import CatheterTouch, number_marked, touch_at
 from services.mechanics.bodies.duct_loads import DuctLoads, loads_at
 from services.mechanics.compiled import inlined_kernel, kernel, summing_kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.compiled.struct import Address, Struct
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.rod.contact_response import compliance, factor_for_contacts
 from services.mechanics.rod.model import RodModel, RodWork, work_at
@@ -51,10 +51,7 @@ class LastingArrays(Struct):
         return cls.zeros(modes=np.asarray(modes, np.float64), m=n_axes, n=n, r=len(omega_rad_s), **extents)
 
 
-lasting_at = reader(LastingArrays)
-
-
-@inlined_kernel
+@kernel
 def add_wall_compliance(
     rows: ContactRows, closed: IntArray, wall: WallAddress, lasting: LastingArrays, out: FloatArray
 ) -> None:

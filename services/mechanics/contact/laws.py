@@ -17,37 +17,21 @@ import numpy as np
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Law:
-    """A contact law. Its force limits are multiples of ``force_limit_n`` of a row.
+    """A contact law. Its force limits are multiples of ``force_limit_n`` of a row."""
 
-    Attributes:
-        softness_m_n: tuple of float. Compliance of the surfaces along the normal and both tangents. It keeps W positive
-            definite where contacts are redundant.
-        creep_m_s_n: float. Speed per newton at which surfaces creep into each other along the normal, in addition to
-            their compliance.
-        max_tension, max_compression: float. Largest normal forces on the first body, as multiples.
-        max_tangential: float. Largest tangential force, as a multiple.
-        has_friction: bool. Whether the coefficient of friction times the normal force is added to that.
-        needs_limit: bool. Whether a row whose limit is zero bears no force at all.
-        limit_n: float. Initial ``force_limit_n`` of a row.
-        has_gap: bool. Whether ``gap_m`` is a distance of two surfaces: a negative one is an overlap.
-        fixes_distance: bool. Whether the law constrains the distance of two points at the end of the step instead of
-            its change over the step.
-        elastic_axes: int. Number of the row's last axes along which the contact keeps its elastic slip.
-        is_damper: bool. Whether the softness relates force to velocity, so that a hand feels no stiffness.
-    """
-
-    softness_m_n: tuple[float, float, float]
-    creep_m_s_n: float = 0.0
-    max_tension: float = 0.0
+    softness_m_n: tuple[float, float, float]  # along normal and tangents; keeps W definite where contacts are redundant
+    creep_m_s_n: float = 0.0  # speed per newton at which surfaces creep into each other, in addition
+    max_tension: float = 0.0  # largest normal forces on the first body, as multiples
     max_compression: float = math.inf
-    max_tangential: float = 0.0
-    has_friction: bool = False
-    needs_limit: bool = False
-    limit_n: float = math.inf
-    has_gap: bool = False
-    fixes_distance: bool = False
-    elastic_axes: int = 0
-    is_damper: bool = False
+    max_tangential: float = 0.0  # largest tangential force, as a multiple
+    has_friction: bool = (
+        False  # whether friction, which is elastoplastic, is added: its coefficient times the normal force
+    )
+    needs_limit: bool = False  # whether a row whose limit is zero bears no force at all
+    limit_n: float = math.inf  # initial ``force_limit_n`` of a row
+    has_gap: bool = False  # whether ``gap_m`` is a distance of two surfaces: a negative one is an overlap
+    fixes_distance: bool = False  # whether the distance at the end is constrained, not its change over the step
+    is_damper: bool = False  # whether the softness relates force to velocity, so that a hand feels no stiffness
 
 
 # Polished surfaces of a few square millimetres give way by 1 um/N.
@@ -66,7 +50,7 @@ LAWS: dict[str, Law] = {
     # Surfaces, with Coulomb friction that is elastoplastic: see `warm_start.store_anchors`.
     "unilateral": Law(
         softness_m_n=(0.0, SURFACE_SOFTNESS_M_N, SURFACE_SOFTNESS_M_N),
-        creep_m_s_n=CREEP_M_S_N, has_friction=True, has_gap=True, elastic_axes=2,
+        creep_m_s_n=CREEP_M_S_N, has_friction=True, has_gap=True,
     ),
     # A body between jaws: held across them (the first axis) at any force while they squeeze, by friction along them.
     "grip": Law(
@@ -99,5 +83,4 @@ HAS_FRICTION = np.array([law.has_friction for law in LAWS.values()])
 NEEDS_LIMIT = np.array([law.needs_limit for law in LAWS.values()])
 HAS_GAP = np.array([law.has_gap for law in LAWS.values()])
 FIXES_DISTANCE = np.array([law.fixes_distance for law in LAWS.values()])
-ELASTIC_AXES = np.array([law.elastic_axes for law in LAWS.values()])
 IS_DAMPER = np.array([law.is_damper for law in LAWS.values()])

@@ -7,7 +7,7 @@ from typing import Annotated, cast
 
 from services.mechanics.arrays import BoolArray, FloatArray, IntArray
 from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
-from services.mechanics.bodies.forceps.tool_body import ToolArrays, tools_at
+from services.mechanics.bodies.forceps.tool_body import ToolArrays
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.contact.admissible import closed_axes
@@ -18,7 +18,6 @@ from services.mechanics.contact.lasting_compliance import (
     WallAddress,
     add_catheter_compliance,
     add_wall_compliance,
-    lasting_at,
 )
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.state import ContactState, state_at
@@ -34,13 +33,9 @@ class StiffnessArrays(Struct):
 
     stiffness: Annotated[FloatArray, N_TOOLS, 3, 3]
     grasp_stiffness: Annotated[FloatArray, N_TOOLS]
+    lasting: LastingArrays
     closed: Annotated[IntArray, MAX_CLOSED, 2]  # rows, and which of their axes
     scratch: Annotated[FloatArray, MAX_CLOSED * (MAX_CLOSED + N_COORDINATES)]
-
-    @classmethod
-    def of(cls, results: ToolResults) -> StiffnessArrays:
-        """View the arrays of ``results``."""
-        return cls.zeros(stiffness=results.stiffness_n_m, grasp_stiffness=results.grasp_stiffness_nm_rad)
 
 
 stiffness_at = reader(StiffnessArrays)
@@ -51,13 +46,15 @@ class LocalStiffness:
 
     def __init__(self, bodies: Bodies, contacts: Address[ContactState], results: ToolResults) -> None:
         duct, catheter, self._rod = bodies.duct, bodies.catheter, bodies.catheter.plain_integrator
-        self._arrays = StiffnessArrays.of(results)
         omega, ratio = duct.reduced.basis.omega_rad_s, duct.reduced.damping_ratio
-        self._lasting = LastingArrays.of(omega, ratio, catheter.properties.n_particles, MAX_CLOSED)
+        self._arrays = StiffnessArrays.zeros(
+            stiffness=results.stiffness_n_m,
+            grasp_stiffness=results.grasp_stiffness_nm_rad,
+            lasting=LastingArrays.of(omega, ratio, catheter.properties.n_particles, MAX_CLOSED),
+        )
         rod = NO_ROD if self._rod is None else self._rod.addresses
         places: RodAddresses = (catheter.touch_address, *rod, self._rod is not None)
-        arrays = (self._arrays.address, self._lasting.address)
-        self._arguments = (contacts, bodies.tools.address, *arrays, duct.loads_address, places)
+        self._arguments = (contacts, self._arrays.address, duct.loads_address, places)
 
     def write(self) -> None:
         """Write the stiffnesses; call it at the end of a step."""
@@ -68,9 +65,7 @@ class LocalStiffness:
 @kernel
 def local_stiffness(
     state_address: Address[ContactState],
-    tools_address: Address[ToolArrays],
     out_address: Address[StiffnessArrays],
-    lasting_address: Address[LastingArrays],
     wall: WallAddress,
     rod: RodAddresses,
 ) -> bool:
@@ -84,8 +79,7 @@ def local_stiffness(
     Return True if the catheter's matrix was factorised for another step length: the factors for the step are then
     overwritten.
     """
-    state, tools = state_at(state_address), tools_at(tools_address)
-    out, lasting = stiffness_at(out_address), lasting_at(lasting_address)
+    state, out = state_at(state_address), stiffness_at(out_address)
     size = 3 * state.rows.n_contacts
     W = state.delassus[: size * size].reshape(size, size)
     is_factored = False
@@ -98,9 +92,9 @@ def local_stiffness(
         closed, S = out.closed[:n], out.scratch[: n * n].reshape(n, n)
         G = out.scratch[n * n : n * (n + N_COORDINATES)].reshape(n, N_COORDINATES)
         _fill_closed(state.rows, W, closed, S, G)
-        _add_excess(tools, tool, S, G)
-        add_wall_compliance(state.rows, closed, wall, lasting, S)
-        is_factored = add_catheter_compliance(state.rows, closed, rod, lasting, is_factored, S)
+        _add_excess(state.geometry.tools, tool, S, G)
+        add_wall_compliance(state.rows, closed, wall, out.lasting, S)
+        is_factored = add_catheter_compliance(state.rows, closed, rod, out.lasting, is_factored, S)
         if _whiten(S, G):
             _write(G, out.stiffness[tool])
             for k in range(n):

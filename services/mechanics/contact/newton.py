@@ -1,7 +1,7 @@
-r"""A Newton step on the contact laws, for the force components of all closed contacts together.
+r"""Steps of a contact solve: block Gauss-Seidel sweeps, Newton steps, and an active-set method made of them.
 
-Each component that the law leaves free is an unknown with two directions: along *test* the motion has to vanish, along
-*column* the force changes.
+A Newton step solves the laws of all closed contacts together. Each component that the law leaves free is an unknown
+with two directions: along *test* the motion has to vanish, along *column* the force changes.
 
 - Pressed normals, and all three axes of sticking or held contacts: both directions are the axis itself.
 - Normals of sliding contacts: friction changes with the normal force, so the column is :math:`(1, \mu \hat t)`.
@@ -19,52 +19,54 @@ from __future__ import annotations
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
-from services.mechanics.contact.admissible import add_unknowns, project, step_to_bounds
+from services.mechanics.contact.admissible import add_unknowns, closed_axes, project, relax, slides, step_to_bounds
 from services.mechanics.contact.dense import solve_dense
-from services.mechanics.contact.problem import ContactProblem, Unknowns
+from services.mechanics.contact.problem import ContactProblem
+
+# Cost in sweeps after which no further step of the active-set method is taken.
+MAX_ACTIVE_SET_COST = 30
+# A step goes beyond the point where a contact opens or slips by this fraction, so that the contact leaves the active
+# set in spite of rounding.
+OVERSHOOT = 1e-9
 
 
 @kernel
-def list_unknowns(problem: ContactProblem, out: Unknowns) -> int:
-    """Write the unknowns of all contacts in their present states into ``out``, and return their number."""
-    n, rows = 0, problem.rows
-    for block in range(rows.n_contacts):
-        n = add_unknowns(problem, block, out, n)
+def list_unknowns(problem: ContactProblem) -> int:
+    """Write the unknowns of all contacts in their present states, and return their number."""
+    n = 0
+    for block in range(problem.rows.n_contacts):
+        n = add_unknowns(problem, block, n)
     return n
 
 
 @kernel
-def newton_step(problem: ContactProblem, W: FloatArray, unknowns: Unknowns, n: int) -> bool:
-    """Write the change of the n unknowns into ``unknowns.step``, in N; return False if the matrix is singular."""
-    motion = problem.motion
-    test, column, step, along = unknowns.test, unknowns.column, unknowns.step, unknowns.along
-    A = unknowns.matrix[: n * n].reshape(n, n)
+def newton_step(problem: ContactProblem, W: FloatArray, n: int) -> bool:
+    """Write the change of the n unknowns into ``problem.step``, in N; return False if the matrix is singular."""
+    motion, test, column, step, along = problem.motion, problem.test, problem.column, problem.step, problem.along
+    A = problem.matrix[: n * n].reshape(n, n)
     for i in range(n):
-        row = 3 * unknowns.block[i]
+        row = 3 * problem.block[i]
         x, y, z = test[i, 0], test[i, 1], test[i, 2]
         step[i] = -(x * motion[row] + y * motion[row + 1] + z * motion[row + 2])
         for j in range(W.shape[0]):
             along[j] = x * W[row, j] + y * W[row + 1, j] + z * W[row + 2, j]
         for j in range(n):
-            first = 3 * unknowns.block[j]
+            first = 3 * problem.block[j]
             A[i, j] = along[first] * column[j, 0] + along[first + 1] * column[j, 1] + along[first + 2] * column[j, 2]
-        A[i, i] += unknowns.shift[i]
+        A[i, i] += problem.shift[i]
     solved: bool = solve_dense(A, step[:n])
     return solved
 
 
 @kernel
-def feasible_step_length(problem: ContactProblem, unknowns: Unknowns, n: int, change: FloatArray) -> float:
-    """Return the largest fraction of the step, at most 1, at which no contact opens or slips.
-
-    ``change`` (k, 3) takes the change of the forces over the whole step, in N.
-    """
-    rows, fraction = problem.rows, 1.0
+def feasible_step_length(problem: ContactProblem, n: int) -> float:
+    """Return the largest fraction of the step, at most 1, at which no contact opens or slips."""
+    rows, change, fraction = problem.rows, problem.force_change, 1.0
     for block in range(rows.n_contacts):
         change[block, 0] = change[block, 1] = change[block, 2] = 0.0
     for i in range(n):
         for axis in range(3):
-            change[unknowns.block[i], axis] += unknowns.step[i] * unknowns.column[i, axis]
+            change[problem.block[i], axis] += problem.step[i] * problem.column[i, axis]
     for block in range(rows.n_contacts):
         full_change = change[block, 0], change[block, 1], change[block, 2]
         fraction = min(fraction, step_to_bounds(rows, block, full_change))
@@ -72,12 +74,82 @@ def feasible_step_length(problem: ContactProblem, unknowns: Unknowns, n: int, ch
 
 
 @kernel
-def add_step(problem: ContactProblem, unknowns: Unknowns, n: int, fraction: float) -> None:
+def add_step(problem: ContactProblem, n: int, fraction: float) -> None:
     """Add a fraction of the step to the forces, and project the force of every contact into the set of its law."""
     rows = problem.rows
     for i in range(n):
-        block = unknowns.block[i]
+        block = problem.block[i]
         for axis in range(3):
-            rows.force_n[block, axis] += fraction * unknowns.step[i] * unknowns.column[i, axis]
+            rows.force_n[block, axis] += fraction * problem.step[i] * problem.column[i, axis]
     for block in range(rows.n_contacts):
         project(rows, block)
+
+
+@kernel
+def sweep(problem: ContactProblem, W: FloatArray) -> tuple[float, float]:
+    """Relax every contact once; return the largest change of a force component (N) and of a normal motion (m)."""
+    largest_n, largest_m, rows, change = 0.0, 0.0, problem.rows, problem.change
+    for block in range(rows.n_contacts):
+        relax(problem, W, block)
+        largest_n = max(largest_n, abs(change[0]), abs(change[1]), abs(change[2]))
+        largest_m = max(largest_m, abs(change[0]) * W[3 * block, 3 * block])
+    return largest_n, largest_m
+
+
+@kernel
+def has_small_residual(problem: ContactProblem, tolerance_n: float) -> bool:
+    """Return whether the forces of closed contacts are within ``tolerance_n`` of the solution.
+
+    A residual motion r of closed rows means a force error of at most |r| / c, with c the compliance of the surfaces,
+    because no eigenvalue of W is below c. Where contacts are redundant (two jaws press on one place), only c
+    determines how they share the force, and a sweep corrects a thousandth of the error.
+    """
+    rows, motion = problem.rows, problem.motion
+    for block in range(rows.n_contacts):
+        for axis in range(closed_axes(rows, block, slides(rows, block))):
+            if abs(motion[3 * block + axis]) > rows.softness_m_n[block, axis] * tolerance_n:
+                return False
+    return True
+
+
+@kernel
+def take_active_set_steps(problem: ContactProblem, W: FloatArray) -> int:
+    """Take Newton steps, each up to where a contact opens or slips, until a full step is feasible; return their cost.
+
+    This is the primal active-set method (Nocedal and Wright, "Numerical Optimization", 16.5): steps remove contacts
+    from the active set, and sweeps add those that are missing. A single step between sweeps would not do, because the
+    sweeps close again what it has opened. With friction the solution is no minimum, and the potential need not fall.
+    The cost is in sweeps, and grows with the cube of the number of unknowns.
+    """
+    cost, k, fraction = 0, problem.rows.n_contacts, 0.0
+    while fraction < 1.0 and cost < MAX_ACTIVE_SET_COST:
+        n = list_unknowns(problem)
+        if n == 0 or not newton_step(problem, W, n):
+            return cost
+        cost += 1 + n**3 // (27 * k * k)
+        fraction = feasible_step_length(problem, n)
+        add_step(problem, n, min(fraction * (1.0 + OVERSHOOT), 1.0))
+        update_motion(problem, W)
+    return cost
+
+
+@kernel
+def copy_forces(source: FloatArray, target: FloatArray, count: int) -> None:
+    """Copy the first ``count`` forces."""
+    for block in range(count):
+        for axis in range(3):
+            target[block, axis] = source[block, axis]
+
+
+@kernel
+def update_motion(problem: ContactProblem, W: FloatArray) -> None:
+    """Write the motion u = W f + u_free (3 k,), in m."""
+    motion, free = problem.motion, problem.free
+    for row in range(W.shape[0]):
+        motion[row] = free[row]
+    for block in range(problem.rows.n_contacts):
+        for axis in range(3):
+            force = problem.rows.force_n[block, axis]
+            if force != 0.0:
+                for column in range(W.shape[0]):
+                    motion[column] += W[3 * block + axis, column] * force

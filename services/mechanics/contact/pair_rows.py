@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, NO_TOOL, SHAFT, ContactPairs
-from services.mechanics.compiled import inlined_kernel
-from services.mechanics.compiled.vectors import put_row, write_frame
+from services.mechanics.bodies.forceps.tool_body import ToolArrays
+from services.mechanics.collision.pairs import (
+    CATHETER_SEGMENT,
+    DUCT_TRIANGLE,
+    JAW_A,
+    NO_TOOL,
+    SHAFT,
+    ContactPairs,
+    pairs_at,
+)
+from services.mechanics.compiled import inlined_kernel, kernel
+from services.mechanics.compiled.struct import Address
+from services.mechanics.compiled.vectors import Vector, along, between, dot, put_row, row_of, subtract, write_frame
 from services.mechanics.compiled.vectors import row as row_at
 from services.mechanics.contact.clearance import can_touch, jaw_surface
-from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, ToolGeometry, WallGeometry
+from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, WallGeometry, geometry_at
 from services.mechanics.contact.identity import pair_identity
 from services.mechanics.contact.laws import number_of
-from services.mechanics.contact.rows import ContactRows
+from services.mechanics.contact.rows import ContactRows, rows_at
 from services.mechanics.contact.writer import (
     FIRST_SIDE,
     NO_ROOM,
@@ -25,13 +35,16 @@ from services.mechanics.contact.writer import (
 _UNILATERAL = number_of("unilateral")
 
 
-@inlined_kernel
-def append_pairs(pairs: ContactPairs, geometry: ContactGeometry, rows: ContactRows) -> None:
-    """Append pairs to ``rows`` as unilateral contacts, except those of absent or disengaged tools.
+@kernel
+def append_pairs(
+    pairs_address: Address[ContactPairs], geometry_address: Address[ContactGeometry], rows_address: Address[ContactRows]
+) -> int:
+    """Append pairs as unilateral contacts, except those of absent or disengaged tools; return how many were dropped.
 
     The duct's displacement is not yet part of gap and slip, because it needs the modes: see `subtract_duct_motion`.
     Jaws also collide with the body that they hold, because a hold ties only two points.
     """
+    pairs, geometry, rows = pairs_at(pairs_address), geometry_at(geometry_address), rows_at(rows_address)
     for index in range(pairs.count):
         tool, segment = pairs.tool[index], pairs.tool_segment[index]
         kind, target = pairs.target_kind[index], pairs.target[index]
@@ -52,27 +65,25 @@ def append_pairs(pairs: ContactPairs, geometry: ContactGeometry, rows: ContactRo
             _catheter_target(pairs, index, geometry.rod, rows, row)
         elif kind == DUCT_TRIANGLE:
             _wall_target(pairs, index, geometry.wall, rows, row)
+    return pairs.dropped
 
 
-@inlined_kernel
-def _tool_side(pairs: ContactPairs, index: int, tools: ToolGeometry, rows: ContactRows, row: int) -> None:
+@kernel
+def _tool_side(pairs: ContactPairs, index: int, tools: ToolArrays, rows: ContactRows, row: int) -> None:
     """Make a tool the first body. With a squeezed wall the force acts at the wall's middle surface."""
     tool, segment, s = pairs.tool[index], pairs.tool_segment[index], pairs.tool_parameter[index]
-    ends, radial, radius = tools.segments[tool, segment], pairs.normal[index], tools.radius[tool, segment]
-    kind, reach, opening_rate = pairs.target_kind[index], radius, 0.0
+    radial, radius, kind = row_at(pairs.normal, index), tools.radius[tool, segment], pairs.target_kind[index]
+    normal, reach, opening_rate = radial, radius, 0.0
     if kind == DUCT_TRIANGLE:
-        overlap, rows.rest_offset_m[row], opening_rate, n = jaw_surface(
-            tools, 3 * tool + segment, s, row_at(pairs.normal, index)
-        )
+        overlap, rows.rest_offset_m[row], opening_rate, normal = jaw_surface(tools, 3 * tool + segment, s, radial)
         if rows.rest_offset_m[row] != overlap:  # the wall is squeezed: its surface's normal replaces that of the jaw
             reach = radius + 0.5 * tools.wall_thickness - overlap
-            put_row(rows.frame[row], 0, n)
+            put_row(rows.frame[row], 0, normal)
             write_frame(rows.frame[row, 0], rows.frame[row])
-    for axis in range(3):
-        centre, along = (1.0 - s) * ends[0, axis] + s * ends[1, axis], rows.frame[row, 0, axis]
-        rows.gap_m[row] += along * (centre - along * radius)
-        # J is the start of both jaws.
-        rows.point_m[row, axis] = centre - radial[axis] * reach - tools.segments[tool, 1, 0, axis]
+    ends, junction = tools.segments[tool], row_of(tools.segments[tool], JAW_A, 0)
+    centre = between(row_of(ends, segment, 0), row_of(ends, segment, 1), s)
+    rows.gap_m[row] = dot(normal, along(centre, normal, -radius))
+    put_row(rows.point_m, row, subtract(along(centre, radial, -reach), junction))
     put_on_tool(rows, row, tools, tool, segment)
     for axis in range(3):  # as the jaws open, the wall thickens, and its middle surface moves half as far as they do
         rows.lever[row, axis, 3] += opening_rate * rows.frame[row, 0, axis]
@@ -88,12 +99,9 @@ def _catheter_side(pairs: ContactPairs, index: int, rod: RodGeometry, rows: Cont
     first, s = pairs.particle[index], pairs.tool_parameter[index]
     second = min(first + 1, rod.position.shape[0] - 1)
     put_on_rod(rows, row, FIRST_SIDE, (first, second), (1.0 - s, s))
-    for axis in range(3):
-        normal = pairs.normal[index, axis]
-        centre = (1.0 - s) * rod.position[first, axis] + s * rod.position[second, axis]
-        rows.point_m[row, axis] = centre - normal * rod.radius[first]
-        rows.gap_m[row] += normal * rows.point_m[row, axis]
-        rows.slip_m[row, axis] = (1.0 - s) * rod.motion[first, axis] + s * rod.motion[second, axis]
+    centre = between(row_at(rod.position, first), row_at(rod.position, second), s)
+    motion = between(row_at(rod.motion, first), row_at(rod.motion, second), s)
+    _put_surface(rows, row, (row_at(pairs.normal, index), centre, motion), rod.radius[first])
 
 
 @inlined_kernel
@@ -101,11 +109,18 @@ def _sphere_side(pairs: ContactPairs, index: int, geometry: ContactGeometry, row
     """Make a sphere the first body; in pairs, spheres are numbered after the segments of the catheter."""
     spheres, sphere = geometry.spheres, pairs.particle[index] - (geometry.rod.position.shape[0] - 1)
     rows.stone[row] = sphere
-    for axis in range(3):
-        normal = pairs.normal[index, axis]
-        rows.point_m[row, axis] = spheres.start[sphere, axis] - normal * spheres.radius[sphere]
-        rows.gap_m[row] += normal * rows.point_m[row, axis]
-        rows.slip_m[row, axis] = spheres.motion[sphere, axis]
+    place = row_at(pairs.normal, index), row_at(spheres.start, sphere), row_at(spheres.motion, sphere)
+    _put_surface(rows, row, place, spheres.radius[sphere])
+
+
+@kernel
+def _put_surface(rows: ContactRows, row: int, place: tuple[Vector, Vector, Vector], radius: float) -> None:
+    """Write point, slip and the first body's part of the gap; ``place`` is (normal, point on the axis, its motion)."""
+    normal, centre, motion = place
+    point = along(centre, normal, -radius)
+    rows.gap_m[row] = dot(normal, point)
+    put_row(rows.point_m, row, point)
+    put_row(rows.slip_m, row, motion)
 
 
 @inlined_kernel

@@ -25,11 +25,11 @@ from services.mechanics.bodies.forceps.tool_body import ToolArrays
 from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Struct
-from services.mechanics.contact.laws import ELASTIC_AXES, HAS_GAP
+from services.mechanics.compiled.vectors import row as vector
+from services.mechanics.contact.laws import HAS_FRICTION, HAS_GAP
 from services.mechanics.contact.problem import ContactProblem
-from services.mechanics.contact.rows import ContactRows
+from services.mechanics.contact.rows import ContactRows, in_frame
 from services.mechanics.contact.solver import solve_contacts
-from services.mechanics.contact.solver_steps import SolverScratch
 
 # Energy that a step may add without debt. At a power of SLACK_J in each millisecond a tip that weighs on the wall with
 # 0.2 mN, at a friction of 0.05, slides at 0.1 mm/s, a tenth of what counts as rest.
@@ -48,24 +48,15 @@ class Ledger(Struct):
     """Energy that contacts have added beyond dissipation, and the limits on it.
 
     A step may be solved several times; only the last solve counts.
-
-    Attributes:
-        budget_j: float. Work of recovery that the last step could have afforded; infinite if it recovered everything.
-        debt_j: float. Energy that contacts have added and not yet repaid.
-        hand_work_j: float. Recent work of the hands on the couplings, with exponential forgetting over `RECENT_S`.
-        max_hand_work_j: float. Recent maximum of its magnitude.
-        contact_time_s: float. Time with contacts since the start; counting starts again once nothing touches.
-        at_start: (5,) float64. The entries above at the start of the step.
-        n_solves: int. Solves of this step so far.
     """
 
-    budget_j: float = math.inf
-    debt_j: float = 0.0
-    hand_work_j: float = 0.0
-    max_hand_work_j: float = 0.0
-    contact_time_s: float = 0.0
-    at_start: Annotated[FloatArray, 5]
-    n_solves: int = 0
+    budget_j: float = math.inf  # work of recovery that the last step could have afforded; infinite if all was recovered
+    debt_j: float = 0.0  # energy that contacts have added and not yet repaid
+    hand_work_j: float = 0.0  # of the hands on the couplings, with exponential forgetting over `RECENT_S`
+    max_hand_work_j: float = 0.0  # recent maximum of its magnitude
+    contact_time_s: float = 0.0  # time with contacts since the start, or since nothing touched
+    at_start: Annotated[FloatArray, 5]  # the entries above at the start of the step
+    n_solves: int = 0  # of this step so far
 
 
 @inlined_kernel
@@ -73,32 +64,32 @@ def solve_passively(
     problem: ContactProblem,
     W: FloatArray,
     effort: tuple[int, float],
-    work: tuple[SolverScratch, Ledger],
+    ledger: Ledger,
     tools_and_step: tuple[ToolArrays, float],
 ) -> int:
     """Solve as `solve_contacts`, again with less recovery if contacts add too much energy; return the number of sweeps.
 
-    ``work`` is (scratch, ledger); ``tools_and_step`` is (tools, length of the step in s).
+    ``tools_and_step`` is (tools, length of the step in s).
     """
-    rows, (scratch, ledger) = problem.rows, work
+    rows = problem.rows
     _begin_solve(ledger)
     _add_hand_work(ledger, tools_and_step[0], tools_and_step[1])
     if ledger.contact_time_s < START_UP_S:
         ledger.contact_time_s += tools_and_step[1]
-        only: int = solve_contacts(problem, W, effort, scratch)
+        only: int = solve_contacts(problem, W, effort)
         return only
     credit_j = max(CREDIT * ledger.max_hand_work_j - ledger.debt_j, SLACK_J) if _touch_tools(rows) else SLACK_J
     is_limited = limit_recovery(rows, ledger.budget_j + credit_j, problem.motion)
-    sweeps: int = solve_contacts(problem, W, effort, scratch)
+    sweeps: int = solve_contacts(problem, W, effort)
     excess_j = _excess_j(problem, tools_and_step)
     for attempt in range(2):
         budget_j = BUDGET_SHARE * max(recovery_work_j(rows) - excess_j, 0.0) + credit_j if attempt == 0 else 0.0
-        if excess_j <= credit_j or not limit_recovery(rows, budget_j, scratch.free):
+        if excess_j <= credit_j or not limit_recovery(rows, budget_j, problem.free):
             break
         is_limited = True
         for place in range(W.shape[0]):
-            problem.motion[place] = scratch.free[place]
-        sweeps += solve_contacts(problem, W, effort, scratch)
+            problem.motion[place] = problem.free[place]
+        sweeps += solve_contacts(problem, W, effort)
         excess_j = _excess_j(problem, tools_and_step)
     ledger.budget_j = BUDGET_SHARE * max(recovery_work_j(rows) - excess_j, 0.0) if is_limited else math.inf
     ledger.debt_j = max(ledger.debt_j + excess_j - SLACK_J, 0.0)
@@ -178,21 +169,12 @@ def contact_work_j(problem: ContactProblem) -> float:
             continue
         total += force[0] * (motion[3 * row] - rows.softness_m_n[row, 0] * force[0] - rows.effective_gap_m[row])
         total -= rows.friction_energy_j[row]
+        started = in_frame(rows, row, vector(rows.elastic_m, row))
         for axis in range(1, 3):
-            softness, started = rows.softness_m_n[row, axis], _elastic_m(rows, row, axis)
-            total += force[axis] * (motion[3 * row + axis] - softness * force[axis] - started)
-            if axis >= 3 - ELASTIC_AXES[rows.law[row]]:
+            softness = rows.softness_m_n[row, axis]
+            total += force[axis] * (motion[3 * row + axis] - softness * force[axis] - started[axis])
+            if HAS_FRICTION[rows.law[row]]:
                 total += 0.5 * softness * force[axis] ** 2
-    return total
-
-
-@inlined_kernel
-def _elastic_m(rows: ContactRows, row: int, axis: int) -> float:
-    """Return a row's elastic slip (m) at the start of the step along an axis of its frame."""
-    total = 0.0
-    if axis >= 3 - ELASTIC_AXES[rows.law[row]]:
-        for k in range(3):
-            total += rows.frame[row, axis, k] * rows.elastic_m[row, k]
     return total
 
 

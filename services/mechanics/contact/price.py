@@ -11,8 +11,10 @@ from __future__ import annotations
 import math
 
 from services.mechanics.arrays import FloatArray
+from services.mechanics.bodies.forceps.tool_body import ToolArrays
 from services.mechanics.collision.candidate_list import CandidateList, list_at
 from services.mechanics.collision.candidates import (
+    SAME_POINT,
     Candidates,
     Where,
     candidates_at,
@@ -21,7 +23,7 @@ from services.mechanics.collision.candidates import (
     offset,
     put,
 )
-from services.mechanics.collision.capsules import CapsuleMemory, capsules_at, measure_pair, vector_between
+from services.mechanics.collision.capsules import CapsuleMemory, capsules_at, ends_of, measure_pair, vector_between
 from services.mechanics.collision.pairs import (
     CATHETER_SEGMENT,
     DUCT_TRIANGLE,
@@ -36,13 +38,11 @@ from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.compiled.vectors import Vector, dot, put_row, row, row_of, scaled, squared_distance, unit
 from services.mechanics.contact.clearance import jaw_surface, overlap_in_jaws, piece_can_touch
-from services.mechanics.contact.geometry import ToolGeometry
 from services.mechanics.contact.identity import PARTICLE, target_kind_of, target_of, tool_segment_of
 from services.mechanics.contact.laws import HAS_GAP
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.working_set import (
-    SAME_POINT,
     WorkingSet,
     age,
     has_chosen_near,
@@ -50,7 +50,6 @@ from services.mechanics.contact.working_set import (
     renew,
     set_at,
     sort_by_key,
-    store_pressed,
 )
 from services.mechanics.contact.writer import n_free_rows
 
@@ -182,7 +181,7 @@ def piece_of(rows: ContactRows, at: int) -> int:
 
 @inlined_kernel
 def _write_violation(
-    listed: CandidateList, found: Candidates, i: int, start: Where, to: tuple[ToolGeometry, ContactPairs]
+    listed: CandidateList, found: Candidates, i: int, start: Where, to: tuple[ToolArrays, ContactPairs]
 ) -> None:
     """Write a violation as a pair with the gap at the end of the step.
 
@@ -221,13 +220,15 @@ def write_capsule_violations(
                 continue
             side, apart_m = row_of(memory.normal, i, j), listed.thickness[i] + listed.thickness[N_TOOL_PIECES + j]
             apart_m -= 2.0 * half_m + rest_offset_m
-            s, t, distance, normal = measure_pair(listed.ends, (i, N_TOOL_PIECES + j), side)
+            first, second = ends_of(listed.ends, i), ends_of(listed.ends, N_TOOL_PIECES + j)
+            s, t, distance, normal = measure_pair(first, second, side)
             is_again = t == 1.0 and j + 1 < memory.active.shape[1] and memory.active[i, j + 1] == 1
             if is_again or distance - apart_m >= -tolerance_m:
                 continue
-            if distance >= measure_pair(start, (i, N_TOOL_PIECES + j), side)[2] - ALLOWED_GROWTH * tolerance_m:
+            first, second = ends_of(start, i), ends_of(start, N_TOOL_PIECES + j)
+            if distance >= measure_pair(first, second, side)[2] - ALLOWED_GROWTH * tolerance_m:
                 continue
-            away = vector_between(start, (i, N_TOOL_PIECES + j), s, t)
+            away = vector_between(first, second, s, t)
             if dot(away, normal) < apart_m and dot(away, side) > 0.0:  # round a corner, see `_write_violation`
                 normal = unit(away)
             if not _has_capsule_row(state.rows, i, j, t, normal):
@@ -274,7 +275,6 @@ def update_working_set(state_address: Address[ContactState], set_address: Addres
     """Age the working set by a step, and renew the features whose contacts carry a normal force."""
     rows, working = state_at(state_address).rows, set_at(set_address)
     age(working)
-    working.n_pressed = 0
     for at in range(rows.n_contacts):
         identity = rows.identity[at]
         is_wall = identity >= 0 and HAS_GAP[rows.law[at]]
@@ -282,5 +282,3 @@ def update_working_set(state_address: Address[ContactState], set_address: Addres
             p = piece_of(rows, at)
             if 0 <= p < working.life.shape[0]:
                 renew(working, p, target_of(identity))
-                if rows.rest_offset_m[at] > 0.0:
-                    store_pressed(working, p, target_of(identity), row(rows.duct_weight, at))

@@ -1,8 +1,10 @@
-"""The contact problem of a step, and the unknowns of a Newton step."""
+"""The contact problem of a step, and the work space of its solve."""
 
 from __future__ import annotations
 
 from typing import Annotated
+
+import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import kernel
@@ -14,28 +16,29 @@ class ContactProblem(Struct):
     """The complementarity problem of k contacts in contact space, with a normal and two tangents for each contact.
 
     Functions that need the Delassus operator W (3 k, 3 k), in m/N and symmetric positive definite, take it separately.
-
-    Attributes:
-        rows: ContactRows. Laws, limits, and the present forces.
-        motion: (3 C,) float64. Gaps and slips at the end of the step with the present forces, in m.
-        change: (3,) float64. Change of a contact's force in the last relaxation, in N.
+    There is room for c contacts, with m = 3 c axes and as many unknowns of a Newton step, see `newton`.
     """
 
     rows: ContactRows
-    motion: Annotated[FloatArray, "m"]
-    change: Annotated[FloatArray, 3]
-
-
-class Unknowns(Struct):
-    """Unknowns of a Newton step, at most m; see `newton` for the directions ``test`` and ``column``."""
-
-    block: Annotated[IntArray, "m"]
+    motion: Annotated[FloatArray, "m"]  # gaps and slips at the end of the step with the present forces, in m
+    change: Annotated[FloatArray, 3]  # of a contact's force in the last relaxation, in N
+    free: Annotated[FloatArray, "m"]  # motion without contact forces
+    saved_n: Annotated[FloatArray, "c", 3]  # forces to return to
+    force_change: Annotated[FloatArray, "c", 3]  # over a full Newton step, in N
+    friction: Annotated[FloatArray, "c"]  # coefficients, while Tresca bounds replace them
+    block: Annotated[IntArray, "m"]  # contact of each unknown
     test: Annotated[FloatArray, "m", 3]
     column: Annotated[FloatArray, "m", 3]
     shift: Annotated[FloatArray, "m"]  # lambda, added to the diagonal
     matrix: Annotated[FloatArray, "m * m"]
     step: Annotated[FloatArray, "m"]  # change of each unknown, N
     along: Annotated[FloatArray, "m"]  # scratch
+
+    @classmethod
+    def of(cls, rows: ContactRows) -> ContactProblem:
+        """Return the problem of these rows, with room for as many as they have."""
+        m = 3 * rows.capacity
+        return cls.zeros(rows=rows, c=rows.capacity, m=m, matrix=np.zeros(m * m))
 
 
 @kernel
@@ -53,7 +56,7 @@ def set_force(problem: ContactProblem, W: FloatArray, block: int, axis: int, for
 
 
 @kernel
-def add_unknown(out: Unknowns, n: int, block: int, test: tuple[float, float, float], shift: float) -> int:
+def add_unknown(out: ContactProblem, n: int, block: int, test: tuple[float, float, float], shift: float) -> int:
     """Add an unknown whose force changes along its test direction, and return the new number of unknowns."""
     out.block[n], out.shift[n] = block, shift
     for axis in range(3):

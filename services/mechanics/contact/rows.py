@@ -8,75 +8,45 @@ from services.mechanics.arrays import ByteArray, FloatArray, IntArray, LongArray
 from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.compiled.vectors import Vector, along, dot, row_of, scaled
 
 N_ROD_POINTS = 4  # two particles on each side, for the catheter touching itself
 NO_STONE = -1
 
 
 class ContactRows(Struct):
-    """Preallocated struct of arrays of the contacts and holds of one step; the first ``n_contacts`` are valid.
+    """Contacts and holds of one step, of which the first ``n_contacts`` are valid; `writer.append_row` makes them.
 
-    Rows are made by `writer.append_row` only.
-
-    Attributes:
-        law: (C,) int8. Number in the table of contact laws.
-        identity: (C,) int64. Name of the pair of bodies, for the warm start; see `identity`.
-        frame: (C, 3, 3) float64. Rows: normal (towards the first body) and two tangents.
-        point_m: (C, 3) float64. Point of the first body on which the force acts.
-        gap_m: (C,) float64. Distance of the surfaces at the start of the step.
-        rest_offset_m: (C,) float64. Overlap of the surfaces up to which there is no force.
-        effective_gap_m: (C,) float64. Gap that the laws constrain in this step: the distance, or, where surfaces
-            overlap, only the part that is recovered (negative).
-        slip_m: (C, 3) float64. Motion of the first body relative to the target over the step without contact forces, in
-            world axes.
-        elastic_m: (C, 3) float64. Elastic slip at the start of the step, in world axes, for laws with elastic axes; see
-            `warm_start.store_anchors`.
-        friction_energy_j: (C,) float64. Elastic energy of its friction at the start of the step, in J.
-        friction: (C,) float64. Coefficient of Coulomb friction, for laws that have it.
-        tresca_bound_n: (C,) float64. Bound on friction independent of the normal force, for laws with friction: zero
-            except within a solve.
-        force_limit_n: (C,) float64. Largest force, for laws that have one.
-        softness_m_n: (C, 3) float64. Compliance of the surfaces in contact, along the rows of the frame.
-        force_n: (C, 3) float64. Solved force on the first body, along the rows of the frame.
-        duct_node: (C, 3) int32, duct_weight: (C, 3) float64. Barycentric point of the duct, which is always the target;
-            weights are zero if the duct is not involved.
-        rod_node: (C, 4) int32, rod_weight: (C, 4) float64. Particles of the catheter; weights are positive if it is the
-            first body, and negative if it is the target.
-        stone: (C,) int8. The gallstone that is the first body, or `NO_STONE`.
-        tool: (C,) int8, lever: (C, 3, 4) float64. The tool that is the first body, or `NO_TOOL`, and the derivative of
-            the point by the tool's coordinates (m, rad).
-        n_contacts: int. Contacts and holds in use.
-        dropped: int. Rows that exceeded the capacity since the start.
-        dt_s: float. Length of the step, for laws that depend on speeds.
-        reserved: int. Rows reserved for holds, which come last: a hold without a row would stretch without a force.
+    The first body is a tool, the catheter or a gallstone, the target is the duct or the catheter. A node or particle of
+    weight zero is not touched. Weights of particles are positive on the first body's side, negative on the target's.
     """
 
-    law: Annotated[ByteArray, "c"]
-    identity: Annotated[LongArray, "c"]
-    frame: Annotated[FloatArray, "c", 3, 3]
-    point_m: Annotated[FloatArray, "c", 3]
-    gap_m: Annotated[FloatArray, "c"]
-    rest_offset_m: Annotated[FloatArray, "c"]
-    effective_gap_m: Annotated[FloatArray, "c"]
-    slip_m: Annotated[FloatArray, "c", 3]
-    elastic_m: Annotated[FloatArray, "c", 3]
-    friction_energy_j: Annotated[FloatArray, "c"]
-    friction: Annotated[FloatArray, "c"]
-    tresca_bound_n: Annotated[FloatArray, "c"]
-    force_limit_n: Annotated[FloatArray, "c"]
-    softness_m_n: Annotated[FloatArray, "c", 3]
-    force_n: Annotated[FloatArray, "c", 3]
+    law: Annotated[ByteArray, "c"]  # number in the table of contact laws
+    identity: Annotated[LongArray, "c"]  # name of the pair of bodies, for the warm start, see `identity`
+    frame: Annotated[FloatArray, "c", 3, 3]  # normal, towards the first body, and two tangents
+    point_m: Annotated[FloatArray, "c", 3]  # of the first body, on which the force acts
+    gap_m: Annotated[FloatArray, "c"]  # distance of the surfaces at the start of the step
+    rest_offset_m: Annotated[FloatArray, "c"]  # overlap up to which there is no force
+    effective_gap_m: Annotated[FloatArray, "c"]  # that the laws constrain: the gap, or the recovered part of an overlap
+    slip_m: Annotated[FloatArray, "c", 3]  # relative motion over the step without contact forces, along world axes
+    elastic_m: Annotated[FloatArray, "c", 3]  # elastic slip at its start, along world axes, see `store_anchors`
+    friction_energy_j: Annotated[FloatArray, "c"]  # elastic energy of friction at the start of the step
+    friction: Annotated[FloatArray, "c"]  # Coulomb's coefficient, for laws that have it
+    tresca_bound_n: Annotated[FloatArray, "c"]  # bound on friction beside it: zero except within a solve
+    force_limit_n: Annotated[FloatArray, "c"]  # largest force, for laws that have one
+    softness_m_n: Annotated[FloatArray, "c", 3]  # compliance of the surfaces, along the frame
+    force_n: Annotated[FloatArray, "c", 3]  # solved force on the first body, along the frame
     duct_node: Annotated[IntArray, "c", 3]
-    duct_weight: Annotated[FloatArray, "c", 3]
+    duct_weight: Annotated[FloatArray, "c", 3]  # barycentric
     rod_node: Annotated[IntArray, "c", N_ROD_POINTS]
     rod_weight: Annotated[FloatArray, "c", N_ROD_POINTS]
-    stone: Annotated[ByteArray, "c"]
-    tool: Annotated[ByteArray, "c"]
-    lever: Annotated[FloatArray, "c", 3, N_COORDINATES]
+    stone: Annotated[ByteArray, "c"]  # or `NO_STONE`
+    tool: Annotated[ByteArray, "c"]  # or `NO_TOOL`
+    lever: Annotated[FloatArray, "c", 3, N_COORDINATES]  # derivative of the point by the tool's coordinates, in m, rad
     n_contacts: int = 0
-    dropped: int = 0
-    dt_s: float = 1e-3
-    reserved: int = 0
+    dropped: int = 0  # rows that exceeded the capacity since the start
+    dt_s: float = 1e-3  # length of the step, for laws that depend on speeds
+    reserved: int = 0  # rows for holds, which come last: a hold without a row would stretch without a force
 
     @property
     def capacity(self) -> int:
@@ -100,6 +70,20 @@ class ContactRows(Struct):
 
 
 rows_at = reader(ContactRows)
+
+
+@kernel
+def in_frame(rows: ContactRows, row: int, vector: Vector) -> Vector:
+    """Return a vector's components along the axes of a row's frame."""
+    frame = rows.frame
+    return dot(row_of(frame, row, 0), vector), dot(row_of(frame, row, 1), vector), dot(row_of(frame, row, 2), vector)
+
+
+@kernel
+def in_world(rows: ContactRows, row: int, vector: Vector) -> Vector:
+    """Return a vector along world axes, from its components along the axes of a row's frame."""
+    first = scaled(row_of(rows.frame, row, 0), vector[0])
+    return along(along(first, row_of(rows.frame, row, 1), vector[1]), row_of(rows.frame, row, 2), vector[2])
 
 
 @kernel

@@ -10,7 +10,8 @@ from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import write_frame
+from services.mechanics.compiled.vectors import between, write_frame
+from services.mechanics.compiled.vectors import row as vector
 from services.mechanics.contact.identity import pair_identity, with_law
 from services.mechanics.contact.laws import SEAL_SOFTNESS_M_N, number_of
 from services.mechanics.contact.state import ContactState, state_at
@@ -120,11 +121,11 @@ def append_seal(
     seal.row, rows.force_limit_n[row] = row, limit
     j = min(i + 1, x.shape[0] - 1)
     put_on_rod(rows, row, FIRST_SIDE, (i, j), (1.0 - s, s))
+    slip = between(vector(rod.motion, i), vector(rod.motion, j), s)
     for axis in range(3):
-        rows.frame[row, 0, axis], rows.point_m[row, axis] = introducer.axis[axis], end[axis]
-        slip = (1.0 - s) * rod.motion[i, axis] + s * rod.motion[j, axis]
-        rows.slip_m[row, axis] = slip + seal.elastic_m * introducer.axis[axis]
-    write_frame(rows.frame[row, 0], rows.frame[row])
+        rows.point_m[row, axis] = end[axis]
+        rows.slip_m[row, axis] = slip[axis] + seal.elastic_m * introducer.axis[axis]
+    write_frame(introducer.axis, rows.frame[row])
     return 1
 
 

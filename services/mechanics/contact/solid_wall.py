@@ -34,23 +34,14 @@ _MAX_STRAIN = 1.0 - 1e-9  # keeps the stored energy finite where something else 
 
 
 class SolidWall(Struct):
-    """Cells of both tools' jaws, and the wall in them.
+    """Cells of both tools' jaws, and the wall in them."""
 
-    Attributes:
-        occupied: (2, N_CELLS) float64. Fraction of each cell that wall fills, 0 to 1.
-        free_m: (2, N_CELLS) float64. Thickness of the unstrained wall in each cell: that of both layers, or less if the
-            jaws were closer together when the cell became occupied.
-        length_m, radius_m: (2,) float64. Of the jaws.
-        thickness_m: float. Of both layers.
-        modulus_pa: float. E / (1 - nu^2).
-    """
-
-    occupied: Annotated[FloatArray, N_TOOLS, N_CELLS]
-    free_m: Annotated[FloatArray, N_TOOLS, N_CELLS]
-    length_m: Annotated[FloatArray, N_TOOLS]
+    occupied: Annotated[FloatArray, N_TOOLS, N_CELLS]  # fraction of each cell that wall fills, 0 to 1
+    free_m: Annotated[FloatArray, N_TOOLS, N_CELLS]  # unstrained thickness: both layers', or the room at occupation
+    length_m: Annotated[FloatArray, N_TOOLS]  # of the jaws
     radius_m: Annotated[FloatArray, N_TOOLS]
-    thickness_m: float
-    modulus_pa: float
+    thickness_m: float  # of both layers
+    modulus_pa: float  # E / (1 - nu^2)
 
 
 @kernel

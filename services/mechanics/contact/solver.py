@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.contact.newton import add_step, feasible_step_length, list_unknowns, newton_step
-from services.mechanics.contact.problem import ContactProblem
-from services.mechanics.contact.solver_steps import (
-    SolverScratch,
+from services.mechanics.contact.newton import (
+    add_step,
     copy_forces,
+    feasible_step_length,
     has_small_residual,
+    list_unknowns,
+    newton_step,
     sweep,
     take_active_set_steps,
     update_motion,
 )
-from services.mechanics.contact.tresca import solve_by_fixed_point
+from services.mechanics.contact.problem import ContactProblem
+from services.mechanics.contact.tresca import solve_with_less_friction
 
 # If a sweep changes forces by less than these multiples of the tolerance, another sweep follows instead of a Newton
 # step: after the first sweep, and after later ones.
@@ -29,14 +31,14 @@ CONTACTS_PER_CHEAP_SWEEP = 4
 MOTION_TOLERANCE_M = 1e-6
 # After so many sweeps convergence counts as slow: from then on sweeps alternate with steps of an active-set method.
 SLOW_SWEEPS = 30
-# After so many the solve counts as cycling: then a fixed-point iteration on Tresca friction takes over.
+# After so many the solve counts as cycling: then Tresca friction, within lower bounds, takes over.
 MAX_SWEEPS = 60
 # Outcomes of a Newton step. A shortened one goes only as far as no contact opens or slips.
 REJECTED, SHORTENED, ACCEPTED, SOLVED = 0, 1, 2, 3
 
 
 @kernel
-def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, float], scratch: SolverScratch) -> int:
+def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, float]) -> int:
     r"""Solve the contact problem of one step in place and return the number of sweeps.
 
     The relative motion of the contact points is :math:`u = W f + u_{free}`. Each contact is a block of three rows
@@ -51,7 +53,7 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
       convergence too. Otherwise the step is shortened to where a contact first opens or slips. After a step that is
       not accepted in full, the number of sweeps until the next one doubles.
     - From `SLOW_SWEEPS` on, steps of an active-set method alternate with sweeps (`take_active_set_steps`).
-    - After `MAX_SWEEPS`, if bodies still overlap, a fixed-point iteration takes over (`tresca`).
+    - After `MAX_SWEEPS`, if bodies still overlap, there is less friction in this step (`tresca`).
 
     A solve ends with a sweep that changes no force component by more than the tolerance; after the first sweep the
     residual must be small too (`has_small_residual`). Forces are inside their cones, converged or not.
@@ -61,12 +63,11 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
         W: (3 k, 3 k) float64. Delassus operator, in m/N.
         effort: (iterations, tolerance_n). Maximum number of sweeps, exceeded only while bodies overlap
             (`MOTION_TOLERANCE_M`), and tolerance of the forces in N.
-        scratch: SolverScratch. Work space for at least k contacts.
     """
     iterations, tolerance_n = effort
     for row in range(W.shape[0]):
-        scratch.free[row] = problem.motion[row]
-    update_motion(problem, W, scratch.free)
+        problem.free[row] = problem.motion[row]
+    update_motion(problem, W)
     sweeps, interval, last_n = 0, 1, 0.0
     cheap_sweeps = problem.rows.n_contacts // CONTACTS_PER_CHEAP_SWEEP
     next_newton = interval
@@ -79,18 +80,18 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
         if sweeps >= iterations and change_m <= MOTION_TOLERANCE_M:
             return sweeps
         if sweeps >= max(MAX_SWEEPS, iterations):
-            return int(solve_by_fixed_point(problem, W, tolerance_n, scratch, sweeps))
+            return int(solve_with_less_friction(problem, W, tolerance_n, sweeps))
         # If the changes go on falling at this rate, the next sweep converges: it is cheaper than a Newton step.
         ends_next = change_n * change_n <= tolerance_n * last_n
         last_n = change_n
         near = NEAR_ON_FIRST_SWEEP if sweeps == 1 else NEAR_ON_LATER_SWEEPS
         is_cheaper = not is_small and sweeps <= max(cheap_sweeps, 1) and change_n <= near * tolerance_n
         if sweeps >= SLOW_SWEEPS:
-            sweeps += take_active_set_steps(problem, W, scratch)
+            sweeps += take_active_set_steps(problem, W)
             continue
         if sweeps < next_newton or ends_next or is_cheaper:
             continue
-        newton_sweeps, outcome = _try_newton_step(problem, W, tolerance_n, scratch)
+        newton_sweeps, outcome = _try_newton_step(problem, W, tolerance_n)
         sweeps += newton_sweeps
         if outcome == SOLVED:
             return sweeps
@@ -99,9 +100,9 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
 
 
 @kernel
-def _potential(problem: ContactProblem, free: FloatArray) -> float:
-    """Return 1/2 f^T W f + f^T u_free in J; ``free`` (3 k,) is u_free."""
-    total, force, motion = 0.0, problem.rows.force_n, problem.motion
+def _potential(problem: ContactProblem) -> float:
+    """Return 1/2 f^T W f + f^T u_free in J."""
+    total, force, motion, free = 0.0, problem.rows.force_n, problem.motion, problem.free
     for block in range(problem.rows.n_contacts):
         for axis in range(3):
             total += 0.5 * force[block, axis] * (motion[3 * block + axis] + free[3 * block + axis])
@@ -109,30 +110,28 @@ def _potential(problem: ContactProblem, free: FloatArray) -> float:
 
 
 @inlined_kernel
-def _try_newton_step(
-    problem: ContactProblem, W: FloatArray, tolerance_n: float, scratch: SolverScratch
-) -> tuple[int, int]:
+def _try_newton_step(problem: ContactProblem, W: FloatArray, tolerance_n: float) -> tuple[int, int]:
     """Try a Newton step and a sweep, and if they do not lower the potential, a shortened Newton step and a sweep.
 
     Return the number of sweeps, and the outcome. If it is `REJECTED`, the forces are as they were.
     """
-    rows, unknowns, sweeps, fraction = problem.rows, scratch.unknowns, 0, 1.0
-    before = _potential(problem, scratch.free)
-    copy_forces(rows.force_n, scratch.force, rows.n_contacts)
-    n = list_unknowns(problem, unknowns)
-    if n == 0 or not newton_step(problem, W, unknowns, n):
+    rows, sweeps, fraction = problem.rows, 0, 1.0
+    before = _potential(problem)
+    copy_forces(rows.force_n, problem.saved_n, rows.n_contacts)
+    n = list_unknowns(problem)
+    if n == 0 or not newton_step(problem, W, n):
         return sweeps, REJECTED
     for _ in range(2):
-        add_step(problem, unknowns, n, fraction)
-        update_motion(problem, W, scratch.free)
+        add_step(problem, n, fraction)
+        update_motion(problem, W)
         sweeps += 1
         if sweep(problem, W)[0] <= tolerance_n:
             return sweeps, SOLVED
-        if _potential(problem, scratch.free) < before:
+        if _potential(problem) < before:
             return sweeps, ACCEPTED if fraction == 1.0 else SHORTENED
-        copy_forces(scratch.force, rows.force_n, rows.n_contacts)
-        update_motion(problem, W, scratch.free)
-        fraction = feasible_step_length(problem, unknowns, n, scratch.force_change)
+        copy_forces(problem.saved_n, rows.force_n, rows.n_contacts)
+        update_motion(problem, W)
+        fraction = feasible_step_length(problem, n)
         if fraction >= 1.0:
             break
     return sweeps, REJECTED

@@ -9,9 +9,10 @@ from typing import Annotated
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.candidate_list import CandidateList, list_at
+from services.mechanics.collision.pieces import put_piece
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import Vector, along, put_row_of, row
+from services.mechanics.compiled.vectors import row
 from services.mechanics.contact.identity import STONE
 from services.mechanics.contact.rows import NO_STONE, ContactRows, rows_at
 
@@ -59,28 +60,8 @@ def write_spheres(
     """
     listed, spheres = list_at(list_address), spheres_at(spheres_address)
     for k in range(spheres.count):
-        _put_piece(listed, first + k, row(spheres.start, k), spheres.radius[k] + half_m)
-
-
-@kernel
-def write_end_positions(
-    listed: CandidateList, spheres: Spheres, solved: tuple[ContactRows, FloatArray], first: int, half_m: float
-) -> None:
-    """Write the spheres at the end of the step; ``solved`` is (rows, their forces (k, 3) along world axes)."""
-    rows, force = solved
-    for k in range(spheres.count):
-        end = along(row(spheres.start, k), row(spheres.motion, k), 1.0)
-        for at in range(rows.n_contacts):
-            if rows.stone[at] == k:
-                end = along(end, row(force, at), spheres.compliance[k])
-        _put_piece(listed, first + k, end, spheres.radius[k] + half_m)
-
-
-@kernel
-def _put_piece(listed: CandidateList, piece: int, centre: Vector, thickness: float) -> None:
-    listed.active[piece], listed.thickness[piece] = True, thickness
-    for end in range(2):
-        put_row_of(listed.ends, piece, end, centre)
+        centre = row(spheres.start, k)
+        put_piece(listed, first + k, (centre, centre), spheres.radius[k] + half_m)
 
 
 @inlined_kernel

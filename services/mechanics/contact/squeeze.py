@@ -20,12 +20,12 @@ from typing import Annotated
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.bodies.forceps.kinematics import N_CELLS
-from services.mechanics.bodies.forceps.tool_body import ToolArrays, ToolBody, tools_at
+from services.mechanics.bodies.forceps.tool_body import ToolArrays
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, JAW_B
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import write_frame
-from services.mechanics.contact.geometry import ToolGeometry, WallGeometry
+from services.mechanics.contact.geometry import WallGeometry
 from services.mechanics.contact.identity import pair_identity, target_kind_of, target_of, tool_segment_of, with_law
 from services.mechanics.contact.laws import HAS_GAP, number_of
 from services.mechanics.contact.rows import ContactRows
@@ -62,7 +62,6 @@ class SqueezeArrays(Struct):
 
     wall: SolidWall
     row: Annotated[IntArray, N_TOOLS, 2]
-    arm_m: Annotated[FloatArray, N_TOOLS, 2]
     start_rad: Annotated[FloatArray, N_TOOLS]
     contact_opening_rad: Annotated[FloatArray, N_TOOLS]  # opening that contacts added in the last step
     stored_j: Annotated[FloatArray, N_TOOLS, 2]
@@ -117,13 +116,13 @@ class JawSqueeze:
         arrays.row[:] = _NO_ROW
         arrays.put_zero("first", "count")
 
-    def append_rows(self, tools: ToolBody) -> None:
+    def append_rows(self) -> None:
         """Append the rows of the walls and catheters that the jaws may squeeze in this step."""
-        append_squeeze_rows(self._system.address, tools.address, self._arrays.address)
+        append_squeeze_rows(self._system.address, self._arrays.address)
 
-    def update(self, tools: ToolBody, dt_s: float) -> None:
+    def update(self, dt_s: float) -> None:
         """Update the energies after the jaws have moved, and occupy and release cells."""
-        update_squeezes(self._system.address, tools.address, self._arrays.address, dt_s)
+        update_squeezes(self._system.address, self._arrays.address, dt_s)
 
     def write_reactions(self) -> None:
         """Write the forces on jaws B, after the solve has found those on jaws A."""
@@ -131,32 +130,30 @@ class JawSqueeze:
 
 
 @kernel
-def append_squeeze_rows(
-    state_address: Address[ContactState], tools_address: Address[ToolArrays], squeeze_address: Address[SqueezeArrays]
-) -> None:
+def append_squeeze_rows(state_address: Address[ContactState], squeeze_address: Address[SqueezeArrays]) -> None:
     """Append a pair of rows for each tool's wall, and one for its catheter, if the jaws may squeeze it in this step."""
-    state, tools, squeeze = state_at(state_address), tools_at(tools_address), squeeze_at(squeeze_address)
-    rows = state.rows
+    state, squeeze = state_at(state_address), squeeze_at(squeeze_address)
+    rows, tools = state.rows, state.geometry.tools
     squeeze.first = rows.n_contacts
     for tool in range(tools.present.shape[0]):
         squeeze.row[tool, _WALL] = squeeze.row[tool, _CATHETER] = _NO_ROW
         squeeze.start_rad[tool] = tools.proxy[tool, 3]
-        _write_indentation(squeeze, tools, state.geometry.tools, tool)
+        _write_indentation(squeeze, tools, tool)
         if tools.present[tool]:
             _append_catheter(rows, tools, squeeze, tool)
             _append_wall(rows, tools, squeeze, tool)
     squeeze.count = rows.n_contacts - squeeze.first
 
 
-@inlined_kernel
-def _write_indentation(squeeze: SqueezeArrays, tools: ToolArrays, out: ToolGeometry, tool: int) -> None:
+@kernel
+def _write_indentation(squeeze: SqueezeArrays, tools: ToolArrays, tool: int) -> None:
     """Write the wall's indentation and its slope towards the opening expected with the last step's contact loads."""
     start_rad = tools.proxy[tool, 3]
     motion_rad = tools.free[tool, 3] + squeeze.contact_opening_rad[tool] - start_rad
     if abs(motion_rad) < MIN_MOTION_RAD:
         motion_rad = MIN_MOTION_RAD
     openings_rad = start_rad, start_rad + motion_rad
-    write_indentation(squeeze.wall, tool, openings_rad, out.indentation[tool], out.indentation_slope[tool])
+    write_indentation(squeeze.wall, tool, openings_rad, tools.indentation[tool], tools.indentation_slope[tool])
 
 
 @inlined_kernel
@@ -251,15 +248,10 @@ def write_reactions(state_address: Address[ContactState], squeeze_address: Addre
 
 
 @kernel
-def update_squeezes(
-    state_address: Address[ContactState],
-    tools_address: Address[ToolArrays],
-    squeeze_address: Address[SqueezeArrays],
-    dt_s: float,
-) -> None:
+def update_squeezes(state_address: Address[ContactState], squeeze_address: Address[SqueezeArrays], dt_s: float) -> None:
     """Update the energies of the step, and occupy and release cells according to the contacts that were pressed."""
-    state, tools, squeeze = state_at(state_address), tools_at(tools_address), squeeze_at(squeeze_address)
-    rows = state.rows
+    state, squeeze = state_at(state_address), squeeze_at(squeeze_address)
+    rows, tools = state.rows, state.geometry.tools
     for tool in range(tools.present.shape[0]):
         squeeze.contact_opening_rad[tool] = tools.proxy[tool, 3] - tools.free[tool, 3]
         opening, before = tools.proxy[tool, 3], squeeze.stored_j[tool, _WALL] + squeeze.stored_j[tool, _CATHETER]

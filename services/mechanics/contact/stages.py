@@ -7,14 +7,13 @@ from services.mechanics.bodies import duct_loads
 from services.mechanics.bodies.catheter import spread_rod_forces
 from services.mechanics.bodies.duct_loads import DuctLoads, gather_kept, loads_at
 from services.mechanics.bodies.forceps.tool_body import ToolArrays, correct_proxies
-from services.mechanics.collision.pairs import ContactPairs, pairs_at
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address
+from services.mechanics.compiled.vectors import put_row
+from services.mechanics.compiled.vectors import row as vector
 from services.mechanics.contact import admissible
 from services.mechanics.contact.free_motion import subtract_duct_motion
-from services.mechanics.contact.geometry import ContactGeometry, geometry_at
-from services.mechanics.contact.pair_rows import append_pairs
-from services.mechanics.contact.rows import ContactRows, rows_at
+from services.mechanics.contact.rows import ContactRows, in_world
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.tool_loads import load_tools
 from services.mechanics.contact.warm_start import recall_forces, store_forces
@@ -27,22 +26,14 @@ from services.mechanics.rod.model import model_at, work_at
 
 
 @kernel
-def append(
-    pairs_address: Address[ContactPairs], geometry_address: Address[ContactGeometry], rows_address: Address[ContactRows]
-) -> int:
-    """Append rows for pairs, and return how many pairs detection has dropped."""
-    pairs = pairs_at(pairs_address)
-    append_pairs(pairs, geometry_at(geometry_address), rows_at(rows_address))
-    return pairs.dropped
-
-
-@kernel
 def complete_rows(state_address: Address[ContactState], displacement: FloatArray, motion: FloatArray) -> None:
     """Complete gaps and slips (`subtract_duct_motion`), and recall the forces of the last tick (`recall_forces`).
 
     ``displacement`` and ``motion`` (k, 3) are those of the duct at the contact points, in m.
     """
-    _complete(state_at(state_address), displacement, motion)
+    state = state_at(state_address)
+    subtract_duct_motion(state.rows, displacement, motion, 0)
+    recall_forces(state.memory, state.rows, state.slides, state.geometry.wall.vertices)
 
 
 @kernel
@@ -80,14 +71,8 @@ def gather_and_complete(
     k = state.rows.n_contacts
     if not gather_kept(duct, kept_address, state.rows.duct_node[:k], state.rows.duct_weight[:k]):
         return False
-    _complete(state, duct.displacement, duct.motion)
+    complete_rows(state_address, duct.displacement, duct.motion)
     return True
-
-
-@kernel
-def _complete(state: ContactState, displacement: FloatArray, motion: FloatArray) -> None:
-    subtract_duct_motion(state.rows, displacement, motion, 0)
-    recall_forces(state.memory, state.rows, state.slides, state.geometry.wall.vertices)
 
 
 @kernel
@@ -109,12 +94,7 @@ def mark_sliding(rows: ContactRows, out: BoolArray) -> None:
 def write_world_forces(rows: ContactRows, out: FloatArray) -> None:
     """Write the forces on the first bodies along world axes into ``out`` (k, 3), in N."""
     for row in range(rows.n_contacts):
-        for axis in range(3):
-            out[row, axis] = (
-                rows.force_n[row, 0] * rows.frame[row, 0, axis]
-                + rows.force_n[row, 1] * rows.frame[row, 1, axis]
-                + rows.force_n[row, 2] * rows.frame[row, 2, axis]
-            )
+        put_row(out, row, in_world(rows, row, vector(rows.force_n, row)))
 
 
 @kernel

@@ -12,12 +12,17 @@ from services.mechanics.arrays import AnyArray, FloatArray
 from services.mechanics.collision.pairs import NO_TOOL, ContactPairs
 from services.mechanics.contact import stages
 from services.mechanics.contact.geometry import Bodies, ContactGeometry
+from services.mechanics.contact.implicit import ImplicitStrategy
+from services.mechanics.contact.pair_rows import append_pairs
 from services.mechanics.contact.passivity import START_UP_S
+from services.mechanics.contact.penalty import PenaltyStrategy
 from services.mechanics.contact.rows import add_rod_motion
 from services.mechanics.contact.state import ContactState
-from services.mechanics.contact.strategies import STRATEGIES
 from services.mechanics.contact.tool_loads import load_tools
 from services.mechanics.scene import ContactSettings
+
+#: Methods that find the contact forces, by their names in `ContactSettings.model`.
+STRATEGIES = {"implicit": ImplicitStrategy, "penalty": PenaltyStrategy}
 
 
 class DroppedContacts(NamedTuple):
@@ -45,7 +50,7 @@ class ContactSystem:
         bodies: Bodies. Duct, catheter and tools.
         settings: ContactSettings. Those of the scene.
         geometry: ContactGeometry. Poses and motions from which rows are built.
-        strategy: ContactStrategy. The method that finds the forces, chosen by the scene.
+        strategy: ImplicitStrategy. The method that finds the forces, chosen by the scene.
         rows: ContactRows. The rows of this step.
         force_n: (C, 3) float64. Forces on the first bodies along world axes, in N.
         slides: (C,) bool. Whether a contact slid, or a hold slipped, in the last solve.
@@ -113,7 +118,7 @@ class ContactSystem:
 
     def append(self, pairs: ContactPairs) -> None:
         """Append rows for candidate pairs."""
-        self.dropped_pairs += stages.append(pairs.address, self.geometry.address, self.rows.address)
+        self.dropped_pairs += append_pairs(pairs.address, self.geometry.address, self.rows.address)
 
     def complete_rows(self) -> None:
         """Complete gaps and slips with the duct's displacement, and begin with the forces of the last tick."""
@@ -145,12 +150,8 @@ class ContactSystem:
         """Add ``motion_m`` (k, 3) to the free motion of the duct's points, in the rows that were completed last."""
         stages.subtract_motion(self.address, motion_m, self._first_new)
 
-    def assemble(self) -> None:
-        """Gather from the bodies what the solve needs, see `ContactStrategy.assemble`."""
-        self.strategy.assemble()
-
     def solve(self, iterations: int, dt_s: float) -> None:
-        """Find the contact forces in at most about ``iterations`` sweeps, see `ContactStrategy.solve`."""
+        """Find the contact forces in at most about ``iterations`` sweeps, see `ImplicitStrategy.solve`."""
         self.sweeps = self.strategy.solve(iterations, dt_s)
 
     def nonlinear_error_j(self) -> float:

@@ -6,10 +6,11 @@ from typing import Annotated
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
-from services.mechanics.bodies.forceps.tool_body import ToolArrays, tools_at
 from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.compiled.vectors import along, cross, put_row, subtract
+from services.mechanics.compiled.vectors import row as vector
 from services.mechanics.contact.laws import HAS_GAP
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.state import ContactState, state_at
@@ -17,13 +18,11 @@ from services.mechanics.scene.tools import N_TOOLS, ToolResults
 
 
 class ReportArrays(Struct):
-    """The arrays of `ToolResults`, and the generalised contact forces from which they are computed."""
+    """Arrays of `ToolResults`, and the generalised contact forces from which they are computed."""
 
     force: Annotated[FloatArray, N_TOOLS, 3]
     port_moment: Annotated[FloatArray, N_TOOLS, 3]
     grasp_torque: Annotated[FloatArray, N_TOOLS]
-    stiffness: Annotated[FloatArray, N_TOOLS, 3, 3]
-    grasp_stiffness: Annotated[FloatArray, N_TOOLS]
     proxy_position: Annotated[FloatArray, N_TOOLS, 3]
     proxy_jaw_angle: Annotated[FloatArray, N_TOOLS]
     loads: Annotated[FloatArray, N_TOOLS, N_COORDINATES]  # generalised contact forces
@@ -35,8 +34,6 @@ class ReportArrays(Struct):
             force=results.force_n,
             port_moment=results.port_moment_nm,
             grasp_torque=results.grasp_torque_nm,
-            stiffness=results.stiffness_n_m,
-            grasp_stiffness=results.grasp_stiffness_nm_rad,
             proxy_position=results.proxy_position_m,
             proxy_jaw_angle=results.proxy_jaw_angle_rad,
             loads=loads,
@@ -62,16 +59,13 @@ def load_tools(state_address: Address[ContactState], out: FloatArray) -> None:
 
 
 @kernel
-def report(
-    state_address: Address[ContactState],
-    tools_address: Address[ToolArrays],
-    report_address: Address[ReportArrays],
-) -> float:
+def report(state_address: Address[ContactState], report_address: Address[ReportArrays]) -> float:
     """Write the tools' loads and poses; return the catheter's deepest overlap (m) at the start of the step.
 
     The overlap is that with the wall or with itself.
     """
-    state, tools, out = state_at(state_address), tools_at(tools_address), report_at(report_address)
+    state, out = state_at(state_address), report_at(report_address)
+    tools = state.geometry.tools
     _moments(state.rows, state.force_n, tools.port, out.port_moment)
     for tool in range(out.loads.shape[0]):
         out.grasp_torque[tool] = out.loads[tool, 3]
@@ -82,7 +76,7 @@ def report(
     return _deepest_overlap(state.rows)
 
 
-@inlined_kernel
+@kernel
 def _moments(rows: ContactRows, forces: FloatArray, about: FloatArray, moment: FloatArray) -> None:
     """Write the moment (2, 3), in N m, of the forces on each tool about its point in ``about`` (2, 3)."""
     moment[:] = 0.0
@@ -90,13 +84,8 @@ def _moments(rows: ContactRows, forces: FloatArray, about: FloatArray, moment: F
         tool = rows.tool[row]
         if tool == NO_TOOL:
             continue
-        f = forces[row]
-        x = rows.point_m[row, 0] - about[tool, 0]
-        y = rows.point_m[row, 1] - about[tool, 1]
-        z = rows.point_m[row, 2] - about[tool, 2]
-        moment[tool, 0] += y * f[2] - z * f[1]
-        moment[tool, 1] += z * f[0] - x * f[2]
-        moment[tool, 2] += x * f[1] - y * f[0]
+        arm = subtract(vector(rows.point_m, row), vector(about, tool))
+        put_row(moment, tool, along(vector(moment, tool), cross(arm, vector(forces, row)), 1.0))
 
 
 @inlined_kernel

@@ -15,9 +15,9 @@ from services.mechanics.compiled.struct import Struct
 from services.mechanics.compiled.vectors import Vector, put_row, squared_distance
 from services.mechanics.compiled.vectors import row as vector
 from services.mechanics.contact.identity import without_target
-from services.mechanics.contact.laws import ELASTIC_AXES
+from services.mechanics.contact.laws import HAS_FRICTION
 from services.mechanics.contact.problem import ContactProblem
-from services.mechanics.contact.rows import ContactRows
+from services.mechanics.contact.rows import ContactRows, in_frame
 from services.mechanics.contact.working_set import place_at_rest
 
 
@@ -89,15 +89,10 @@ def _recall(memory: ForceMemory, rows: ContactRows, row: int, old: int, slides: 
         return False
     memory.taken[old] = True
     slides[row] = memory.slides[old]
-    for axis in range(3):
-        rows.elastic_m[row, axis] = memory.elastic_m[old, axis]
-        rows.force_n[row, axis] = (
-            rows.frame[row, axis, 0] * memory.force_n[old, 0]
-            + rows.frame[row, axis, 1] * memory.force_n[old, 1]
-            + rows.frame[row, axis, 2] * memory.force_n[old, 2]
-        )
-        if axis >= 3 - ELASTIC_AXES[rows.law[row]]:
-            rows.friction_energy_j[row] += 0.5 * rows.softness_m_n[row, axis] * rows.force_n[row, axis] ** 2
+    put_row(rows.elastic_m, row, vector(memory.elastic_m, old))
+    put_row(rows.force_n, row, in_frame(rows, row, vector(memory.force_n, old)))
+    for axis in range(1, 3 if HAS_FRICTION[rows.law[row]] else 1):
+        rows.friction_energy_j[row] += 0.5 * rows.softness_m_n[row, axis] * rows.force_n[row, axis] ** 2
     return True
 
 
@@ -109,10 +104,8 @@ def store_forces(
     memory.n_contacts = rows.n_contacts
     for row in range(rows.n_contacts):
         put_row(memory.place_m, row, _place_m(rows, row, vertices_m))
-        memory.identity[row] = rows.identity[row]
-        memory.slides[row] = slides[row]
-        for axis in range(3):
-            memory.force_n[row, axis] = forces[row, axis]
+        put_row(memory.force_n, row, vector(forces, row))
+        memory.identity[row], memory.slides[row] = rows.identity[row], slides[row]
 
 
 @inlined_kernel
@@ -134,7 +127,7 @@ def store_anchors(problem: ContactProblem, slides: BoolArray, out: FloatArray) -
         force = rows.force_n[row]
         if force[0] == 0.0 and force[1] == 0.0 and force[2] == 0.0:
             continue
-        for axis in range(3 - ELASTIC_AXES[rows.law[row]], 3):
+        for axis in range(1, 3 if HAS_FRICTION[rows.law[row]] else 1):
             slip = -rows.softness_m_n[row, axis] * force[axis]
             if not slides[row]:
                 slip += problem.motion[3 * row + axis]

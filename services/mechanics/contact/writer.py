@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.bodies.forceps.kinematics import contact_lever
+from services.mechanics.bodies.forceps.tool_body import ToolArrays
 from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.vectors import Vector, cross, subtract
 from services.mechanics.compiled.vectors import row as vector
 from services.mechanics.compiled.vectors import row_of as vector_of
-from services.mechanics.contact.geometry import ToolGeometry
 from services.mechanics.contact.identity import with_law
 from services.mechanics.contact.laws import CREEP, LIMIT_N, SOFTNESS_M_N
 from services.mechanics.contact.rows import NO_STONE, ContactRows
@@ -81,7 +81,7 @@ def append_copy(rows: ContactRows, source: int, law: int) -> int:
 
 
 @kernel
-def put_on_tool(rows: ContactRows, row: int, tools: ToolGeometry, tool: int, segment: int) -> None:
+def put_on_tool(rows: ContactRows, row: int, tools: ToolArrays, tool: int, segment: int) -> None:
     """Make a tool the first body. On entry ``point_m`` of the row is relative to J; it becomes absolute."""
     arm, lever = rows.point_m[row], rows.lever[row]
     rows.tool[row] = tool
@@ -91,7 +91,7 @@ def put_on_tool(rows: ContactRows, row: int, tools: ToolGeometry, tool: int, seg
 
 
 @kernel
-def add_tool_motion(rows: ContactRows, row: int, tools: ToolGeometry) -> None:
+def add_tool_motion(rows: ContactRows, row: int, tools: ToolArrays) -> None:
     """Add the motion of the tool's point over the step to the slip; roll is positive about minus the shaft's axis."""
     lever, tool = rows.lever[row], rows.tool[row]
     arm = subtract(vector(rows.point_m, row), vector_of(tools.segments[tool], 1, 0))

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from services.mechanics.effects.anisotropy import Anisotropy
-from services.mechanics.effects.base import STAGES, Effect, acts_in, by_stage
+from services.mechanics.effects.base import STAGES, Effect, act, acts_in, by_stage
 from services.mechanics.effects.friction import Friction
 from services.mechanics.effects.gallstones import Gallstones
 from services.mechanics.effects.grasp_slip import GraspSlip
@@ -127,6 +127,7 @@ __all__ = [
     "STAGES",
     "Effect",
     "EffectEntry",
+    "act",
     "build_effects",
     "by_stage",
     "check_bodies",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -183,6 +183,12 @@ def acts_in(effect: Effect | type[Effect], stage: str) -> bool:
     """Whether the effect overrides this stage."""
     kind = effect if isinstance(effect, type) else type(effect)
     return getattr(kind, stage) is not getattr(Effect, stage)
+
+
+def act(stages: Mapping[str, tuple[Effect, ...]], stage: str, world: World, dt_s: float) -> None:
+    """Let the effects of a stage of the step act, in order; ``stages`` are from `by_stage`."""
+    for effect in stages[stage]:
+        getattr(effect, stage)(world, dt_s)
 
 
 def by_stage(effects: Iterable[Effect]) -> dict[str, tuple[Effect, ...]]:

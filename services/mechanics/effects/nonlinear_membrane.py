@@ -8,6 +8,7 @@ import numpy as np
 
 from services.mechanics.arrays import AnyArray, FloatArray
 from services.mechanics.effects.base import Effect, recipe_of, require_positive
+from services.mechanics.effects.viscoelasticity import ViscoelasticitySettings
 from services.mechanics.reduction.nonlinear.cubic_force import apply_impulse
 from services.mechanics.reduction.nonlinear.quadratic_manifold import fetch_membrane_force
 from services.mechanics.reduction.viscoelastic import NEVER, ViscousModes
@@ -60,7 +61,8 @@ class NonlinearMembrane(Effect):
         self._gradient, self._branch = np.zeros((2, duct.basis.n_modes))
         self._scratch = np.zeros((2, self.settings.n_coordinates))
         viscous = self.scene.effects.get("viscoelasticity")
-        self._lagging = ViscousModes(duct.basis.omega_rad_s, viscous.series() if viscous is not None else NEVER)
+        series = viscous.series() if isinstance(viscous, ViscoelasticitySettings) else NEVER
+        self._lagging = ViscousModes(duct.basis.omega_rad_s, series)
 
     def add_loads(self, world: World, dt_s: float) -> None:
         """Kick the modes."""

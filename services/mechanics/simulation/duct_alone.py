@@ -8,14 +8,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import pairwise
 from time import perf_counter_ns
-from typing import Annotated, cast
+from typing import cast
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.duct import DuctBody
 from services.mechanics.bodies.duct_loads import DuctMotion, begin_duct_loads, motion_at
 from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.effects import Effect, build_effects, by_stage
+from services.mechanics.compiled.struct import Address
+from services.mechanics.effects import Effect, act, build_effects, by_stage
 from services.mechanics.reduction import ModalState, ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.simulation.scene_world import build_duct_body
@@ -26,15 +26,6 @@ STAGE_NAMES = ("loads", "predict", "correct")
 #: Energy of all modes, in J, below which a duct is at rest: a piconewton over a picometre.
 REST_J = 1e-24
 _CAPACITY = 1  # contacts; there are none
-
-
-class Stiffness(Struct):
-    """omega^2 (r,) of the modes, in 1/s^2."""
-
-    omega_2: Annotated[FloatArray, "r"]
-
-
-stiffness_at = reader(Stiffness)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,8 +57,7 @@ class DuctAlone:
         self.duct = build_duct_body(scene, duct, self._stages["constant_load_n"], _CAPACITY)
         # Effects are typed for a complete world; those of the wall use only this part.
         self._world = cast(World, DuctWorld(scene, self.duct, effects))
-        self._stiffness = Stiffness(omega_2=duct.basis.omega_rad_s**2)
-        self._rest = (self.duct.motion_address, self._stiffness.address)
+        self._rest = (self.duct.motion_address, duct.basis.omega_rad_s**2)
         self._may_sleep = scene.sleeping and not (self._stages["add_loads"] or self._stages["after_solve"])
         self.cost_ns = [0] * len(STAGE_NAMES)
         for effect in self._stages["prepare"]:
@@ -97,28 +87,24 @@ class DuctAlone:
         marks = [perf_counter_ns()]
         self.duct.change_step(dt_s)  # before the effects, which use the displacement per force in a step
         begin_duct_loads(self.duct.motion_address)
-        for effect in self._stages["add_loads"]:
-            effect.add_loads(self._world, dt_s)
+        act(self._stages, "add_loads", self._world, dt_s)
         marks.append(perf_counter_ns())
         self.duct.predict(dt_s)
         marks.append(perf_counter_ns())
-        for effect in self._stages["settle"]:
-            effect.settle(self._world, dt_s)
-        for effect in self._stages["after_solve"]:
-            effect.after_solve(self._world, dt_s)
+        act(self._stages, "settle", self._world, dt_s)
+        act(self._stages, "after_solve", self._world, dt_s)
         marks.append(perf_counter_ns())
         for stage, (start, end) in enumerate(pairwise(marks)):
             self.cost_ns[stage] += end - start
 
 
 @kernel
-def is_at_rest(motion_address: Address[DuctMotion], stiffness_address: Address[Stiffness]) -> bool:
+def is_at_rest(motion_address: Address[DuctMotion], omega_2: FloatArray) -> bool:
     """Return whether kinetic energy plus elastic energy relative to equilibrium is at most `REST_J`.
 
-    A NaN is not at rest.
+    ``omega_2`` (r,) is the square of the modes' angular frequencies. A NaN is not at rest.
     """
-    duct, omega_2 = motion_at(motion_address), stiffness_at(stiffness_address).omega_2
-    energy = 0.0
+    duct, energy = motion_at(motion_address), 0.0
     for mode in range(duct.q.shape[0]):
         out_of_balance = duct.constant[mode] - omega_2[mode] * duct.q[mode]
         energy += 0.5 * (duct.qdot[mode] ** 2 + out_of_balance**2 / omega_2[mode])

@@ -15,7 +15,7 @@ from typing import Annotated
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
-from services.mechanics.compiled import inlined_kernel, kernel
+from services.mechanics.compiled import kernel
 from services.mechanics.compiled.memory import copy_arrays, copy_table
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.scene.tools import N_TOOLS
@@ -123,13 +123,8 @@ class Healer:
 
 @kernel
 def state_is_sound(live_address: Address[LiveState]) -> bool:
-    """Return whether the numbers are finite, and the catheter neither torn nor too fast."""
-    return bool(_are_sound(live_at(live_address)))
-
-
-@inlined_kernel
-def _are_sound(live: LiveState) -> bool:
     """Return whether all numbers are finite, and segment lengths and speeds of the catheter within their limits."""
+    live = live_at(live_address)
     position, velocity = live.position, live.velocity
     for i in range(position.shape[0]):
         length_2, speed_2 = 0.0, 0.0
@@ -140,12 +135,13 @@ def _are_sound(live: LiveState) -> bool:
         # Written so that a NaN is unsound.
         if not (length_2 <= live.longest_m**2 and speed_2 <= live.fastest_m_s**2):
             return False
-    return bool(_are_finite(live))
+    return bool(numbers_are_finite(live_address))
 
 
 @kernel
-def _are_finite(live: LiveState) -> bool:
-    total = 0.0
+def numbers_are_finite(live_address: Address[LiveState]) -> bool:
+    """Return whether all numbers of a state are finite."""
+    live, total = live_at(live_address), 0.0
     for i in range(live.position.shape[0]):
         for axis in range(3):
             total += 0.0 * (live.position[i, axis] + live.velocity[i, axis])
@@ -155,9 +151,3 @@ def _are_finite(live: LiveState) -> bool:
         for axis in range(live.proxy.shape[1]):
             total += 0.0 * (live.proxy[tool, axis] + live.hand[tool, axis])
     return bool(total == 0.0)
-
-
-@kernel
-def numbers_are_finite(live_address: Address[LiveState]) -> bool:
-    """Return whether all numbers of a state are finite."""
-    return bool(_are_finite(live_at(live_address)))

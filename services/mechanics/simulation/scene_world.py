@@ -15,10 +15,8 @@ from services.mechanics.contact.candidate_search import CandidateSearch
 from services.mechanics.contact.geometry import Bodies
 from services.mechanics.contact.holds import HoldRegistry
 from services.mechanics.contact.seal import IntroducerSeal
-from services.mechanics.contact.search import ContactSearch
 from services.mechanics.contact.squeeze import JawSqueeze
-from services.mechanics.contact.strategies import STRATEGIES
-from services.mechanics.contact.system import ContactSystem
+from services.mechanics.contact.system import STRATEGIES, ContactSystem
 from services.mechanics.effects import Effect, by_stage
 from services.mechanics.reduction import ExactOscillator, ModalIntegrator, Newmark, ReducedDuct
 from services.mechanics.scene import SceneModel
@@ -28,7 +26,7 @@ from services.mechanics.world import World
 
 
 def build_world(
-    scene: SceneModel, duct: ReducedDuct, effects: tuple[Effect, ...], search: ContactSearch | None
+    scene: SceneModel, duct: ReducedDuct, effects: tuple[Effect, ...], search: CandidateSearch | None
 ) -> World:
     """Return everything at rest, the duct in equilibrium with its constant loads."""
     stages = by_stage(effects)
@@ -52,7 +50,7 @@ def build_world(
         seal=IntroducerSeal(catheter, system),
         squeeze=JawSqueeze(scene.duct, scene.forceps, system),
         search=search or CandidateSearch(scene, duct),
-        pairs=ContactPairs.allocate(capacity),
+        pairs=ContactPairs.allocate(2 * capacity),  # those of the tools, and of the catheter
         acceleration_m_s2=_body_acceleration_m_s2(stages["body_acceleration_m_s2"]),
         effects=effects,
     )

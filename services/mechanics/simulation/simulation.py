@@ -18,28 +18,23 @@ from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
 from services.mechanics.bodies.lumen import MovingLumen
 from services.mechanics.bodies.wire_drive import build_wire_drive
 from services.mechanics.collision.pairs import ContactPairs
+from services.mechanics.contact.candidate_search import CandidateSearch
 from services.mechanics.contact.engagement import set_rest_offsets
 from services.mechanics.contact.local_stiffness import LocalStiffness
 from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.search import ContactSearch
 from services.mechanics.contact.system import DroppedContacts
 from services.mechanics.contact.tool_loads import ReportArrays, report
-from services.mechanics.effects import build_effects, by_stage
+from services.mechanics.effects import act, build_effects, by_stage
 from services.mechanics.reduction import ModalState, ReducedDuct
+from services.mechanics.rod.free_step import continue_sleep
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs, ToolResults
-from services.mechanics.simulation.argument_checks import ArgumentCheck
+from services.mechanics.simulation.argument_checks import check_arguments
 from services.mechanics.simulation.healing import Healer
 from services.mechanics.simulation.scene_catheter import place_catheter
 from services.mechanics.simulation.scene_world import build_world
 from services.mechanics.simulation.step_solver import StepSolver
-from services.mechanics.simulation.step_splitting import (
-    LONGEST_STEP_S,
-    SHORTEST_STEP_S,
-    StepSplitter,
-    Verdict,
-    steps_of,
-)
+from services.mechanics.simulation.step_splitting import LONGEST_STEP_S, SHORTEST_STEP_S, StepSplitter, steps_of
 from services.mechanics.simulation.step_start import StepStart
 
 LONGEST_TICK_S = 1.0
@@ -63,13 +58,13 @@ class Simulation:
 
     Args:
         duct: ReducedDuct. From `build_scene_duct`, which lays the effects' constant loads into its rest shape.
-        search: ContactSearch, optional. Collision detection; by default that of `services.mechanics.collision`.
+        search: CandidateSearch, optional. Another collision detection.
 
     Attributes:
         is_felt: bool. Whether the report includes the local stiffness at each tool, which haptics needs.
     """
 
-    def __init__(self, scene: SceneModel, duct: ReducedDuct, search: ContactSearch | None = None) -> None:
+    def __init__(self, scene: SceneModel, duct: ReducedDuct, search: CandidateSearch | None = None) -> None:
         self.scene = scene = place_catheter(scene, duct.mesh)
         self.effects = build_effects(scene)
         stages = by_stage(self.effects.values())
@@ -87,14 +82,12 @@ class Simulation:
         self.tool_results = ToolResults()
         self.max_penetration_m, self.is_felt = 0.0, True
         self._lumen = MovingLumen(duct, self.catheter.properties.n_particles)
-        self._tool_pairs = ContactPairs.allocate(scene.contact.capacity)
         self._tool_force = np.zeros((N_TOOLS, N_COORDINATES))
         self._report_arrays = ReportArrays.of(self.tool_results, self._tool_force)
         self._stiffness = LocalStiffness(self.system.bodies, self.system.address, self.tool_results)
         self.cost_ns = [0] * len(STAGE_NAMES)
         self._marks_ns = [0] * (len(STAGE_NAMES) - 1)
         self.splitter, self._must_settle = StepSplitter(world), True
-        self._arguments = ArgumentCheck()
         self.watcher: Watcher | None = None
         for effect in stages["prepare"]:
             effect.prepare(world)
@@ -111,7 +104,7 @@ class Simulation:
         """Advance everything by one tick.
 
         Raises TypeError or ValueError if ``dt_s`` is not positive and finite, or too long, or if an array has the wrong
-        shape or dtype (`ArgumentCheck`). The state is then unchanged.
+        shape or dtype (`check_arguments`). The state is then unchanged.
 
         Args:
             tools: ToolInputs. The hands at the end of the tick.
@@ -122,7 +115,7 @@ class Simulation:
             raise ValueError(f"dt_s must be positive and finite, is {dt_s}")
         if dt_s > LONGEST_TICK_S:
             raise ValueError(f"dt_s must be at most {LONGEST_TICK_S:g} s, is {dt_s:g}")
-        self._arguments.check(tools)
+        check_arguments(tools)
         self._healer.begin()
         self.cost_ns[:] = [0] * len(STAGE_NAMES)
         steps = steps_of(dt_s, self.rung.ticks_per_step * LONGEST_STEP_S)
@@ -136,48 +129,55 @@ class Simulation:
         if self._fading and all(effect.rests for effect in self._fading):
             self._use_rung(self.quality_level)
 
+    def compile_rare_kernels(self) -> None:
+        """Compile the kernels for many contacts, a fast wall, a catheter that falls asleep, and energies.
+
+        Physics uses them. Haptics compiles them too, in the same order, so that physics finds them in the cache.
+        """
+        self.system.strategy.compile_kernels()
+        self.splitter.compile_kernels()
+        for effect in self.world.effects:
+            effect.potential_energy_j(self.world)
+        catheter = self.catheter
+        continue_sleep(catheter.step_address, catheter.state.position_m, catheter.state.velocity_m_s)
+
     def _step_in_parts(self, tools: ToolInputs, dt_s: float) -> bool:
         """Advance by a step in substeps; return False as soon as one of them ends in an unsound state."""
-        self._must_settle = True
-        parts, moved_m = self.splitter.parts(tools, dt_s)
-        self.search.expect(moved_m)
+        self._must_settle, parts = True, self.splitter.parts(tools, dt_s)
         return all(self._take_part(tools, dt_s / parts) for _ in range(parts))
 
     def _take_part(self, tools: ToolInputs, dt_s: float) -> bool:
-        """Advance by a substep; return whether the state is sound.
+        """Advance by a substep, again in halves if it is not accepted; return whether the state is sound.
 
-        A substep that is not accepted is rolled back, and repeated with longer candidate lists or in halves. Once one
-        of the shortest has failed, contacts need not settle in the rest of the step: halves mend motion, not a wall
-        that is crushed until its contacts have no solution.
+        Once one of the shortest has failed, contacts need not settle in the rest of the step: halves mend motion, not a
+        wall that is crushed until its contacts have no solution.
         """
         self.duct.change_step(dt_s)
         if self.watcher is not None:
             self.watcher.begin()
         self._start.save()
-        verdict = self._move(tools, dt_s)
-        if verdict is not Verdict.ACCEPT and dt_s > SHORTEST_STEP_S:
+        is_accepted = self._move(tools, dt_s)
+        if not is_accepted and dt_s > SHORTEST_STEP_S:
             self._start.restore()
-            count = 2
-            if verdict is Verdict.LOOK_FURTHER:
-                self.search.expect(self.splitter.moved_m)
-                count = 1
-            return all(self._take_part(tools, dt_s / count) for _ in range(count))
-        self._must_settle &= verdict is Verdict.ACCEPT
+            return all(self._take_part(tools, dt_s / 2) for _ in range(2))
+        self._must_settle &= is_accepted
         self._correct(dt_s)
         if self.watcher is not None:
             self.watcher.end(dt_s)
         return self._healer.watch()
 
-    def _move(self, tools: ToolInputs, dt_s: float) -> Verdict:
-        """Move everything by a substep. It is accepted if it ends without overlap, and nothing outran detection."""
+    def _move(self, tools: ToolInputs, dt_s: float) -> bool:
+        """Move everything by a substep; return whether it ends without overlap, and nothing outran detection."""
         marks = self._marks_ns
         marks[0] = perf_counter_ns()
-        self._add_loads(dt_s)
+        begin_loads(self.duct.motion_address, self.catheter.step_address)
+        act(self._stages, "add_loads", self.world, dt_s)
         marks[1] = perf_counter_ns()
         self.duct.predict(dt_s)
         if self.drive is not None:
             self.drive.turn()
-        self._predict_tools(tools, dt_s)
+        self.holds.write_jaw_stops(self.tools)
+        self.tools.predict(tools, dt_s)
         if self.wire_drive is not None:
             self.wire_drive.move(dt_s)
         self.catheter.predict(dt_s)
@@ -190,8 +190,7 @@ class Simulation:
         is_settled = self.solver.solve(dt_s) or not self._must_settle
         marks[5] = perf_counter_ns()
         self.cost_ns[:5] = map(add, self.cost_ns, map(sub, marks[1:], marks))
-        verdict = self.splitter.judge(self.search.reach_m)
-        return verdict if is_settled or verdict is Verdict.LOOK_FURTHER else Verdict.HALVE
+        return is_settled and self.splitter.is_detected()
 
     def _heal(self) -> None:
         """Restore the last sound state; no force acts on a tool in this tick."""
@@ -298,40 +297,26 @@ class Simulation:
         self._stages = by_stage(acting)
         self.solver.use(self._stages, self.rung.iterations)
 
-    def _add_loads(self, dt_s: float) -> None:
-        begin_loads(self.duct.motion_address, self.catheter.step_address)
-        for effect in self._stages["add_loads"]:
-            effect.add_loads(self.world, dt_s)
-
-    def _predict_tools(self, tools: ToolInputs, dt_s: float) -> None:
-        self.holds.write_jaw_stops(self.tools)
-        self.tools.predict(tools, dt_s)
-
     def _collect(self, tools: ToolInputs, dt_s: float) -> None:
         """Make contact rows of the selected candidates and of the holds."""
         system, search = self.system, self.search
         system.remove_vanished_tools()
         system.clear()
         self.seal.append_row()
-        self.squeeze.append_rows(self.tools)
-        found, catheter_pairs = self._tool_pairs, self.world.pairs
-        found.clear()
-        catheter_pairs.clear()
+        self.squeeze.append_rows()
+        pairs = self.world.pairs
+        pairs.clear()
         search.begin(self._moving, system.geometry.address)
-        search.tool_pairs(self.catheter, self.tools, found)
-        search.catheter_pairs(catheter_pairs)
+        search.write_pairs(self.catheter, self.tools, pairs)
         if self.tools.have_appeared:
-            search.engage(found, system.geometry.address)
-        wanted = self._grasp(tools, found) if tools.holds is None else tools.holds
+            search.engage(pairs, system.geometry.address)
+        wanted = self._grasp(tools, pairs) if tools.holds is None else tools.holds
         self.holds.follow(wanted if self.drive is None else [*wanted, *self.drive.holds()])
         if self.holds.has_begun:
-            set_rest_offsets(found.address, system.geometry.address, tools.holds is not None)
-        for effect in self._stages["add_pairs"]:
-            effect.add_pairs(self.world, dt_s)
-        system.append(found)
-        system.append(catheter_pairs)
-        for effect in self._stages["add_rows"]:
-            effect.add_rows(self.world, dt_s)
+            set_rest_offsets(pairs.address, system.geometry.address, tools.holds is not None)
+        act(self._stages, "add_pairs", self.world, dt_s)
+        system.append(pairs)
+        act(self._stages, "add_rows", self.world, dt_s)
         self.holds.append_rows()
 
     def _grasp(self, tools: ToolInputs, pairs: ContactPairs) -> list[GraspHold]:
@@ -356,17 +341,14 @@ class Simulation:
         self.search.update_working_set(self.system.address)
         if self.wire_drive is not None:
             self.wire_drive.give(self._tool_force)
-        self.squeeze.update(self.tools, dt_s)
-        for effect in self._stages["settle"]:
-            effect.settle(self.world, dt_s)
-        for effect in self._stages["after_solve"]:
-            effect.after_solve(self.world, dt_s)
+        self.squeeze.update(dt_s)
+        act(self._stages, "settle", self.world, dt_s)
+        act(self._stages, "after_solve", self.world, dt_s)
         self.cost_ns[-2] += perf_counter_ns() - start_ns
 
     def write_report(self) -> None:
         """Write the forces on the tools at the end of a tick, whatever its number of substeps."""
-        addresses = (self.system.address, self.tools.address, self._report_arrays.address)
-        self.max_penetration_m = report(*addresses)
+        self.max_penetration_m = report(self.system.address, self._report_arrays.address)
         if self.system.strategy.keeps_delassus and self.is_felt:
             self._stiffness.write()
         if self.wire_drive is not None:

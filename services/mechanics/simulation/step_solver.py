@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.compiled.memory import copy_arrays, copy_table
-from services.mechanics.contact.working_set import TOUCHING_M
-from services.mechanics.effects import Effect
+from services.mechanics.contact.working_set import SHARE_OF_WALL, TOUCHING_M
+from services.mechanics.effects import Effect, act
 from services.mechanics.simulation.step_splitting import LONGEST_STEP_S
 from services.mechanics.world import World
 
@@ -16,9 +16,6 @@ from services.mechanics.world import World
 MAX_LINEARISATIONS = 4
 #: Candidates are priced at most this often in a step; remaining violations become rows of the next step.
 MAX_PRICINGS = 8
-#: A candidate without a row may end as deep as a touching pair (scaled with steps above 1 ms), but at most this
-#: fraction of the wall's thickness.
-TOLERANCE_OF_WALL = 0.125
 
 
 class Pricing:
@@ -58,8 +55,9 @@ class Pricing:
         system = self._world.system
         copy_arrays(self._save_pose)
         self._world.tools.update_pose()
+        # A candidate without a row may end as deep as a touching pair.
         longer = max(1.0, self._world.duct.dt_s / LONGEST_STEP_S)
-        tolerance_m = min(longer * TOUCHING_M, TOLERANCE_OF_WALL * self._world.scene.duct.thickness_m)
+        tolerance_m = min(longer * TOUCHING_M, SHARE_OF_WALL * self._world.scene.duct.thickness_m)
         found = self._search.price(self._bodies, system.address, tolerance_m, self._pairs)
         found += self._search.price_tools(system.address, tolerance_m, self._pairs)
         copy_arrays(self._restore_pose)
@@ -111,9 +109,9 @@ class StepSolver:
     def prepare(self, dt_s: float) -> None:
         """Complete the collected rows and assemble the compliance between them."""
         self._system.complete_rows()
-        self._add_motion(dt_s)
-        self._set_friction(dt_s)
-        self._system.assemble()
+        act(self._stages, "add_motion", self._world, dt_s)
+        act(self._stages, "set_friction", self._world, dt_s)
+        self._system.strategy.assemble()
 
     def compile_kernels(self) -> None:
         """Compile the kernels that steps rarely use: relinearisation, and rows of candidates that end too deep.
@@ -148,14 +146,6 @@ class StepSolver:
             self._apply_forces()
         return not pricing.finds_violations()
 
-    def _add_motion(self, dt_s: float) -> None:
-        for effect in self._stages["add_motion"]:
-            effect.add_motion(self._world, dt_s)
-
-    def _set_friction(self, dt_s: float) -> None:
-        for effect in self._stages["set_friction"]:
-            effect.set_friction(self._world, dt_s)
-
     def _relinearise(self, dt_s: float) -> None:
         """Linearise the catheter's step again and solve again, while the forces bend it far from its linearisation.
 
@@ -183,7 +173,7 @@ class StepSolver:
     def _try_linearisation(self, share: float, dt_s: float) -> float:
         self._system.relinearise(share)
         if self._system.rows.n_contacts:
-            self._system.assemble()
+            self._system.strategy.assemble()
             self._system.solve(self._iterations, dt_s)
         return self._system.nonlinear_error_j()
 
@@ -192,9 +182,9 @@ class StepSolver:
         self._system.apply(self.tool_force)
 
     def _solve_with_new_rows(self, dt_s: float) -> None:
-        self._add_motion(dt_s)
+        act(self._stages, "add_motion", self._world, dt_s)
         with self._system.keep_old_friction():
-            self._set_friction(dt_s)
-        self._system.assemble()
+            act(self._stages, "set_friction", self._world, dt_s)
+        self._system.strategy.assemble()
         self._system.solve(self._iterations, dt_s)
         self._relinearise(dt_s)

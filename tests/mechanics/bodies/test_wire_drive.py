@@ -10,7 +10,6 @@ from services.mechanics.effects.base import NoSettings
 from services.mechanics.scene import CatheterSection, DriveScene, GuideWireScene, WireDriveScene
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.step_splitting import Verdict
 from studies.energy_book import EnergyBook
 from studies.stability.finely import contact_forces_n
 
@@ -146,7 +145,7 @@ def lengths(simulation):
 def test_a_step_that_is_taken_again_begins_with_the_wire_where_it_was(wired):
     simulation, inputs = wired
     push(simulation.step, inputs, by_m=10e-3, rest=0)
-    rod, before, judge = simulation.catheter.wire.model, [], simulation.splitter.judge
+    rod, before, is_detected = simulation.catheter.wire.model, [], simulation.splitter.is_detected
     arrays = [rod.rest_length, rod.mass, rod.drag, rod.rest_rotation, rod.joint_stiffness, rod.torsion]
     inputs.position_m[1, 0] -= 25e-6
     inputs.roll_rad[1] += 0.1
@@ -160,7 +159,7 @@ def test_a_step_that_is_taken_again_begins_with_the_wire_where_it_was(wired):
         before.extend(bool((now == then).all()) for now, then in zip(arrays, start[1], strict=True))
 
     simulation._start.restore = restore
-    simulation.splitter.judge = lambda reach_m: judge(reach_m) if before else Verdict.HALVE
+    simulation.splitter.is_detected = lambda: bool(before) and is_detected()
     simulation.step(inputs)
     assert before == [True] * (1 + len(arrays))
 

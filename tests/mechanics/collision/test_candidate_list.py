@@ -103,11 +103,10 @@ def test_whatever_moves_the_candidates_are_those_of_brute_force(kind, seed, piec
         lists.follow(q, loads)
         for _ in range(2):  # where it begins, and where it ends, by the same lists
             wall_now = placed(duct, q, loads), duct.mesh.triangles
-            first = int(rng.integers(0, 3))
             gap_m = float(rng.choice([REACH_M - 0.4e-3, 0.0, -20e-6]))
             lists.list.wanted[:] = gap_m
-            lists.measure(found, first, N_PIECES)
-            total += compare(wall_now, found, ends, active, gap_m, (first, N_PIECES))
+            lists.measure(found)
+            total += compare(wall_now, found, ends, active, gap_m, (0, N_PIECES))
             touched = np.unique(duct.mesh.triangles[found.triangle[: found.count]])[:12].astype(np.int32)
             push = rng.normal(size=(len(touched), 3))
             loads = touched, dent_m * push / max(softness(kind), 1e-9) / max(len(touched), 1)
@@ -208,7 +207,7 @@ def test_after_a_wall_without_numbers_candidates_are_found_again():
         lists.follow(q, NO_LOADS)
         lists.move(q, NO_LOADS)
         lists.measure(found)
-    lists.forget()
+    lists.is_new = True
     for _ in range(2):
         lists.follow(rest, NO_LOADS)
         lists.list.wanted[:] = 0.0
@@ -225,7 +224,7 @@ def test_what_was_put_elsewhere_is_found_there():
     for _ in range(5):
         ends, q = somewhere(rng), coordinates(duct, rng, 5e-3)
         lists.list.ends[:] = ends
-        lists.forget()
+        lists.is_new = True
         lists.follow(q, NO_LOADS)
         lists.list.wanted[:] = 0.0
         lists.measure(found)

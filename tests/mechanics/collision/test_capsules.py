@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from services.mechanics.collision.capsules import CapsuleMemory
+from services.mechanics.collision.capsules import CapsuleMemory, detect_capsules
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, JAW_A, ContactPairs
-from services.mechanics.contact.candidate_search import capsule_pairs
 
 JAW_M, CATHETER_M, MARGIN_M = 1e-3, 0.8e-3, 0.5e-3
 AWAY = np.full((2, 3), 1.0)
@@ -26,7 +25,7 @@ class Jaw:
             (segments, radius, np.array([True, False])),
             (np.full(len(particles_m) - 1, CATHETER_M), MARGIN_M),
         )
-        capsule_pairs(self.memory.address, tools, np.asarray(particles_m, float), sizes, pairs.address)
+        detect_capsules((self.memory.address, pairs.address), tools, np.asarray(particles_m, float), sizes)
         assert (pairs.target_kind[: pairs.count] == CATHETER_SEGMENT).all()
         return pairs
 

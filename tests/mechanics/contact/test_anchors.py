@@ -13,7 +13,6 @@ from services.mechanics.contact.laws import CREEP_M_S_N, SURFACE_SOFTNESS_M_N, n
 from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import solve_contacts
-from services.mechanics.contact.solver_steps import SolverScratch
 from services.mechanics.contact.stages import mark_sliding, write_world_forces
 from services.mechanics.contact.warm_start import ForceMemory, recall_forces, store_anchors, store_forces
 from services.mechanics.contact.writer import append_row
@@ -40,7 +39,7 @@ class Block:
         self.x, self.v = np.zeros(3), np.zeros(3)
         self.rows = ContactRows.zeros(c=1)
         self.memory, self.slides = ForceMemory.zeros(c=1), np.zeros(1, np.bool_)
-        self.problem, self.scratch = ContactProblem.zeros(m=3, rows=self.rows), SolverScratch.allocate(1)
+        self.problem = ContactProblem.of(self.rows)
 
     def step(self):
         rows, gain = self.rows, self.dt_s**2
@@ -53,7 +52,7 @@ class Block:
         recall_forces(self.memory, rows, self.slides, _NO_WALL)
         free_motion(rows, 0.2, self.dt_s, self.problem.motion)
         W = np.diag(gain + rows.softness_m_n[0])
-        solve_contacts(self.problem, W, (30, 1e-12), self.scratch)
+        solve_contacts(self.problem, W, (30, 1e-12))
         mark_sliding(rows, self.slides)
         force = np.zeros((1, 3))
         write_world_forces(rows, force)

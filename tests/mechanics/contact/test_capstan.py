@@ -11,7 +11,6 @@ from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import solve_contacts
-from services.mechanics.contact.solver_steps import SolverScratch
 from services.mechanics.contact.stages import write_world_forces
 from services.mechanics.contact.writer import append_row
 from services.mechanics.rod import ImplicitIntegrator, RodProperties, rod_along
@@ -95,9 +94,9 @@ def solve(rows, rod, n):
     rod.compliance(particles[:count], compliance)
     add_rod_compliance(rows, slot, compliance, np.zeros((4 * rows.capacity, 2), np.int32), W)
     rotate_to_contact_frames(rows, W)
-    problem = ContactProblem.zeros(m=3 * k, rows=rows)
+    problem = ContactProblem.of(rows)
     free_motion(rows, 0.2, 1e-3, problem.motion)
-    solve_contacts(problem, W, (60, 1e-8), SolverScratch.allocate(k))
+    solve_contacts(problem, W, (60, 1e-8))
     world, out = np.zeros((k, 3)), np.zeros((n, 3))
     write_world_forces(rows, world)
     out[rows.rod_node[:k, 0]] = world

@@ -11,7 +11,6 @@ from services.mechanics.contact.passivity import RECENT_S, SLACK_J, START_UP_S, 
 from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import solve_contacts
-from services.mechanics.contact.solver_steps import SolverScratch
 from services.mechanics.contact.writer import append_row
 
 RECOVERY, DT_S = 0.2, 1e-3
@@ -23,7 +22,7 @@ class Pressed:
     def __init__(self, seed, k=12, deep_m=0.3e-3, pressed_m=1e-4):
         random = np.random.default_rng(seed)
         self.rows = ContactRows.zeros(c=k)
-        self.problem = ContactProblem.zeros(m=3 * k, rows=self.rows)
+        self.problem = ContactProblem.of(self.rows)
         for row in range(k):
             append_row(self.rows, number_of("unilateral"), pair_identity(-1, 0, row, 0, row))
         rows = self.rows
@@ -34,11 +33,11 @@ class Pressed:
         half = random.normal(size=(3 * k, 8))
         self.bodies_m_n = 1e-3 * half @ half.T / 8.0
         self.W = self.bodies_m_n + np.diag(rows.softness_m_n.ravel())
-        self.scratch, self.ledger = SolverScratch.allocate(k), Ledger.zeros(contact_time_s=START_UP_S)
+        self.ledger = Ledger.zeros(contact_time_s=START_UP_S)
         free_motion(rows, RECOVERY, DT_S, self.problem.motion)
 
     def solve(self, how, sweeps=30):
-        more = ((self.scratch, self.ledger), (ToolArrays.zeros(), DT_S)) if how is solve_passively else (self.scratch,)
+        more = (self.ledger, (ToolArrays.zeros(), DT_S)) if how is solve_passively else ()
         how(self.problem, self.W, (sweeps, 1e-10), *more)
         return self
 
@@ -106,8 +105,7 @@ def test_a_step_that_is_solved_again_is_entered_once():
         pressed.ledger.n_solves = 0
         for _ in range(4):
             free_motion(pressed.rows, RECOVERY, DT_S, pressed.problem.motion)
-            work = (pressed.scratch, pressed.ledger)
-            solve_passively(pressed.problem, pressed.W, (30, 1e-10), work, (tools, DT_S))
+            solve_passively(pressed.problem, pressed.W, (30, 1e-10), pressed.ledger, (tools, DT_S))
             ledger = pressed.ledger
             entered.append((ledger.hand_work_j, ledger.max_hand_work_j, ledger.contact_time_s))
         assert entered[-4:] == [entered[-4]] * 4

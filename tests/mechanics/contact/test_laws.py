@@ -18,9 +18,9 @@ from services.mechanics.contact.admissible import (
 )
 from services.mechanics.contact.identity import LAW
 from services.mechanics.contact.laws import LAWS, NO_LOAD_M_N, number_of
+from services.mechanics.contact.penalty import PenaltyGains, write_penalties
 from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.strategies import STRATEGIES
-from services.mechanics.contact.strategies.penalty import PenaltyGains, write_penalties
+from services.mechanics.contact.system import STRATEGIES
 from services.mechanics.contact.writer import append_row
 from services.mechanics.scene import ContactSettings
 

@@ -7,7 +7,6 @@ from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import solve_contacts
-from services.mechanics.contact.solver_steps import SolverScratch
 from services.mechanics.contact.writer import append_row
 
 UNILATERAL, GRIP = number_of("unilateral"), number_of("grip")
@@ -21,8 +20,9 @@ def tied_pair(laws, friction, force_limit_n, free):
     for law in laws:
         append_row(rows, law, 0)
     rows.friction[:], rows.force_limit_n[:] = friction, force_limit_n
-    problem = ContactProblem(rows=rows, motion=np.array(free, float), change=np.zeros(3))
-    sweeps = solve_contacts(problem, W, (200, 1e-10), SolverScratch.allocate(2))
+    problem = ContactProblem.of(rows)
+    problem.motion[:] = free
+    sweeps = solve_contacts(problem, W, (200, 1e-10))
     return W, problem.motion, rows.force_n.ravel(), sweeps
 
 

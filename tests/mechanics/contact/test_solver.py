@@ -7,7 +7,6 @@ from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import MAX_SWEEPS, solve_contacts
-from services.mechanics.contact.solver_steps import SolverScratch
 from services.mechanics.contact.stages import mark_sliding
 from services.mechanics.contact.writer import append_row
 
@@ -18,8 +17,9 @@ def solve(W, free, law, limit, force=None, effort=(200, 1e-12)):
     rows = rows_of(law, limit)
     if force is not None:
         rows.force_n[:] = force.reshape(-1, 3)
-    problem = ContactProblem(rows=rows, motion=free.copy(), change=np.zeros(3))
-    sweeps = solve_contacts(problem, W, effort, SolverScratch.allocate(len(law)))
+    problem = ContactProblem.of(rows)
+    problem.motion[:] = free
+    sweeps = solve_contacts(problem, W, effort)
     return rows.force_n.ravel(), problem.motion, sweeps
 
 

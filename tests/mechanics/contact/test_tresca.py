@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from services.mechanics.contact.laws import number_of
+from services.mechanics.contact.newton import MAX_ACTIVE_SET_COST
 from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import MAX_SWEEPS, solve_contacts
-from services.mechanics.contact.solver_steps import MAX_ACTIVE_SET_COST, SolverScratch
 from services.mechanics.contact.stages import mark_sliding
 from services.mechanics.contact.tresca import MAX_BLOCKS, MAX_SWEEPS_PER_ITERATION
 from services.mechanics.contact.writer import append_row
@@ -28,8 +28,9 @@ class Wedged:
         for _ in range(k):
             append_row(self.rows, number_of("unilateral"), 0)
         self.rows.friction[:] = mu
-        problem = ContactProblem(rows=self.rows, motion=self.free.copy(), change=np.zeros(3))
-        self.sweeps = solve_contacts(problem, self.W, (30, TOLERANCE_N), SolverScratch.allocate(k))
+        problem = ContactProblem.of(self.rows)
+        problem.motion[:] = self.free
+        self.sweeps = solve_contacts(problem, self.W, (30, TOLERANCE_N))
         mark_sliding(self.rows, self.slides)
         self.force, self.motion = self.rows.force_n, problem.motion.reshape(-1, 3)
 
@@ -53,14 +54,6 @@ class Wedged:
 
 WIDE, NARROW = (50, np.geomspace(1.0, 0.03, 80)), (30, np.geomspace(1.0, 0.02, 60))
 SMALL = 16, np.geomspace(1.0, 0.02, 20)
-
-
-@pytest.mark.parametrize(("seed", "shape"), [(2, NARROW), (27, NARROW), (17, SMALL), (19, SMALL), (56, SMALL)])
-def test_coulombs_law_is_solved_where_sweeps_and_newton_steps_run_in_circles(seed, shape):
-    solved = Wedged(seed, *shape, 0.3)
-    assert solved.sweeps > MAX_SWEEPS
-    assert np.all(solved.rows.friction == 0.3)
-    solved.check_law(0.3)
 
 
 @pytest.mark.parametrize("mu", [0.3, 1.0, 2.0])

@@ -5,10 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from services.mechanics.bodies.forceps.tool_body import ToolArrays
 from services.mechanics.collision.candidate_list import new_list
-from services.mechanics.collision.candidates import Candidates
+from services.mechanics.collision.candidates import SAME_POINT, Candidates
 from services.mechanics.collision.clusters import cluster_triangles
-from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, ToolGeometry, WallGeometry
+from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, WallGeometry
 from services.mechanics.contact.spheres import no_spheres
 from services.mechanics.contact.working_set import (
     IMPLIED_M,
@@ -16,7 +17,6 @@ from services.mechanics.contact.working_set import (
     MAX_CHOSEN,
     N_TOOL_PIECES,
     SAME_NORMAL,
-    SAME_POINT,
     TOUCHING_M,
     age,
     choose,
@@ -34,7 +34,7 @@ THICKNESS_M = np.linspace(1e-3, 3e-3, N_PIECES)
 
 def tools_alone():
     """Return the geometry of two tools with jaws that open along z, and squeeze nothing."""
-    tools = ToolGeometry.zeros(wall_thickness=WALL_M)
+    tools = ToolArrays.zeros(wall_thickness=WALL_M)
     tools.present[:], tools.radius[:], tools.segments[:, :, 1, 0] = True, 1e-3, 10e-3
     tools.frame[:] = np.eye(3)[[2, 1, 0]]
     rod = RodGeometry.zeros(n=2)
@@ -49,7 +49,7 @@ class Chooser:
         clusters = cluster_triangles(MESH.vertices_m, MESH.triangles)
         self.list = new_list(clusters, MESH.vertices_m.copy(), N_PIECES, 1e-3, TOUCHING_M)
         self.found = Candidates.zeros(c=512)
-        self.before, self.ahead_m = (self.list.ends.copy(), MESH.vertices_m.copy()), np.full(N_PIECES, np.inf)
+        self.ahead_m = np.full(N_PIECES, np.inf)
         self.geometry = tools_alone()
         self.set = new_working_set(MESH.vertices_m, N_PIECES, len(MESH.triangles), 512)
         self.set.merge_m[:] = merge_distance_m(THICKNESS_M, WALL_M)
@@ -62,7 +62,7 @@ class Chooser:
             found.piece[k], found.triangle[k], found.gap_m[k] = piece, triangle, gap_m
             found.weight[k], found.normal[k] = weight, normal
         addresses = self.list.address, found.address, self.set.address
-        choose(addresses, self.before, self.ahead_m, self.geometry.address)
+        choose(addresses, self.ahead_m, self.geometry.address)
         return self.set.chosen[: self.set.n_chosen].tolist()
 
 
@@ -141,36 +141,10 @@ def one(piece=7, triangle=3, gap_m=0.0, weight=(1.0, 0.0, 0.0)):
     return piece, triangle, np.array(weight), np.array([0.0, 0.0, 1.0]), gap_m
 
 
-@pytest.mark.parametrize(("closing_m", "is_chosen"), [(0.0, False), (0.9e-3, False), (1.1e-3, True), (-2e-3, False)])
-@pytest.mark.parametrize("mover", ["piece", "wall"])
-def test_what_is_further_gets_a_row_where_the_last_motion_would_bring_it_near(mover, closing_m, is_chosen):
+def test_what_is_further_than_the_row_gap_gets_no_row():
     chooser = Chooser()
     chooser.ahead_m[:] = 0.5e-3
-    if mover == "piece":
-        chooser.before[0][:, :, 2] += closing_m
-    else:
-        chooser.before[1][:, 2] -= closing_m
-    assert chooser.choose([one(gap_m=1.5e-3), one(piece=2, gap_m=0.4e-3)]) == ([1, 0] if is_chosen else [1])
-
-
-@pytest.mark.parametrize(
-    ("piece", "middle_m", "normal", "has_row"),
-    [
-        (7, 0.0, (0.0, 0.0, 1.0), False),
-        (7, 50e-6, (0.0, 0.0, 1.0), False),
-        (7, -5e-6, (0.0, 0.0, 1.0), True),
-        (7, 0.0, (0.0, 0.1, 0.995), True),
-        (2, 0.0, (0.0, 0.0, 1.0), True),
-    ],
-    ids=["flat", "hollow", "bulging", "tilted", "jaw"],
-)
-def test_along_a_flat_facet_a_segment_has_rows_at_both_ends(piece, middle_m, normal, has_row):
-    chooser = Chooser()
-    chooser.found.s[:3] = 0.0, 0.4, 1.0
-    ends = one(piece, 3, -10e-6), one(piece, 60, 5e-6)
-    middle = (*one(piece, 30)[:3], np.array(normal), -4e-6 + middle_m)
-    renew(chooser.set, piece, 30)
-    assert set(chooser.choose([ends[0], middle, ends[1]])) == ({0, 1, 2} if has_row else {0, 2})
+    assert chooser.choose([one(gap_m=0.6e-3), one(piece=2, gap_m=0.4e-3)]) == [1]
 
 
 def test_a_member_outlives_its_pressing_and_comes_first():

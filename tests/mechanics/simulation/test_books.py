@@ -79,7 +79,6 @@ def test_books_balance_when_a_hold_that_had_found_no_row_comes_back(cache_dir, m
     while tick < first:
         step()
     with monkeypatch.context() as full:
-        full.setattr(HoldRegistry, "in_use", property(lambda holds: (holds._arrays.address, 0)))
         full.setattr(HoldRegistry, "append_rows", lambda holds: setattr(holds, "rows", range(0)))
         while tick < first + 20:
             step()

@@ -21,7 +21,7 @@ MOST_GAIN, LEAST_ENERGY_J = CRITERIA["gain"].limit, 1e-9
 
 def jaws_depth_m(simulation):
     """How deep jaws are in anything, whether that makes a contact or not."""
-    pairs = simulation._tool_pairs
+    pairs = simulation.world.pairs
     is_jaw = pairs.tool_segment[: pairs.count] != SHAFT
     return float((-pairs.gap_m[: pairs.count])[is_jaw].max(initial=0.0))
 

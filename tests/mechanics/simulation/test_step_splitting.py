@@ -1,42 +1,42 @@
-"""What becomes of a solved step, by how far the catheter moved in it and how far contact detection looked."""
+"""What becomes of a solved step, by how far catheter and wall moved in it and how far contact detection looked."""
 
 import numpy as np
 import pytest
 
-from services.mechanics.collision.candidate_list import LOOK_AHEAD_M, MAX_LOOK_AHEAD_M
+from services.mechanics.collision.candidate_list import LOOK_AHEAD_M
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.step_splitting import Verdict
+from services.mechanics.simulation.step_splitting import SLOW_M
 
 BIT_M = 1e-6
 
 
-@pytest.mark.parametrize(
-    ("moved_m", "reach_m", "verdict"),
-    [
-        (LOOK_AHEAD_M - BIT_M, LOOK_AHEAD_M, Verdict.ACCEPT),
-        (LOOK_AHEAD_M + BIT_M, LOOK_AHEAD_M, Verdict.LOOK_FURTHER),
-        (LOOK_AHEAD_M + BIT_M, MAX_LOOK_AHEAD_M, Verdict.ACCEPT),
-        (MAX_LOOK_AHEAD_M - BIT_M, LOOK_AHEAD_M, Verdict.LOOK_FURTHER),
-        (MAX_LOOK_AHEAD_M + BIT_M, LOOK_AHEAD_M, Verdict.HALVE),
-        (MAX_LOOK_AHEAD_M + BIT_M, MAX_LOOK_AHEAD_M, Verdict.HALVE),
-    ],
-)
-def test_a_step_is_judged_by_the_catheters_motion(small_scene, small_duct, moved_m, reach_m, verdict):
-    simulation = Simulation(small_scene, small_duct)
+def moved(scene, duct, by_m):
+    simulation = Simulation(scene, duct)
     catheter = simulation.catheter
     catheter.start_m[:] = catheter.state.position_m
-    catheter.state.position_m[-1, 0] += moved_m
-    assert simulation.splitter.judge(reach_m) is verdict
+    catheter.state.position_m[-1, 0] += by_m
+    simulation.duct.q_start[:] = simulation.duct.state.q
+    return simulation
+
+
+@pytest.mark.parametrize(("by_m", "is_detected"), [(LOOK_AHEAD_M - BIT_M, True), (LOOK_AHEAD_M + BIT_M, False)])
+def test_a_step_is_judged_by_the_catheters_motion(small_scene, small_duct, by_m, is_detected):
+    assert moved(small_scene, small_duct, by_m).splitter.is_detected() is is_detected
+
+
+@pytest.mark.parametrize(("by_m", "is_detected"), [(SLOW_M - BIT_M, True), (SLOW_M + BIT_M, False)])
+def test_a_catheter_near_itself_may_move_less(small_scene, small_duct, by_m, is_detected):
+    simulation = moved(small_scene, small_duct, by_m)
+    simulation.splitter._may_move_far = False
+    assert simulation.splitter.is_detected() is is_detected
 
 
 def test_a_step_in_which_the_wall_moved_too_far_is_halved(small_scene, small_duct):
-    simulation = Simulation(small_scene, small_duct)
-    simulation.catheter.start_m[:] = simulation.catheter.state.position_m
-    simulation.duct.q_start[:] = simulation.duct.state.q
-    assert simulation.splitter.judge(LOOK_AHEAD_M) is Verdict.ACCEPT
+    simulation = moved(small_scene, small_duct, 0.0)
+    assert simulation.splitter.is_detected()
     simulation.duct.state.q[0] += 1.0
-    assert simulation.splitter.judge(LOOK_AHEAD_M) is Verdict.HALVE
+    assert not simulation.splitter.is_detected()
 
 
 def test_contacts_without_a_solution_cost_a_bounded_number_of_tries(small_scene, small_duct, monkeypatch):

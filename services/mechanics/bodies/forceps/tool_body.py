@@ -51,6 +51,12 @@ class ToolArrays(Struct):
     frame: Annotated[FloatArray, N_TOOLS, 3, 3]
     length: Annotated[FloatArray, N_TOOLS]
     segments: Annotated[FloatArray, N_TOOLS, N_SEGMENTS, 2, 3]
+    radius: Annotated[FloatArray, N_TOOLS, N_SEGMENTS]
+    held: Annotated[BoolArray, N_TOOLS, 2]  # whether the jaws hold something of each target kind
+    rest_offset: Annotated[FloatArray, N_TOOLS, 2]  # overlap with a held body that causes no force, m
+    indentation: Annotated[FloatArray, N_TOOLS, N_CELLS]  # decrease of half the squeezed layer's thickness, m
+    indentation_slope: Annotated[FloatArray, N_TOOLS, N_CELLS]  # its derivative by the opening, m/rad
+    wall_thickness: float = 0.0  # of the wall that the tools touch, m
     refused: int = 0
 
 
@@ -66,6 +72,7 @@ class ToolBody:
     the world, because the rate of d is taken at the end of the step.
 
     Attributes:
+        arrays: ToolArrays. All of the following, for kernels.
         proxy: (2, 4) float64. J in m and the opening in rad, at the end of the last step.
         free: (2, 4) float64. Where the proxies would be at the end of this step without contact forces.
         motion: (2, 4) float64. From the start of the step to ``free``.
@@ -95,12 +102,11 @@ class ToolBody:
         self._is_named = np.arange(N_TOOLS) < len(forceps)  # others are absent, whatever an input says
         self.forceps = forceps = (*forceps, *(ForcepsScene(),) * self._missing)
         jaws = [f.jaws for f in forceps]
-        self.radius_m = np.array([[f.body_radius_m] + [f.jaws.jaw_radius_m if f.jaws else 0.0] * 2 for f in forceps])
-        self.held = np.zeros((N_TOOLS, 2), np.bool_)
-        self.rest_offset_m = np.zeros((N_TOOLS, 2))
-        self.indentation_m, self.indentation_slope_m_rad = np.zeros((2, N_TOOLS, N_CELLS))
-        self._arrays = a = ToolArrays.zeros(jaw_stop=np.full(N_TOOLS, -np.inf))
+        self.arrays = a = ToolArrays.zeros(jaw_stop=np.full(N_TOOLS, -np.inf))
         self.address = a.address
+        a.radius[:] = [[f.body_radius_m] + [f.jaws.jaw_radius_m if f.jaws else 0.0] * 2 for f in forceps]
+        self.radius_m, self.held, self.rest_offset_m = a.radius, a.held, a.rest_offset
+        self.indentation_m, self.indentation_slope_m_rad = a.indentation, a.indentation_slope
         self._flags = 0
         a.port[:] = [f.port_position_m for f in forceps]
         a.is_sphere[:] = [not f.touches_along_shaft for f in forceps]
@@ -120,7 +126,7 @@ class ToolBody:
     @property
     def refused(self) -> int:
         """Number of impossible inputs since the start: a NaN, J in the port itself or half a metre from it."""
-        return self._arrays.refused
+        return self.arrays.refused
 
     @property
     def is_lagging(self) -> bool:
@@ -158,7 +164,7 @@ class ToolBody:
 
     def step_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays that a step changes, from `predict` on, and that holds write into."""
-        return *self._arrays.own_memory(), self.held, self.rest_offset_m
+        return self.arrays.own_memory()
 
     def corrected_arrays(self) -> tuple[FloatArray, ...]:
         """Return the live arrays that `correct` and `update_pose` change."""

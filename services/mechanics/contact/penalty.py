@@ -7,16 +7,16 @@ from typing import NamedTuple
 
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
-from services.mechanics.compiled.vectors import Vector, dot, row_of
+from services.mechanics.compiled.vectors import Vector
 from services.mechanics.compiled.vectors import row as row_at
 from services.mechanics.contact.admissible import normal_range, project, tangential_limit
 from services.mechanics.contact.free_motion import free_motion
 from services.mechanics.contact.geometry import Bodies
+from services.mechanics.contact.implicit import ImplicitStrategy
 from services.mechanics.contact.laws import FIXES_DISTANCE, HAS_GAP
-from services.mechanics.contact.rows import ContactRows
+from services.mechanics.contact.rows import ContactRows, in_frame
 from services.mechanics.contact.stages import finish
 from services.mechanics.contact.state import ContactState, state_at
-from services.mechanics.contact.strategies.strategy import ContactStrategy
 from services.mechanics.scene import ContactSettings
 
 # Below this sliding speed friction is proportional to the speed (regularised), because an explicit force cannot stick.
@@ -34,7 +34,7 @@ class PenaltyGains(NamedTuple):
     lightest_kg: float
 
 
-class PenaltyStrategy(ContactStrategy):
+class PenaltyStrategy(ImplicitStrategy):
     r"""Explicit forces, from gaps in the middle of the step and their rates over it, both without contact forces.
 
     They are stable only while :math:`k \Delta t^2` and :math:`c \Delta t` are below about the mass that they act on. A
@@ -51,11 +51,13 @@ class PenaltyStrategy(ContactStrategy):
     def assemble(self) -> None:
         """Do nothing: penalty contact needs no compliance of the bodies."""
 
+    def compile_kernels(self) -> None:
+        """Do nothing: every step uses all kernels."""
+
     def solve(self, iterations: int, dt_s: float) -> int:
         """Write the penalty of every contact."""
-        settings = self._settings
-        lightest_kg = self._lightest_kg
-        gains = PenaltyGains(settings.penalty_stiffness_n_m, settings.penalty_damping_n_s_m, dt_s, lightest_kg)
+        spring, damper = self._settings.penalty_stiffness_n_m, self._settings.penalty_damping_n_s_m
+        gains = PenaltyGains(spring, damper, dt_s, self._lightest_kg)
         solve_by_penalty(self._address, gains)
         return 0
 
@@ -73,11 +75,7 @@ def solve_by_penalty(state_address: Address[ContactState], gains: PenaltyGains) 
 def write_penalties(rows: ContactRows, gains: PenaltyGains) -> None:
     """Write the penalty counterpart of every contact's law into ``rows.force_n``."""
     for row in range(rows.n_contacts):
-        motion = (
-            dot(row_of(rows.frame, row, 0), row_at(rows.slip_m, row)),
-            dot(row_of(rows.frame, row, 1), row_at(rows.slip_m, row)),
-            dot(row_of(rows.frame, row, 2), row_at(rows.slip_m, row)),
-        )
+        motion = in_frame(rows, row, row_at(rows.slip_m, row))
         if HAS_GAP[rows.law[row]]:
             _write_surface_force(rows, row, motion, gains)
         else:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.bodies.catheter import CatheterTouch, list_particles, touch_at
 from services.mechanics.bodies.duct_loads import DuctLoads, loads_at
-from services.mechanics.bodies.forceps.tool_body import ToolArrays, tools_at
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.delassus import add_rod_compliance, add_tool_compliance, rotate_to_contact_frames
@@ -17,7 +17,6 @@ from services.mechanics.contact.passivity import solve_passively
 from services.mechanics.contact.spheres import add_sphere_compliance
 from services.mechanics.contact.stages import finish
 from services.mechanics.contact.state import ContactState, state_at
-from services.mechanics.contact.strategies.strategy import ContactStrategy
 from services.mechanics.contact.warm_start import store_anchors
 from services.mechanics.reduction.node_compliance import NodeArrays, weigh_blocks
 from services.mechanics.reduction.residual.blocks import own_softness
@@ -33,70 +32,66 @@ WALL_TOLERANCE_SHARE = 0.01
 ASSEMBLED, MISSING_BLOCKS, NOT_DEFINITE, NO_KERNEL = 1, 0, -1, -2
 
 
-class ImplicitStrategy(ContactStrategy):
-    r"""Solve :math:`u^+ = u_{free} + W f` and the contact laws together, by PGS sweeps and Newton steps."""
+class ImplicitStrategy:
+    r"""Solve :math:`u^+ = u_{free} + W f` and the contact laws together, by PGS sweeps and Newton steps.
 
-    acts_in_next_step = False
-    keeps_delassus = True
+    Attributes:
+        acts_in_next_step: bool. Whether the forces act on the catheter over the next step instead of the present one.
+        keeps_delassus: bool. Whether it assembles the Delassus operator W, from which the local stiffness follows.
+    """
+
+    acts_in_next_step: ClassVar[bool] = False
+    keeps_delassus: ClassVar[bool] = True
 
     def __init__(self, bodies: Bodies, settings: ContactSettings, state: ContactState) -> None:
-        super().__init__(bodies, settings, state)
+        self._bodies, self._settings, self._state, self._address = bodies, settings, state, state.address
         softness_m_n = float(own_softness(bodies.duct.reduced.residual).max(initial=0.0))
         tolerance_m = WALL_TOLERANCE_SHARE * 2.0 * bodies.half_thickness_m
         self._tolerance_n = min(settings.tolerance_n, tolerance_m / softness_m_n if softness_m_n > 0.0 else math.inf)
 
     def assemble(self) -> None:
-        """Write the Delassus operator W."""
-        outcome = self._assemble_at_once()
+        """Write the Delassus operator W: in one kernel, if there is one for the bodies and it has all blocks."""
+        bodies, catheter, outcome = self._bodies, self._bodies.catheter, NO_KERNEL
+        rod, kept_address = catheter.plain_integrator, bodies.duct.kept_address
+        if rod is not None and kept_address is not None:
+            duct, step = (bodies.duct.loads_address, kept_address), (rod.velocity_gain_s, rod.is_factored)
+            outcome = assemble(self._address, duct, (catheter.touch_address, *rod.addresses), step)
+            if outcome != MISSING_BLOCKS:
+                rod.note_factors(outcome == ASSEMBLED)
         if outcome != ASSEMBLED:
             self._assemble_by_body(anew=outcome == MISSING_BLOCKS)
-
-    def _assemble_at_once(self) -> int:
-        """Write W in one kernel, if there is one for the bodies; return its outcome, or `NO_KERNEL`."""
-        bodies, catheter = self._bodies, self._bodies.catheter
-        rod, kept_address = catheter.plain_integrator, bodies.duct.kept_address
-        if rod is None or kept_address is None:
-            return NO_KERNEL
-        duct, tools = (bodies.duct.loads_address, kept_address), bodies.tools.address
-        step = (rod.velocity_gain_s, rod.is_factored)
-        outcome: int = assemble(self._address, duct, (catheter.touch_address, *rod.addresses), tools, step)
-        if outcome != MISSING_BLOCKS:
-            rod.note_factors(outcome == ASSEMBLED)
-        return outcome
 
     def _assemble_by_body(self, *, anew: bool) -> None:
         bodies, catheter, rows = self._bodies, self._bodies.catheter, self._state.rows
         bodies.duct.compliance(*rows.on_duct, self._state.W, anew=anew)
         rod_compliance = catheter.compliance(*rows.on_rod)
-        add_body_compliances(self._address, (catheter.slot, rod_compliance), bodies.tools.compliance)
+        add_body_compliances(self._address, catheter.slot, rod_compliance)
 
     def compile_kernels(self) -> None:
         """Assemble W of the last step once more as if blocks of the wall's compliance were missing."""
         self._assemble_by_body(anew=True)
 
     def solve(self, iterations: int, dt_s: float) -> int:
-        """Solve the complementarity problem."""
-        addresses, effort = (self._address, self._bodies.tools.address), (iterations, self._tolerance_n)
-        sweeps: int = solve_implicitly(addresses, (self._settings.recovery, dt_s), effort)
+        """Find forces and sliding states, mostly in at most ``iterations`` sweeps; return the number of sweeps."""
+        effort = iterations, self._tolerance_n
+        sweeps: int = solve_implicitly(self._address, (self._settings.recovery, dt_s), effort)
         return sweeps
 
 
 @kernel
 def solve_implicitly(
-    addresses: tuple[Address[ContactState], Address[ToolArrays]],
-    recovery: tuple[float, float],
-    effort: tuple[int, float],
+    state_address: Address[ContactState], recovery: tuple[float, float], effort: tuple[int, float]
 ) -> int:
     """Find the contact forces from W and return the number of sweeps.
 
     ``recovery`` is (fraction of an overlap recovered per millisecond, length of the step in s), ``effort`` is that of
     `solve_passively`.
     """
-    state, hands = state_at(addresses[0]), (tools_at(addresses[1]), recovery[1])
+    state = state_at(state_address)
     size = 3 * state.rows.n_contacts
     W = state.delassus[: size * size].reshape(size, size)
     free_motion(state.rows, recovery[0], recovery[1], state.problem.motion)
-    sweeps: int = solve_passively(state.problem, W, effort, (state.scratch, state.ledger), hands)
+    sweeps: int = solve_passively(state.problem, W, effort, state.ledger, (state.geometry.tools, recovery[1]))
     finish(state)
     store_anchors(state.problem, state.slides, state.memory.elastic_m)
     return sweeps
@@ -107,7 +102,6 @@ def assemble(
     state_address: Address[ContactState],
     duct_addresses: tuple[Address[DuctLoads], Address[NodeArrays]],
     rod_addresses: tuple[Address[CatheterTouch], Address[RodModel], Address[RodWork]],
-    tools_address: Address[ToolArrays],
     step: tuple[float, bool],
 ) -> int:
     """Write the compliances of all bodies into W, in the contacts' frames, and return an outcome.
@@ -126,27 +120,21 @@ def assemble(
             return NOT_DEFINITE
         band = work_at(rod_addresses[2]).band
         compliance(rod_addresses[1], band, dt_s**2, touch.columns, touch.particles[:count], rod_compliance)
-    _add_body_compliances(state, (touch.slot, rod_compliance), tools_at(tools_address).compliance)
+    add_body_compliances(state_address, touch.slot, rod_compliance)
     return ASSEMBLED
 
 
 @kernel
-def add_body_compliances(
-    state_address: Address[ContactState], catheter: tuple[IntArray, FloatArray], tools: FloatArray
-) -> None:
+def add_body_compliances(state_address: Address[ContactState], slot: IntArray, rod: FloatArray) -> None:
     """Add the compliances of the other bodies to the duct's, and rotate W into the contacts' frames.
 
-    On entry the lower blocks of W hold the duct's compliance along world axes. ``catheter`` is (slot of each particle,
-    compliance (3 p, 3 p) between the p touched particles); ``tools`` (2, 4) is the compliance of the couplings.
+    On entry the lower blocks of W hold the duct's compliance along world axes. ``rod`` (3 p, 3 p) is that between the
+    catheter's p touched particles, ``slot`` gives each particle's place in it.
     """
-    _add_body_compliances(state_at(state_address), catheter, tools)
-
-
-@kernel
-def _add_body_compliances(state: ContactState, catheter: tuple[IntArray, FloatArray], tools: FloatArray) -> None:
+    state = state_at(state_address)
     size = 3 * state.rows.n_contacts
     W = state.delassus[: size * size].reshape(size, size)
-    add_rod_compliance(state.rows, catheter[0], catheter[1], state.rod_points, W)
-    add_tool_compliance(state.rows, tools, W)
+    add_rod_compliance(state.rows, slot, rod, state.rod_points, W)
+    add_tool_compliance(state.rows, state.geometry.tools.compliance, W)
     add_sphere_compliance(state.rows, state.geometry.spheres, W)
     rotate_to_contact_frames(state.rows, W)
