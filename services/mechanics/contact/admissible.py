@@ -51,7 +51,7 @@ def _multiple(count: float, limit: float) -> float:
     return count * max(limit, 0.0) if 0.0 < count < math.inf else count
 
 
-@inlined_kernel
+@kernel
 def relax(problem: ContactProblem, W: FloatArray, block: int) -> None:
     """Solve the law of one contact with the others fixed: the normal force, then the tangential force.
 

@@ -114,7 +114,7 @@ def add_catheter_compliance(
     return True
 
 
-@inlined_kernel
+@kernel
 def _list_particles(rows: ContactRows, closed: IntArray, lasting: LastingArrays) -> int:
     """Write the particles on which closed axes act, ascending, and their slots; return their number."""
     slot = lasting.slot
@@ -127,7 +127,7 @@ def _list_particles(rows: ContactRows, closed: IntArray, lasting: LastingArrays)
     return number_marked(slot, lasting.particles)
 
 
-@inlined_kernel
+@kernel
 def _subtract_step(touch: CatheterTouch, particles: IntArray, out: FloatArray) -> None:
     """Subtract the compliance of one step between the listed particles from ``out`` (3 p, 3 p)."""
     size = 0
@@ -140,7 +140,7 @@ def _subtract_step(touch: CatheterTouch, particles: IntArray, out: FloatArray) -
             out[row, column] -= step[at, 3 * touch.slot[particles[column // 3]] + column % 3]
 
 
-@inlined_kernel
+@kernel
 def _move_particles(
     rows: ContactRows, row: int, axis: int, slot: IntArray, between: FloatArray, out: FloatArray
 ) -> bool:
@@ -159,7 +159,7 @@ def _move_particles(
     return acts
 
 
-@inlined_kernel
+@kernel
 def _moved_along(rows: ContactRows, row: int, axis: int, lasting: LastingArrays) -> float:
     """Return the motion of a row's contact point along one of its axes, from what `_move_particles` has written."""
     total = 0.0

@@ -102,7 +102,7 @@ def local_stiffness(
     return is_factored
 
 
-@inlined_kernel
+@kernel
 def _write(G: FloatArray, out: FloatArray) -> None:
     """Add G^T G of the first three columns of G (n, 4) to ``out`` (3, 3)."""
     for i in range(3):
@@ -111,7 +111,7 @@ def _write(G: FloatArray, out: FloatArray) -> None:
                 out[i, j] += G[k, i] * G[k, j]
 
 
-@inlined_kernel
+@kernel
 def _list_closed(rows: ContactRows, slides: BoolArray, tool: int, out: IntArray) -> int:
     """Write (row, axis) of the axes that stay closed when the tool moves, up to the capacity of ``out``."""
     count = 0
@@ -124,7 +124,7 @@ def _list_closed(rows: ContactRows, slides: BoolArray, tool: int, out: IntArray)
     return count
 
 
-@inlined_kernel
+@kernel
 def _fill_closed(rows: ContactRows, W: FloatArray, closed: IntArray, S: FloatArray, G: FloatArray) -> None:
     """Write the compliance S (n, n), lower triangle, and the levers G (n, 4) of the closed axes (n, 2)."""
     for i in range(closed.shape[0]):
@@ -138,7 +138,7 @@ def _fill_closed(rows: ContactRows, W: FloatArray, closed: IntArray, S: FloatArr
             S[i, j] = W[3 * row + axis, 3 * closed[j, 0] + closed[j, 1]]
 
 
-@inlined_kernel
+@kernel
 def _add_excess(tools: ToolArrays, tool: int, S: FloatArray, G: FloatArray) -> None:
     """Add 1/K of the coupling minus its compliance over one step to the lower triangle of S (n, n)."""
     for coordinate in range(G.shape[1]):
@@ -148,7 +148,7 @@ def _add_excess(tools: ToolArrays, tool: int, S: FloatArray, G: FloatArray) -> N
                 S[i, j] += excess * G[i, coordinate] * G[j, coordinate]
 
 
-@inlined_kernel
+@kernel
 def _whiten(S: FloatArray, G: FloatArray) -> bool:
     """Overwrite G (n, 4) by L^-1 G, with S = L L^T in place; return False if S is not positive definite."""
     n = S.shape[0]

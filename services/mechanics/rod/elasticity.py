@@ -251,7 +251,7 @@ def bent_length(model: RodModel, work: RodWork, j: int) -> float:
     return float(max(work.length[j], SHORTEST * model.rest_length[j]))
 
 
-@inlined_kernel
+@kernel
 def bending_excess(model: RodModel, work: RodWork, scale: float) -> float:
     """Return the bending energy [J] after ``scale`` times the solution moves the rod, minus its quadratic model.
 

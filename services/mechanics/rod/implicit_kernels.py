@@ -127,7 +127,7 @@ def _mean_velocity(model: RodModel, work: RodWork, v: FloatArray, form: StepForm
     return float(v[i, c] + mean * work.velocity_change[i, c])
 
 
-@inlined_kernel
+@kernel
 def _take_configuration(model: RodModel, work: RodWork, motion: Moving, form: StepForm) -> None:
     """Write the positions, leads and velocities at which forces are taken, for the present velocity change."""
     x, v, w = motion

@@ -134,7 +134,7 @@ def _end_lengths(work: RodWork, form: StepForm, share: float, j: int) -> tuple[f
     return math.sqrt(before), math.sqrt(after), along, squared
 
 
-@inlined_kernel
+@kernel
 def _excess_stretch(model: RodModel, work: RodWork, form: StepForm, share: float) -> float:
     """Return the stretch energy [J] at the end of the step with a fraction of the solution, minus its quadratic model.
 
@@ -152,7 +152,7 @@ def _excess_stretch(model: RodModel, work: RodWork, form: StepForm, share: float
     return total
 
 
-@inlined_kernel
+@kernel
 def correct_stretch(model: RodModel, work: RodWork, form: StepForm) -> float:
     """Replace the solution by a correction to the exact stretch, with the same matrix; return the error's energy [J].
 
