@@ -8,10 +8,9 @@ import numpy as np
 
 from services.mechanics.arrays import AnyArray, FloatArray
 from services.mechanics.effects.base import Effect, recipe_of, require_positive
-from services.mechanics.effects.viscoelasticity import ViscoelasticitySettings
 from services.mechanics.reduction.nonlinear.cubic_force import apply_impulse
 from services.mechanics.reduction.nonlinear.quadratic_manifold import fetch_membrane_force
-from services.mechanics.reduction.viscoelastic import NEVER, ViscousModes
+from services.mechanics.reduction.viscoelastic import PronySeries, ViscousModes
 from services.mechanics.scene import SceneModel
 from services.mechanics.world import World
 
@@ -60,8 +59,8 @@ class NonlinearMembrane(Effect):
         self._damping = 2.0 * duct.basis.omega_rad_s * duct.damping_ratio
         self._gradient, self._branch = np.zeros((2, duct.basis.n_modes))
         self._scratch = np.zeros((2, self.settings.n_coordinates))
-        viscous = self.scene.effects.get("viscoelasticity")
-        series = viscous.series() if isinstance(viscous, ViscoelasticitySettings) else NEVER
+        viscous = self.scene.effects.get("viscoelasticity")  # read by name, so that no effect imports another
+        series = PronySeries(getattr(viscous, "g", ()), getattr(viscous, "tau_s", ()))
         self._lagging = ViscousModes(duct.basis.omega_rad_s, series)
 
     def add_loads(self, world: World, dt_s: float) -> None:
