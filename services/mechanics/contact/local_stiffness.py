@@ -8,7 +8,7 @@ from typing import Annotated, cast
 from services.mechanics.arrays import BoolArray, FloatArray, IntArray
 from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
 from services.mechanics.bodies.forceps.tool_body import ToolArrays
-from services.mechanics.compiled import inlined_kernel, kernel
+from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.contact.admissible import closed_axes
 from services.mechanics.contact.geometry import Bodies

@@ -2,8 +2,8 @@
 
 A candidate gets a row if it touches; pricing finds those that come to touch within the step. Candidates are chosen by
 increasing clearance (the gap plus the indentation by jaws), members of the set first. A candidate whose position on the
-undeformed wall and normal are near those of a chosen one of the same body, as deep, is a duplicate and gets no row. A feature
-(piece and triangle) whose contact carried a force stays a member for some steps.
+undeformed wall and normal are near those of a chosen one of the same body, and that is no deeper, is a duplicate and
+gets no row. A feature (piece and triangle) whose contact carried a force stays a member for some steps.
 """
 
 from __future__ import annotations
