@@ -85,7 +85,7 @@ def write_violations(
     for i in range(n):
         corner = listed.clusters.triangles
         put_row(working.at_rest, i, place_at_rest(working.rest, corner, found.triangle[i], row(found.weight, i)))
-        working.key[i] = found.gap_m[i]
+        working.key[i] = working.clearance_m[i] = found.gap_m[i]
     sort_by_key(working, n)
     working.n_chosen = 0
     for place in range(n):
