@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 import time
 
+import numpy as np
+
 from services.cache_directory import cache_directory
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.scene import SceneModel
@@ -14,6 +16,7 @@ from services.runtime.loop import LoopMeter, ticks
 from services.runtime.process import Process, ProcessConfig, main
 from services.scenes import load_duct, load_scene
 from services.scenes.drawn_surface import DrawnSurface
+from services.visualization import tool_pose
 from services.visualization.composer import TOPICS, Composer
 from services.visualization.outputs import open_output
 from services.visualization.page_hands import TOPIC as HANDS
@@ -31,6 +34,7 @@ def prepare(process_config: ProcessConfig) -> tuple[SceneModel, ReducedDuct]:
     scene = load_scene(process_config.scene_name, process_config.scene_overrides)
     duct = load_duct(scene, cache_directory(), progress)
     DrawnSurface(duct).warm_up()
+    tool_pose.orientation(np.ones(3), (0.0, 0.0, 0.0), 0.0)
     return scene, duct
 
 
