@@ -15,14 +15,13 @@ from services.mechanics.arrays import BoolArray, ByteArray, FloatArray
 from services.mechanics.collision.candidate_list import LOOK_AHEAD_M
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL, ContactPairs, pairs_at, write_pair
 from services.mechanics.collision.primitives import closest_of_segments
-from services.mechanics.compiled import inlined_kernel, kernel
+from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import (
     Vector,
     along,
     cross,
     dot,
-    put_row,
     put_row_of,
     row,
     row_of,
@@ -47,7 +46,6 @@ class CapsuleMemory(Struct):
 
     active: Annotated[ByteArray, "m", "n"]  # one where the pair was within reach at the last tick
     normal: Annotated[FloatArray, "m", "n", 3]  # towards the first body, of active pairs
-    found: Annotated[FloatArray, "n", 3]  # scratch: (s, t, distance) of one first segment with all second ones
 
     def reset(self) -> None:
         """Clear the state of every pair."""
@@ -112,41 +110,24 @@ def detect_capsules(
 ) -> None:
     """Append pairs of tool segments with catheter segments; ``sizes`` is (radii of catheter segments, margin) in m.
 
-    Normals are stored for all pairs that a step may bring into contact.
+    Normals are stored for all pairs that a step may bring into contact. Two segments that share a particle may give the
+    same pair twice: then only the earlier one is appended.
     """
-    memory, pairs, n_segments = capsules_at(addresses[0]), pairs_at(addresses[1]), tools[0].shape[1]
-    for tool in range(tools[0].shape[0]):
-        for segment in range(n_segments):
-            i = tool * n_segments + segment
-            if tools[2][tool] and tools[1][tool, segment] > 0.0:
-                ends = ends_of(tools[0][tool], segment)
-                for j in range(memory.active.shape[1]):
-                    second = (row(particles, j), row(particles, j + 1))
-                    reach = tools[1][tool, segment] + sizes[0][j] + max(sizes[1], LOOK_AHEAD_M)
-                    s, t, distance, _ = track_pair(memory, i, j, ends, second, reach)
-                    put_row(memory.found, j, (s, t, distance))
-                _write_nearest(memory, i, (tool, segment), (tools[1][tool, segment], *sizes), pairs)
-            else:
-                for j in range(memory.active.shape[1]):
-                    memory.active[i, j] = 0
-
-
-@inlined_kernel
-def _write_nearest(
-    memory: CapsuleMemory, i: int, who: tuple[int, int], sizes: tuple[float, FloatArray, float], pairs: ContactPairs
-) -> None:
-    """Write the closest pair of first segment i with each second one within a margin; ``sizes`` is (radii, margin).
-
-    Two segments that share a particle may give the same pair twice: then only the later one is written.
-    """
-    found, last = memory.found, memory.active.shape[1] - 1
-    for j in range(last + 1):
-        s, t, distance = row(found, j)
-        is_again = j < last and t == 1.0 and found[j + 1, 1] == 0.0 and found[j + 1, 2] <= distance + _NO_DIRECTION_M
-        gap_m = distance - (sizes[0] + sizes[1][j])
-        if gap_m < sizes[2] and not is_again:
-            pair = (who[0], who[1], -1, CATHETER_SEGMENT, j, s, (1.0 - t, t, 0.0))
-            write_pair(pairs, pair, gap_m, row_of(memory.normal, i, j))
+    memory, pairs, (segments, radius, present) = capsules_at(addresses[0]), pairs_at(addresses[1]), tools
+    n_segments = segments.shape[1]
+    for i in range(segments.shape[0] * n_segments):
+        tool, segment, last_t = i // n_segments, i % n_segments, 0.0
+        for j in range(memory.active.shape[1]):
+            if not present[tool] or radius[tool, segment] <= 0.0:
+                memory.active[i, j] = 0
+                continue
+            second, apart_m = (row(particles, j), row(particles, j + 1)), radius[tool, segment] + sizes[0][j]
+            reach = apart_m + max(sizes[1], LOOK_AHEAD_M)
+            s, t, distance, normal = track_pair(memory, i, j, ends_of(segments[tool], segment), second, reach)
+            if distance - apart_m < sizes[1] and not (t == 0.0 and last_t == 1.0):
+                pair = (tool, segment, -1, CATHETER_SEGMENT, j, s, (1.0 - t, t, 0.0))
+                write_pair(pairs, pair, distance - apart_m, normal)
+            last_t = t
 
 
 class SelfContactDetector:

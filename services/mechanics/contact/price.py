@@ -222,7 +222,7 @@ def write_capsule_violations(
             apart_m -= 2.0 * half_m + rest_offset_m
             first, second = ends_of(listed.ends, i), ends_of(listed.ends, N_TOOL_PIECES + j)
             s, t, distance, normal = measure_pair(first, second, side)
-            is_again = t == 1.0 and j + 1 < memory.active.shape[1] and memory.active[i, j + 1] == 1
+            is_again = t == 0.0 and j > 0 and memory.active[i, j - 1] == 1
             if is_again or distance - apart_m >= -tolerance_m:
                 continue
             first, second = ends_of(start, i), ends_of(start, N_TOOL_PIECES + j)
