@@ -26,9 +26,9 @@ from services.mechanics.contact.price import (
     write_chosen,
     write_violations,
 )
-from services.mechanics.contact.spheres import Spheres, no_spheres, write_spheres
+from services.mechanics.contact.spheres import Spheres, no_spheres
 from services.mechanics.contact.state import ContactState, state_at
-from services.mechanics.contact.system import STRATEGIES
+from services.mechanics.contact.system import STRATEGIES, ContactSystem
 from services.mechanics.contact.working_set import (
     TOUCHING_M,
     choose,
@@ -86,13 +86,13 @@ class CandidateSearch:
         """Whether any pair is so near that it may come into contact within a step."""
         return bool(self._wall.list.n_nodes > 0 or self._capsules.active.any())
 
-    def begin(self, bodies: Moving, geometry: Address[ContactGeometry]) -> None:
+    def begin(self, bodies: Moving, system: ContactSystem) -> None:
         """Place wall and pieces at the start of a step, and choose the candidates that get rows."""
         duct, catheter, tools = bodies
         listed, n = self._wall.list, duct.n_loads
         self._write_pieces(catheter.start_m, tools)
         if self._spheres.count:
-            write_spheres(listed.address, self._spheres.address, self._end, self._half_m)
+            write_spheres(listed.address, system.address, 0.0, (self._end, self._half_m))
         if self._apart_is_unknown:
             self._working.merge_m[:] = merge_distance_m(listed.thickness, 2.0 * self._half_m)
             self._apart_is_unknown = False
@@ -102,7 +102,7 @@ class CandidateSearch:
         if self._wall.follow(duct.q_start, (duct.load_nodes[:n], duct.load_force_n[:n])) or self._is_unknown:
             self._wall.measure(self._found)
         self._is_unknown = True
-        choose((listed.address, self._found.address, self._working.address), self._ahead_m, geometry)
+        choose((listed.address, self._found.address, self._working.address), self._ahead_m, system.geometry.address)
         self._wall.save_start(self._start_wall)
 
     def restore_start(self) -> None:
@@ -131,7 +131,7 @@ class CandidateSearch:
         n = duct.n_loads
         self._write_pieces(catheter.state.position_m, tools)
         if self._spheres.count:
-            write_sphere_ends(self._wall.list.address, state, self._end, self._half_m)
+            write_spheres(self._wall.list.address, state, 1.0, (self._end, self._half_m))
         self._wall.move(duct.state.q, (duct.load_nodes[:n], duct.load_force_n[:n]), duct.lasting_loads)
         set_wanted_gaps(self._wall.list.address, self._start[0], self._ahead_m)
         self._wall.measure(self._found)
@@ -186,15 +186,18 @@ def pierces(found_address: Address[Candidates], list_address: Address[CandidateL
 
 
 @kernel
-def write_sphere_ends(
-    list_address: Address[CandidateList], state_address: Address[ContactState], first: int, half_m: float
+def write_spheres(
+    list_address: Address[CandidateList], state_address: Address[ContactState], share: float, pieces: tuple[int, float]
 ) -> None:
-    """Write spheres where the solved step ends into a list."""
+    """Write spheres into a list: where the step starts (``share`` 0) or ends (1).
+
+    ``pieces`` is (number of the first one, half the thickness of the wall in m).
+    """
     listed, state = list_at(list_address), state_at(state_address)
     spheres, rows = state.geometry.spheres, state.rows
     for k in range(spheres.count):
-        end = along(row(spheres.start, k), row(spheres.motion, k), 1.0)
+        place = along(row(spheres.start, k), row(spheres.motion, k), share)
         for at in range(rows.n_contacts):
             if rows.stone[at] == k:
-                end = along(end, row(state.force_n, at), spheres.compliance[k])
-        put_piece(listed, first + k, (end, end), spheres.radius[k] + half_m)
+                place = along(place, row(state.force_n, at), share * spheres.compliance[k])
+        put_piece(listed, pieces[0] + k, (place, place), spheres.radius[k] + pieces[1])

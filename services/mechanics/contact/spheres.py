@@ -8,11 +8,8 @@ from __future__ import annotations
 from typing import Annotated
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.collision.candidate_list import CandidateList, list_at
-from services.mechanics.collision.pieces import put_piece
 from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import row
+from services.mechanics.compiled.struct import Address, Struct
 from services.mechanics.contact.identity import STONE
 from services.mechanics.contact.rows import NO_STONE, ContactRows, rows_at
 
@@ -42,26 +39,9 @@ class Spheres(Struct):
         return slice(first, end)
 
 
-spheres_at = reader(Spheres)
-
-
 def no_spheres() -> Spheres:
     """Return arrays for `MAX_SPHERES` spheres, of which none exists yet."""
     return Spheres.zeros(s=MAX_SPHERES)
-
-
-@kernel
-def write_spheres(
-    list_address: Address[CandidateList], spheres_address: Address[Spheres], first: int, half_m: float
-) -> None:
-    """Write the spheres at the start of the step into a candidate list, as pieces from ``first`` on.
-
-    ``half_m`` is half the thickness of the wall.
-    """
-    listed, spheres = list_at(list_address), spheres_at(spheres_address)
-    for k in range(spheres.count):
-        centre = row(spheres.start, k)
-        put_piece(listed, first + k, (centre, centre), spheres.radius[k] + half_m)
 
 
 @inlined_kernel

@@ -306,7 +306,7 @@ class Simulation:
         self.squeeze.append_rows()
         pairs = self.world.pairs
         pairs.clear()
-        search.begin(self._moving, system.geometry.address)
+        search.begin(self._moving, system)
         search.write_pairs(self.catheter, self.tools, pairs)
         if self.tools.have_appeared:
             search.engage(pairs, system.geometry.address)

@@ -86,9 +86,7 @@ def test_only_its_sphere_touches(small_scene, small_duct):
     push(simulation, down(20e-3, 1e-3))
     pairs = simulation.world.pairs
     pairs.clear()
-    simulation.search.begin(
-        (simulation.duct, simulation.catheter, simulation.tools), simulation.system.geometry.address
-    )
+    simulation.search.begin((simulation.duct, simulation.catheter, simulation.tools), simulation.system)
     simulation.search.write_pairs(simulation.catheter, simulation.tools, pairs)
     of_probe = pairs.tool[: pairs.count] == 0
     assert of_probe.any()

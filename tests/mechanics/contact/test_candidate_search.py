@@ -64,9 +64,7 @@ def test_who_goes_through_the_middle_surface_in_a_step_is_held_on_the_side_of_it
     line = middle + (reach_m + 1e-6 * gap_um) * side + np.outer(np.arange(31) - 15.5, 0.3e-3 * along)
     simulation.search.forget()
     simulation.catheter.state.position_m[:] = simulation.catheter.start_m[:] = line
-    simulation.search.begin(
-        (simulation.duct, simulation.catheter, simulation.tools), simulation.system.geometry.address
-    )
+    simulation.search.begin((simulation.duct, simulation.catheter, simulation.tools), simulation.system)
     way_m = reach_m + 1e-6 * (gap_um + beyond_um)
     pairs = price(simulation, line - way_m * side)
     assert pairs.count > 0
@@ -95,7 +93,7 @@ def test_a_sphere_touches_what_is_nearest_of_all_triangles(small_scene, small_du
         angle, out_m = rng.uniform(0.0, 6.28), rng.uniform(0.0, 7e-3)
         spheres.start[0] = rng.uniform(2e-3, 42e-3), out_m * np.cos(angle), out_m * np.sin(angle)
         search.forget()
-        search.begin(bodies, simulation.system.geometry.address)
+        search.begin(bodies, simulation.system)
         pairs.clear()
         search.write_pairs(simulation.catheter, simulation.tools, pairs)
         of_sphere = np.flatnonzero(pairs.particle[: pairs.count] == number)
@@ -148,14 +146,14 @@ def test_between_jaws_there_is_as_much_room_as_they_have_squeezed_away(simulatio
 
 def test_a_catheter_whose_axis_pierces_the_wall_is_not_sound(simulation):
     bodies = simulation.duct, simulation.catheter, simulation.tools
-    simulation.search.begin(bodies, simulation.system.geometry.address)
+    simulation.search.begin(bodies, simulation.system)
     assert simulation.search.is_sound()
     middle, normal = facet(simulation, 0.3)
     line = simulation.catheter.start_m
     for end_m, is_sound in ((0.3e-3, False), (-0.3e-3, True)):  # the tip beyond the middle surface, or short of it
         line[:] = middle + np.outer(np.linspace(-3e-3, end_m, len(line)), -normal)
         simulation.search.forget()
-        simulation.search.begin(bodies, simulation.system.geometry.address)
+        simulation.search.begin(bodies, simulation.system)
         assert simulation.search.is_sound() == is_sound
 
 
@@ -174,9 +172,7 @@ def test_rows_of_a_film_are_seen_whoever_is_prepared_first(small_scene, small_du
     for step in steps if film_first else reversed(steps):
         step()
     pairs = ContactPairs.allocate(256)
-    simulation.search.begin(
-        (simulation.duct, simulation.catheter, simulation.tools), simulation.system.geometry.address
-    )
+    simulation.search.begin((simulation.duct, simulation.catheter, simulation.tools), simulation.system)
     simulation.search.write_pairs(simulation.catheter, simulation.tools, pairs)
     particles = pairs.particle[: pairs.count]
     assert ((particles >= 0) & (particles < 10)).any()
