@@ -102,7 +102,7 @@ def _tool_side(holds: HoldArrays, slot: int, tools: ToolArrays, rows: ContactRow
 def _catheter_side(holds: HoldArrays, slot: int, geometry: ContactGeometry, rows: ContactRows, row: int) -> None:
     """Make the catheter the target: subtract the held point from the slip, and align the frame across the jaws."""
     rod = geometry.rod
-    first, weights, slope = point_on_curve(rod.position, _place_on_catheter(holds, slot))
+    first, weights, slope = point_on_curve(rod.position, holds.target[slot] + holds.weights[slot, 1])
     put_on_curve(rows, row, first, weights)
     for k in range(3):
         for axis in range(3):
@@ -115,24 +115,6 @@ def _catheter_side(holds: HoldArrays, slot: int, geometry: ContactGeometry, rows
     put_row_of(rows.frame, row, 0, across)
     put_row_of(rows.frame, row, _ALONG, tangent)
     put_row_of(rows.frame, row, 2, cross(across, tangent))
-
-
-@kernel
-def _place_on_catheter(holds: HoldArrays, slot: int) -> float:
-    """Return the position of a held point along the catheter, in segments."""
-    place: float = holds.target[slot] + holds.weights[slot, 1]
-    return place
-
-
-@inlined_kernel
-def _set_place(holds: HoldArrays, slot: int, place: float, n_segments: int) -> None:
-    """Set the position of a held point along the catheter, in segments; beyond an end the hold is lost."""
-    if not 0.0 <= place <= n_segments:
-        holds.lost[slot] = True
-    place = min(max(place, 0.0), float(n_segments))
-    holds.target[slot] = min(int(place), n_segments - 1)
-    s = place - holds.target[slot]
-    holds.weights[slot, 0], holds.weights[slot, 1], holds.weights[slot, 2] = 1.0 - s, s, 0.0
 
 
 @kernel
@@ -180,11 +162,20 @@ def slide_holds(
 
 @kernel
 def _slide_along_catheter(holds: HoldArrays, slot: int, slip: Vector, position: FloatArray) -> Vector:
-    """Move the held point along the catheter by the axial part of ``slip``, and return the rest."""
-    _, _, slope = point_on_curve(position, _place_on_catheter(holds, slot))
+    """Move the held point along the catheter by the axial part of ``slip``, and return the rest.
+
+    Beyond an end of the catheter the hold is lost.
+    """
+    place, n_segments = holds.target[slot] + holds.weights[slot, 1], position.shape[0] - 1
+    _, _, slope = point_on_curve(position, place)
     tangent = unit(slope)
     axial = dot(slip, tangent)
-    _set_place(holds, slot, _place_on_catheter(holds, slot) + axial / dot(slope, tangent), position.shape[0] - 1)
+    place += axial / dot(slope, tangent)
+    holds.lost[slot] |= not 0.0 <= place <= n_segments
+    place = min(max(place, 0.0), float(n_segments))
+    holds.target[slot] = min(int(place), n_segments - 1)
+    s = place - holds.target[slot]
+    holds.weights[slot, 0], holds.weights[slot, 1], holds.weights[slot, 2] = 1.0 - s, s, 0.0
     return along(slip, tangent, -axial)
 
 

@@ -28,7 +28,6 @@ class Law:
         False  # whether friction, which is elastoplastic, is added: its coefficient times the normal force
     )
     needs_limit: bool = False  # whether a row whose limit is zero bears no force at all
-    limit_n: float = math.inf  # initial ``force_limit_n`` of a row
     has_gap: bool = False  # whether ``gap_m`` is a distance of two surfaces: a negative one is an overlap
     fixes_distance: bool = False  # whether the distance at the end is constrained, not its change over the step
     is_damper: bool = False  # whether the softness relates force to velocity, so that a hand feels no stiffness
@@ -78,7 +77,6 @@ CREEP = np.array([law.creep_m_s_n for law in LAWS.values()])
 MAX_TENSION = np.array([law.max_tension for law in LAWS.values()])
 MAX_COMPRESSION = np.array([law.max_compression for law in LAWS.values()])
 MAX_TANGENTIAL = np.array([law.max_tangential for law in LAWS.values()])
-LIMIT_N = np.array([law.limit_n for law in LAWS.values()])
 HAS_FRICTION = np.array([law.has_friction for law in LAWS.values()])
 NEEDS_LIMIT = np.array([law.needs_limit for law in LAWS.values()])
 HAS_GAP = np.array([law.has_gap for law in LAWS.values()])

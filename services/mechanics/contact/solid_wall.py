@@ -120,23 +120,15 @@ def wall_reaction(wall: SolidWall, tool: int, opening_rad: float) -> tuple[float
 
 
 @inlined_kernel
-def cell_energy_j(wall: SolidWall, tool: int, cell: int, opening_rad: float) -> float:
-    """Return the elastic energy of a cell in J, the integral of its force over the thickness."""
-    strain = _strain(wall, tool, cell, opening_rad)
-    if strain <= 0.0:
-        return 0.0
-    root = math.sqrt(min(strain, _MAX_STRAIN))
-    scale = 2.0 * _scale_n(wall, tool, cell) * wall.free_m[tool, cell]
-    energy: float = scale * (math.atanh(root) - root - strain * root / 3.0)
-    return energy
-
-
-@inlined_kernel
 def stored_energy_j(wall: SolidWall, tool: int, opening_rad: float) -> float:
-    """Return the elastic energy of all cells of a tool in J."""
+    """Return the elastic energy of all cells of a tool in J, the integral of their forces over the thickness."""
     total = 0.0
     for cell in range(N_CELLS):
-        total += cell_energy_j(wall, tool, cell, opening_rad)
+        strain = _strain(wall, tool, cell, opening_rad)
+        if strain > 0.0:
+            root = math.sqrt(min(strain, _MAX_STRAIN))
+            scale = 2.0 * _scale_n(wall, tool, cell) * wall.free_m[tool, cell]
+            total += scale * (math.atanh(root) - root - strain * root / 3.0)
     return total
 
 

@@ -12,7 +12,7 @@ from typing import Annotated
 from services.mechanics.arrays import BoolArray, FloatArray, LongArray
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Struct
-from services.mechanics.compiled.vectors import Vector, put_row, squared_distance
+from services.mechanics.compiled.vectors import put_row, squared_distance
 from services.mechanics.compiled.vectors import row as vector
 from services.mechanics.contact.identity import without_target
 from services.mechanics.contact.laws import HAS_FRICTION
@@ -62,7 +62,8 @@ def recall_forces(memory: ForceMemory, rows: ContactRows, slides: BoolArray, ver
 @kernel
 def _nearest(memory: ForceMemory, rows: ContactRows, row: int, vertices_m: FloatArray, any_place: bool) -> int:
     """Return the nearest unused entry with the row's bodies, or -1; only one at the same place unless ``any_place``."""
-    identity, at, nearest = rows.identity[row], _place_m(rows, row, vertices_m), -1
+    identity, nearest = rows.identity[row], -1
+    at = place_at_rest(vertices_m, rows.duct_node, row, vector(rows.duct_weight, row))
     is_on_wall, least_2 = at != (0.0, 0.0, 0.0), math.inf if any_place else SAME_PLACE_M**2
     for old in range(memory.n_contacts):
         other = memory.identity[old]
@@ -74,12 +75,6 @@ def _nearest(memory: ForceMemory, rows: ContactRows, row: int, vertices_m: Float
         if distance_2 < least_2:
             nearest, least_2 = old, distance_2
     return nearest
-
-
-@kernel
-def _place_m(rows: ContactRows, row: int, vertices_m: FloatArray) -> Vector:
-    """Return a row's position on the undeformed wall; zero for a contact without the wall."""
-    return place_at_rest(vertices_m, rows.duct_node, row, vector(rows.duct_weight, row))
 
 
 @kernel
@@ -103,7 +98,8 @@ def store_forces(
     """Store the solved ``forces`` (C, 3) along world axes, their places on the undeformed wall, and sliding flags."""
     memory.n_contacts = rows.n_contacts
     for row in range(rows.n_contacts):
-        put_row(memory.place_m, row, _place_m(rows, row, vertices_m))
+        at_rest = place_at_rest(vertices_m, rows.duct_node, row, vector(rows.duct_weight, row))
+        put_row(memory.place_m, row, at_rest)
         put_row(memory.force_n, row, vector(forces, row))
         memory.identity[row], memory.slides[row] = rows.identity[row], slides[row]
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.bodies.forceps.kinematics import contact_lever
 from services.mechanics.bodies.forceps.tool_body import ToolArrays
@@ -11,7 +13,7 @@ from services.mechanics.compiled.vectors import Vector, cross, subtract
 from services.mechanics.compiled.vectors import row as vector
 from services.mechanics.compiled.vectors import row_of as vector_of
 from services.mechanics.contact.identity import with_law
-from services.mechanics.contact.laws import CREEP, LIMIT_N, SOFTNESS_M_N
+from services.mechanics.contact.laws import CREEP, SOFTNESS_M_N
 from services.mechanics.contact.rows import NO_STONE, ContactRows
 
 NO_ROOM = -1
@@ -45,17 +47,11 @@ def append_row(rows: ContactRows, law: int, identity: int) -> int:
     rows.gap_m[row] = rows.rest_offset_m[row] = 0.0
     rows.slip_m[row] = 0.0
     rows.friction[row] = 0.0
-    set_law(rows, row, law)
-    return row
-
-
-@inlined_kernel
-def set_law(rows: ContactRows, row: int, law: int) -> None:
-    """Set the law of a row, and with it its softness and its force limit."""
-    rows.law[row], rows.force_limit_n[row] = law, LIMIT_N[law]
+    rows.law[row], rows.force_limit_n[row] = law, math.inf
     for axis in range(3):
         rows.softness_m_n[row, axis] = SOFTNESS_M_N[law, axis]
     rows.softness_m_n[row, 0] += CREEP[law] * rows.dt_s
+    return row
 
 
 @kernel
