@@ -334,8 +334,8 @@ def implicit_integrator(simulation: Simulation) -> ImplicitIntegrator:
 def nodal_loads(simulation: Simulation) -> FloatArray:
     """Return the contact loads (n, 3) on every node of the duct."""
     loads = np.zeros((simulation.duct.reduced.mesh.n_vertices, 3))
-    n = simulation.n_loads
-    loads[simulation.load_nodes[:n]] = simulation.load_force_n[:n]
+    n = simulation.duct.n_loads
+    loads[simulation.duct.load_nodes[:n]] = simulation.duct.load_force_n[:n]
     return loads
 
 

@@ -74,13 +74,13 @@ def _end_energy_j(simulation: Simulation, row: int) -> float:
     """Energy of a hold's spring; where it slides, its point has come up to where the spring bears the limit."""
     rows = simulation.system.rows
     softness = rows.softness_m_n[row]
-    slides = simulation.slides[row]
+    slides = simulation.system.slides[row]
     stretch = softness * rows.force_n[row] if slides else _linear_stretch_m(simulation, row)
     return 0.5 * float(np.sum(stretch**2 / softness))
 
 
 def _slipped_j(simulation: Simulation, row: int) -> float:
-    if not simulation.slides[row]:
+    if not simulation.system.slides[row]:
         return 0.0
     motion = simulation.system.motion_m[3 * row : 3 * row + 3]
     return -float(simulation.system.rows.force_n[row] @ motion)

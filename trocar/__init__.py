@@ -49,9 +49,9 @@ def simulate(scene: Scene, progress: Progress = ignore_progress) -> Simulation:
 
 def wall_m(simulation: Simulation) -> FloatArray:
     """Return the present positions (n, 3) of the duct's middle surface's nodes, in scene axes."""
-    duct, n = simulation.duct.reduced, simulation.n_loads
-    loads = simulation.load_nodes[:n], simulation.load_force_n[:n]
-    moved_m: FloatArray = duct.mesh.vertices_m + duct.displacements(simulation.duct_state, *loads)
+    duct, n = simulation.duct.reduced, simulation.duct.n_loads
+    loads = simulation.duct.load_nodes[:n], simulation.duct.load_force_n[:n]
+    moved_m: FloatArray = duct.mesh.vertices_m + duct.displacements(simulation.duct.state, *loads)
     return moved_m
 
 

@@ -22,9 +22,9 @@ for tick in range(round(1000 * scenario.duration_s)):
     scenario.write_inputs(1e-3 * tick, hands)
     simulation.step(hands)
     if tick % 50 == 0:
-        n = simulation.n_loads
-        loads = simulation.load_nodes[:n], simulation.load_force_n[:n]
-        u = duct.displacements(simulation.duct_state, *loads)
+        n = simulation.duct.n_loads
+        loads = simulation.duct.load_nodes[:n], simulation.duct.load_force_n[:n]
+        u = duct.displacements(simulation.duct.state, *loads)
         moved = TriangleMesh(duct.mesh.vertices_m + u, duct.mesh.triangles)
         write_vtu(folder / f"duct-{tick:04d}.vtu", moved, {"displacement_m": u})
 

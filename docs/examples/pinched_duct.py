@@ -20,4 +20,5 @@ for angle_rad in [*np.linspace(1.2, 0.4, 801), *[0.4] * 400]:  # closed in 0.8 s
     simulation.step(hands)
 
 torque_nm = simulation.tool_results.grasp_torque_nm[0]
-print(f"jaws at {simulation.tools.proxy[0, 3]:.2f} rad feel {1e3 * torque_nm:.2f} mN m from {simulation.n_loads} nodes")
+open_rad, n_nodes = simulation.tools.proxy[0, 3], simulation.duct.n_loads
+print(f"jaws at {open_rad:.2f} rad feel {1e3 * torque_nm:.2f} mN m from {n_nodes} nodes")

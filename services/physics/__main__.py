@@ -58,7 +58,7 @@ class Physics:
         self._snapshot = Snapshot(self.simulation, kept)
         self._reader = ContactsReader(self.simulation)
         self._outputs = Outputs(self.simulation, self._duct.basis.content_hash)
-        watched = {"q": self.simulation.duct_state.q, "catheter": self.simulation.catheter.state.position_m}
+        watched = {"q": self.simulation.duct.state.q, "catheter": self.simulation.catheter.state.position_m}
         self._guard = NanGuard("physics", watched, cache_directory() / "dumps")
 
     def advance(self, frame: Frame, ticks: int) -> None:

@@ -24,7 +24,7 @@ SMALL = ("duct.n_around=20", "duct.n_along=26", "duct.n_modes=40", "catheter.n_s
 OURS = ("services.mechanics.", "trocar.")
 FRAMES = ("scene", "contact", "modes", "")
 #: Parts of parts that are told of; of all others only those that a simulation shows itself.
-FURTHER = ("simulation.catheter.state", "simulation.world.pairs")
+FURTHER = ("simulation.catheter.state", "simulation.duct.state", "simulation.world.pairs")
 
 
 def _simulation() -> trocar.Simulation:

@@ -54,7 +54,7 @@ def test_without_randomisation_it_is_the_plain_simulation_to_the_bit(env: Insert
             hands.move(2e-3)
             plain.step(hands.inputs, 2e-3)
     np.testing.assert_array_equal(plain.catheter.state.position_m, env.simulation.catheter.state.position_m)
-    np.testing.assert_array_equal(plain.duct_state.q, env.simulation.duct_state.q)
+    np.testing.assert_array_equal(plain.duct.state.q, env.simulation.duct.state.q)
     assert plain.tool_results.stiffness_n_m.any()
     assert not env.simulation.tool_results.stiffness_n_m.any()
 

@@ -38,7 +38,7 @@ class Course:
         self.force.append(simulation.tool_results.force_n.copy())
         self.penetration.append(simulation.max_penetration_m)
         self.tips.append(simulation.catheter.state.position_m[-1].copy())
-        on_duct = simulation.load_force_n[: simulation.n_loads].sum(axis=0)
+        on_duct = simulation.duct.load_force_n[: simulation.duct.n_loads].sum(axis=0)
         rows = simulation.contacts
         on_tools = simulation.contact_force_n[rows.tool[: rows.n_contacts] >= 0].sum(axis=0)
         on_rod = simulation.catheter.contact_force_n.sum(axis=0)

@@ -13,7 +13,7 @@ FAR = (0.02, -0.05, 0.08)
 
 def _state(rig: Rig) -> bytes:
     simulation = rig.physics.simulation
-    parts = simulation.duct_state.q, simulation.catheter.state.position_m, simulation.tool_results.force_n
+    parts = simulation.duct.state.q, simulation.catheter.state.position_m, simulation.tool_results.force_n
     return b"".join(part.tobytes() for part in parts)
 
 

@@ -154,7 +154,7 @@ def test_the_same_frames_give_the_same_physics(rig: Rig) -> None:
         for frame in frames:
             rig.physics.advance(frame, 1)
         states.append(
-            (rig.physics.simulation.duct_state.q.copy(), rig.physics.simulation.catheter.state.position_m.copy())
+            (rig.physics.simulation.duct.state.q.copy(), rig.physics.simulation.catheter.state.position_m.copy())
         )
     np.testing.assert_array_equal(states[0][0], states[1][0])
     np.testing.assert_array_equal(states[0][1], states[1][1])
@@ -169,7 +169,7 @@ def test_a_state_that_is_no_number_is_written_down_and_replaced(
 
     def diverge(*arguments: object) -> None:
         step(*arguments)  # type: ignore[arg-type]
-        simulation.duct_state.q[3] = np.nan
+        simulation.duct.state.q[3] = np.nan
 
     monkeypatch.setattr(simulation, "step", diverge)
     spy = type(rig.gateway)(rig.hub, reads=["physics.state"])
@@ -181,7 +181,7 @@ def test_a_state_that_is_no_number_is_written_down_and_replaced(
     assert not answer.valid
     rig.turn(FAR, FAR)
     assert rig.physics.resets == 1
-    assert np.isfinite(rig.physics.simulation.duct_state.q).all()
+    assert np.isfinite(rig.physics.simulation.duct.state.q).all()
 
 
 def test_frames_that_do_not_fit_the_scene_are_refused(rig: Rig) -> None:

@@ -8,9 +8,8 @@ from time import perf_counter_ns
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-from services.mechanics.arrays import ByteArray, FloatArray, IntArray
+from services.mechanics.arrays import ByteArray, FloatArray
 from services.mechanics.bodies.catheter_drive import build_drive
 from services.mechanics.bodies.duct_loads import begin_loads
 from services.mechanics.bodies.forceps import Grasp, JawState
@@ -25,7 +24,7 @@ from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.system import DroppedContacts
 from services.mechanics.contact.tool_loads import ReportArrays, report
 from services.mechanics.effects import act, build_effects, by_stage
-from services.mechanics.reduction import ModalState, ReducedDuct
+from services.mechanics.reduction import ReducedDuct
 from services.mechanics.rod.free_step import continue_sleep
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs, ToolResults
@@ -203,26 +202,6 @@ class Simulation:
         self._use_rung(self.quality_level)
 
     @property
-    def duct_state(self) -> ModalState:
-        """Modal coordinates of the duct."""
-        return self.duct.state
-
-    @property
-    def load_nodes(self) -> IntArray:
-        """(L,) nodes of the duct that contacts load; the first `n_loads` are valid."""
-        return self.duct.load_nodes
-
-    @property
-    def load_force_n(self) -> FloatArray:
-        """(L, 3) contact forces on those nodes."""
-        return self.duct.load_force_n
-
-    @property
-    def n_loads(self) -> int:
-        """Number of loaded nodes."""
-        return self.duct.n_loads
-
-    @property
     def contacts(self) -> ContactRows:
         """Contacts and holds of the last step with their solved forces."""
         return self.system.rows
@@ -248,11 +227,6 @@ class Simulation:
     def healed_states(self) -> int:
         """Number of unsound states since the start that were replaced by the last sound one."""
         return self._healer.healed
-
-    @property
-    def slides(self) -> npt.NDArray[np.bool_]:
-        """(C,) whether each contact slid, or each hold slipped, in the last step."""
-        return self.system.slides
 
     @property
     def stage_cost_ns(self) -> dict[str, int]:

@@ -52,7 +52,8 @@ def test_its_force_is_that_of_the_full_finite_elements(small_scene, small_duct, 
     simulation = simulation_of(small_scene, small_duct)
     felt = push(simulation, down(x_m, depth_m, angle_rad)).force_n[0]
     loads_n = np.zeros((small_duct.mesh.n_vertices, 3))
-    np.add.at(loads_n, simulation.load_nodes[: simulation.n_loads], simulation.load_force_n[: simulation.n_loads])
+    duct, n = simulation.duct, simulation.duct.n_loads
+    np.add.at(loads_n, duct.load_nodes[:n], duct.load_force_n[:n])
     np.testing.assert_allclose(felt, -loads_n.sum(axis=0), atol=1e-3 * np.linalg.norm(felt))
     model = full_model(small_scene.duct)
     full_m = nodal_translations(model, factorise(csc_array(model.K_free)).solve(free_load(model, loads_n)))

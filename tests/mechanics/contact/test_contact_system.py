@@ -31,8 +31,8 @@ def pressed(with_effects, small_duct):
 
 def duct_state(simulation):
     """Modes and contact loads as they are now."""
-    n = simulation.n_loads
-    return simulation.duct_state.q.copy(), simulation.load_nodes[:n].copy(), simulation.load_force_n[:n].copy()
+    duct, n = simulation.duct, simulation.duct.n_loads
+    return duct.state.q.copy(), duct.load_nodes[:n].copy(), duct.load_force_n[:n].copy()
 
 
 def duct_points(simulation, state, rows, n):
@@ -82,7 +82,7 @@ def test_every_force_has_its_reaction(pressed):
     total_force = 0.0
     for _ in range(30):
         simulation.step(tools)
-        on_duct = simulation.load_force_n[: simulation.n_loads].sum(axis=0)
+        on_duct = simulation.duct.load_force_n[: simulation.duct.n_loads].sum(axis=0)
         on_rod = simulation.catheter.contact_force_n.sum(axis=0)
         rows, forces = simulation.contacts, simulation.contact_force_n
         on_tools = forces[rows.tool[: rows.n_contacts] >= 0].sum(axis=0)

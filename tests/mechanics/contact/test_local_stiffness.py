@@ -66,7 +66,7 @@ def test_it_is_that_of_a_dense_step_of_backward_euler(small_scene, small_duct, h
 
 def closed_axes(simulation):
     """Return row and axis of what stays closed when the hand moves."""
-    rows, slides = simulation.contacts, simulation.slides
+    rows, slides = simulation.contacts, simulation.system.slides
     return [
         (row, axis)
         for row in range(rows.n_contacts)

@@ -44,7 +44,7 @@ def test_mucus_film_drags_with_the_couette_force(with_effects, small_duct):
         )
         simulation = run(replace(scene, catheter=catheter), small_duct, ticks=60)
         speeds[len(effects)] = -simulation.catheter.state.velocity_m_s[:, 0].mean()
-        on_duct = simulation.load_force_n[: simulation.n_loads].sum(axis=0)
+        on_duct = simulation.duct.load_force_n[: simulation.duct.n_loads].sum(axis=0)
         assert np.abs(on_duct + simulation.catheter.contact_force_n.sum(axis=0)).max() < 1e-12
     assert 0.0 < speeds[1] < 0.2 * speeds[0]
 

@@ -122,7 +122,7 @@ def test_forces_and_motions_at_contacts_do_the_same_virtual_work(duct, bent):
 def test_what_the_tools_feel_the_wall_feels_reversed(bent):
     simulation = bent[0]
     on_tools = simulation.contact_force_n.sum(axis=0)
-    on_wall = simulation.load_force_n[: simulation.n_loads].sum(axis=0)
+    on_wall = simulation.duct.load_force_n[: simulation.duct.n_loads].sum(axis=0)
     assert np.linalg.norm(on_tools) > 5e-3
     assert on_wall == pytest.approx(-on_tools, rel=1e-9)
 

@@ -27,15 +27,15 @@ def test_moves_to_the_last_bit_as_a_duct_that_nobody_touches(name, with_effects,
     duct = build_scene_duct(scene, cache_dir)
     whole, alone = Simulation(scene, duct), DuctAlone(replace(scene, duct_alone=True), duct)
     nobody = ToolInputs(present=np.zeros(2, np.bool_))
-    kicked(whole.duct_state)
+    kicked(whole.duct.state)
     kicked(alone.state)
     began = alone.state.q.copy()
     for _ in range(100):
         whole.step(nobody)
         alone.step()
     assert np.abs(alone.state.q - began).max() > 1e-7
-    assert (alone.state.q == whole.duct_state.q).all()
-    assert (alone.state.qdot == whole.duct_state.qdot).all()
+    assert (alone.state.q == whole.duct.state.q).all()
+    assert (alone.state.qdot == whole.duct.state.qdot).all()
 
 
 @pytest.mark.parametrize("integrator", ["newmark", "exact"])
@@ -86,5 +86,5 @@ def test_one_tool_is_a_scene_whose_second_tool_is_absent(small_scene, small_duct
             touched = max(touched, simulation.contacts.n_contacts)
         assert touched > 0
         assert len(simulation.grasps) == len(forceps)
-        states.append((simulation.duct_state.q.copy(), simulation.catheter.state.position_m.copy()))
+        states.append((simulation.duct.state.q.copy(), simulation.catheter.state.position_m.copy()))
     assert all((one == other).all() for one, other in zip(*states, strict=True))

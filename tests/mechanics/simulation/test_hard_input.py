@@ -15,7 +15,7 @@ HOLD = GraspHold(3, 1, CATHETER_SEGMENT, 10, np.array([1.0, 0.0, 0.0]), 0.7, 0.3
 
 
 def state(simulation):
-    duct, rod = simulation.duct_state, simulation.catheter.state
+    duct, rod = simulation.duct.state, simulation.catheter.state
     return np.concatenate([duct.q, duct.qdot, rod.position_m.ravel(), rod.velocity_m_s.ravel()])
 
 

@@ -33,7 +33,7 @@ class Spoiler:
 
 
 def state(simulation):
-    return np.concatenate([simulation.duct_state.q, simulation.catheter.state.position_m.ravel()])
+    return np.concatenate([simulation.duct.state.q, simulation.catheter.state.position_m.ravel()])
 
 
 @pytest.fixture

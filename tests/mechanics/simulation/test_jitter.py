@@ -48,7 +48,7 @@ def run(duct, indices, early_s=None, scenario=None):
 def state(simulation):
     rod = simulation.catheter.state
     parts = (simulation.duct.state.q, simulation.duct.state.qdot, rod.position_m.ravel(), rod.velocity_m_s.ravel())
-    return np.concatenate((*parts, simulation.tool_results.force_n.ravel(), simulation.load_force_n.ravel()))
+    return np.concatenate((*parts, simulation.tool_results.force_n.ravel(), simulation.duct.load_force_n.ravel()))
 
 
 def bursts(seed):

@@ -29,7 +29,7 @@ def _states(simulation: Simulation, steps: int) -> bytes:
         hands.write_inputs(k * 2e-3, inputs)
         simulation.step(inputs)
         rod, felt = simulation.catheter.state, simulation.tool_results
-        said += [simulation.duct_state.q, rod.position_m, rod.velocity_m_s, felt.force_n, felt.stiffness_n_m]
+        said += [simulation.duct.state.q, rod.position_m, rod.velocity_m_s, felt.force_n, felt.stiffness_n_m]
         said = [b"".join(each if isinstance(each, bytes) else each.tobytes() for each in said)]
     return said[0]
 

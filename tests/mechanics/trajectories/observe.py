@@ -63,14 +63,14 @@ class Run:
 
 def observe(simulation: Simulation, wall: FloatArray, rest: FloatArray) -> dict[str, npt.NDArray[np.generic]]:
     """Return copies of every state and force after a step; ``wall`` (w, 3, r) are the modes at its nodes ``rest``."""
-    duct, catheter, felt = simulation.duct_state, simulation.catheter.state, simulation.tool_results
+    duct, catheter, felt = simulation.duct.state, simulation.catheter.state, simulation.tool_results
     seen: dict[str, npt.NDArray[np.generic]] = {
         "modal_q": duct.q,
         "modal_qdot": duct.qdot,
         "modal_qddot": duct.qddot,
         "wall_m": rest + wall @ duct.q,
-        "load_node": simulation.load_nodes[: simulation.n_loads],
-        "load_force_n": simulation.load_force_n[: simulation.n_loads],
+        "load_node": simulation.duct.load_nodes[: simulation.duct.n_loads],
+        "load_force_n": simulation.duct.load_force_n[: simulation.duct.n_loads],
         "catheter_m": catheter.position_m,
         "catheter_m_s": catheter.velocity_m_s,
         "contact_force_n": simulation.contact_force_n,
@@ -123,7 +123,7 @@ def _checksum(seen: dict[str, npt.NDArray[np.generic]]) -> int:
 
 
 def _jiggle(simulation: Simulation, random: np.random.Generator) -> None:
-    for state in (simulation.duct_state.q, simulation.catheter.state.position_m):
+    for state in (simulation.duct.state.q, simulation.catheter.state.position_m):
         state *= 1.0 + 2.0**-52 * random.integers(-1, 2, state.shape)
 
 
