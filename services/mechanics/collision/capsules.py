@@ -130,41 +130,9 @@ def detect_capsules(
             last_t = t
 
 
-class SelfContactDetector:
-    """Finds pairs of segments of one catheter.
-
-    Args:
-        n_particles: int
-        margin_m: float. Pairs are reported from this gap on.
-        n_apart: int. Smallest difference of the indices of two segments in a pair: neighbours always touch, and a
-            catheter cannot be bent to a radius below about its own.
-    """
-
-    def __init__(self, n_particles: int, radius_m: float, margin_m: float, n_apart: int = 4) -> None:
-        if n_apart < 2:
-            raise ValueError(f"n_apart must be at least 2, neighbours share a particle; got {n_apart}")
-        self._sizes = (2.0 * radius_m, margin_m)
-        self._n_apart = n_apart
-        self._shape = (n_particles, 3)
-        self._memory = CapsuleMemory.zeros(m=max(n_particles - 1, 0), n=max(n_particles - 1, 0))
-
-    def reset(self) -> None:
-        """Clear the state of every pair."""
-        self._memory.reset()
-
-    def detect(self, particle_positions_m: FloatArray, pairs_out: ContactPairs) -> None:
-        """Append the pairs of this tick for positions (n, 3)."""
-        if particle_positions_m.shape != self._shape:
-            raise ValueError(f"particle positions have shape {particle_positions_m.shape}, not {self._shape}")
-        _detect_self(self._memory.address, particle_positions_m, self._n_apart, self._sizes, pairs_out.address)
-
-    def clearance_m(self, particle_positions_m: FloatArray) -> float:
-        """Return a lower bound (m) on the gap between any two segments that may be a pair, at positions (n, 3)."""
-        return float(_clearance_m(particle_positions_m, self._n_apart, self._sizes[0]))
-
-
 @kernel
-def _clearance_m(particles: FloatArray, n_apart: int, thickness: float) -> float:
+def self_clearance_m(particles: FloatArray, n_apart: int, thickness: float) -> float:
+    """Return a lower bound (m) on the gap between any two segments that `detect_self` may pair."""
     least = math.inf
     for i in range(particles.shape[0] - 1):
         first = row(particles, i), row(particles, i + 1)
@@ -183,15 +151,18 @@ def _halves_and_middles(first: Segment, second: Segment) -> tuple[float, float]:
 
 
 @kernel
-def _detect_self(
-    memory_address: Address[CapsuleMemory],
+def detect_self(
+    addresses: tuple[Address[CapsuleMemory], Address[ContactPairs]],
     particles: FloatArray,
     n_apart: int,
     sizes: tuple[float, float],
-    pairs_address: Address[ContactPairs],
 ) -> None:
-    memory, pairs = capsules_at(memory_address), pairs_at(pairs_address)
-    thickness, margin = sizes
+    """Append pairs of segments of one catheter; ``sizes`` is (its diameter, margin) in m.
+
+    The indices of both segments differ by at least ``n_apart``, which is 2 or more: neighbours always touch, and a
+    catheter cannot be bent to a radius below about its own.
+    """
+    memory, pairs, (thickness, margin) = capsules_at(addresses[0]), pairs_at(addresses[1]), sizes
     n = memory.active.shape[0]
     for i in range(n):
         first = row(particles, i), row(particles, i + 1)

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.collision.capsules import SelfContactDetector
+from services.mechanics.collision.capsules import CapsuleMemory, detect_self, self_clearance_m
 from services.mechanics.effects.base import Effect, require_positive
 from services.mechanics.world import World
 
@@ -36,18 +36,19 @@ class SelfContact(Effect):
         catheter = world.catheter
         properties, radius_m = catheter.properties, catheter.radius_m
         between = math.ceil(self.settings.neighbour_diameters * 2.0 * radius_m / properties.segment_length_m)
-        n_apart = max(between, 2) + 1
-        margin_m = world.scene.contact.margin_m
-        self._detector = SelfContactDetector(properties.n_particles, radius_m, margin_m, n_apart)
+        self._n_apart, self._sizes_m = max(between, 2) + 1, (2.0 * radius_m, world.scene.contact.margin_m)
+        n = properties.n_particles - 1
+        self._memory = CapsuleMemory.zeros(m=n, n=n)
 
     def most_motion_m(self, particles_m: FloatArray) -> float:
         """Return half the least gap: two strands may close it from both sides."""
-        return 0.5 * self._detector.clearance_m(particles_m)
+        return 0.5 * float(self_clearance_m(particles_m, self._n_apart, self._sizes_m[0]))
 
     def wake(self) -> None:
         """Reset the sides of strands, which may have crossed meanwhile, to the present ones."""
-        self._detector.reset()
+        self._memory.reset()
 
     def add_pairs(self, world: World, dt_s: float) -> None:
         """Append pairs of segments within the margin."""
-        self._detector.detect(world.catheter.start_m, world.pairs)
+        addresses = self._memory.address, world.pairs.address
+        detect_self(addresses, world.catheter.start_m, self._n_apart, self._sizes_m)

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from services.mechanics.collision.capsules import SelfContactDetector
+from services.mechanics.collision.capsules import CapsuleMemory, detect_self, self_clearance_m
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, ContactPairs
 
-RADIUS_M, MARGIN_M = 0.8e-3, 0.5e-3
+RADIUS_M, MARGIN_M, N_APART = 0.8e-3, 0.5e-3, 4
 
 
-def detect(detector, positions):
+def detect(memory, positions, margin_m=MARGIN_M):
     pairs = ContactPairs.allocate(64)
-    detector.detect(positions, pairs)
+    detect_self((memory.address, pairs.address), positions, N_APART, (2.0 * RADIUS_M, margin_m))
     return pairs
 
 
@@ -21,10 +21,10 @@ def loop_of(n=60, radius_m=12e-3, rise_m=4e-3):
 
 
 def test_a_loop_meets_itself_and_is_not_drawn_through():
-    detector = SelfContactDetector(60, RADIUS_M, MARGIN_M)
+    memory = CapsuleMemory.zeros(m=59, n=59)
     seen = 0
     for rise in np.arange(4e-3, -1e-3, -0.05e-3):
-        found = detect(detector, loop_of(rise_m=rise))
+        found = detect(memory, loop_of(rise_m=rise))
         n = found.count
         if rise > 2.0 * RADIUS_M + MARGIN_M + 0.1e-3:
             assert n == 0
@@ -41,9 +41,7 @@ def test_a_loop_meets_itself_and_is_not_drawn_through():
 
 def test_neighbours_do_not_meet():
     straight = np.stack([np.linspace(0.0, 0.1, 51), np.zeros(51), np.zeros(51)], axis=1)
-    assert detect(SelfContactDetector(51, RADIUS_M, 0.1e-3), straight).count == 0
-    with pytest.raises(ValueError, match="n_apart"):
-        SelfContactDetector(51, RADIUS_M, MARGIN_M, n_apart=1)
+    assert detect(CapsuleMemory.zeros(m=50, n=50), straight, 0.1e-3).count == 0
 
 
 @pytest.mark.parametrize("rise_m", [2e-3, 4e-3, 12e-3])
@@ -55,5 +53,5 @@ def test_no_strands_are_nearer_than_the_clearance_and_it_is_no_idle_bound(rise_m
     every = np.linalg.norm(points[:, None, :, None] - points[None, :, None, :], axis=-1).min(axis=(0, 1))
     apart = np.abs(np.subtract.outer(np.arange(59), np.arange(59))) >= n_apart
     gap_m = every[apart].min() - 2.0 * RADIUS_M
-    clearance_m = SelfContactDetector(60, RADIUS_M, MARGIN_M, n_apart).clearance_m(line)
+    clearance_m = self_clearance_m(line, n_apart, 2.0 * RADIUS_M)
     assert gap_m - np.linalg.norm(np.diff(line, axis=0), axis=1).max() <= clearance_m <= gap_m

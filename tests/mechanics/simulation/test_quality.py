@@ -99,7 +99,7 @@ def test_an_effect_that_comes_back_moves_nothing_by_itself(resting_scene, small_
 
 def test_strands_that_crossed_while_self_contact_rested_are_told_apart_anew(resting_scene, small_duct):
     simulation = Simulation(resting_scene, small_duct)
-    memory = simulation.effects["self_contact"]._detector._memory
+    memory = simulation.effects["self_contact"]._memory
     memory.active[0, 9] = 1
     simulation.set_quality(1)
     assert memory.active[0, 9] == 1
