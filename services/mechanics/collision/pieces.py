@@ -43,12 +43,15 @@ def put_piece(listed: CandidateList, p: int, ends: Segment, thickness: float) ->
 
 
 @kernel
+def owner_of(p: int) -> tuple[int, int, int]:
+    """Return tool, segment and particle of a piece, as pairs have them."""
+    return (p // 3, p % 3, -1) if p < N_TOOL_PIECES else (NO_TOOL, 0, p - N_TOOL_PIECES)
+
+
+@kernel
 def write_piece_pair(
     pairs: ContactPairs, place: tuple[int, int], s: float, w: Vector, gap_m: float, normal: Vector
 ) -> None:
     """Write the contact pair of a piece and a triangle; ``place`` is (piece, triangle)."""
-    p, t = place
-    if p < N_TOOL_PIECES:
-        write_pair(pairs, (p // 3, p % 3, -1, DUCT_TRIANGLE, t, s, w), gap_m, normal)
-    else:
-        write_pair(pairs, (NO_TOOL, 0, p - N_TOOL_PIECES, DUCT_TRIANGLE, t, s, w), gap_m, normal)
+    tool, segment, particle = owner_of(place[0])
+    write_pair(pairs, (tool, segment, particle, DUCT_TRIANGLE, place[1], s, w), gap_m, normal)

@@ -33,12 +33,12 @@ from services.mechanics.collision.pairs import (
     pairs_at,
     write_pair,
 )
-from services.mechanics.collision.pieces import N_TOOL_PIECES, write_piece_pair
+from services.mechanics.collision.pieces import N_TOOL_PIECES, owner_of, write_piece_pair
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.compiled.vectors import Vector, dot, put_row, row, row_of, scaled, squared_distance, unit
 from services.mechanics.contact.clearance import jaw_surface, overlap_in_jaws, piece_can_touch
-from services.mechanics.contact.identity import PARTICLE, target_kind_of, target_of, tool_segment_of
+from services.mechanics.contact.identity import PARTICLE, pair_identity, target_kind_of, target_of, tool_segment_of
 from services.mechanics.contact.laws import HAS_GAP
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.state import ContactState, state_at
@@ -141,33 +141,23 @@ def _find_violations(
 def _has_row(listed: CandidateList, found: Candidates, working: WorkingSet, state: ContactState, i: int) -> bool:
     """Return whether a row at the same points and with the same normal exists for this violation."""
     p, t, rows, corner = found.piece[i], found.triangle[i], state.rows, listed.clusters.triangles
+    identity = pair_identity(*owner_of(p), DUCT_TRIANGLE, t)
     normal = jaw_surface(state.geometry.tools, p, found.s[i], row(found.normal, i))[3]
     near, place = SAME_POINT * listed.thickness[p], row(working.at_rest, i)
     for at in range(rows.n_contacts):
-        if is_row_of(rows, at, p, t) and dot(row(rows.frame[at], 0), normal) > _SAME_ROW:
+        if rows.identity[at] == identity and dot(row(rows.frame[at], 0), normal) > _SAME_ROW:
             known = place_at_rest(working.rest, corner, t, row(rows.duct_weight, at))
             if squared_distance(place, known) < near * near:
                 return True
     return False
 
 
-@inlined_kernel
-def _has_pair_row(rows: ContactRows, p: int, t: int) -> bool:
-    n = 0
-    for at in range(rows.n_contacts):
-        n += is_row_of(rows, at, p, t)
-    return n > 0
-
-
 @kernel
-def is_row_of(rows: ContactRows, at: int, p: int, t: int) -> bool:
-    """Return whether a row is a contact of this piece with this triangle."""
-    identity = rows.identity[at]
-    if identity < 0 or not HAS_GAP[rows.law[at]]:
-        return False
-    if target_kind_of(identity) != DUCT_TRIANGLE or target_of(identity) != t:
-        return False
-    return piece_of(rows, at) == p
+def _has_pair_row(rows: ContactRows, p: int, t: int) -> bool:
+    n, identity = 0, pair_identity(*owner_of(p), DUCT_TRIANGLE, t)
+    for at in range(rows.n_contacts):
+        n += rows.identity[at] == identity
+    return n > 0
 
 
 @kernel
@@ -242,13 +232,10 @@ def write_capsule_violations(
 @inlined_kernel
 def _has_capsule_row(rows: ContactRows, i: int, j: int, t: float, normal: Vector) -> bool:
     """Return whether a row couples a piece of a tool with a segment of the catheter near this place and normal."""
+    identity = pair_identity(i // 3, i % 3, -1, CATHETER_SEGMENT, j)
     for at in range(rows.n_contacts):
-        identity = rows.identity[at]
-        if identity < 0 or not HAS_GAP[rows.law[at]] or target_kind_of(identity) != CATHETER_SEGMENT:
-            continue
-        is_of_pair = rows.tool[at] == i // 3 and tool_segment_of(identity) == i % 3 and target_of(identity) == j
-        is_there = abs(rows.rod_weight[at, 3] + t) < SAME_POINT
-        if is_of_pair and is_there and dot(row_of(rows.frame, at, 0), normal) > _SAME_ROW:
+        is_there = rows.identity[at] == identity and abs(rows.rod_weight[at, 3] + t) < SAME_POINT
+        if is_there and dot(row_of(rows.frame, at, 0), normal) > _SAME_ROW:
             return True
     return False
 
