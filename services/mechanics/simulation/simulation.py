@@ -22,7 +22,7 @@ from services.mechanics.contact.engagement import set_rest_offsets
 from services.mechanics.contact.local_stiffness import LocalStiffness
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.system import DroppedContacts
-from services.mechanics.contact.tool_loads import ReportArrays, report
+from services.mechanics.contact.tool_loads import report
 from services.mechanics.effects import act, build_effects, by_stage
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.rod.free_step import continue_sleep
@@ -82,7 +82,6 @@ class Simulation:
         self.max_penetration_m, self.is_felt = 0.0, True
         self._lumen = MovingLumen(duct, self.catheter.properties.n_particles)
         self._tool_force = np.zeros((N_TOOLS, N_COORDINATES))
-        self._report_arrays = ReportArrays.of(self.tool_results, self._tool_force)
         self._stiffness = LocalStiffness(self.system.bodies, self.system.address, self.tool_results)
         self.cost_ns = [0] * len(STAGE_NAMES)
         self._marks_ns = [0] * (len(STAGE_NAMES) - 1)
@@ -322,7 +321,10 @@ class Simulation:
 
     def write_report(self) -> None:
         """Write the forces on the tools at the end of a tick, whatever its number of substeps."""
-        self.max_penetration_m = report(self.system.address, self._report_arrays.address)
+        felt, proxy = self.tool_results, self.tools.proxy
+        felt.force_n[:], felt.grasp_torque_nm[:] = self._tool_force[:, :3], self._tool_force[:, 3]
+        felt.proxy_position_m[:], felt.proxy_jaw_angle_rad[:] = proxy[:, :3], proxy[:, 3]
+        self.max_penetration_m = report(self.system.address, felt.port_moment_nm)
         if self.system.strategy.keeps_delassus and self.is_felt:
             self._stiffness.write()
         if self.wire_drive is not None:
