@@ -45,11 +45,6 @@ class ContactPairs(Struct):
         tool, particle = np.full(capacity, NO_TOOL, np.int8), np.full(capacity, -1, np.int32)
         return cls.zeros(capacity=capacity, tool=tool, particle=particle)
 
-    @property
-    def capacity(self) -> int:
-        """Number of pairs there is room for."""
-        return int(self.gap_m.shape[0])
-
     def clear(self) -> None:
         """Remove every pair."""
         self.put_zero("count", "dropped")

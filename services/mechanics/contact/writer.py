@@ -36,7 +36,7 @@ def append_row(rows: ContactRows, law: int, identity: int) -> int:
     If there is no room, the row is counted as dropped, and `NO_ROOM` is returned.
     """
     row = rows.n_contacts
-    if row >= rows.gap_m.shape[0] - rows.reserved:
+    if n_free_rows(rows) == 0:
         rows.dropped += 1
         return NO_ROOM
     rows.n_contacts = row + 1
