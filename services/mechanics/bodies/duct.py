@@ -108,12 +108,6 @@ class DuctBody:
         out = self.modes[: 3 * n], self.displacement_m[:n], self.motion_m[:n]
         self._motion.gather((nodes, weights), (self.q_start, self.dq_free), loads, out)
 
-    def displace(self, nodes: IntArray, weights: FloatArray) -> None:
-        """Add the residual displacements that `gather_kept` left out where it returned False."""
-        n, count = len(nodes), self.n_loads
-        loads = self.load_nodes[:count], self.load_force_n[:count]
-        self._motion.displace((nodes, weights), loads, (self.displacement_m[:n], self.motion_m[:n]))
-
     def add_load_displacement(
         self, nodes: IntArray, weights: FloatArray, loads: tuple[IntArray, FloatArray], out: FloatArray
     ) -> None:

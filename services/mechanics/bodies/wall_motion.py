@@ -45,10 +45,6 @@ class PointCompliance:
         self._scaled_modes = np.zeros(3 * n_points * reduced.basis.n_modes)
         self._source = np.zeros(n_points, np.int32)
 
-    def displace(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> None:
-        """Call `add_residual`; see there."""
-        self.add_residual(points, loads, out)
-
     def add_residual(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> None:
         """Add displacements by ``loads`` beyond the modes to those of points (k, 3); subtract them from the motions."""
         (nodes, weights), corners = points, self._corners
@@ -87,11 +83,6 @@ class StraightMotion(PointCompliance):
         """
         if not self._kept.gather_points(points, motion, loads, out):
             self.add_residual(points, loads, (out[1], out[2]))
-
-    def displace(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> None:
-        """Do as `add_residual` for points of which some nodes are not cached yet."""
-        if not self._kept.displace(points, loads, out):
-            self.add_residual(points, loads, out)
 
     def compliance(self, points: Points, rows: FloatArray, gain: FloatArray, out: FloatArray) -> None:
         """Write the compliance between points, with their ``rows`` of the modes, into the lower blocks of ``out``."""
