@@ -18,11 +18,10 @@ from services.mechanics.bodies.contact_corners import (
     list_corners,
 )
 from services.mechanics.compiled import summing_kernel
-from services.mechanics.compiled.struct import Address
 from services.mechanics.reduction.coincident_points import copy_coincident, find_sources
 from services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
 from services.mechanics.reduction.modal_compliance import add_modal_compliance
-from services.mechanics.reduction.node_compliance import Loads, NodeArrays, NodeCompliance, PointRows, Points
+from services.mechanics.reduction.node_compliance import Loads, NodeCompliance, PointRows, Points
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.reduction.residual.rotated_residual import RotatedResidual
 
@@ -32,11 +31,7 @@ class PointCompliance:
 
     Attributes:
         reduced: ReducedDuct. Its residual compliance acts along world axes.
-        kept_address: Address[NodeArrays] or None. Where kernels find the compliance cached between nodes, if there is a
-            cache.
     """
-
-    kept_address: Address[NodeArrays] | None = None
 
     def __init__(self, reduced: ReducedDuct, n_points: int) -> None:
         self.reduced = reduced
@@ -71,7 +66,6 @@ class StraightMotion(PointCompliance):
     def __init__(self, reduced: ReducedDuct, n_points: int) -> None:
         super().__init__(reduced, n_points)
         self._kept = NodeCompliance(reduced, n_points)
-        self.kept_address = self._kept.address
 
     def update(self, q: FloatArray) -> None:
         """Do nothing: straight motion depends on no prepared state."""
