@@ -46,26 +46,19 @@ class WallCandidates:
     Attributes:
         list: CandidateList. The caller writes its ``ends``, ``thickness``, ``active``, ``wanted`` and ``reach`` before
             `follow`.
+        placement: WallPlacement. The wall's present configuration.
         is_new: bool. Whether the next `follow` rebuilds all lists.
         renewals, wall_renewals: int. Number of rebuilds of single pieces' lists, and of all lists because of the wall.
     """
 
     def __init__(self, duct: ReducedDuct, n_pieces: int, along_m: float) -> None:
-        self._duct, self._placement = duct, place_walls(duct)
-        self._bounds = self._placement.bounds.twin()
+        self.placement = place_walls(duct)
+        self._bounds = self.placement.bounds.twin()
         self._clusters = cluster_triangles(duct.mesh.vertices_m, duct.mesh.triangles)
         self._along_m = along_m
-        self.list = new_list(self._clusters, self._placement.position_m, n_pieces, SKIN_M, along_m)
+        self.list = new_list(self._clusters, self.placement.position_m, n_pieces, SKIN_M, along_m)
         self.is_new = True
         self.renewals = self.wall_renewals = 0
-
-    def new_start(self) -> WallPlacement:
-        """Return a placement for the wall at the start of a step, see `save_start`."""
-        return place_walls(self._duct, self._placement)
-
-    def save_start(self, start: WallPlacement) -> None:
-        """Copy the wall's present configuration into ``start``."""
-        start.follow(self._placement)
 
     def place_start(self, start: WallPlacement, of: Candidates) -> None:
         """Place the nodes of some candidates in the configuration of ``start``."""
@@ -74,7 +67,7 @@ class WallCandidates:
 
     def make_room(self, n_pieces: int) -> None:
         """Allocate lists for ``n_pieces``; the next `follow` rebuilds them."""
-        self.list = new_list(self._clusters, self._placement.position_m, n_pieces, SKIN_M, self._along_m)
+        self.list = new_list(self._clusters, self.placement.position_m, n_pieces, SKIN_M, self._along_m)
         self.is_new = True
 
     def follow(self, q: FloatArray, loads: Loads) -> bool:
@@ -86,7 +79,7 @@ class WallCandidates:
         if self.is_new or modes_moved_m > WALL_SHARE * SKIN_M:
             self._renew_wall(q, loads)
             return True
-        moved_m = self._placement.set_configuration(q, loads)
+        moved_m = self.placement.set_configuration(q, loads)
         is_elsewhere = moved_m != 0.0 or not are_unmoved(listed.address)
         if is_elsewhere:
             add_travel(listed.address, moved_m)
@@ -103,7 +96,7 @@ class WallCandidates:
 
         Lists are not rebuilt.
         """
-        add_travel(self.list.address, self._placement.set_configuration(q, loads, lasting))
+        add_travel(self.list.address, self.placement.set_configuration(q, loads, lasting))
 
     def measure(self, out: Candidates) -> None:
         """Write the closest pairs with a gap up to ``wanted``."""
@@ -112,15 +105,15 @@ class WallCandidates:
 
     def _place(self) -> None:
         """Place the nodes of entries whose gap may be at most ``wanted``."""
-        placement = self._placement
+        placement = self.placement
         request_nodes_of_entries(self.list.address, placement.wall.address)
         placement.place_requested()
 
     def _renew_wall(self, q: FloatArray, loads: Loads) -> None:
         """Rebuild all lists from the present positions of all nodes."""
         listed = self.list
-        self._placement.set_configuration(q, loads)
-        self._placement.place(self._placement.every)
+        self.placement.set_configuration(q, loads)
+        self.placement.place(self.placement.every)
         listed.listed_position[:] = listed.position
         self._bounds.set_reference(q)
         enclose(listed.clusters.address, listed.position)

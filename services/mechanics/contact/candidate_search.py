@@ -14,6 +14,7 @@ from services.mechanics.collision.candidates import Candidates, Where, candidate
 from services.mechanics.collision.capsules import CapsuleMemory, detect_capsules
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.collision.pieces import N_TOOL_PIECES, put_piece, write_pieces
+from services.mechanics.collision.placed_wall import place_walls
 from services.mechanics.collision.wall_candidates import WallCandidates
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
@@ -56,7 +57,7 @@ class CandidateSearch:
         # Penalty contacts do not share a load, so there is only one per triangle, as in the paper.
         shares_load = STRATEGIES[scene.contact.model].keeps_delassus
         self._wall = WallCandidates(duct, self._end, TOUCHING_M if shares_load else -1.0)
-        self._start_wall = self._wall.new_start()
+        self._start_wall = place_walls(duct, self._wall.placement)
         # Contacts that are not priced at the end of a step have rows before they touch.
         is_priced = shares_load and scene.catheter.integrator == "implicit"
         self._row_gap_m = TOUCHING_M if is_priced else max(TOUCHING_M, self._margin_m)
@@ -103,7 +104,7 @@ class CandidateSearch:
             self._wall.measure(self._found)
         self._is_unknown = True
         choose((listed.address, self._found.address, self._working.address), self._ahead_m, system.geometry.address)
-        self._wall.save_start(self._start_wall)
+        self._start_wall.follow(self._wall.placement)
 
     def restore_start(self) -> None:
         """Measure anew at the start of the next step: bodies are where they were at that of the last one."""

@@ -48,10 +48,6 @@ class ImplicitStrategy:
         rod_compliance = catheter.compliance(*rows.on_rod)
         add_body_compliances(self._address, catheter.slot, rod_compliance)
 
-    def compile_kernels(self) -> None:
-        """Assemble W of the last step once more as if blocks of the wall's compliance were missing."""
-        self.assemble(anew=True)
-
     def solve(self, iterations: int, dt_s: float) -> int:
         """Find forces and sliding states, mostly in at most ``iterations`` sweeps; return the number of sweeps."""
         effort = iterations, self._tolerance_n

@@ -96,19 +96,12 @@ def local_stiffness(
         add_wall_compliance(state.rows, closed, wall, out.lasting, S)
         is_factored = add_catheter_compliance(state.rows, closed, rod, out.lasting, is_factored, S)
         if _whiten(S, G):
-            _write(G, out.stiffness[tool])
             for k in range(n):
                 out.grasp_stiffness[tool] += G[k, 3] * G[k, 3]
+                for i in range(3):
+                    for j in range(3):
+                        out.stiffness[tool, i, j] += G[k, i] * G[k, j]
     return is_factored
-
-
-@kernel
-def _write(G: FloatArray, out: FloatArray) -> None:
-    """Add G^T G of the first three columns of G (n, 4) to ``out`` (3, 3)."""
-    for i in range(3):
-        for j in range(3):
-            for k in range(G.shape[0]):
-                out[i, j] += G[k, i] * G[k, j]
 
 
 @kernel

@@ -51,9 +51,6 @@ class PenaltyStrategy(ImplicitStrategy):
     def assemble(self, *, anew: bool = False) -> None:
         """Do nothing: penalty contact needs no compliance of the bodies."""
 
-    def compile_kernels(self) -> None:
-        """Do nothing: every step uses all kernels."""
-
     def solve(self, iterations: int, dt_s: float) -> int:
         """Write the penalty of every contact."""
         spring, damper = self._settings.penalty_stiffness_n_m, self._settings.penalty_damping_n_s_m

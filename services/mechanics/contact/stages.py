@@ -40,15 +40,6 @@ def complete_new_rows(
 
 
 @kernel
-def subtract_motion(state_address: Address[ContactState], motion: FloatArray, first: int) -> None:
-    """Subtract further free motion (k, 3) of the duct, in m, from the slips of complete rows from ``first`` on."""
-    rows = state_at(state_address).rows
-    for row in range(first, rows.n_contacts):
-        for axis in range(3):
-            rows.slip_m[row, axis] -= motion[row, axis]
-
-
-@kernel
 def finish(state: ContactState) -> None:
     """Write sliding flags and forces along world axes, and store both for the next warm start."""
     mark_sliding(state.rows, state.slides)

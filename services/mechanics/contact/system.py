@@ -143,7 +143,7 @@ class ContactSystem:
 
     def add_duct_motion(self, motion_m: FloatArray) -> None:
         """Add ``motion_m`` (k, 3) to the free motion of the duct's points, in the rows that were completed last."""
-        stages.subtract_motion(self.address, motion_m, self._first_new)
+        self.rows.slip_m[self._first_new : len(motion_m)] -= motion_m[self._first_new :]
 
     def solve(self, iterations: int, dt_s: float) -> None:
         """Find the contact forces in at most about ``iterations`` sweeps, see `ImplicitStrategy.solve`."""

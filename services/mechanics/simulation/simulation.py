@@ -132,7 +132,7 @@ class Simulation:
 
         Physics uses them. Haptics compiles them too, in the same order, so that physics finds them in the cache.
         """
-        self.system.strategy.compile_kernels()
+        self.system.strategy.assemble(anew=True)  # as if blocks of the wall's compliance were missing
         self.splitter.compile_kernels()
         for effect in self.world.effects:
             effect.potential_energy_j(self.world)
