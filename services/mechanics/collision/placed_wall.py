@@ -37,11 +37,11 @@ class PlacedWall(Struct):
 
     rest: Annotated[FloatArray, "n", 3]
     Phi: Annotated[FloatArray, "n", 3, "r"]
-    blocks: Annotated[Float32Array, "b", 3, 3]  # residual compliance of all nodes, or of the cached rows
+    blocks: Annotated[Float32Array, "b", 3, 3]  # cached rows of the residual compliance
     known: Annotated[ByteArray, "b"]  # one if a block of a cached row has been read
     row_of: Annotated[IntArray, "n"]  # the cached row of each node, -1 if there is none
     kept: Annotated[IntArray, "k"]  # the node of each cached row, -1 if the row is free
-    used: Annotated[LongArray, "k"]  # number of the configuration that used the row last
+    next_row: Annotated[IntArray, 1]  # that is replaced next
     softness: Annotated[FloatArray, "n"]  # square root of |R_ii|
     change: Annotated[FloatArray, "n", 3]  # of the loads on each node; zero between uses
     changed: Annotated[IntArray, "c"]  # nodes whose loads change
@@ -61,7 +61,7 @@ class PlacedWall(Struct):
 
 
 wall_at = reader(PlacedWall)
-_RESIDUAL = "blocks", "known", "row_of", "kept", "used", "softness"
+_RESIDUAL = "blocks", "known", "row_of", "kept", "next_row", "softness"
 
 
 class WallPlacement:
@@ -161,14 +161,12 @@ def place_walls(duct: ReducedDuct, like: WallPlacement | None = None) -> WallPla
 
 
 def _residual(duct: ReducedDuct) -> dict[str, AnyArray]:
-    """Return arrays of residual blocks: all blocks if the residual is stored in full, else a cache of loaded rows."""
-    residual, n = duct.residual, duct.mesh.n_vertices
-    is_whole = len(residual.blocks) == n * n and residual.blocks.dtype == np.float32
-    k = 0 if is_whole else max(min(MAX_ROWS, MAX_BLOCKS // n), 1)
-    blocks = residual.blocks if is_whole else np.zeros((k * n, 3, 3), np.float32)
-    rows: dict[str, AnyArray] = {"kept": np.full(k, -1, np.int32), "used": np.zeros(k, np.int64)}
-    rows |= {"row_of": np.full(n, -1, np.int32), "known": np.zeros(len(blocks), np.int8)}
-    return rows | {"blocks": blocks, "softness": np.sqrt(own_softness(residual))}
+    """Return an empty cache of the residual's rows."""
+    n = duct.mesh.n_vertices
+    k = max(min(MAX_ROWS, MAX_BLOCKS // n), 1)
+    rows: dict[str, AnyArray] = {"kept": np.full(k, -1, np.int32), "next_row": np.zeros(1, np.int32)}
+    rows |= {"row_of": np.full(n, -1, np.int32), "known": np.zeros(k * n, np.int8)}
+    return rows | {"blocks": np.zeros((k * n, 3, 3), np.float32), "softness": np.sqrt(own_softness(duct.residual))}
 
 
 @kernel
@@ -278,7 +276,7 @@ def copy_configuration(address: Address[PlacedWall], other_address: Address[Plac
 def displace(address: Address[PlacedWall], store: BlockStore) -> bool:
     """Write the displacement beyond the modes of the nodes to be placed; return whether there are any.
 
-    If the residual is not stored in full, blocks are read from the store once, and cached.
+    Blocks are read from the store once, and cached.
     """
     wall = wall_at(address)
     n, first, end = wall.rest.shape[0], wall.n_placed, wall.n_requested
@@ -286,11 +284,8 @@ def displace(address: Address[PlacedWall], store: BlockStore) -> bool:
         for axis in range(3):
             wall.extra[wall.requested[k], axis] = 0.0
     for load in range(wall.n_loads if end > first else 0):
-        source = wall.load_node[load]
-        row = source
-        if wall.kept.shape[0] > 0:
-            row = _row_of(wall, source)
-            _read_blocks(wall, store, source, row)
+        row = _row_of(wall, wall.load_node[load])
+        _read_blocks(wall, store, wall.load_node[load], row)
         _displace(wall, row * n, load)
     return bool(end > first)
 
@@ -312,20 +307,17 @@ def _displace(wall: PlacedWall, first: int, load: int) -> None:
 
 @inlined_kernel
 def _row_of(wall: PlacedWall, node: int) -> int:
-    """Return the cached row of a node; if there is none, replace the least recently used one."""
+    """Return the cached row of a node; if there is none, replace the oldest one."""
     row = wall.row_of[node]
     if row < 0:
-        row = 0
-        for other in range(wall.kept.shape[0]):
-            if wall.used[other] < wall.used[row]:
-                row = other
+        row = wall.next_row[0]
+        wall.next_row[0] = (row + 1) % wall.kept.shape[0]
         if wall.kept[row] >= 0:
             wall.row_of[wall.kept[row]] = -1
         n = wall.rest.shape[0]
         for b in range(row * n, row * n + n):
             wall.known[b] = 0
         wall.kept[row], wall.row_of[node] = node, row
-    wall.used[row] = wall.configuration
     return int(row)
 
 
