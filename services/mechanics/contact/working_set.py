@@ -3,7 +3,7 @@
 A candidate gets a row if it touches; pricing finds those that come to touch within the step. Candidates are chosen by
 increasing clearance (the gap plus the indentation by jaws), members of the set first. A candidate whose position on the
 undeformed wall and normal are near those of a chosen one of the same body, and that is no deeper, is a duplicate and
-gets no row. A feature (piece and triangle) whose contact carried a force stays a member for some steps.
+gets no row. Members are the features (piece and triangle) whose contacts carried a force in the last step.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Annotated
 
 import numpy as np
 
-from services.mechanics.arrays import ByteArray, FloatArray, IntArray, LongArray
+from services.mechanics.arrays import BoolArray, FloatArray, IntArray, LongArray
 from services.mechanics.bodies.forceps.tool_body import ToolArrays
 from services.mechanics.collision.candidate_list import CandidateList, list_at
 from services.mechanics.collision.candidates import SAME_POINT, Candidates, candidates_at
@@ -43,15 +43,13 @@ IMPLIED_M = 3e-6
 #: A step begins with rows for all members, and for the nearest other candidates up to this total; pricing finds the
 #: rest. Assembling and solving so many rows costs about as much as pricing.
 MAX_CHOSEN = 32
-#: Steps for which a feature that no longer presses stays a member.
-LIFE_STEPS = 3
 
 
 class WorkingSet(Struct):
     """The members, which are features of p pieces and m triangles, and scratch for c candidates."""
 
-    life: Annotated[ByteArray, "p", "m"]  # remaining steps of each member, 0 for other features
-    member: Annotated[LongArray, "k", 2]  # the members: piece and triangle
+    is_member: Annotated[BoolArray, "p", "m"]
+    member: Annotated[LongArray, "c", 2]  # the members: piece and triangle
     merge_m: Annotated[FloatArray, "p"]  # distance within which contacts of a piece are merged
     clearance_m: Annotated[FloatArray, "c"]  # gap plus the wall's indentation
     key: Annotated[FloatArray, "c"]
@@ -71,10 +69,8 @@ def new_working_set(
     rest_m: FloatArray, n_pieces: int, n_triangles: int, capacity: int, n_spheres: int = 0
 ) -> WorkingSet:
     """Return an empty set for candidates of ``n_pieces``, the last of them spheres, with a wall's triangles."""
-    life = np.zeros((n_pieces, n_triangles), np.int8)
-    extents = {"p": n_pieces, "m": n_triangles, "c": capacity, "k": capacity}
-    rest, first_sphere = np.ascontiguousarray(rest_m), n_pieces - n_spheres
-    return WorkingSet.zeros(life=life, rest=rest, first_sphere=first_sphere, **extents)
+    extents = {"p": n_pieces, "m": n_triangles, "c": capacity}
+    return WorkingSet.zeros(rest=np.ascontiguousarray(rest_m), first_sphere=n_pieces - n_spheres, **extents)
 
 
 def merge_distance_m(thickness_m: FloatArray, wall_m: float) -> FloatArray:
@@ -126,7 +122,7 @@ def _rate_candidate(found: Candidates, working: WorkingSet, listed: CandidateLis
 
 @kernel
 def _is_member(found: Candidates, working: WorkingSet, i: int) -> bool:
-    return bool(working.life[found.piece[i], found.triangle[i]] > 0)
+    return bool(working.is_member[found.piece[i], found.triangle[i]])
 
 
 @kernel
@@ -189,30 +185,17 @@ def sort_by_key(working: WorkingSet, count: int) -> None:
 
 
 @inlined_kernel
-def age(working: WorkingSet) -> None:
-    """Age all members by a step."""
-    kept = 0
+def clear_members(working: WorkingSet) -> None:
+    """Remove all members."""
     for k in range(working.n_members):
-        p, t = working.member[k, 0], working.member[k, 1]
-        working.life[p, t] -= 1
-        if working.life[p, t] > 0:
-            working.member[kept, 0], working.member[kept, 1] = p, t
-            kept += 1
-    working.n_members = kept
+        working.is_member[working.member[k, 0], working.member[k, 1]] = False
+    working.n_members = 0
 
 
 @inlined_kernel
-def renew(working: WorkingSet, p: int, t: int) -> None:
-    """Make a feature a member with its full life."""
-    if working.life[p, t] == 0:
-        if working.n_members == working.member.shape[0]:
-            return
+def add_member(working: WorkingSet, p: int, t: int) -> None:
+    """Make a feature a member, if there is room for more."""
+    if not working.is_member[p, t] and working.n_members < working.member.shape[0]:
         working.member[working.n_members, 0], working.member[working.n_members, 1] = p, t
         working.n_members += 1
-    working.life[p, t] = LIFE_STEPS
-
-
-def forget(working: WorkingSet) -> None:
-    """Forget all members."""
-    working.life[:] = 0
-    working.n_members = 0
+        working.is_member[p, t] = True
