@@ -32,9 +32,9 @@ from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.system import STRATEGIES, ContactSystem
 from services.mechanics.contact.working_set import (
     TOUCHING_M,
+    WorkingSet,
     choose,
     merge_distance_m,
-    new_working_set,
 )
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.scene import SceneModel
@@ -68,8 +68,8 @@ class CandidateSearch:
     def _make_room(self) -> None:
         listed, mesh = self._wall.list, self._duct.mesh
         n_pieces = len(listed.count)
-        sizes = n_pieces, len(mesh.triangles), CAPACITY, n_pieces - self._end
-        self._working = new_working_set(mesh.vertices_m, *sizes)
+        rest, sizes = np.ascontiguousarray(mesh.vertices_m), {"p": n_pieces, "m": len(mesh.triangles), "c": CAPACITY}
+        self._working = WorkingSet.zeros(rest=rest, first_sphere=self._end, **sizes)
         self._start: Where = (np.zeros((n_pieces, 2, 3)), self._start_wall.position_m)
         self._ahead_m = np.full(n_pieces, self._row_gap_m)
         self._ahead_m[N_TOOL_PIECES : self._end] = self._catheter_ahead_m

@@ -65,14 +65,6 @@ class WorkingSet(Struct):
 set_at = reader(WorkingSet)
 
 
-def new_working_set(
-    rest_m: FloatArray, n_pieces: int, n_triangles: int, capacity: int, n_spheres: int = 0
-) -> WorkingSet:
-    """Return an empty set for candidates of ``n_pieces``, the last of them spheres, with a wall's triangles."""
-    extents = {"p": n_pieces, "m": n_triangles, "c": capacity}
-    return WorkingSet.zeros(rest=np.ascontiguousarray(rest_m), first_sphere=n_pieces - n_spheres, **extents)
-
-
 def merge_distance_m(thickness_m: FloatArray, wall_m: float) -> FloatArray:
     """Return the distances (p,), in m, within which two contacts of a piece are merged.
 

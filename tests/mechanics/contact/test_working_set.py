@@ -17,11 +17,11 @@ from services.mechanics.contact.working_set import (
     N_TOOL_PIECES,
     SAME_NORMAL,
     TOUCHING_M,
+    WorkingSet,
     add_member,
     choose,
     clear_members,
     merge_distance_m,
-    new_working_set,
 )
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
@@ -49,7 +49,8 @@ class Chooser:
         self.found = Candidates.zeros(c=512)
         self.ahead_m = np.full(N_PIECES, np.inf)
         self.geometry = tools_alone()
-        self.set = new_working_set(MESH.vertices_m, N_PIECES, len(MESH.triangles), 512)
+        sizes = {"p": N_PIECES, "m": len(MESH.triangles), "c": 512}
+        self.set = WorkingSet.zeros(rest=MESH.vertices_m, first_sphere=N_PIECES, **sizes)
         self.set.merge_m[:] = merge_distance_m(THICKNESS_M, WALL_M)
 
     def choose(self, candidates):
