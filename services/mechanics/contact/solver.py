@@ -18,13 +18,9 @@ from services.mechanics.contact.newton import (
 from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.tresca import solve_with_less_friction
 
-# If a sweep changes forces by less than these multiples of the tolerance, another sweep follows instead of a Newton
-# step: after the first sweep, and after later ones.
-NEAR_ON_FIRST_SWEEP = 100.0
-NEAR_ON_LATER_SWEEPS = 4.0
-# The latter holds for the first sweeps only, one for every so many contacts: together they cost half of a Newton step,
-# whose dense solve costs as much as one sweep for every two contacts.
-CONTACTS_PER_CHEAP_SWEEP = 4
+# If the first sweep changes forces by less than this multiple of the tolerance, another one follows instead of a Newton
+# step, whose dense solve costs as much as one sweep for every two contacts.
+NEAR = 100.0
 # A solve goes beyond its allowed sweeps while a sweep moves a surface by more than this along its normal. Bodies would
 # overlap by at least as much, because a contact relaxed early in a sweep does not see the changes after it. In a hard
 # case one tick of fifty needs more than thirty sweeps; if such solves were cut short, the bodies would gain energy.
@@ -69,7 +65,6 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
         problem.free[row] = problem.motion[row]
     update_motion(problem, W)
     sweeps, interval, last_n = 0, 1, 0.0
-    cheap_sweeps = problem.rows.n_contacts // CONTACTS_PER_CHEAP_SWEEP
     next_newton = interval
     while True:
         change_n, change_m = sweep(problem, W)
@@ -84,8 +79,7 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
         # If the changes go on falling at this rate, the next sweep converges: it is cheaper than a Newton step.
         ends_next = change_n * change_n <= tolerance_n * last_n
         last_n = change_n
-        near = NEAR_ON_FIRST_SWEEP if sweeps == 1 else NEAR_ON_LATER_SWEEPS
-        is_cheaper = not is_small and sweeps <= max(cheap_sweeps, 1) and change_n <= near * tolerance_n
+        is_cheaper = not is_small and sweeps == 1 and change_n <= NEAR * tolerance_n
         if sweeps >= SLOW_SWEEPS:
             sweeps += take_active_set_steps(problem, W)
             continue
