@@ -16,10 +16,10 @@ from typing import Annotated
 import numpy as np
 
 from services.mechanics.arrays import BoolArray, FloatArray, IntArray, LongArray
-from services.mechanics.collision.clusters import Clusters, centroid, vector_from_segment
+from services.mechanics.collision.clusters import Clusters, vector_from_segment
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import dot, put_row_of, row, row_of, squared_distance, subtract
+from services.mechanics.compiled.vectors import dot, put_row_of, row, row_of, squared_distance
 
 #: Maximum number of entries of a piece: a tool's shaft lies along a third of a duct of 40 mm.
 MAX_ENTRIES = 768
@@ -193,33 +193,9 @@ def may_be_within(found: CandidateList, p: int, k: int) -> bool:
     return bool(found.bound[p, k] - found.wall_travel - found.piece_travel[p] <= reach)
 
 
-@inlined_kernel
-def is_within(found: CandidateList, p: int, k: int) -> bool:
-    """Return the same for an entry whose nodes are placed, from its bound and the corners of the triangle.
-
-    The distance of convex bodies is at least that of their projections on any line. The line here goes from the piece's
-    point nearest to the middle of the triangle to this middle: no point of the piece is further along it.
-    """
-    if not may_be_within(found, p, k):
-        return False
-    corner, t, position = found.clusters.triangles, found.entry[p, k], found.position
-    u, v, w = row(position, corner[t, 0]), row(position, corner[t, 1]), row(position, corner[t, 2])
-    middle = centroid(u, v, w)
-    offset = vector_from_segment(row_of(found.ends, p, 0), row_of(found.ends, p, 1), middle)
-    nearer = min(
-        dot(subtract(u, middle), offset), min(dot(subtract(v, middle), offset), dot(subtract(w, middle), offset))
-    )
-    offset_2 = dot(offset, offset)
-    distance = (offset_2 + nearer) / math.sqrt(offset_2) if offset_2 > 0.0 else 0.0
-    if distance > found.thickness[p] + found.wanted[p]:
-        store_distance(found, p, k, distance)
-        return False
-    return True
-
-
 @kernel
 def store_distance(found: CandidateList, p: int, k: int, distance_m: float) -> None:
-    """Store the measured distance of an entry, or a lower bound on it."""
+    """Store the measured distance of an entry."""
     found.bound[p, k] = distance_m + found.wall_travel + found.piece_travel[p]
 
 

@@ -15,7 +15,7 @@ import math
 from typing import Annotated
 
 from services.mechanics.arrays import FloatArray, IntArray, LongArray
-from services.mechanics.collision.candidate_list import CandidateList, is_within, list_at, store_distance
+from services.mechanics.collision.candidate_list import CandidateList, list_at, may_be_within, store_distance
 from services.mechanics.collision.primitives import (
     Places,
     closest_places,
@@ -72,7 +72,7 @@ def measure(address: Address[CandidateList], out_address: Address[Candidates]) -
     out.count = 0
     for p in range(found.count.shape[0]):
         for k in range(found.count[p]):
-            if is_within(found, p, k):
+            if may_be_within(found, p, k):
                 _measure_entry(found, p, k, out)
 
 
