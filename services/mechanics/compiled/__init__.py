@@ -13,14 +13,10 @@ from typing import Any, TypeVar, cast
 from numba import cfunc, njit, types
 from numba.extending import models, register_model, typeof_impl
 
-from services.mechanics.compiled import array_access
-
 F = TypeVar("F", bound=Callable[..., Any])
 
 #: All kernels of the modules imported so far, for code that counts or checks them.
 KERNELS: list[Any] = []
-
-array_access.register()
 
 _OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
