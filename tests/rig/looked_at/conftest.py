@@ -1,6 +1,7 @@
-"""One rig that all tests of this folder look at: a crowd of viewers, then a browser, then a Prometheus.
+"""One rig that all tests of this folder look at: a crowd of viewers, perf, then a browser, then a Prometheus.
 
-Prometheus scrapes from the start on: it has to have seen the rig for a while before it is asked.
+Prometheus scrapes from the start on: it has to have seen the rig for a while before it is asked. What takes seconds
+and needs no rig of its own is done meanwhile.
 Its last tests kill a process, and then its supervisor.
 """
 

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.patience import PATIENCE_S
 from tests.rig.conftest import Rig
-from tests.rig.faults import engage
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(600)]
 
@@ -29,7 +29,7 @@ LOOKS = 3
 
 
 def test_no_loop_takes_or_returns_memory_while_it_runs(rig: Rig) -> None:
-    engage(rig)
+    rig.observer.until(lambda: rig.observer.is_up, PATIENCE_S, "running")
     _let_run(rig, WARM_S)
     pids = {name: rig.observer.pids()[name] for name in LOOPS}
     (pids["drives"],) = _children(pids["gateway"])
@@ -51,7 +51,7 @@ def test_what_a_process_takes_is_counted() -> None:
         try:
             assert process.stdout is not None
             process.stdout.readline()
-            counter = _start_counting(process.pid, seconds=1.2)
+            counter = _start_counting(process.pid, seconds=0.3)
             counts = _counts(counter)
         finally:
             process.kill()
