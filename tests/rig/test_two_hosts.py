@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import statistics
 import struct
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
 
@@ -17,8 +18,8 @@ from tests.rig.two_hosts import AHEAD_S, FarRig, Hosts, address, may_be_had
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(900), pytest.mark.skipif(bool(may_be_had()), reason=may_be_had())]
 
 WHERE = {"haptics": 0, "gateway": 0, "physics": 1, "supervisor": 1, "visualization": 2}
-#: Long enough for what is said of a limp arm.
-FAR_MS, FAR_S = 20.0, 3.0
+FAR_MS = 20.0
+LIMP = "no force: what haptics hears of physics is too old"
 
 
 @pytest.fixture(scope="module")
@@ -79,10 +80,10 @@ def test_too_far_away_the_arm_is_limp_without_a_kick_and_that_is_said(rig: FarRi
     refused = rig.health_of("gateway").gauges["models_invalid"]
     rig.hosts.set(FAR_MS)
     observer.until(lambda: force_n(observer.samples[-1]) == 0.0, PATIENCE_S, "a limp arm")
-    rig.look_for(FAR_S)
-    gateway = rig.health_of("gateway")
+    end_s = time.monotonic() + PATIENCE_S
+    while LIMP not in (gateway := rig.health_of("gateway")).detail:
+        assert time.monotonic() < end_s, gateway.detail
     assert gateway.gauges["models_invalid"] > refused
-    assert "no force: what haptics hears of physics is too old" in gateway.detail
     assert observer.is_up
     assert max(force_rates_n_s(observer.samples)) <= rate_limit_n_s()
     _feels(rig)
@@ -92,6 +93,6 @@ def test_too_far_away_the_arm_is_limp_without_a_kick_and_that_is_said(rig: FarRi
 def test_lost_packets_make_no_force_step_beyond_the_limit(rig: FarRig) -> None:
     _feels(rig)
     rig.hosts.set(1.0, 1.0, 0.05)
-    rig.look_for(3.0)
+    rig.look_for(1.5)
     assert max(force_rates_n_s(rig.observer.samples)) <= rate_limit_n_s()
     assert not rig.ended()

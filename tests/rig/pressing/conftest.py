@@ -14,7 +14,7 @@ from tests.other_user import folder_of_everybody
 from tests.rig.conftest import HERE, SCENE, Rig, running_rig
 
 #: How long the gateway waits for a word of its supervisor: far longer than it is kept from one, on any machine.
-TIMEOUT_S = 5.0
+TIMEOUT_S = 3.0
 FAULTY = Path(__file__).resolve().parents[3] / "benchmarks" / "faulty_rig.py"
 
 
