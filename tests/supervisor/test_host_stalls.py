@@ -19,15 +19,15 @@ from tests.supervisor.fakes import Fakes, Scenario, until, until_running
 #: It takes every core from whatever runs beside it, and is judged by what a core had left.
 pytestmark = pytest.mark.rig
 
-#: Twice as long as a governor took that held the stalls for work.
-LASTS_S = 9.0
-#: Takes its core for 50 ms of each second.
+#: A governor that held the stalls for work lowered the quality after 3.3 s.
+LASTS_S = 5.5
+#: Takes its core for 50 ms of each half second.
 HOG = """
 import os, sys, time
 os.sched_setaffinity(0, {int(sys.argv[1])})
 os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(99))
 while True:
-    time.sleep(1.0 - time.monotonic() % 1.0)
+    time.sleep(0.5 - time.monotonic() % 0.5)
     until = time.monotonic() + 0.05
     while time.monotonic() < until: pass
 """
