@@ -58,8 +58,9 @@ def test_it_meets_its_criteria(family):
     assert not result.failed, told
 
 
-def test_a_case_is_the_same_to_the_bit_after_another():
-    """The long run asks so of every tenth case."""
+@pytest.mark.long
+def test_a_case_is_the_same_to_the_bit_after_one_of_another_family():
+    """By day `mass` and `thickness` are run again after another of their own, as every tenth case is."""
     case, other = (next(iter(FAMILIES[name].cases(QUICK.draw))) for name in ("probing", "rolling"))
     digest = case.run().digest
     other.run()
