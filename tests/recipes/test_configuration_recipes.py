@@ -28,7 +28,7 @@ def test_a_scene_is_a_file(tree: TreeCopy) -> None:
 
 def test_a_scenario_is_a_file(tree: TreeCopy) -> None:
     tree.follow("Adding a scenario")
-    assert "On to the second marker: 18 mm within 240 s (scene insertion)" in tree.run("trocar", "scenarios")
+    assert "On to the second marker: 18 mm within 240 s (scene insertion)" in tree.command("trocar scenarios")
     refused = tree.run(
         "bash", "-c", "sed -i s/depth_m/deep_m/ configs/scenarios/deep.yaml; trocar scenarios 2>&1 || true"
     )

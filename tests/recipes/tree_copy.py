@@ -2,13 +2,14 @@
 
 In a section a block whose first line is ``# path/of/file`` (YAML, Python) is a new file; a ``diff`` block, whose first
 line is ``--- path/of/file``, changes one: its unchanged and removed lines stand together in the file exactly once, and
-``@@`` parts two places. A ``sh`` block is commands, run from the root. Other blocks are for the reader only.
+``@@`` parts two places. A ``sh`` block is commands, one a line, run from the root. Others are for the reader.
 """
 
 from __future__ import annotations
 
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -31,6 +32,8 @@ import msgspec, numba, pydantic, pytest, scipy.linalg, scipy.sparse.linalg, scip
 ROOT = Path(__file__).resolve().parents[2]
 RECIPES = Path("docs", "how-to", "recipes.md")
 _COPIED = ("services", "studies", "review", "protocol", "trocar", "configs", "docs", "tests", "pyproject.toml")
+_TROCAR = "from services.cli.app import main; main()"
+_MODULE = "import runpy, sys; runpy.run_module(sys.argv.pop(1), run_name='__main__', alter_sys=True)"
 _LEFT_OUT = shutil.ignore_patterns("__pycache__", "node_modules", ".*", "*.mcap", "*.png")
 
 
@@ -81,7 +84,8 @@ class TreeCopy:
         touched: set[str] = set()
         for language, text in _blocks((self.root / RECIPES).read_text(encoding="utf-8"), section):
             if language == "sh":
-                self.run("bash", "-ec", text)
+                for line in text.splitlines():
+                    self.command(line)
             elif language == "diff":
                 touched.add(self._change(text))
             elif text.startswith("# ") and "/" in text.splitlines()[0]:
@@ -89,6 +93,23 @@ class TreeCopy:
         sources = sorted(path for path in touched if path.endswith(".py"))
         for check in (("check",), ("format", "--check")) if sources else ():
             self.run("ruff", *check, "--no-cache", *sources)
+
+    def command(self, line: str) -> str:
+        """Do one line of a ``sh`` block, and return what it prints where it is not to be written to a file.
+
+        What is Python begins as a fork, with its libraries imported, which is half of what such a line takes.
+        """
+        words, _, file = line.partition(" > ")
+        match shlex.split(words):
+            case ["trocar", *arguments]:
+                said = self.python(_TROCAR, *arguments)
+            case ["python", "-m", *arguments]:
+                said = self.python(_MODULE, *arguments)
+            case _:
+                return self.run("bash", "-ec", line)
+        if file:
+            (self.root / file).write_text(said, encoding="utf-8")
+        return said
 
     def run(self, *command: str, timeout_s: float = 500.0) -> str:
         """Run a command in the copy, with this interpreter's tools first, and return what it prints.
