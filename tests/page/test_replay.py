@@ -70,7 +70,7 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shown]:
         process = subprocess.Popen(with_us(command), stdin=subprocess.DEVNULL, stdout=log, stderr=log)
         place = page_file(Transport(directory=folder / "bus"))
         try:
-            with Chromium(folder / "profile") as browser:
+            with Chromium(folder / "profile", size=(480, 360)) as browser:
                 browser.until(place.exists, PATIENCE_S, "the page is served")
                 address = json.loads(place.read_text())["address"]
                 browser.open(address)
