@@ -47,17 +47,23 @@ TOLERANCE = {
 }
 
 
-@pytest.fixture(scope="module", params=CASES)
-def both(request, own_cache):
-    """A recorded run and the same of today, in a process of its own.
+@pytest.fixture(scope="module")
+def apart():
+    """A process that runs nothing else, as the one that has recorded the runs.
 
     A kernel that another test has compiled for strided arrays would serve here too, and sum in another order.
     """
-    with ProcessPoolExecutor(1, get_context("spawn")) as apart:
-        try:
-            today = apart.submit(_run, request.param, own_cache / "bases").result()
-        except FileNotFoundError as missing:
-            pytest.skip(f"needs the scan {missing}")
+    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+        yield pool
+
+
+@pytest.fixture(scope="module", params=CASES)
+def both(request, own_cache, apart):
+    """A recorded run and the same of today."""
+    try:
+        today = apart.submit(_run, request.param, own_cache / "bases").result()
+    except FileNotFoundError as missing:
+        pytest.skip(f"needs the scan {missing}")
     return request.param, stored.load(request.param), today
 
 
