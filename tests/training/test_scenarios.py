@@ -131,7 +131,7 @@ def test_what_cannot_be_used_is_refused_with_a_sentence_that_names_the_key(
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=[pytest.mark.long] * (name not in ("one-handed", "narrow")))
+        pytest.param(name, marks=[pytest.mark.long] * (name != "one-handed"))
         for name in NAMES
         if name != "mirrored"  # to the mechanics it is `basic`
     ],
