@@ -21,7 +21,7 @@ SIZE = (1024, 768)
 #: As a browser with a graphics processor begins, though the processor draws; half the pixels, few pictures.
 _LOOK = """
 const {view} = trocar, {governor} = view;
-governor.steps = [{ratio: 0.5, look: "wet", shadows: true, hz: 2}];
+governor.steps = [{ratio: 0.5, look: "wet", shadows: true, hz: 1}];
 governor.coarser = governor.finer = () => false;
 view.takeStep(0);
 """
