@@ -38,7 +38,7 @@ def engage(rig: Rig) -> None:
     rig.observer.until(lambda: rig.observer.is_up, PATIENCE_S, "running")
     rig.observer.samples.clear()
     rig.observer.until(
-        lambda: len(rig.observer.samples) > 300 and min(force_n(s) for s in rig.observer.samples[-50:]) > 0.02,
+        lambda: len(rig.observer.samples) >= 50 and min(force_n(s) for s in rig.observer.samples[-50:]) > 0.02,
         PATIENCE_S, "a force at the left hand",
     )  # fmt: skip
 
