@@ -88,8 +88,11 @@ class Crew:
                 self._start_if_due(member, now_s)
 
     def wait(self, timeout_s: float) -> None:
-        """Sleep until a child process ends or `timeout_s` has passed."""
+        """Sleep until a child process ends, the fork server answers, or `timeout_s` has passed."""
         poll = select.poll()
+        server = self.launch.fork_server if self.launch is not None else None
+        if server is not None and not self.stopping and (descriptor := server.descriptor) is not None:
+            poll.register(descriptor, select.POLLIN)
         for member in self.members.values():
             if member.child is not None:
                 poll.register(member.child.descriptor, select.POLLIN)
@@ -131,6 +134,8 @@ class Crew:
     def stop_step(self, now_s: float) -> bool:
         """Take one turn of ending the child processes; return whether all have ended."""
         self.stopping = True
+        if self.launch is not None and self.launch.fork_server is not None:
+            self.launch.fork_server.abandon()
         self.step(now_s)
         others = [m for m in self.members.values() if m.child is not None and m.name != _LAST]
         mine = [m for m in self.members.values() if m.child is not None]
@@ -280,12 +285,14 @@ class Crew:
         return all(name in self._prepared for name in names if name in self.members)
 
     def _start(self, member: Member, now_s: float, launch: Launch) -> None:
-        server = launch.fork_server
-        if server is not None and server.imports():
-            return
+        spec, log_file, forked = member.spec, launch.log_directory / f"{member.name}.log", 0
+        if launch.fork_server is not None:
+            pid = launch.fork_server.fork(spec.module, launch.arguments, spec.environment, log_file)
+            if pid is None:
+                return
+            forked = pid
         member.forget()
-        log_file = launch.log_directory / f"{member.name}.log"
-        member.child = Child(member.spec, launch.arguments, log_file, fork_server=server)
+        member.child = Child(spec, launch.arguments, log_file, forked=forked)
         member.enter(MemberState.STARTING, now_s)
         member.progress = ("loading", 0.0)  # until its own report
         self.say("debug", f"{member.name}: started as process {member.pid}")

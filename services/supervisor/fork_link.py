@@ -1,7 +1,6 @@
 """The supervisor's connection to the fork server, which forks processes with their imports done (`fork_server`).
 
-It is used only while the rig starts; restarted processes import for themselves. Without an answering server processes
-are started normally.
+Without an answering server processes are started normally.
 """
 
 from __future__ import annotations
@@ -15,10 +14,13 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
 
 import msgspec
 
-from services.supervisor.fork_server import ForkOrder
+from services.runtime.private_directory import open_private
+from services.supervisor.fork_server import GO, ForkOrder
 from services.supervisor.processes import ENVIRONMENT
 
 #: Timeouts of its imports and of a fork on a busy machine.
@@ -28,11 +30,21 @@ _ROOM = "x" * 2048
 _PR_SET_CHILD_SUBREAPER = 36
 
 
+@dataclass(frozen=True, slots=True)
+class _Fork:
+    """A fork that was ordered, and waits for permission to run."""
+
+    order: ForkOrder
+    link: socket.socket
+    asked_s: float
+
+
 class ForkServer:
     """A fork server."""
 
     def __init__(self) -> None:
         self._server: subprocess.Popen[bytes] | None = None
+        self._fork: _Fork | None = None
         self.begin()
 
     def begin(self) -> None:
@@ -40,7 +52,7 @@ class ForkServer:
         if self._server is not None:
             return
         self._link, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self._link.settimeout(_FORK_S)
+        self._link.setblocking(False)
         self._server = subprocess.Popen(
             [sys.executable, "-m", "services.supervisor.fork_server", str(other.fileno()), _ROOM],
             # It inherits no descriptor of the caller, who may wait for the end of our output.
@@ -52,52 +64,98 @@ class ForkServer:
         other.close()
         self._began_s = time.monotonic()
         self._has_imported = False
-        _adopt_orphans(True)
 
     @property
     def pid(self) -> int:
         """Process id of the server, 0 if it has ended."""
         return self._server.pid if self._server is not None else 0
 
+    @property
+    def descriptor(self) -> int | None:
+        """What becomes readable when the server has imported, or the ordered fork exists; None for neither."""
+        if self._fork is not None:
+            return self._fork.link.fileno()
+        return None if self._server is None or self._has_imported else self._link.fileno()
+
     def imports(self) -> bool:
         """Return whether the server is still importing; never waits."""
         if self._server is None or self._has_imported:
             return False
-        if select.select([self._link], [], [], 0.0)[0]:
+        if _is_readable(self._link):
             self._has_imported = True
-            if not self._receive():
+            if not _receive(self._link):
                 self.close()
         elif time.monotonic() - self._began_s > _IMPORTS_S:
             self.close()
         return self._server is not None and not self._has_imported
 
-    def fork(self, module: str, arguments: Sequence[str], environment: Mapping[str, str], sink: int) -> int:
-        """Fork a child that runs a module and writes into `sink`; return its process id, 0 on failure."""
-        if self._server is None or self.imports():
-            return 0
-        order = msgspec.json.encode(ForkOrder(module, tuple(arguments), dict(environment)))
-        with suppress(OSError):
-            socket.send_fds(self._link, [order], [sink])
-            if pid := int(self._receive() or 0):
-                return pid
-        self.close()
-        return 0
+    def fork(self, module: str, arguments: Sequence[str], environment: Mapping[str, str], log_file: Path) -> int | None:
+        """Return the process id of a fork that runs a module and writes into a file, 0 on failure; never waits.
 
-    def _receive(self) -> bytes:
+        It is None while the server is busy: call it again then. One process is forked at a time.
+        """
+        if self.imports():
+            return None
+        order = ForkOrder(module, tuple(arguments), dict(environment))
+        if self._server is not None and self._fork is None:
+            self._order(order, log_file)
+        if self._fork is None:
+            return 0
+        return self._forked(self._fork) if self._fork.order == order else None
+
+    def _order(self, order: ForkOrder, log_file: Path) -> None:
+        mine, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        mine.setblocking(False)
+        _adopt_orphans(True)
+        self._fork = _Fork(order, mine, time.monotonic())
+        sink = open_private(log_file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         try:
-            return self._link.recv(64)
+            socket.send_fds(self._link, [msgspec.json.encode(order)], [sink, its.fileno()])
         except OSError:
-            return b""
+            self.close()
+        finally:
+            os.close(sink)
+            its.close()
+
+    def _forked(self, fork: _Fork) -> int | None:
+        if not _is_readable(fork.link) and time.monotonic() - fork.asked_s <= _FORK_S:
+            return None
+        pid = int(_receive(fork.link) or 0)
+        if pid:
+            with suppress(OSError):  # it has ended since
+                fork.link.send(GO)
+        self.abandon()
+        if not pid:
+            self.close()
+        return pid
+
+    def abandon(self) -> None:
+        """End the wait for a fork, which ends if it is not running yet."""
+        if self._fork is not None:
+            self._fork.link.close()
+            self._fork = None
+            _adopt_orphans(False)
 
     def close(self) -> None:
         """End the server; its forks continue."""
+        self.abandon()
         if self._server is None:
             return
         self._link.close()
         self._server.kill()
         self._server.wait()
         self._server = None
-        _adopt_orphans(False)
+
+
+def _is_readable(link: socket.socket) -> bool:
+    return bool(select.select([link], [], [], 0.0)[0])
+
+
+def _receive(link: socket.socket) -> bytes:
+    try:
+        return link.recv(64)
+    except OSError:
+        return b""
 
 
 def _adopt_orphans(yes: bool) -> None:

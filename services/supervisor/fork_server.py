@@ -22,7 +22,7 @@ import msgspec
 
 #: The slowest imports of the rig's processes; their pages are shared by all, also by processes that do not use them.
 IMPORTED = "services.scenes", "services.runtime.process", "services.kernel_progress"
-READY = b"ready"
+READY, GO = b"ready", b"go"
 _ORDER_MAX = 1 << 16
 _LOOK_S = 0.5e-3
 
@@ -44,15 +44,16 @@ def main() -> None:
     _call_a_kernel()
     gc.freeze()
     _tell(link, READY)
-    while (received := socket.recv_fds(link, _ORDER_MAX, 1))[0]:
-        order, (sink,) = msgspec.json.decode(received[0], type=ForkOrder), received[1]
+    while (received := socket.recv_fds(link, _ORDER_MAX, 2))[0]:
+        order, (sink, asker) = msgspec.json.decode(received[0], type=ForkOrder), received[1]
         if _fork():
-            _tell(link, str(os.getpid()).encode())
             link.close()
-            _stand_alone(sink)
-            _become(order)
+            if _may_run(socket.socket(fileno=asker)):
+                _stand_alone(sink)
+                _become(order)
             return
         os.close(sink)
+        os.close(asker)
 
 
 def _call_a_kernel() -> None:
@@ -62,6 +63,16 @@ def _call_a_kernel() -> None:
 
     vectors.dot((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     kernel_cache.settle()
+
+
+def _may_run(asker: socket.socket) -> bool:
+    """Tell who asked for this process that it exists; return whether it is still wanted."""
+    with asker:
+        _tell(asker, str(os.getpid()).encode())
+        try:
+            return asker.recv(len(GO)) == GO
+        except ConnectionResetError:
+            return False
 
 
 def _tell(link: socket.socket, what: bytes) -> None:

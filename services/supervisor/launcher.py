@@ -15,10 +15,8 @@ import sys
 from collections.abc import Collection, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import IO
 
 from services.runtime.private_directory import open_private
-from services.supervisor.fork_link import ForkServer
 from services.supervisor.processes import ProcessSpec
 from services.supervisor.scheduler_state import SchedulerState, Waits
 
@@ -29,25 +27,26 @@ _READ_BYTES = 1 << 16
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 
 
-def _start(spec: ProcessSpec, arguments: Sequence[str], sink: IO[bytes], pass_fds: Collection[int]) -> int:
+def _start(spec: ProcessSpec, arguments: Sequence[str], log_file: Path, pass_fds: Collection[int]) -> int:
     """Start a process in a session of its own and return its id."""
-    popen = subprocess.Popen(
-        [sys.executable, "-m", spec.module, *arguments],
-        stdin=subprocess.DEVNULL,
-        stdout=sink,
-        stderr=sink,
-        env={**os.environ, **spec.environment},
-        pass_fds=pass_fds,
-        # A Ctrl-C at the terminal is only for us, as children are ended in order; also for
-        # `services.runtime.autogroup`.
-        start_new_session=True,
-    )
+    with os.fdopen(open_private(log_file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), "wb") as sink:
+        popen = subprocess.Popen(
+            [sys.executable, "-m", spec.module, *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=sink,
+            stderr=sink,
+            env={**os.environ, **spec.environment},
+            pass_fds=pass_fds,
+            # A Ctrl-C at the terminal is only for us, as children are ended in order; also for
+            # `services.runtime.autogroup`.
+            start_new_session=True,
+        )
     popen.returncode = 0  # `Child.end` waits for it
     return popen.pid
 
 
 class Child:
-    """A process, started by construction, with a descriptor that becomes readable when it ends."""
+    """A process, started here unless it is a fork already; its descriptor becomes readable when it ends."""
 
     def __init__(
         self,
@@ -55,11 +54,9 @@ class Child:
         arguments: Sequence[str],
         log_file: Path,
         pass_fds: Collection[int] = (),
-        fork_server: ForkServer | None = None,
+        forked: int = 0,
     ) -> None:
-        with os.fdopen(open_private(log_file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), "wb") as sink:
-            pid = fork_server.fork(spec.module, arguments, spec.environment, sink.fileno()) if fork_server else 0
-            self.pid = pid or _start(spec, arguments, sink, pass_fds)
+        self.pid = forked or _start(spec, arguments, log_file, pass_fds)
         self.log_file = log_file
         self._status: int | None = None
         self.descriptor = os.pidfd_open(self.pid)

@@ -73,7 +73,7 @@ class SessionOptions:
         on_event: Called with every event.
         on_turn: Called after every turn, fifty times a second; True ends the session.
         remarks: Warnings that become events at the start, so that the page shows them too.
-        fork_server: Starts the processes while the rig starts; without one, each imports for itself.
+        fork_server: Starts the processes; without one, each imports for itself.
         switches: Whether `on_turn` ends the session when the supervisor has a `next_scenario`, which is then run.
         token: Secret that commands of the page must contain.
     """
@@ -201,8 +201,6 @@ def _watch(
         meter.start(min(due_ns, began_ns), began_ns)  # the end of a process wakes it early
         supervisor.step(began_ns * 1e-9)
         ran = ran or supervisor.state in (RigState.RUNNING, RigState.DEGRADED)
-        if ran and session.fork_server is not None:
-            session.fork_server.close()  # the rig has started
         judged_ns = time.monotonic_ns()
         process.health.send_if_due()
         sent_ns = time.monotonic_ns()

@@ -37,14 +37,10 @@ _SUPERVISOR = f"""
 import sys, time
 from pathlib import Path
 from services.supervisor.fork_link import ForkServer
-from services.supervisor.launcher import Child
-from services.supervisor.processes import ProcessSpec
 server, child = ForkServer(), 0
 if sys.argv[2] == "forked":
-    while server.imports():
+    while (child := server.fork("timeit", ["-n1", "-r1", {_SLEEPS!r}], {{}}, Path(sys.argv[1]))) is None:
         time.sleep(0.01)
-    timer, says = ProcessSpec("timer", "timeit"), ["-n1", "-r1", {_SLEEPS!r}]
-    child = Child(timer, says, Path(sys.argv[1]), fork_server=server).pid
 print(server.pid, child, flush=True)
 time.sleep(600)
 """
@@ -74,8 +70,15 @@ def log_file(tmp_path: Path) -> Path:
 
 
 def _forked(server: ForkServer, statement: str, log_file: Path) -> Child:
-    _until(lambda: not server.imports())
-    return Child(_TIMER, _says(statement), log_file, fork_server=server)
+    says, pids = _says(statement), list[int]()
+
+    def has_answered() -> bool:
+        pid = server.fork(_TIMER.module, says, _TIMER.environment, log_file)
+        pids.extend([] if pid is None else [pid])
+        return bool(pids)
+
+    _until(has_answered)
+    return Child(_TIMER, says, log_file, forked=pids[0])
 
 
 def _ended(child: Child) -> tuple[int, list[str]]:
@@ -118,13 +121,21 @@ def test_its_end_is_noticed_and_told_as_of_one_that_was_started(server: ForkServ
     assert _ended(child)[0] == -signal.SIGTERM
 
 
-def test_orphans_are_the_systems_again_once_the_server_is_closed(server: ForkServer, log_file: Path) -> None:
+def test_orphans_are_the_systems_again_once_a_fork_is_there(server: ForkServer, log_file: Path) -> None:
     """Whoever a process leaves behind would stay a zombie here."""
     child = _forked(server, "import os, time; os.fork() or time.sleep(600); time.sleep(1); print('here')", log_file)
-    server.close()
     assert _ended(child)[0] == 0
     with pytest.raises(ChildProcessError):
         os.waitid(os.P_PGID, child.pid, os.WEXITED | os.WNOHANG)
+
+
+def test_a_fork_that_is_awaited_no_more_never_runs(server: ForkServer, log_file: Path) -> None:
+    _until(lambda: not server.imports())
+    assert server.fork(_TIMER.module, _says("print('here')"), _TIMER.environment, log_file) is None
+    server.abandon()
+    status, lines = _ended(_forked(server, "import time; time.sleep(0.3); print('there')", log_file.with_name("other")))
+    assert (status, lines[0]) == (0, "there")
+    assert log_file.read_text() == ""
 
 
 @pytest.mark.parametrize("struck", [signal.SIGKILL, signal.SIGSTOP])
@@ -173,31 +184,33 @@ def test_who_looks_at_processes_that_others_start_keeps_no_fork_server(fakes: Fa
         assert fork_server.pid == 0
 
 
-def test_processes_are_forked_while_the_rig_starts_and_started_by_themselves_later(
+def test_processes_are_forked_also_when_they_are_restarted_and_without_a_server_start_by_themselves(
     fakes: Fakes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join((str(HERE), str(HERE.parents[1]))))
-    forked, pids = [], []
+    forked, pids = list[bool](), list[int]()
 
     def scenario(supervisor: Supervisor) -> Scenario:
         yield from until_running(supervisor)
         members = supervisor.crew.members.values()
         forked.extend(_is_forked(member.pid) for member in members)
-        assert fork_server.pid == 0
         member = supervisor.crew.members["haptics"]
-        first = member.pid
-        os.kill(first, signal.SIGKILL)
-        yield from until(lambda: member.up and member.pid != first)
-        yield from until_running(supervisor)
-        assert gone(first)
-        forked.append(_is_forked(member.pid))
+        for ends_server in (False, True):
+            if ends_server:
+                os.kill(fork_server.pid, signal.SIGKILL)
+            first = member.pid
+            os.kill(first, signal.SIGKILL)
+            yield from until(lambda: member.up and member.pid != first)  # noqa: B023
+            yield from until_running(supervisor)
+            assert gone(first)
+            forked.append(_is_forked(member.pid))
         pids.extend(member.pid for member in members)
 
     with closing(ForkServer()) as fork_server:
         events = replace(fakes, fork_server=fork_server).play(scenario)
-    assert forked == [True] * 6 + [False]
+    assert forked == [True] * 6 + [True, False]
     assert all(gone(pid) for pid in pids)
-    assert sum(event.startswith("haptics: ended by SIGKILL") for event in events) == 1
+    assert sum(event.startswith("haptics: ended by SIGKILL") for event in events) == 2
 
 
 def _is_forked(pid: int) -> bool:
