@@ -74,6 +74,11 @@ class Observer:
         return self.states[-1][1].state if self.states else "unknown"
 
     @property
+    def has_started(self) -> bool:
+        """Whether all processes are there; a second later, if all goes well, the rig is running."""
+        return self.is_up or self.rig_state == "ready"
+
+    @property
     def is_up(self) -> bool:
         """Whether all processes are there, be some of them late: a slow machine can give no more."""
         return self.rig_state in ("running", "degraded")
@@ -105,7 +110,7 @@ def running_rig(
     rig: str = "stub",
     program: tuple[str, ...] = ("-m", "services.supervisor"),
 ) -> Iterator[Rig]:
-    """Launch a rig in `directory` and yield it once it runs. It is not restarted for being slow: the machine may be.
+    """Launch a rig in `directory`; yield it once it has started. It is not restarted if slow: the machine may be.
 
     Its observer may read more `topics` whole, or keep all that gateway and physics say.
     """
@@ -129,7 +134,7 @@ def running_rig(
     if keeps_solved:
         observer.devices, observer.solved = [], []
     try:
-        observer.until(lambda: observer.is_up or process.poll() is not None, START_S, "run")
+        observer.until(lambda: observer.has_started or process.poll() is not None, START_S, "run")
         assert process.poll() is None, (directory / "log").read_text()[-3000:]
         yield Rig(directory, process, observer)
     finally:
