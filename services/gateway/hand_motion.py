@@ -9,8 +9,10 @@ import numpy as np
 
 from services.gateway.recording import read_table
 from services.gateway.scenario_script import scenario_player
-from services.gateway.script import HANDLE, Motion, Player, read_player
+from services.gateway.script import COLUMNS, HANDLE, Motion, Player, read_player
 from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
+from services.mechanics.scene.minimum_jerk import minimum_jerk
 
 RATE_HZ = 1000.0
 _NO_PORT = (0.0, 0.0, 0.0)  # handle angles do not depend on the port
@@ -48,12 +50,18 @@ def of_motion(motion: Motion, pace: float = 1.0) -> HandMotion:
 
 
 def _sampled(player: Player) -> HandMotion:
-    n = max(1, round(player.lasts_s * RATE_HZ) + (not player.repeats))
-    angles = np.empty(n)
-    for k in range(n):
-        player.sample(k / RATE_HZ)
-        angles[k] = player.value[HANDLE]
+    angles = np.empty(max(1, round(player.lasts_s * RATE_HZ) + (not player.repeats)))
+    _sample_angles(player.times, player.values, RATE_HZ, angles)
     return HandMotion(angles, player.repeats)
+
+
+@kernel
+def _sample_angles(times: FloatArray, values: FloatArray, rate_hz: float, out: FloatArray) -> None:
+    """Write the handle's angle at each tick of a rate into ``out`` (n,); of breakpoints as in `minimum_jerk`."""
+    value, rate = np.empty(COLUMNS), np.empty(COLUMNS)
+    for k in range(out.shape[0]):
+        minimum_jerk(times, values, k / rate_hz, value, rate)
+        out[k] = value[HANDLE]
 
 
 def fitted(motion: HandMotion, range_rad: tuple[float, float]) -> HandMotion:

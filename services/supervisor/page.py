@@ -45,10 +45,14 @@ class Page:
         supervisor.page_address = f"{address}#token={token}"
         self._start(supervisor.started_s)
 
+    def end(self) -> None:
+        """Let the process end, without waiting for it."""
+        if self._link is not None:
+            self._link.close()
+
     def close(self) -> None:
         """End the process, and release the address."""
-        if self._link is not None:
-            self._link.close()  # ends it
+        self.end()
         if self._child is not None:
             self._child.wait(_END_S)
             self._child.kill()

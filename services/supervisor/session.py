@@ -163,6 +163,7 @@ def run_session(process: Process, session: SessionOptions) -> None:
         try:
             interrupted = not _watch(process, supervisor, (page, control, changed), session, meter) and process.stop()
         finally:
+            page.end()  # it takes as long as all others together
             while not supervisor.stop_step(time.monotonic()):
                 supervisor.crew.wait(_TURN_S)
     if process.rig.supervisor.mode == "launch" and rings is not None:

@@ -37,6 +37,9 @@ class _NoPage:
     def turn(self, now_s: float) -> None:
         """Tell nobody."""
 
+    def end(self) -> None:
+        """Nothing is to end."""
+
     def close(self) -> None:
         """Release the address."""
         self._socket.close()
