@@ -31,9 +31,9 @@ from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.rows import ContactRows, in_frame
 from services.mechanics.contact.solver import solve_contacts
 
-# Energy that a step may add without debt. At a power of SLACK_J in each millisecond a tip that weighs on the wall with
-# 0.2 mN, at a friction of 0.05, slides at 0.1 mm/s, a tenth of what counts as rest.
-SLACK_J = 1e-12
+# Energy that a step may add without debt, for rounding. A thousand steps of it, a second, are less than a particle of
+# 3.4 mg, as the catheter's are, has at 1 mm/s, which counts as rest: friction or not, nothing is kept swinging.
+SLACK_J = 1e-15
 # Largest debt, as a fraction of the work of the hands within the last `RECENT_S`.
 CREDIT = 2e-3
 RECENT_S = 1.0
