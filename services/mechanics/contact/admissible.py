@@ -42,7 +42,7 @@ def tangential_limit(rows: ContactRows, row: int) -> float:
     law = rows.law[row]
     r: float = _multiple(MAX_TANGENTIAL[law], rows.force_limit_n[row])
     if HAS_FRICTION[law]:
-        r += rows.friction[row] * max(rows.force_n[row, 0], 0.0) + rows.tresca_bound_n[row]
+        r += rows.friction[row] * max(rows.force_n[row, 0], 0.0)
     return r
 
 

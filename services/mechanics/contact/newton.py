@@ -113,7 +113,7 @@ def has_small_residual(problem: ContactProblem, tolerance_n: float) -> bool:
 
 
 @kernel
-def take_active_set_steps(problem: ContactProblem, W: FloatArray) -> int:
+def take_active_set_steps(problem: ContactProblem, W: FloatArray, n: int) -> int:
     """Take Newton steps, each up to where a contact opens or slips, until a full step is feasible; return their cost.
 
     This is the primal active-set method (Nocedal and Wright, "Numerical Optimization", 16.5): steps remove contacts
@@ -121,16 +121,17 @@ def take_active_set_steps(problem: ContactProblem, W: FloatArray) -> int:
     sweeps close again what it has opened. With friction the solution is no minimum, and the potential need not fall.
     The cost is in sweeps, and grows with the cube of the number of unknowns.
     """
-    cost, k, fraction = 0, problem.rows.n_contacts, 0.0
-    while fraction < 1.0 and cost < MAX_ACTIVE_SET_COST:
-        n = list_unknowns(problem)
-        if n == 0 or not newton_step(problem, W, n):
-            return cost
-        cost += 1 + n**3 // (27 * k * k)
+    cost, k = 0, problem.rows.n_contacts
+    while True:
         fraction = feasible_step_length(problem, n)
         add_step(problem, n, min(fraction * (1.0 + OVERSHOOT), 1.0))
         update_motion(problem, W)
-    return cost
+        cost += 1 + n**3 // (27 * k * k)
+        if fraction >= 1.0 or cost >= MAX_ACTIVE_SET_COST:
+            return cost
+        n = list_unknowns(problem)
+        if n == 0 or not newton_step(problem, W, n):
+            return cost
 
 
 @kernel

@@ -25,7 +25,6 @@ class ContactProblem(Struct):
     free: Annotated[FloatArray, "m"]  # motion without contact forces
     saved_n: Annotated[FloatArray, "c", 3]  # forces to return to
     force_change: Annotated[FloatArray, "c", 3]  # over a full Newton step, in N
-    friction: Annotated[FloatArray, "c"]  # coefficients, while Tresca bounds replace them
     block: Annotated[IntArray, "m"]  # contact of each unknown
     test: Annotated[FloatArray, "m", 3]
     column: Annotated[FloatArray, "m", 3]

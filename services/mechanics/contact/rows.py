@@ -32,7 +32,6 @@ class ContactRows(Struct):
     elastic_m: Annotated[FloatArray, "c", 3]  # elastic slip at its start, along world axes, see `store_anchors`
     friction_energy_j: Annotated[FloatArray, "c"]  # elastic energy of friction at the start of the step
     friction: Annotated[FloatArray, "c"]  # Coulomb's coefficient, for laws that have it
-    tresca_bound_n: Annotated[FloatArray, "c"]  # bound on friction beside it: zero except within a solve
     force_limit_n: Annotated[FloatArray, "c"]  # largest force, for laws that have one
     softness_m_n: Annotated[FloatArray, "c", 3]  # compliance of the surfaces, along the frame
     force_n: Annotated[FloatArray, "c", 3]  # solved force on the first body, along the frame

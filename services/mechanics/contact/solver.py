@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.contact.newton import (
     add_step,
     copy_forces,
-    feasible_step_length,
     has_small_residual,
     list_unknowns,
     newton_step,
@@ -16,7 +17,6 @@ from services.mechanics.contact.newton import (
     update_motion,
 )
 from services.mechanics.contact.problem import ContactProblem
-from services.mechanics.contact.tresca import solve_with_less_friction
 
 # If the first sweep changes forces by less than this multiple of the tolerance, another one follows instead of a Newton
 # step, whose dense solve costs as much as one sweep for every two contacts.
@@ -25,12 +25,9 @@ NEAR = 100.0
 # overlap by at least as much, because a contact relaxed early in a sweep does not see the changes after it. In a hard
 # case one tick of fifty needs more than thirty sweeps; if such solves were cut short, the bodies would gain energy.
 MOTION_TOLERANCE_M = 1e-6
-# After so many sweeps convergence counts as slow: from then on sweeps alternate with steps of an active-set method.
-SLOW_SWEEPS = 30
-# After so many the solve counts as cycling: then Tresca friction, within lower bounds, takes over.
-MAX_SWEEPS = 60
-# Outcomes of a Newton step. A shortened one goes only as far as no contact opens or slips.
-REJECTED, SHORTENED, ACCEPTED, SOLVED = 0, 1, 2, 3
+# After so many, or Newton steps that cost as much, the solve counts as cycling. Coulomb's law has no potential, because
+# the bound on friction changes with the normal force; without friction the solution is the minimum of a convex one.
+MAX_SWEEPS = 150
 
 
 @kernel
@@ -46,10 +43,8 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
     - So a Newton step between sweeps solves for all active force components together, as in PGS with subspace
       minimisation (Silcowitz-Hansen, Niebe and Erleben, 2010). It is accepted if it and the next sweep lower the
       potential :math:`\tfrac12 f^T W f + f^T u_{free}`. The change in a sweep is no such measure: it is small for slow
-      convergence too. Otherwise the step is shortened to where a contact first opens or slips. After a step that is
-      not accepted in full, the number of sweeps until the next one doubles.
-    - From `SLOW_SWEEPS` on, steps of an active-set method alternate with sweeps (`take_active_set_steps`).
-    - After `MAX_SWEEPS`, if bodies still overlap, there is less friction in this step (`tresca`).
+      convergence too. Otherwise steps of an active-set method follow (`take_active_set_steps`).
+    - After `MAX_SWEEPS`, if bodies still overlap, surfaces have no friction in this step.
 
     A solve ends with a sweep that changes no force component by more than the tolerance; after the first sweep the
     residual must be small too (`has_small_residual`). Forces are inside their cones, converged or not.
@@ -64,8 +59,9 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
     for row in range(W.shape[0]):
         problem.free[row] = problem.motion[row]
     update_motion(problem, W)
-    sweeps, interval, last_n = 0, 1, 0.0
-    next_newton = interval
+    sweeps, last_n, lowest_j = 0, 0.0, math.inf
+    has_friction, most_sweeps = True, max(MAX_SWEEPS, iterations)
+    k = problem.rows.n_contacts
     while True:
         change_n, change_m = sweep(problem, W)
         sweeps += 1
@@ -74,23 +70,22 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
             return sweeps
         if sweeps >= iterations and change_m <= MOTION_TOLERANCE_M:
             return sweeps
-        if sweeps >= max(MAX_SWEEPS, iterations):
-            return int(solve_with_less_friction(problem, W, tolerance_n, sweeps))
+        if sweeps >= most_sweeps:
+            if not has_friction:
+                return sweeps
+            problem.rows.friction[:k] = 0.0
+            has_friction, lowest_j = False, math.inf
+            most_sweeps = sweeps + MAX_SWEEPS + k * (1 + k // 27)  # every contact may leave in a step of its own
         # If the changes go on falling at this rate, the next sweep converges: it is cheaper than a Newton step.
         ends_next = change_n * change_n <= tolerance_n * last_n
         last_n = change_n
         is_cheaper = not is_small and sweeps == 1 and change_n <= NEAR * tolerance_n
-        if sweeps >= SLOW_SWEEPS:
-            sweeps += take_active_set_steps(problem, W)
+        if ends_next or is_cheaper:
             continue
-        if sweeps < next_newton or ends_next or is_cheaper:
-            continue
-        newton_sweeps, outcome = _try_newton_step(problem, W, tolerance_n)
-        sweeps += newton_sweeps
-        if outcome == SOLVED:
+        newton_sweeps, is_solved, lowest_j = _try_newton_step(problem, W, tolerance_n, lowest_j)
+        sweeps, last_n = sweeps + newton_sweeps, 0.0
+        if is_solved:
             return sweeps
-        interval = 1 if outcome == ACCEPTED else 2 * interval
-        next_newton, last_n = sweeps + interval, 0.0
 
 
 @kernel
@@ -104,28 +99,28 @@ def _potential(problem: ContactProblem) -> float:
 
 
 @inlined_kernel
-def _try_newton_step(problem: ContactProblem, W: FloatArray, tolerance_n: float) -> tuple[int, int]:
-    """Try a Newton step and a sweep, and if they do not lower the potential, a shortened Newton step and a sweep.
+def _try_newton_step(
+    problem: ContactProblem, W: FloatArray, tolerance_n: float, lowest_j: float
+) -> tuple[int, bool, float]:
+    """Try a Newton step and a sweep; if they do not lower the potential, take steps of the active-set method instead.
 
-    Return the number of sweeps, and the outcome. If it is `REJECTED`, the forces are as they were.
+    They have to lower it below ``lowest_j`` too, the lowest of this solve, because sweeps may raise it again: Newton
+    step and sweep would alternate for ever. Return the cost in sweeps, whether the sweep changed no force by more than
+    the tolerance, and the lowest potential.
     """
-    rows, sweeps, fraction = problem.rows, 0, 1.0
-    before = _potential(problem)
+    rows = problem.rows
+    lowest_j = min(lowest_j, _potential(problem))
     copy_forces(rows.force_n, problem.saved_n, rows.n_contacts)
     n = list_unknowns(problem)
     if n == 0 or not newton_step(problem, W, n):
-        return sweeps, REJECTED
-    for _ in range(2):
-        add_step(problem, n, fraction)
-        update_motion(problem, W)
-        sweeps += 1
-        if sweep(problem, W)[0] <= tolerance_n:
-            return sweeps, SOLVED
-        if _potential(problem) < before:
-            return sweeps, ACCEPTED if fraction == 1.0 else SHORTENED
-        copy_forces(problem.saved_n, rows.force_n, rows.n_contacts)
-        update_motion(problem, W)
-        fraction = feasible_step_length(problem, n)
-        if fraction >= 1.0:
-            break
-    return sweeps, REJECTED
+        return 0, False, lowest_j
+    add_step(problem, n, 1.0)
+    update_motion(problem, W)
+    if sweep(problem, W)[0] <= tolerance_n:
+        return 1, True, lowest_j
+    reached_j = _potential(problem)
+    if reached_j < lowest_j:
+        return 1, False, reached_j
+    copy_forces(problem.saved_n, rows.force_n, rows.n_contacts)
+    update_motion(problem, W)
+    return 1 + take_active_set_steps(problem, W, n), False, lowest_j

@@ -192,17 +192,20 @@ def test_a_solve_that_is_allowed_one_sweep_takes_one_where_that_moves_nothing_fa
     assert solve(W, free + 1e-8, law, limit, force=exact, effort=(1, 1e-12))[2] == 1
 
 
-@pytest.mark.parametrize(("k", "most"), [(12, 50), (40, 70)])
-def test_contacts_that_open_one_after_the_other_do_so_between_two_sweeps(k, most):
-    """Stiffness over three decades, friction on all: sweeps close again what a Newton step has opened. 81 and 84."""
+@pytest.mark.parametrize(("k", "mean"), [(12, 20), (40, 40)])
+def test_contacts_that_open_one_after_the_other_do_so_between_two_sweeps(k, mean):
+    """Stiffness over three decades, friction on all: sweeps close again what a Newton step has opened."""
+    cost = []
     for seed in range(20):
         rng = np.random.default_rng(seed)
         J = rng.standard_normal((3 * k, 3 * k)) * np.geomspace(1.0, 1e-3, 3 * k)
         W, free = 1e-2 * (J @ J.T) + 1e-6 * np.eye(3 * k), 1e-3 * rng.standard_normal(3 * k)
         free[::3] -= 2e-4
         _, motion, sweeps = solve(W, free, np.full(k, UNILATERAL), np.full(k, 0.2), effort=(30, 1e-6))
-        assert sweeps < most
         assert motion[::3].min() > -1e-6
+        cost.append(sweeps)
+    assert np.mean(cost) < mean
+    assert max(cost) < MAX_SWEEPS
 
 
 @pytest.mark.parametrize(("k", "softness"), [(50, np.geomspace(1.0, 0.03, 80)), (30, np.geomspace(1.0, 0.02, 60))])

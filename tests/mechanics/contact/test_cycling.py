@@ -9,7 +9,6 @@ from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import MAX_SWEEPS, solve_contacts
 from services.mechanics.contact.stages import mark_sliding
-from services.mechanics.contact.tresca import MAX_BLOCKS, MAX_SWEEPS_PER_ITERATION
 from services.mechanics.contact.writer import append_row
 
 TOLERANCE_N, TOLERANCE_M = 1e-8, 1e-9
@@ -49,7 +48,6 @@ class Wedged:
         assert slip[~self.slides & (force[:, 0] > 0.0)].max(initial=0.0) < TOLERANCE_M
         against = force[:, 1] * motion[:, 1] + force[:, 2] * motion[:, 2]
         assert np.all(np.abs(against + rubs * slip)[sliding] < TOLERANCE_M * rubs[sliding])
-        assert np.all(self.rows.tresca_bound_n == 0.0)
 
 
 WIDE, NARROW = (50, np.geomspace(1.0, 0.03, 80)), (30, np.geomspace(1.0, 0.02, 60))
@@ -58,31 +56,18 @@ SMALL = 16, np.geomspace(1.0, 0.02, 20)
 
 @pytest.mark.parametrize("mu", [0.3, 1.0, 2.0])
 @pytest.mark.parametrize("shape", [WIDE, NARROW, SMALL])
-def test_what_does_not_end_with_all_friction_ends_with_less_and_nothing_overlaps(shape, mu):
+def test_what_does_not_end_with_friction_ends_without_and_nothing_overlaps(shape, mu):
     """Up to millimetres were left, of a tenth of one, when such solves were broken off after a hundred sweeps."""
     solved = [each for seed in range(10) if (each := Wedged(seed, *shape, mu)).sweeps > MAX_SWEEPS]
     for each in solved:
         each.check_law(mu)
-    assert any(np.any(each.rows.friction < mu) for each in solved)
+    assert any(np.all(each.rows.friction == 0.0) for each in solved)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_a_solve_that_goes_through_too_many_blocks_ends_without_overlap_and_forces_inside_their_cones(seed):
+def test_many_contacts_with_much_friction_end_without_overlap_after_a_few_changes_of_the_active_set(seed):
     """Half a second went by in each of these, in one tick."""
-    k, mu = 150, 2.0
-    solved = Wedged(seed, k, np.geomspace(1.0, 0.03, 160), mu)
-    force, most = solved.force, MAX_BLOCKS / k**2
-    assert most < solved.sweeps < MAX_SWEEPS + MAX_SWEEPS_PER_ITERATION * (MAX_ACTIVE_SET_COST + k)
-    assert solved.motion[:, 0].min() > -TOLERANCE_M
-    assert np.allclose(solved.motion.ravel(), solved.W @ force.ravel() + solved.free, atol=1e-13)
-    assert force[:, 0].min() >= 0.0
-    assert np.all(np.hypot(force[:, 1], force[:, 2]) <= mu * force[:, 0] * (1.0 + 1e-9))
-    assert np.all(solved.rows.tresca_bound_n == 0.0)
-
-
-@pytest.mark.parametrize("mu", [0.3, 1.0])
-def test_less_friction_is_not_none(mu):
-    lowered = [solved for seed in range(40) if np.any((solved := Wedged(seed, *SMALL, mu)).rows.friction < mu)]
-    kept = [np.hypot(*solved.force[:, 1:].T).sum() / (mu * solved.force[:, 0].sum()) for solved in lowered]
-    assert len(lowered) > 5
-    assert np.median(kept) > 0.25
+    k = 150
+    solved = Wedged(seed, k, np.geomspace(1.0, 0.03, 160), 2.0)
+    assert MAX_SWEEPS < solved.sweeps < MAX_SWEEPS + 5 * (MAX_ACTIVE_SET_COST + k)
+    solved.check_law(2.0)
