@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from types import CodeType
 
 from services import kernel_cache
 from services.mechanics.compiled import KERNELS
@@ -37,7 +36,7 @@ class KernelProgress:
 
     def tell(self) -> None:
         """Say how many are compiled; a scene does not use all, so it may end before the last."""
-        n, most = self.count, len({each.py_func.__code__ for each in KERNELS})
+        n, most = self.count, len(KERNELS)
         self._say(f"{self._stage}: {n} kernels compiled, of at most {most}", n / max(1, most))
 
 
@@ -61,6 +60,6 @@ def told(say: Callable[[str, float], None]) -> Iterator[KernelProgress]:
         progress.tell()
 
 
-def _compiled() -> set[CodeType]:
-    """Return the code of kernels that were not found on disk; what kernels call is a copy, and counts once with it."""
-    return {each.py_func.__code__ for each in KERNELS if each.stats.cache_misses}
+def _compiled() -> set[int]:
+    """Return the places in `KERNELS` of those that were not found on disk."""
+    return {k for k, each in enumerate(KERNELS) if each.stats.cache_misses}

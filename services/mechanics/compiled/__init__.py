@@ -5,10 +5,8 @@ Argument types of kernels are described in `docs/reference/kernels.md`.
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Sequence
-from types import FunctionType
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 from numba import cfunc, njit, types
 from numba.extending import models, register_model, typeof_impl
@@ -53,24 +51,18 @@ def callback(signature: Any, function: Callable[..., Any]) -> Any:
 def _compiled(function: F, **options: Any) -> F:
     compiled: F = njit(**options)(function)
     KERNELS.append(compiled)
-    if "inline" not in options:
-        _INNER[compiled] = functools.cache(lambda: _inner_type(cast(FunctionType, function), options))
     return compiled
 
 
-#: Of each kernel: what returns its type where kernels call it.
-_INNER: dict[Any, Callable[[], types.Type]] = {}
-
-
-class _InnerType(types.Dispatcher):  # type: ignore[misc]  # numba has no types
-    """A kernel that kernels call: each constant, and each size of an integer, would be a type of its own."""
+class _KernelType(types.Dispatcher):  # type: ignore[misc]  # numba has no types
+    """The type of a kernel where kernels call it: numba's own compiles it again for each constant and integer type."""
 
     def get_call_type(self, context: Any, arguments: Sequence[types.Type], keywords: dict[str, types.Type]) -> Any:
-        """Return the signature of a call, compiled for any value."""
+        """Return the signature of a call, compiled for any value, and for int64 instead of other signed integers."""
         return super().get_call_type(context, tuple(map(_plain, arguments)), keywords)
 
 
-register_model(_InnerType)(models.OpaqueModel)
+register_model(_KernelType)(models.OpaqueModel)
 
 
 def _plain(kind: types.Type) -> types.Type:
@@ -78,22 +70,7 @@ def _plain(kind: types.Type) -> types.Type:
     return types.int64 if isinstance(kind, types.Integer) and kind.signed else kind
 
 
-def _inner_type(function: FunctionType, options: dict[str, Any]) -> types.Type:
-    """Compile a copy that Python cannot call, as taking arguments from Python's objects is a fifth of all code.
-
-    It has a name of its own, by which numba keeps it on disk.
-    """
-    copy = FunctionType(
-        function.__code__, function.__globals__, function.__name__, function.__defaults__, function.__closure__
-    )
-    copy.__kwdefaults__, copy.__module__ = function.__kwdefaults__, function.__module__
-    copy.__qualname__ = f"{function.__qualname__}.inner"
-    KERNELS.append(njit(no_cpython_wrapper=True, **options)(copy))
-    return _InnerType(KERNELS[-1])
-
-
 @typeof_impl.register(type(njit(lambda: None)))
 def _typeof(dispatcher: Any, _context: Any) -> types.Type:
-    """Return the type by which kernels know a kernel."""
-    inner = _INNER.get(dispatcher)
-    return types.Dispatcher(dispatcher) if inner is None else inner()
+    """Tell numba the type of a compiled function: ours of our kernels, numba's of all others."""
+    return _KernelType(dispatcher) if dispatcher in KERNELS else types.Dispatcher(dispatcher)
