@@ -17,6 +17,7 @@ from services.mechanics.contact.candidate_search import CandidateSearch, Moving
 from services.mechanics.contact.geometry import ContactGeometry
 from services.mechanics.contact.spheres import Spheres
 from services.mechanics.contact.state import ContactState
+from services.mechanics.contact.system import ContactSystem
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.rod import RodState
 from services.mechanics.rod.implicit import ImplicitIntegrator
@@ -117,7 +118,7 @@ class _FixedContactSearch(CandidateSearch):
     def __init__(self) -> None:
         pass
 
-    def begin(self, bodies: Moving, geometry: Address[ContactGeometry]) -> None:
+    def begin(self, bodies: Moving, system: ContactSystem) -> None:
         """Do nothing: no tool overlaps a body."""
         bodies[2].disengaged[:] = False
 
