@@ -47,11 +47,17 @@ def append_row(rows: ContactRows, law: int, identity: int) -> int:
     rows.gap_m[row] = rows.rest_offset_m[row] = 0.0
     rows.slip_m[row] = 0.0
     rows.friction[row] = 0.0
+    set_law(rows, row, law)
+    return row
+
+
+@inlined_kernel
+def set_law(rows: ContactRows, row: int, law: int) -> None:
+    """Set the law of a row, and with it its softness, without a limit on its force."""
     rows.law[row], rows.force_limit_n[row] = law, math.inf
     for axis in range(3):
         rows.softness_m_n[row, axis] = SOFTNESS_M_N[law, axis]
     rows.softness_m_n[row, 0] += CREEP[law] * rows.dt_s
-    return row
 
 
 @kernel
