@@ -12,7 +12,6 @@ from pathlib import Path
 import pytest
 
 from services.mechanics.effects import EFFECTS
-from tests.by_day import by_day
 from tests.package.conftest import ROOT
 from trocar.examples.ppo_baseline import ENVIRONMENT, RANGES
 
@@ -78,10 +77,10 @@ def test_a_finer_wall_has_a_smaller_error(run: Run) -> None:
     assert errors[0] > 2.0 > errors[2] >= errors[3] == 0.0
 
 
-@pytest.mark.parametrize("episodes", by_day([1], [4]))
-def test_a_clone_reaches_the_goal_in_an_episode_that_it_has_not_seen(run: Run, episodes: int) -> None:
-    *shown, reached = run("clone_an_expert", f"{episodes}").splitlines()
-    assert [line.partition(",")[2].split(",")[0] for line in shown] == [f" seed {k}: success" for k in range(episodes)]
+def test_a_clone_reaches_the_goal_in_an_episode_that_it_has_not_seen(run: Run) -> None:
+    """Of four: one alone, whose hands tremble by chance, is not enough to learn from."""
+    *shown, reached = run("clone_an_expert", "4").splitlines()
+    assert [line.partition(",")[2].split(",")[0] for line in shown] == [f" seed {k}: success" for k in range(4)]
     assert reached.startswith("clone, seed 100: success")
     assert _numbers(reached)[2] > 10.0
 

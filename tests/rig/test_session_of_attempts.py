@@ -44,6 +44,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Attemp
             told.update((frame.body.attempt_id, frame.body) for frame in rig.observer.bus.drain("training.attempt"))
             return [each for each in told.values() if each.state == "done"]
 
+        rig.observer.until(lambda: rig.observer.is_up, PATIENCE_S, "hands are engaged")
         # Scripted hands wait for nobody: on a busy machine they are in before the training process follows them.
         rig.observer.until(lambda: bool(done() or told), LASTS_S, "somebody follows the attempt")
         page = json.loads(page_file(Transport(directory=folder / "bus")).read_text())
