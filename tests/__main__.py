@@ -1,7 +1,7 @@
 """All tests, in two parts: ``python -m tests [what pytest takes]``, which ``./dev test`` runs.
 
-First everything that shares the machine: two workers a core, as many tests wait for processes, a file stays with one
-of them. Then, alone, what starts a rig that is judged: a rig beside busy neighbours is late, and rightly
+First everything that shares the machine: a worker a core and one more, as many tests wait for processes, a file stays
+with one of them. Then, alone, what starts a rig that is judged: a rig beside busy neighbours is late, and rightly
 called so. One summary counts both; either part fails the run. Where all tests are run, physics and haptics compile
 before, each its share, so that no two workers compile the same.
 
@@ -137,7 +137,7 @@ def main(arguments: list[str]) -> int:
     if not [word for word in arguments if word != "--long"]:
         print("compiling kernels", flush=True)
         print(f"kernels are compiled ({compile_kernels():.0f} s)", flush=True)
-    workers = min(2 * (os.cpu_count() or 1), _MOST_WORKERS)
+    workers = min(1 + (os.cpu_count() or 1), _MOST_WORKERS)
     parts = [run_part(("-n", str(workers), *_TOGETHER), arguments)]
     if parts[0].exit_code != 2:  # interrupted, or -x
         parts.append(run_part(_ALONE, arguments))
