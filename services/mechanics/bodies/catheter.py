@@ -237,11 +237,13 @@ class CatheterBody:
         if self.slept and len(forces) == 0:
             return
         spread_rod_forces(nodes, weights, forces, self.contact_force_n)
-        self._was_touched, self._was_woken = len(forces) > 0, len(forces) > self.n_own_rows
+        self.note_contacts(len(forces))
         if self._was_touched and not self._acts_in_next_step:
             self.integrator.correct(self.state, self.contact_force_n)
-            if self.plain_integrator is not None:
-                self.plain_integrator.remove_energy_gain(self.state, self.step_address)
+
+    def note_contacts(self, k: int) -> None:
+        """Store that this step had k contact rows."""
+        self._was_touched, self._was_woken = k > 0, k > self.n_own_rows
 
 
 def round_tube(scene: CatheterScene) -> RoundTube:

@@ -37,6 +37,7 @@ class DuctBody:
             they act through the residual compliance.
         motion_address: Address[DuctMotion], loads_address: Address[DuctLoads]. The modes and their loads, and the
             contact loads, for kernels.
+        kept_address: Address[NodeArrays] or None. The compliance cached between nodes, if there is a cache.
         modal_force: (r,) float64. Loads of effects on the modes in this step, the constant ones included.
         constant_modal_force: (r,) float64
         modal_kick: (r,) float64. Force that effects apply as an impulse at the start of this step, as contacts do.
@@ -71,6 +72,7 @@ class DuctBody:
         self._ignored_motion = np.zeros((capacity, 3))
         self.lasting_loads = _NO_LOADS
         self._loads, self.loads_address = loads, loads.address
+        self.kept_address = self._motion.kept_address
 
     def set_constant_load(self, nodal_n: FloatArray) -> None:
         """Set a constant load (n, 3) and start in equilibrium with it."""
@@ -105,6 +107,12 @@ class DuctBody:
         loads = self.load_nodes[:count], self.load_force_n[:count]
         out = self.modes[: 3 * n], self.displacement_m[:n], self.motion_m[:n]
         self._motion.gather((nodes, weights), (self.q_start, self.dq_free), loads, out)
+
+    def displace(self, nodes: IntArray, weights: FloatArray) -> None:
+        """Add the residual displacements that `gather_kept` left out where it returned False."""
+        n, count = len(nodes), self.n_loads
+        loads = self.load_nodes[:count], self.load_force_n[:count]
+        self._motion.displace((nodes, weights), loads, (self.displacement_m[:n], self.motion_m[:n]))
 
     def add_load_displacement(
         self, nodes: IntArray, weights: FloatArray, loads: tuple[IntArray, FloatArray], out: FloatArray

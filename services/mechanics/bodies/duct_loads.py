@@ -8,6 +8,7 @@ from typing import Annotated
 from services.mechanics.arrays import FloatArray, IntArray, LongArray
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.reduction.node_compliance import NodeArrays, gather_and_displace
 from services.mechanics.reduction.residual.node_numbering import forget_numbers, number_node
 from services.mechanics.rod.free_step import FreeStep, step_at
 
@@ -68,6 +69,14 @@ def begin_loads(duct_address: Address[DuctMotion], catheter_address: Address[Fre
     for i in range(catheter.external.shape[0]):
         for axis in range(3):
             catheter.external[i, axis] = catheter.constant[i, axis]
+
+
+@inlined_kernel
+def gather_kept(duct: DuctLoads, kept: Address[NodeArrays], nodes: IntArray, weights: FloatArray) -> bool:
+    """Do as `DuctBody.gather` for points (k, 3); if a node is not cached, leave residuals out and return False."""
+    n, count, free = nodes.shape[0], duct.count[0], duct.free
+    loads, out = (duct.node[:count], duct.force[:count]), (duct.modes[: 3 * n], duct.displacement[:n], duct.motion[:n])
+    return bool(gather_and_displace(kept, (nodes, weights), (free.start, free.change), loads, out))
 
 
 @kernel

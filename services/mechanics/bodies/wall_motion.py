@@ -18,10 +18,11 @@ from services.mechanics.bodies.contact_corners import (
     list_corners,
 )
 from services.mechanics.compiled import summing_kernel
+from services.mechanics.compiled.struct import Address
 from services.mechanics.reduction.coincident_points import copy_coincident, find_sources
 from services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
 from services.mechanics.reduction.modal_compliance import add_modal_compliance
-from services.mechanics.reduction.node_compliance import Loads, NodeCompliance, PointRows, Points
+from services.mechanics.reduction.node_compliance import Loads, NodeArrays, NodeCompliance, PointRows, Points
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.reduction.residual.rotated_residual import RotatedResidual
 
@@ -31,7 +32,11 @@ class PointCompliance:
 
     Attributes:
         reduced: ReducedDuct. Its residual compliance acts along world axes.
+        kept_address: Address[NodeArrays] or None. Where kernels find the compliance cached between nodes, if there is a
+            cache.
     """
+
+    kept_address: Address[NodeArrays] | None = None
 
     def __init__(self, reduced: ReducedDuct, n_points: int) -> None:
         self.reduced = reduced
@@ -39,6 +44,10 @@ class PointCompliance:
         self._slot = np.full(reduced.mesh.n_vertices, -1, np.int32)
         self._scaled_modes = np.zeros(3 * n_points * reduced.basis.n_modes)
         self._source = np.zeros(n_points, np.int32)
+
+    def displace(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> None:
+        """Call `add_residual`; see there."""
+        self.add_residual(points, loads, out)
 
     def add_residual(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> None:
         """Add displacements by ``loads`` beyond the modes to those of points (k, 3); subtract them from the motions."""
@@ -66,6 +75,7 @@ class StraightMotion(PointCompliance):
     def __init__(self, reduced: ReducedDuct, n_points: int) -> None:
         super().__init__(reduced, n_points)
         self._kept = NodeCompliance(reduced, n_points)
+        self.kept_address = self._kept.address
 
     def update(self, q: FloatArray) -> None:
         """Do nothing: straight motion depends on no prepared state."""
@@ -77,6 +87,11 @@ class StraightMotion(PointCompliance):
         """
         if not self._kept.gather_points(points, motion, loads, out):
             self.add_residual(points, loads, (out[1], out[2]))
+
+    def displace(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> None:
+        """Do as `add_residual` for points of which some nodes are not cached yet."""
+        if not self._kept.displace(points, loads, out):
+            self.add_residual(points, loads, out)
 
     def compliance(self, points: Points, rows: FloatArray, gain: FloatArray, out: FloatArray) -> None:
         """Write the compliance between points, with their ``rows`` of the modes, into the lower blocks of ``out``."""

@@ -6,6 +6,8 @@ import math
 from typing import ClassVar
 
 from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.bodies.catheter import CatheterTouch, list_particles, touch_at
+from services.mechanics.bodies.duct_loads import DuctLoads, loads_at
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.delassus import add_rod_compliance, add_tool_compliance, rotate_to_contact_frames
@@ -16,12 +18,18 @@ from services.mechanics.contact.spheres import add_sphere_compliance
 from services.mechanics.contact.stages import finish
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.warm_start import store_anchors
+from services.mechanics.reduction.node_compliance import NodeArrays, weigh_blocks
 from services.mechanics.reduction.residual.blocks import own_softness
+from services.mechanics.rod.contact_response import compliance, factor_for_contacts
+from services.mechanics.rod.model import RodModel, RodWork, work_at
 from services.mechanics.scene import ContactSettings
 
 # Tolerance of the wall's motion, as a fraction of its thickness: the tolerance of forces is at most the force that
 # moves the softest place of the wall so far. On a wall of 10 um some micronewtons cause a motion of a millimetre.
 WALL_TOLERANCE_SHARE = 0.01
+# Outcomes of `assemble`: done; nothing done because the wall has not computed some blocks of its compliance; the
+# catheter's matrix is not positive definite; there is no kernel for this kind of wall or catheter.
+ASSEMBLED, MISSING_BLOCKS, NOT_DEFINITE, NO_KERNEL = 1, 0, -1, -2
 
 
 class ImplicitStrategy:
@@ -42,7 +50,21 @@ class ImplicitStrategy:
         self._tolerance_n = min(settings.tolerance_n, tolerance_m / softness_m_n if softness_m_n > 0.0 else math.inf)
 
     def assemble(self, *, anew: bool = False) -> None:
-        """Write the Delassus operator W; ``anew`` is that of `DuctBody.compliance`."""
+        """Write the Delassus operator W: in one kernel, if there is one for the bodies and it has all blocks.
+
+        ``anew`` is for compiling the other way: as if blocks of the wall's compliance were missing.
+        """
+        bodies, catheter, outcome = self._bodies, self._bodies.catheter, NO_KERNEL
+        rod, kept_address = catheter.plain_integrator, bodies.duct.kept_address
+        if rod is not None and kept_address is not None and not anew:
+            duct, step = (bodies.duct.loads_address, kept_address), (rod.velocity_gain_s, rod.is_factored)
+            outcome = assemble(self._address, duct, (catheter.touch_address, *rod.addresses), step)
+            if outcome != MISSING_BLOCKS:
+                rod.note_factors(outcome == ASSEMBLED)
+        if outcome != ASSEMBLED:
+            self._assemble_by_body(anew=anew or outcome == MISSING_BLOCKS)
+
+    def _assemble_by_body(self, *, anew: bool) -> None:
         bodies, catheter, rows = self._bodies, self._bodies.catheter, self._state.rows
         bodies.duct.compliance(*rows.on_duct, self._state.W, anew=anew)
         rod_compliance = catheter.compliance(*rows.on_rod)
@@ -72,6 +94,33 @@ def solve_implicitly(
     finish(state)
     store_anchors(state.problem, state.slides, state.memory.elastic_m)
     return sweeps
+
+
+@kernel
+def assemble(
+    state_address: Address[ContactState],
+    duct_addresses: tuple[Address[DuctLoads], Address[NodeArrays]],
+    rod_addresses: tuple[Address[CatheterTouch], Address[RodModel], Address[RodWork]],
+    step: tuple[float, bool],
+) -> int:
+    """Write the compliances of all bodies into W, in the contacts' frames, and return an outcome.
+
+    ``step`` is (length of the catheter's implicit step in s, whether its matrix is factorised).
+    """
+    state, duct, touch = state_at(state_address), loads_at(duct_addresses[0]), touch_at(rod_addresses[0])
+    rows, k, (dt_s, is_factored) = state.rows, state.rows.n_contacts, step
+    W = state.delassus[: 9 * k * k].reshape(3 * k, 3 * k)
+    if not weigh_blocks(duct_addresses[1], (rows.duct_node[:k], rows.duct_weight[:k]), duct.gains[0], W):
+        return MISSING_BLOCKS
+    count = list_particles(rows.rod_node[:k], rows.rod_weight[:k], touch.slot, touch.particles)
+    rod_compliance = touch.compliance[: 9 * count * count].reshape(3 * count, 3 * count)
+    if count > 0:
+        if not (is_factored or factor_for_contacts(rod_addresses[1:], dt_s)):
+            return NOT_DEFINITE
+        band = work_at(rod_addresses[2]).band
+        compliance(rod_addresses[1], band, dt_s**2, touch.columns, touch.particles[:count], rod_compliance)
+    add_body_compliances(state_address, touch.slot, rod_compliance)
+    return ASSEMBLED
 
 
 @kernel

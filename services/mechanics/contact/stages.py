@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from services.mechanics.arrays import BoolArray, FloatArray
+from services.mechanics.bodies import duct_loads
+from services.mechanics.bodies.catheter import spread_rod_forces
+from services.mechanics.bodies.duct_loads import DuctLoads, gather_kept, loads_at
+from services.mechanics.bodies.forceps.tool_body import ToolArrays, correct_proxies
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.compiled.vectors import put_row
@@ -11,7 +15,14 @@ from services.mechanics.contact import admissible
 from services.mechanics.contact.free_motion import subtract_duct_motion
 from services.mechanics.contact.rows import ContactRows, in_world
 from services.mechanics.contact.state import ContactState, state_at
+from services.mechanics.contact.tool_loads import load_tools
 from services.mechanics.contact.warm_start import recall_forces, store_forces
+from services.mechanics.reduction.node_compliance import NodeArrays
+from services.mechanics.rod import contact_response
+from services.mechanics.rod.contact_energy_gain import remove_energy_gain
+from services.mechanics.rod.free_step import FreeStep, step_at
+from services.mechanics.rod.implicit_kernels import Addresses, Motion
+from services.mechanics.rod.model import model_at, work_at
 
 
 @kernel
@@ -40,6 +51,22 @@ def complete_new_rows(
 
 
 @kernel
+def gather_and_complete(
+    state_address: Address[ContactState], duct_address: Address[DuctLoads], kept_address: Address[NodeArrays]
+) -> bool:
+    """Gather the displacement and motion of a linear wall at the rows' points, and do as `complete_rows`.
+
+    Return False, with nothing done, if the wall's arrays hold no entry for one of the nodes.
+    """
+    state, duct = state_at(state_address), loads_at(duct_address)
+    k = state.rows.n_contacts
+    if not gather_kept(duct, kept_address, state.rows.duct_node[:k], state.rows.duct_weight[:k]):
+        return False
+    complete_rows(state_address, duct.displacement, duct.motion)
+    return True
+
+
+@kernel
 def finish(state: ContactState) -> None:
     """Write sliding flags and forces along world axes, and store both for the next warm start."""
     mark_sliding(state.rows, state.slides)
@@ -59,3 +86,33 @@ def write_world_forces(rows: ContactRows, out: FloatArray) -> None:
     """Write the forces on the first bodies along world axes into ``out`` (k, 3), in N."""
     for row in range(rows.n_contacts):
         put_row(out, row, in_world(rows, row, vector(rows.force_n, row)))
+
+
+@kernel
+def apply_to_bodies(
+    addresses: tuple[Address[ContactState], Address[DuctLoads], Address[FreeStep], Address[ToolArrays]],
+    rod: Addresses,
+    motion: Motion,
+    step: tuple[float, bool],
+    dt_s: float,
+    tool_force: FloatArray,
+    limits_energy: bool,
+) -> bool:
+    """Correct the end of the step of all bodies; ``tool_force`` (2, 4) receives the generalised forces on the tools.
+
+    ``limits_energy`` is whether to remove the energy gain of a catheter without twist, see `contact_energy_gain`.
+    ``motion`` and ``step`` are those of `contact_response.correct`. If that returns False, nothing is corrected, and
+    False is returned.
+    """
+    state, catheter = state_at(addresses[0]), step_at(addresses[2])
+    rows, k = state.rows, state.rows.n_contacts
+    forces = state.force_n[:k]
+    spread_rod_forces(rows.rod_node[:k], rows.rod_weight[:k], forces, catheter.contact)
+    if not contact_response.correct(rod, motion, catheter.contact, step):
+        return False
+    if limits_energy:
+        remove_energy_gain(model_at(rod[0]), work_at(rod[1]), catheter, motion, step[0])
+    duct_loads.correct(addresses[1], rows.duct_node[:k], rows.duct_weight[:k], forces, dt_s)
+    load_tools(addresses[0], tool_force)
+    correct_proxies(addresses[3], tool_force)
+    return True

@@ -123,7 +123,12 @@ class ContactSystem:
     def complete_rows(self) -> None:
         """Complete gaps and slips with the duct's displacement, and begin with the forces of the last tick."""
         duct = self.bodies.duct
-        duct.gather(*self.rows.on_duct)
+        if duct.kept_address is None:
+            duct.gather(*self.rows.on_duct)
+        elif stages.gather_and_complete(self.address, duct.loads_address, duct.kept_address):
+            return
+        else:
+            duct.displace(*self.rows.on_duct)
         stages.complete_rows(self.address, duct.displacement_m, duct.motion_m)
 
     def append_new_pairs(self, pairs: ContactPairs) -> None:
@@ -175,11 +180,25 @@ class ContactSystem:
 
     def apply(self, tool_force: FloatArray) -> None:
         """Apply the forces to all bodies; ``tool_force`` (2, 4) receives the tools' generalised forces."""
-        bodies, rows, k = self.bodies, self.rows, self.rows.n_contacts
-        if k or self._applied_forces:  # once more without forces, to remove those of the last step
-            forces = self.force_n[:k]
-            bodies.duct.correct(*rows.on_duct, forces)
-            bodies.catheter.correct(*rows.on_rod, forces)
-        load_tools(self.address, tool_force)
-        bodies.tools.correct(tool_force)
+        bodies, rows = self.bodies, self.rows
+        k = rows.n_contacts
+        catheter, rod = bodies.catheter, bodies.catheter.plain_integrator
+        if k and rod is not None:
+            motion, step = (
+                (catheter.state.position_m, catheter.state.velocity_m_s),
+                (rod.velocity_gain_s, rod.is_factored),
+            )
+            addresses = (self.address, bodies.duct.loads_address, catheter.step_address, bodies.tools.address)
+            more = (bodies.duct.dt_s, tool_force, rod.twist is None)
+            rod.note_factors(stages.apply_to_bodies(addresses, rod.addresses, motion, step, *more))
+            if rod.twist is not None:
+                rod.remove_energy_gain(catheter.state, catheter.step_address)
+            catheter.note_contacts(k)
+        else:
+            if k or self._applied_forces:  # once more without forces, to remove those of the last step
+                forces = self.force_n[:k]
+                bodies.duct.correct(*rows.on_duct, forces)
+                catheter.correct(*rows.on_rod, forces)
+            load_tools(self.address, tool_force)
+            bodies.tools.correct(tool_force)
         self._applied_forces = k > 0

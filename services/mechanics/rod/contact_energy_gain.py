@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.rod.free_step import FreeStep, step_at
 from services.mechanics.rod.implicit_kernels import Addresses, Motion
@@ -25,14 +25,13 @@ from services.mechanics.rod.twist import energy_at
 NEGLIGIBLE_J = 1e-9
 
 
-@kernel
-def remove_energy_gain(rod: Addresses, address: Address[FreeStep], motion: Motion, dt_s: float) -> None:
+@inlined_kernel
+def remove_energy_gain(model: RodModel, work: RodWork, step: FreeStep, motion: Motion, dt_s: float) -> None:
     """Remove the energy that a step has gained from the velocities of a rod without twist.
 
-    ``rhs`` of the rod's work space is the change of the velocities by contact forces.
+    ``work.rhs`` is the change of the velocities by contact forces.
     """
-    model, step = model_at(rod[0]), step_at(address)
-    if is_significant(model, work_at(rod[1]), step, motion, dt_s):
+    if is_significant(model, work, step, motion, dt_s):
         remove_gain(model, step, motion, 0.0)
 
 

@@ -8,7 +8,7 @@ from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled.struct import Address
 from services.mechanics.rod import contact_response, implicit_kernels
 from services.mechanics.rod.banded import empty_columns
-from services.mechanics.rod.contact_energy_gain import remove_energy_gain, remove_energy_gain_with_twist
+from services.mechanics.rod.contact_energy_gain import remove_energy_gain_with_twist
 from services.mechanics.rod.frame_step import predict_with_frame
 from services.mechanics.rod.free_step import NOT_DEFINITE, SLEPT, FreeStep, nonlinear_error_j, relinearise, step_freely
 from services.mechanics.rod.model import RodModel, allocate_work, build_model
@@ -164,13 +164,10 @@ class ImplicitIntegrator(StepGains):
             self.note_factors(contact_response.factor_for_contacts(self.addresses, self._dt_s))
 
     def remove_energy_gain(self, state: RodState, address: Address[FreeStep]) -> None:
-        """Remove a corrected step's energy gain from the velocities (`contact_energy_gain`)."""
-        motion = (state.position_m, state.velocity_m_s)
-        if self.twist is None:
-            remove_energy_gain(self.addresses, address, motion, self._dt_s)
-        else:
-            task = frame_task(self.twist, state)
-            remove_energy_gain_with_twist(self.addresses, address, motion, self._dt_s, task)
+        """Remove a corrected step's energy gain from the velocities of a rod with twist (`contact_energy_gain`)."""
+        assert self.twist is not None
+        task, motion = frame_task(self.twist, state), (state.position_m, state.velocity_m_s)
+        remove_energy_gain_with_twist(self.addresses, address, motion, self._dt_s, task)
 
     def note_factors(self, is_factored: bool) -> None:
         """Store whether B is factorised. Raises FloatingPointError if it could not be."""
