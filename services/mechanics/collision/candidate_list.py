@@ -195,7 +195,7 @@ def may_be_within(found: CandidateList, p: int, k: int) -> bool:
 
 @kernel
 def store_distance(found: CandidateList, p: int, k: int, distance_m: float) -> None:
-    """Store the measured distance of an entry."""
+    """Store the measured distance of an entry, or a lower bound on it."""
     found.bound[p, k] = distance_m + found.wall_travel + found.piece_travel[p]
 
 

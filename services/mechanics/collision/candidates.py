@@ -16,6 +16,7 @@ from typing import Annotated
 
 from services.mechanics.arrays import FloatArray, IntArray, LongArray
 from services.mechanics.collision.candidate_list import CandidateList, list_at, may_be_within, store_distance
+from services.mechanics.collision.clusters import centroid, vector_from_segment
 from services.mechanics.collision.primitives import (
     Places,
     closest_places,
@@ -78,11 +79,23 @@ def measure(address: Address[CandidateList], out_address: Address[Candidates]) -
 
 @inlined_kernel
 def _measure_entry(found: CandidateList, p: int, k: int, out: Candidates) -> None:
+    """Measure an entry, unless the projection on a line shows that its gap is above the wanted one.
+
+    The distance of convex bodies is at least that of their projections on any line. The line here goes from the piece's
+    point nearest to the middle of the triangle to this middle: no point of the piece is further along it.
+    """
     t, where = found.entry[p, k], (found.ends, found.position)
+    reach, (u, v, w) = found.thickness[p] + found.wanted[p], _corners(where, found.clusters.triangles, t)
+    middle = centroid(u, v, w)
+    line = vector_from_segment(row_of(found.ends, p, 0), row_of(found.ends, p, 1), middle)
+    nearest = min(dot(subtract(u, middle), line), dot(subtract(v, middle), line), dot(subtract(w, middle), line))
+    length = math.sqrt(dot(line, line))
+    if length * length + nearest > reach * length:
+        store_distance(found, p, k, length + nearest / length)
+        return
     places = _places(where, found.clusters.triangles, p, t)
     distance, s, w, normal = _closest(where, found.clusters.triangles, (p, t), places)
     store_distance(found, p, k, distance)
-    reach = found.thickness[p] + found.wanted[p]
     if distance <= reach:
         put(out, (p, t), (distance - found.thickness[p], s, w, normal))
         if found.along_m >= 0.0:

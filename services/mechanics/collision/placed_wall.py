@@ -161,12 +161,18 @@ def place_walls(duct: ReducedDuct, like: WallPlacement | None = None) -> WallPla
 
 
 def _residual(duct: ReducedDuct) -> dict[str, AnyArray]:
-    """Return an empty cache of the residual's rows."""
-    n = duct.mesh.n_vertices
-    k = max(min(MAX_ROWS, MAX_BLOCKS // n), 1)
-    rows: dict[str, AnyArray] = {"kept": np.full(k, -1, np.int32), "next_row": np.zeros(1, np.int32)}
-    rows |= {"row_of": np.full(n, -1, np.int32), "known": np.zeros(k * n, np.int8)}
-    return rows | {"blocks": np.zeros((k * n, 3, 3), np.float32), "softness": np.sqrt(own_softness(duct.residual))}
+    """Return a cache of the residual's rows: empty, or all rows if the residual is stored in full."""
+    residual, n = duct.residual, duct.mesh.n_vertices
+    is_whole = len(residual.blocks) == n * n and residual.blocks.dtype == np.float32
+    k = n if is_whole else max(min(MAX_ROWS, MAX_BLOCKS // n), 1)
+    node = np.arange(n, dtype=np.int32) if is_whole else np.full(max(n, k), -1, np.int32)
+    blocks = residual.blocks if is_whole else np.zeros((k * n, 3, 3), np.float32)
+    rows: dict[str, AnyArray] = {"kept": node[:k].copy(), "row_of": node[:n].copy(), "next_row": np.zeros(1, np.int32)}
+    return rows | {
+        "blocks": blocks,
+        "known": np.full(k * n, is_whole, np.int8),
+        "softness": np.sqrt(own_softness(residual)),
+    }
 
 
 @kernel
@@ -276,7 +282,7 @@ def copy_configuration(address: Address[PlacedWall], other_address: Address[Plac
 def displace(address: Address[PlacedWall], store: BlockStore) -> bool:
     """Write the displacement beyond the modes of the nodes to be placed; return whether there are any.
 
-    Blocks are read from the store once, and cached.
+    Blocks that are not cached are read from the store once.
     """
     wall = wall_at(address)
     n, first, end = wall.rest.shape[0], wall.n_placed, wall.n_requested

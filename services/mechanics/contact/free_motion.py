@@ -68,6 +68,5 @@ def free_motion(rows: ContactRows, recovery: float, dt_s: float, out: FloatArray
             for k in range(3 if axis > 0 else 0):
                 total += rows.frame[row, axis, k] * rows.elastic_m[row, k]
             out[3 * row + axis] = total
-        if HAS_GAP[rows.law[row]]:
-            rows.effective_gap_m[row] = effective_gap(rows, row, recovery, dt_s)
-            out[3 * row] += rows.effective_gap_m[row]
+        rows.effective_gap_m[row] = effective_gap(rows, row, recovery, dt_s) if HAS_GAP[rows.law[row]] else 0.0
+        out[3 * row] += rows.effective_gap_m[row]

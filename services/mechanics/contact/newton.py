@@ -113,20 +113,25 @@ def has_small_residual(problem: ContactProblem, tolerance_n: float) -> bool:
 
 
 @kernel
+def active_set_cost(n: int, k: int) -> int:
+    """Return the cost in sweeps of a step of n unknowns among k contacts, which grows with the cube of n."""
+    return int(1 + n**3 // (27 * k * k))
+
+
+@kernel
 def take_active_set_steps(problem: ContactProblem, W: FloatArray, n: int) -> int:
     """Take Newton steps, each up to where a contact opens or slips, until a full step is feasible; return their cost.
 
     This is the primal active-set method (Nocedal and Wright, "Numerical Optimization", 16.5): steps remove contacts
     from the active set, and sweeps add those that are missing. A single step between sweeps would not do, because the
     sweeps close again what it has opened. With friction the solution is no minimum, and the potential need not fall.
-    The cost is in sweeps, and grows with the cube of the number of unknowns.
     """
     cost, k = 0, problem.rows.n_contacts
     while True:
         fraction = feasible_step_length(problem, n)
         add_step(problem, n, min(fraction * (1.0 + OVERSHOOT), 1.0))
         update_motion(problem, W)
-        cost += 1 + n**3 // (27 * k * k)
+        cost += active_set_cost(n, k)
         if fraction >= 1.0 or cost >= MAX_ACTIVE_SET_COST:
             return cost
         n = list_unknowns(problem)

@@ -70,30 +70,20 @@ def _strain(wall: SolidWall, tool: int, cell: int, opening_rad: float) -> float:
 
 
 @inlined_kernel
-def write_indentation(
-    wall: SolidWall, tool: int, openings_rad: tuple[float, float], out: FloatArray, slope: FloatArray
-) -> None:
+def write_indentation(wall: SolidWall, tool: int, opening_rad: float, out: FloatArray, slope: FloatArray) -> None:
     """Write the indentation (N_CELLS,) in m: by how much squeezing brings a layer's middle surface nearer to its jaw.
 
-    ``slope`` (N_CELLS,) receives the change from the first to the second opening, in m/rad. All cells use the largest
-    occupied fraction: where the jaws squeeze a fold in some cells, its ridge in the others has no more room.
+    ``slope`` (N_CELLS,) receives its derivative by the opening, in m/rad. All cells use the largest occupied fraction:
+    where the jaws squeeze a fold in some cells, its ridge in the others has no more room.
     """
-    (start_rad, end_rad), share = openings_rad, 0.0
+    share = 0.0
     for cell in range(N_CELLS):
         share = max(share, wall.occupied[tool, cell])
-    if share == 0.0:
-        out[:] = slope[:] = 0.0
-        return
     for cell in range(N_CELLS):
-        out[cell] = share * _indentation_m(wall, tool, cell, start_rad)
-        slope[cell] = (share * _indentation_m(wall, tool, cell, end_rad) - out[cell]) / (end_rad - start_rad)
-
-
-@kernel
-def _indentation_m(wall: SolidWall, tool: int, cell: int, opening_rad: float) -> float:
-    thinning_m = wall.thickness_m - max(jaw_gap_m(wall, tool, cell, opening_rad), 0.0)
-    indentation: float = 0.25 * max(thinning_m, 0.0)
-    return indentation
+        gap_m = jaw_gap_m(wall, tool, cell, opening_rad)
+        out[cell] = 0.25 * share * max(wall.thickness_m - max(gap_m, 0.0), 0.0)
+        is_squeezed = 0.0 < gap_m < wall.thickness_m
+        slope[cell] = -0.25 * share * cell_m(wall, tool, cell) * math.cos(0.5 * opening_rad) if is_squeezed else 0.0
 
 
 @kernel

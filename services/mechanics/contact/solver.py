@@ -7,6 +7,7 @@ import math
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.contact.newton import (
+    active_set_cost,
     add_step,
     copy_forces,
     has_small_residual,
@@ -42,8 +43,9 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
       slowly where a stiff catheter couples contacts.
     - So a Newton step between sweeps solves for all active force components together, as in PGS with subspace
       minimisation (Silcowitz-Hansen, Niebe and Erleben, 2010). It is accepted if it and the next sweep lower the
-      potential :math:`\tfrac12 f^T W f + f^T u_{free}`. The change in a sweep is no such measure: it is small for slow
-      convergence too. Otherwise steps of an active-set method follow (`take_active_set_steps`).
+      potential :math:`\tfrac12 f^T W f + f^T u_{free}` below the lowest of this solve. The change in a sweep is no such
+      measure: it is small for slow convergence too. Otherwise steps of an active-set method follow
+      (`take_active_set_steps`).
     - After `MAX_SWEEPS`, if bodies still overlap, surfaces have no friction in this step.
 
     A solve ends with a sweep that changes no force component by more than the tolerance; after the first sweep the
@@ -75,7 +77,8 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
                 return sweeps
             problem.rows.friction[:k] = 0.0
             has_friction, lowest_j = False, math.inf
-            most_sweeps = sweeps + MAX_SWEEPS + k * (1 + k // 27)  # every contact may leave in a step of its own
+            # Every contact may leave in a step of its own.
+            most_sweeps = sweeps + MAX_SWEEPS + k * active_set_cost(k, k)
         # If the changes go on falling at this rate, the next sweep converges: it is cheaper than a Newton step.
         ends_next = change_n * change_n <= tolerance_n * last_n
         last_n = change_n

@@ -24,7 +24,8 @@ from services.mechanics.bodies.forceps.tool_body import ToolArrays
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, JAW_B
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import write_frame
+from services.mechanics.compiled.vectors import Vector, cross, dot, row_of, subtract, write_frame
+from services.mechanics.compiled.vectors import row as row_at
 from services.mechanics.contact.geometry import WallGeometry
 from services.mechanics.contact.identity import pair_identity, target_kind_of, target_of, tool_segment_of, with_law
 from services.mechanics.contact.laws import HAS_GAP, number_of
@@ -53,8 +54,6 @@ RELEASE_S = 0.05
 MIN_GAP_SHARE = 0.2
 # The chord is used only if the jaws would close by more than this.
 _SMALL_RAD = 1e-9
-# Smallest change of the opening over which the slope of the indentation is computed: 1 um at the tips.
-MIN_MOTION_RAD = 1e-4
 
 
 class SqueezeArrays(Struct):
@@ -63,7 +62,6 @@ class SqueezeArrays(Struct):
     wall: SolidWall
     row: Annotated[IntArray, N_TOOLS, 2]
     start_rad: Annotated[FloatArray, N_TOOLS]
-    contact_opening_rad: Annotated[FloatArray, N_TOOLS]  # opening that contacts added in the last step
     stored_j: Annotated[FloatArray, N_TOOLS, 2]
     pressed_span: Annotated[FloatArray, 2, 2, 2]  # scratch: side of the surface, jaw, first and last pressed place (m)
     dissipated_j: float = 0.0
@@ -112,7 +110,6 @@ class JawSqueeze:
         """Release all cells and the catheter, and clear their stored energy."""
         arrays = self._arrays
         arrays.wall.occupied[:] = arrays.stored_j[:] = 0.0
-        arrays.contact_opening_rad[:] = 0.0
         arrays.row[:] = _NO_ROW
         arrays.put_zero("first", "count")
 
@@ -138,22 +135,12 @@ def append_squeeze_rows(state_address: Address[ContactState], squeeze_address: A
     for tool in range(tools.present.shape[0]):
         squeeze.row[tool, _WALL] = squeeze.row[tool, _CATHETER] = _NO_ROW
         squeeze.start_rad[tool] = tools.proxy[tool, 3]
-        _write_indentation(squeeze, tools, tool)
+        indentation, slope = tools.indentation[tool], tools.indentation_slope[tool]
+        write_indentation(squeeze.wall, tool, tools.proxy[tool, 3], indentation, slope)
         if tools.present[tool]:
             _append_catheter(rows, tools, squeeze, tool)
             _append_wall(rows, tools, squeeze, tool)
     squeeze.count = rows.n_contacts - squeeze.first
-
-
-@kernel
-def _write_indentation(squeeze: SqueezeArrays, tools: ToolArrays, tool: int) -> None:
-    """Write the wall's indentation and its slope towards the opening expected with the last step's contact loads."""
-    start_rad = tools.proxy[tool, 3]
-    motion_rad = tools.free[tool, 3] + squeeze.contact_opening_rad[tool] - start_rad
-    if abs(motion_rad) < MIN_MOTION_RAD:
-        motion_rad = MIN_MOTION_RAD
-    openings_rad = start_rad, start_rad + motion_rad
-    write_indentation(squeeze.wall, tool, openings_rad, tools.indentation[tool], tools.indentation_slope[tool])
 
 
 @inlined_kernel
@@ -253,7 +240,6 @@ def update_squeezes(state_address: Address[ContactState], squeeze_address: Addre
     state, squeeze = state_at(state_address), squeeze_at(squeeze_address)
     rows, tools = state.rows, state.geometry.tools
     for tool in range(tools.present.shape[0]):
-        squeeze.contact_opening_rad[tool] = tools.proxy[tool, 3] - tools.free[tool, 3]
         opening, before = tools.proxy[tool, 3], squeeze.stored_j[tool, _WALL] + squeeze.stored_j[tool, _CATHETER]
         squeeze.stored_j[tool, _CATHETER] = 0.0
         for kind in range(2):
@@ -282,29 +268,25 @@ def _find_pressed_spans(
     for row in range(rows.n_contacts):
         if rows.tool[row] != tool or not HAS_GAP[rows.law[row]] or rows.force_n[row, 0] <= 0.0:
             continue
-        segment, normal = tool_segment_of(rows.identity[row]), rows.frame[row, 0]
+        segment = tool_segment_of(rows.identity[row])
         is_wall = target_kind_of(rows.identity[row]) == DUCT_TRIANGLE
         if not is_wall or segment not in (JAW_A, JAW_B) or _lever_m(rows, row) <= 0.0:
             continue
         jaw = 0 if segment == JAW_A else 1
-        side = 1 if _points_outwards(wall, target_of(rows.identity[row]), normal) else 0
-        place = 0.0
-        for axis in range(3):
-            place += (rows.point_m[row, axis] - tools.proxy[tool, axis]) * tools.frame[tool, 2, axis] / cosine
+        side = 1 if _points_outwards(wall, target_of(rows.identity[row]), row_of(rows.frame, row, 0)) else 0
+        arm = subtract(row_at(rows.point_m, row), row_at(tools.proxy, tool))
+        place = dot(arm, row_of(tools.frame, tool, 2)) / cosine
         pressed_span[side, jaw, 0] = min(pressed_span[side, jaw, 0], place)
         pressed_span[side, jaw, 1] = max(pressed_span[side, jaw, 1], place)
 
 
 @inlined_kernel
-def _points_outwards(wall: WallGeometry, triangle: int, normal: FloatArray) -> bool:
+def _points_outwards(wall: WallGeometry, triangle: int, normal: Vector) -> bool:
     """Return whether a normal points to the same side of the wall as the triangle's normal at rest."""
-    corners = wall.triangles[triangle]
-    total = 0.0
-    for axis in range(3):
-        j, k = (axis + 1) % 3, (axis + 2) % 3
-        p, q, r = wall.vertices[corners[0]], wall.vertices[corners[1]], wall.vertices[corners[2]]
-        total += normal[axis] * ((q[j] - p[j]) * (r[k] - p[k]) - (q[k] - p[k]) * (r[j] - p[j]))
-    return bool(total > 0.0)
+    corners, rest = wall.triangles[triangle], wall.vertices
+    start = row_at(rest, corners[0])
+    outwards = cross(subtract(row_at(rest, corners[1]), start), subtract(row_at(rest, corners[2]), start))
+    return bool(dot(normal, outwards) > 0.0)
 
 
 @inlined_kernel

@@ -8,8 +8,8 @@ The cache depends on the pair of nodes only, not on its own history: C of the sa
 That holds while the modes are those of the undeformed wall. Sections that turn carry the modes along, so a wall with
 large rotations has no cache (`bodies.wall_motion`).
 
-What loads move points by and W are sums of the same numbers, the residual in single precision as it is stored, its
-blocks made symmetric: steady forces then move nothing. With W rounded to single precision what sticks crept by 30 nm a
+What loads move points by and W are sums of the same numbers, the residual in single precision as it is stored: steady
+forces then move nothing. With W rounded to single precision what sticks crept by 30 nm a
 second at 10 kHz.
 """
 
@@ -199,13 +199,13 @@ def _admit(kept: NodeArrays, store: BlockStore, node: int) -> bool:
 
 @inlined_kernel
 def _copy_blocks(kept: NodeArrays, store: BlockStore, first: int, second: int) -> None:
-    """Copy the blocks of two places, their mean: they are rounded each for itself."""
-    there = block_between(store, kept.touched.node[first], kept.touched.node[second])
-    back = block_between(store, kept.touched.node[second], kept.touched.node[first])
+    """Copy the block of two places and its transpose."""
+    block = block_between(store, kept.touched.node[first], kept.touched.node[second])
     for i in range(3):
         for j in range(3):
-            mean = 0.5 * (there[3 * i + j] + back[3 * j + i])
-            kept.residual[3 * second + j, 3 * first + i] = kept.residual[3 * first + i, 3 * second + j] = mean
+            kept.residual[3 * second + j, 3 * first + i] = kept.residual[3 * first + i, 3 * second + j] = block[
+                3 * i + j
+            ]
 
 
 @kernel

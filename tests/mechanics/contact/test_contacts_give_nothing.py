@@ -7,7 +7,14 @@ from services.mechanics.bodies.forceps.tool_body import ToolArrays
 from services.mechanics.contact.free_motion import effective_gap, free_motion
 from services.mechanics.contact.identity import pair_identity
 from services.mechanics.contact.laws import number_of
-from services.mechanics.contact.passivity import RECENT_S, SLACK_J, START_UP_S, Ledger, solve_passively
+from services.mechanics.contact.passivity import (
+    RECENT_S,
+    SLACK_J,
+    START_UP_S,
+    Ledger,
+    limit_recovery,
+    solve_passively,
+)
 from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import solve_contacts
@@ -93,6 +100,18 @@ def test_a_shallow_overlap_is_taken_back_beside_a_deep_one():
     assert rows.effective_gap_m[0] == asked_m[0]
     assert 0.0 > rows.effective_gap_m[1] > asked_m[1]
     assert pressed.contact_work_j() <= 1.01 * SLACK_J
+
+
+def test_a_row_without_a_gap_has_nothing_to_take_back():
+    """A hold in a row that was a deep contact a step ago: its motion is its slip, whatever is limited."""
+    pressed = Pressed(0, k=2)
+    pressed.rows.effective_gap_m[1] = -1e-3
+    pressed.rows.law[1] = number_of("grip")
+    free_motion(pressed.rows, RECOVERY, DT_S, pressed.problem.motion)
+    free_m = pressed.problem.motion.copy()
+    assert limit_recovery(pressed.rows, 0.0, pressed.problem.motion)
+    assert pressed.problem.motion[0] > free_m[0]
+    np.testing.assert_array_equal(pressed.problem.motion[3:], free_m[3:])
 
 
 def test_a_step_that_is_solved_again_is_entered_once():

@@ -46,8 +46,7 @@ def run(play, prepare):
     return np.array(shown)
 
 
-# Not while the catheter slips, as at 354 and 80: there 1e-16 m decide how a solve ends, whatever is taken back.
-@pytest.mark.parametrize(("kind", "ticks"), [("jammed", 350), ("all contacts at once, wall gives way", 79)])
+@pytest.mark.parametrize(("kind", "ticks"), [("jammed", 500), ("all contacts at once, wall gives way", 79)])
 def test_a_try_that_is_taken_back_leaves_nothing_behind(kind, ticks):
     """Tools grasp, press, leave and come back; before, jaws, sleep, friction and loads were those of the last try."""
     play = KINDS[kind](np.random.default_rng(3))

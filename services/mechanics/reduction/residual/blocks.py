@@ -145,7 +145,18 @@ def block_index(store: BlockStore, row: int, column: int) -> int:
 
 @kernel
 def block_between(store: BlockStore, row: int, column: int) -> Block:
-    """Return R of two nodes along world axes, zero where there is none."""
+    """Return R of two nodes along world axes, zero where there is none.
+
+    That of the lower node's row is read, and transposed if need be: each block is rounded, but R is symmetric.
+    """
+    if row <= column:
+        return _stored_block(store, row, column)
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = _stored_block(store, column, row)
+    return (xx, yx, zx, xy, yy, zy, xz, yz, zz)
+
+
+@kernel
+def _stored_block(store: BlockStore, row: int, column: int) -> Block:
     blocks, seat, place = store[0], store[4][0], block_index(store, row, column)
     if place < 0:
         return (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
