@@ -43,19 +43,24 @@ class StepSplitter:
         is_priced = world.system.strategy.keeps_delassus and catheter.plain_integrator is not None
         # A rod whose rest length grows gains energy in fast motions.
         self._may_move_far = is_priced and catheter.wire is None
+        self._shares_per_s = 0.0  # of the allowed motion, in the last substep
 
     def compile_kernels(self) -> None:
         """Compile the kernels that only a fast catheter needs."""
-        self._most_motion_m(LOOK_AHEAD_M)
+        self._most_motion_m()
 
     def parts(self, tools: ToolInputs, dt_s: float) -> int:
-        """Return the number of substeps of a step: a power of two, so that matrices are prepared for few lengths."""
-        most_m, parts = min(LONGEST_STEP_S / dt_s, 1.0) * LOOK_AHEAD_M, 1
-        if dt_s * FASTEST_HAND_M_S > most_m:
+        """Return the number of substeps of a step: a power of two, so that matrices are prepared for few lengths.
+
+        In one of them a hand moves no further than allowed, nor does a body that keeps its speed of the last one.
+        """
+        longer, wanted, parts = max(dt_s / LONGEST_STEP_S, 1.0), self._shares_per_s * dt_s, 1
+        if longer * dt_s * FASTEST_HAND_M_S > LOOK_AHEAD_M:
             body = self._world.tools
             away_m = furthest_point(tools.position_m, body.hand, tools.present, body.present)
-            while dt_s > parts * SHORTEST_STEP_S and min(away_m, dt_s * FASTEST_HAND_M_S) > parts * most_m:
-                parts *= 2
+            wanted = max(wanted, min(away_m, dt_s * FASTEST_HAND_M_S) / LOOK_AHEAD_M)
+        while dt_s > parts * SHORTEST_STEP_S and max(longer / parts, 1.0) * wanted > parts:
+            parts *= 2
         return parts
 
     def is_detected(self) -> bool:
@@ -64,13 +69,16 @@ class StepSplitter:
         A wall that snaps moves 10 mm in a millisecond: it could pass a jaw that was not among the candidates.
         """
         duct, catheter_m = self._world.duct, furthest_point(*self._catheter_motion)
-        wall_m = furthest(self._modes, duct.q_start, duct.state.q)
-        share = LONGEST_STEP_S / max(duct.dt_s, LONGEST_STEP_S)
-        return bool(wall_m <= share * LOOK_AHEAD_M and catheter_m <= share * self._most_motion_m(catheter_m / share))
+        longer = max(duct.dt_s / LONGEST_STEP_S, 1.0)
+        share = furthest(self._modes, duct.q_start, duct.state.q) / LOOK_AHEAD_M
+        if longer * catheter_m > SLOW_M:
+            share = max(share, catheter_m / self._most_motion_m())
+        self._shares_per_s = share / duct.dt_s
+        return bool(longer * share <= 1.0)
 
-    def _most_motion_m(self, moved_m: float) -> float:
-        """Return how far (m) the catheter may move without missing a contact, if it moves by ``moved_m``."""
-        if moved_m <= SLOW_M or not self._may_move_far:
+    def _most_motion_m(self) -> float:
+        """Return how far (m) a catheter that moves by more than `SLOW_M` may move without missing a contact."""
+        if not self._may_move_far:
             return SLOW_M
         start_m, effects = self._world.catheter.start_m, self._world.effects
         within_m = min((effect.most_motion_m(start_m) for effect in effects), default=LOOK_AHEAD_M)

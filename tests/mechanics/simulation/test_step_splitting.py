@@ -14,6 +14,7 @@ BIT_M = 1e-6
 def moved(scene, duct, by_m):
     simulation = Simulation(scene, duct)
     catheter = simulation.catheter
+    simulation.duct.change_step(1e-3)
     catheter.start_m[:] = catheter.state.position_m
     catheter.state.position_m[-1, 0] += by_m
     simulation.duct.q_start[:] = simulation.duct.state.q
@@ -37,6 +38,14 @@ def test_a_step_in_which_the_wall_moved_too_far_is_halved(small_scene, small_duc
     assert simulation.splitter.is_detected()
     simulation.duct.state.q[0] += 1.0
     assert not simulation.splitter.is_detected()
+
+
+@pytest.mark.parametrize(("by_m", "parts"), [(LOOK_AHEAD_M - BIT_M, 1), (LOOK_AHEAD_M + BIT_M, 2), (8e-3, 4)])
+def test_a_step_begins_in_as_many_parts_as_the_speed_of_the_last_one_calls_for(small_scene, small_duct, by_m, parts):
+    splitter = moved(small_scene, small_duct, by_m).splitter
+    assert splitter.parts(ToolInputs(), 1e-3) == 1
+    splitter.is_detected()
+    assert splitter.parts(ToolInputs(), 1e-3) == parts
 
 
 def test_contacts_without_a_solution_cost_a_bounded_number_of_tries(small_scene, small_duct, monkeypatch):
