@@ -57,7 +57,7 @@ def _until(condition: Callable[[], object]) -> None:
         time.sleep(0.01)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def server() -> Iterator[ForkServer]:
     with closing(ForkServer()) as opened:
         yield opened

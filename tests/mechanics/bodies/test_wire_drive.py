@@ -1,5 +1,6 @@
 """A guide wire that is pushed and twisted from behind: it stays where friction holds it, and the books close."""
 
+from copy import deepcopy
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -10,19 +11,27 @@ from services.mechanics.effects.base import NoSettings
 from services.mechanics.scene import CatheterSection, DriveScene, GuideWireScene, WireDriveScene
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
+from services.mechanics.snapshot import Snapshot
 from studies.energy_book import EnergyBook
 from studies.stability.finely import contact_forces_n
 
 LENGTH_M, BEHIND_M = 0.1, 1e-3
 
 
-@pytest.fixture
-def wired(small_scene, small_duct):
-    """With a wire that is straight, at rest."""
+@pytest.fixture(scope="module")
+def rested(small_scene, small_duct):
+    """With a wire that is straight, at rest, and its state then."""
     simulation, inputs = with_wire(small_scene, small_duct, GuideWireScene(friction=0.3))
     for _ in range(1500):
         simulation.step(inputs)
-    return simulation, inputs
+    return simulation, inputs, Snapshot(simulation, (simulation.scene, small_duct, simulation.duct.reduced))
+
+
+@pytest.fixture
+def wired(rested):
+    simulation, inputs, snapshot = rested
+    snapshot.restore()
+    return simulation, deepcopy(inputs)
 
 
 def with_wire(small_scene, small_duct, wire):
@@ -142,7 +151,7 @@ def lengths(simulation):
     return out_m, [simulation.wire_drive.motion.place[0], wire.place[0], float(wire.model.rest_length[50:].sum())]
 
 
-def test_a_step_that_is_taken_again_begins_with_the_wire_where_it_was(wired):
+def test_a_step_that_is_taken_again_begins_with_the_wire_where_it_was(wired, monkeypatch):
     simulation, inputs = wired
     push(simulation.step, inputs, by_m=10e-3, rest=0)
     rod, before, is_detected = simulation.catheter.wire.model, [], simulation.splitter.is_detected
@@ -158,8 +167,8 @@ def test_a_step_that_is_taken_again_begins_with_the_wire_where_it_was(wired):
         before.append(simulation.wire_drive.motion == start[0])
         before.extend(bool((now == then).all()) for now, then in zip(arrays, start[1], strict=True))
 
-    simulation._start.restore = restore
-    simulation.splitter.is_detected = lambda: bool(before) and is_detected()
+    monkeypatch.setattr(simulation._start, "restore", restore)
+    monkeypatch.setattr(simulation.splitter, "is_detected", lambda: bool(before) and is_detected())
     simulation.step(inputs)
     assert before == [True] * (1 + len(arrays))
 
