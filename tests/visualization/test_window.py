@@ -212,7 +212,10 @@ def test_closing_the_window_is_told(window: WindowOutput, display: Display) -> N
 def test_a_thread_that_is_nicer_by_itself_stays_so() -> None:
     """An ordinary user could not make it less nice, and the window would end over it."""
     code = """if True:
-        import os, threading
+        import os, sys, threading
+        from unittest.mock import Mock
+        sys.modules["services.visualization.render"] = Mock()  # what draws takes a second to import
+        sys.modules["services.visualization.overlay"] = Mock()
         from services.visualization.window_worker import _come_after
         asked, is_nice, end = max(7, os.nice(0)), threading.Event(), threading.Event()
         def be_nice():
