@@ -7,7 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.runtime.reservation import LEAST_MARGIN, MARGIN, MOST, SPARE, STEP, Need, Reservation, need_of
+from services.runtime.reservation import (
+    LEAST_MARGIN,
+    MARGIN,
+    MOST,
+    QUANTILE,
+    SPARE,
+    STEP,
+    Need,
+    Reservation,
+    need_of,
+)
 
 LITTLE = 1e-9
 TOP = 0.8
@@ -50,7 +60,7 @@ def test_what_is_needed_covers_the_work_of_nearly_all_periods_and_its_mean(work_
     assert STEP - LITTLE <= found.least <= found.share <= MOST
     assert round(found.share / STEP) * STEP == pytest.approx(found.share)
     if found.share < MOST - LITTLE:
-        assert sum(each > found.share * 1_000_000 + 1 for each in work_ns) <= max(1, 0.06 * len(work_ns))
+        assert sum(each > found.share * 1_000_000 + 1 for each in work_ns) <= 1 + (1 - QUANTILE) * len(work_ns)
         assert found.usual <= found.least
         assert found.share < STEP + max(MARGIN, LEAST_MARGIN) * max(work_ns) / 1_000_000
 

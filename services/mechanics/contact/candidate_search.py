@@ -148,7 +148,7 @@ class CandidateSearch:
         return int(write_capsule_violations(addresses, self._start[0], sizes, pairs.address))
 
     def update_working_set(self, state: Address[ContactState]) -> None:
-        """Make the features whose contacts carried a force in the solved step the members of the working set."""
+        """Renew the members whose contacts carried a force in the solved step."""
         update_working_set(state, self._working.address)
 
     def set_catheter_row_gap(self, gap_m: float) -> None:
@@ -159,7 +159,7 @@ class CandidateSearch:
 
     def forget(self) -> None:
         """Clear the working set, because bodies have been put elsewhere."""
-        self._working.is_member[:], self._working.n_members = False, 0
+        self._working.life[:], self._working.n_members = 0, 0
         self._capsules.reset()
         self._wall.is_new = True
         self._is_unknown = True

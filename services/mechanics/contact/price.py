@@ -44,10 +44,10 @@ from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.working_set import (
     WorkingSet,
-    add_member,
-    clear_members,
+    age_members,
     has_chosen_near,
     place_at_rest,
+    renew_member,
     set_at,
     sort_by_key,
 )
@@ -259,13 +259,13 @@ def write_chosen(
 
 @kernel
 def update_working_set(state_address: Address[ContactState], set_address: Address[WorkingSet]) -> None:
-    """Make the features whose contacts carry a normal force the members of the working set."""
+    """Age the working set by a step, and renew the members whose contacts carry a normal force."""
     rows, working = state_at(state_address).rows, set_at(set_address)
-    clear_members(working)
+    age_members(working)
     for at in range(rows.n_contacts):
         identity = rows.identity[at]
         is_wall = identity >= 0 and HAS_GAP[rows.law[at]]
         if is_wall and target_kind_of(identity) == DUCT_TRIANGLE and rows.force_n[at, 0] > 0.0:
             p = piece_of(rows, at)
-            if 0 <= p < working.is_member.shape[0]:
-                add_member(working, p, target_of(identity))
+            if 0 <= p < working.life.shape[0]:
+                renew_member(working, p, target_of(identity))

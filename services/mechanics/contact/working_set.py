@@ -3,7 +3,7 @@
 A candidate gets a row if it touches; pricing finds those that come to touch within the step. Candidates are chosen by
 increasing clearance (the gap plus the indentation by jaws), members of the set first. A candidate whose position on the
 undeformed wall and normal are near those of a chosen one of the same body, and that is no deeper, is a duplicate and
-gets no row. Members are the features (piece and triangle) whose contacts carried a force in the last step.
+gets no row. Members are the features (piece and triangle) whose contacts carried a force within `LIFE_STEPS` steps.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Annotated
 
 import numpy as np
 
-from services.mechanics.arrays import BoolArray, FloatArray, IntArray, LongArray
+from services.mechanics.arrays import ByteArray, FloatArray, IntArray, LongArray
 from services.mechanics.bodies.forceps.tool_body import ToolArrays
 from services.mechanics.collision.candidate_list import CandidateList, list_at
 from services.mechanics.collision.candidates import SAME_POINT, Candidates, candidates_at
@@ -43,12 +43,15 @@ IMPLIED_M = 3e-6
 #: A step begins with rows for all members, and for the nearest other candidates up to this total; pricing finds the
 #: rest. Assembling and solving so many rows costs about as much as pricing.
 MAX_CHOSEN = 32
+#: Steps for which a feature that bears no more force stays a member. With one, a body that rocks on two features bears
+#: on each in turn for ever, because each is left out as a duplicate while the other bears. A corner has three.
+LIFE_STEPS = 3
 
 
 class WorkingSet(Struct):
     """The members, which are features of p pieces and m triangles, and scratch for c candidates."""
 
-    is_member: Annotated[BoolArray, "p", "m"]
+    life: Annotated[ByteArray, "p", "m"]  # remaining steps of each member, 0 for other features
     member: Annotated[LongArray, "c", 2]  # the members: piece and triangle
     merge_m: Annotated[FloatArray, "p"]  # distance within which contacts of a piece are merged
     clearance_m: Annotated[FloatArray, "c"]  # gap plus the wall's indentation
@@ -114,7 +117,7 @@ def _rate_candidate(found: Candidates, working: WorkingSet, listed: CandidateLis
 
 @kernel
 def _is_member(found: Candidates, working: WorkingSet, i: int) -> bool:
-    return bool(working.is_member[found.piece[i], found.triangle[i]])
+    return bool(working.life[found.piece[i], found.triangle[i]] > 0)
 
 
 @kernel
@@ -177,17 +180,24 @@ def sort_by_key(working: WorkingSet, count: int) -> None:
 
 
 @inlined_kernel
-def clear_members(working: WorkingSet) -> None:
-    """Remove all members."""
+def age_members(working: WorkingSet) -> None:
+    """Age all members by a step, and remove those whose life is over."""
+    n_left = 0
     for k in range(working.n_members):
-        working.is_member[working.member[k, 0], working.member[k, 1]] = False
-    working.n_members = 0
+        p, t = working.member[k, 0], working.member[k, 1]
+        working.life[p, t] -= 1
+        if working.life[p, t] > 0:
+            working.member[n_left, 0], working.member[n_left, 1] = p, t
+            n_left += 1
+    working.n_members = n_left
 
 
 @inlined_kernel
-def add_member(working: WorkingSet, p: int, t: int) -> None:
-    """Make a feature a member, if there is room for more."""
-    if not working.is_member[p, t] and working.n_members < working.member.shape[0]:
+def renew_member(working: WorkingSet, p: int, t: int) -> None:
+    """Make a feature a member with its full life, if there is room for more."""
+    if working.life[p, t] == 0 and working.n_members < working.member.shape[0]:
         working.member[working.n_members, 0], working.member[working.n_members, 1] = p, t
         working.n_members += 1
-        working.is_member[p, t] = True
+        working.life[p, t] = 1
+    if working.life[p, t] > 0:
+        working.life[p, t] = LIFE_STEPS
