@@ -79,19 +79,10 @@ def measure(address: Address[CandidateList], out_address: Address[Candidates]) -
 
 @inlined_kernel
 def _measure_entry(found: CandidateList, p: int, k: int, out: Candidates) -> None:
-    """Measure an entry, unless the projection on a line shows that its gap is above the wanted one.
-
-    The distance of convex bodies is at least that of their projections on any line. The line here goes from the piece's
-    point nearest to the middle of the triangle to this middle: no point of the piece is further along it.
-    """
-    t, where = found.entry[p, k], (found.ends, found.position)
-    reach, (u, v, w) = found.thickness[p] + found.wanted[p], _corners(where, found.clusters.triangles, t)
-    middle = centroid(u, v, w)
-    line = vector_from_segment(row_of(found.ends, p, 0), row_of(found.ends, p, 1), middle)
-    nearest = min(dot(subtract(u, middle), line), dot(subtract(v, middle), line), dot(subtract(w, middle), line))
-    length = math.sqrt(dot(line, line))
-    if length * length + nearest > reach * length:
-        store_distance(found, p, k, length + nearest / length)
+    t, where, reach = found.entry[p, k], (found.ends, found.position), found.thickness[p] + found.wanted[p]
+    least = _projected_distance(where, found.clusters.triangles, p, t)
+    if least > reach:
+        store_distance(found, p, k, least)
         return
     places = _places(where, found.clusters.triangles, p, t)
     distance, s, w, normal = _closest(where, found.clusters.triangles, (p, t), places)
@@ -100,6 +91,21 @@ def _measure_entry(found: CandidateList, p: int, k: int, out: Candidates) -> Non
         put(out, (p, t), (distance - found.thickness[p], s, w, normal))
         if found.along_m >= 0.0:
             _put_further_minima(found, (p, t), places, (min(distance + found.along_m, reach), s), out)
+
+
+@inlined_kernel
+def _projected_distance(where: Where, corner: IntArray, p: int, t: int) -> float:
+    """Return a lower bound, in m, on the distance of piece p and triangle t: that of their projections on a line.
+
+    The line goes from the piece's point nearest to the middle of the triangle to this middle, so that no point of the
+    piece is further along it. Projections of convex bodies are never further apart than the bodies.
+    """
+    u, v, w = _corners(where, corner, t)
+    middle = centroid(u, v, w)
+    line = vector_from_segment(row_of(where[0], p, 0), row_of(where[0], p, 1), middle)
+    nearest = min(dot(subtract(u, middle), line), dot(subtract(v, middle), line), dot(subtract(w, middle), line))
+    length = math.sqrt(dot(line, line))
+    return length + nearest / length if length > 0.0 else 0.0
 
 
 @inlined_kernel

@@ -165,12 +165,13 @@ def _residual(duct: ReducedDuct) -> dict[str, AnyArray]:
     residual, n = duct.residual, duct.mesh.n_vertices
     is_whole = len(residual.blocks) == n * n and residual.blocks.dtype == np.float32
     k = n if is_whole else max(min(MAX_ROWS, MAX_BLOCKS // n), 1)
-    node = np.arange(n, dtype=np.int32) if is_whole else np.full(max(n, k), -1, np.int32)
-    blocks = residual.blocks if is_whole else np.zeros((k * n, 3, 3), np.float32)
-    rows: dict[str, AnyArray] = {"kept": node[:k].copy(), "row_of": node[:n].copy(), "next_row": np.zeros(1, np.int32)}
-    return rows | {
-        "blocks": blocks,
+    nodes, none = np.arange(n, dtype=np.int32), np.int32(-1)
+    return {
+        "kept": nodes.copy() if is_whole else np.full(k, none),
+        "row_of": nodes if is_whole else np.full(n, none),
+        "next_row": np.zeros(1, np.int32),
         "known": np.full(k * n, is_whole, np.int8),
+        "blocks": residual.blocks if is_whole else np.zeros((k * n, 3, 3), np.float32),
         "softness": np.sqrt(own_softness(residual)),
     }
 

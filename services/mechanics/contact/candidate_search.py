@@ -148,7 +148,7 @@ class CandidateSearch:
         return int(write_capsule_violations(addresses, self._start[0], sizes, pairs.address))
 
     def update_working_set(self, state: Address[ContactState]) -> None:
-        """Renew the members whose contacts carried a force in the solved step."""
+        """Age the working set by a step, and renew the features whose contacts carried a force in it."""
         update_working_set(state, self._working.address)
 
     def set_catheter_row_gap(self, gap_m: float) -> None:

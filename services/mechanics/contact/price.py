@@ -259,7 +259,7 @@ def write_chosen(
 
 @kernel
 def update_working_set(state_address: Address[ContactState], set_address: Address[WorkingSet]) -> None:
-    """Age the working set by a step, and renew the members whose contacts carry a normal force."""
+    """Age the working set by a step, and renew the features whose contacts carry a normal force."""
     rows, working = state_at(state_address).rows, set_at(set_address)
     age_members(working)
     for at in range(rows.n_contacts):

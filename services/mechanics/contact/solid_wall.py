@@ -79,6 +79,9 @@ def write_indentation(wall: SolidWall, tool: int, opening_rad: float, out: Float
     share = 0.0
     for cell in range(N_CELLS):
         share = max(share, wall.occupied[tool, cell])
+    if share == 0.0:
+        out[:] = slope[:] = 0.0
+        return
     for cell in range(N_CELLS):
         gap_m = jaw_gap_m(wall, tool, cell, opening_rad)
         out[cell] = 0.25 * share * max(wall.thickness_m - max(gap_m, 0.0), 0.0)

@@ -44,7 +44,8 @@ IMPLIED_M = 3e-6
 #: rest. Assembling and solving so many rows costs about as much as pricing.
 MAX_CHOSEN = 32
 #: Steps for which a feature that bears no more force stays a member. With one, a body that rocks on two features bears
-#: on each in turn for ever, because each is left out as a duplicate while the other bears. A corner has three.
+#: on each in turn, because each is left out as a duplicate while the other bears. Three, because in a corner a body
+#: may rock on three.
 LIFE_STEPS = 3
 
 
@@ -195,9 +196,9 @@ def age_members(working: WorkingSet) -> None:
 @inlined_kernel
 def renew_member(working: WorkingSet, p: int, t: int) -> None:
     """Make a feature a member with its full life, if there is room for more."""
-    if working.life[p, t] == 0 and working.n_members < working.member.shape[0]:
+    if working.life[p, t] == 0:
+        if working.n_members == working.member.shape[0]:
+            return
         working.member[working.n_members, 0], working.member[working.n_members, 1] = p, t
         working.n_members += 1
-        working.life[p, t] = 1
-    if working.life[p, t] > 0:
-        working.life[p, t] = LIFE_STEPS
+    working.life[p, t] = LIFE_STEPS

@@ -9,8 +9,7 @@ That holds while the modes are those of the undeformed wall. Sections that turn 
 large rotations has no cache (`bodies.wall_motion`).
 
 What loads move points by and W are sums of the same numbers, the residual in single precision as it is stored: steady
-forces then move nothing. With W rounded to single precision what sticks crept by 30 nm a
-second at 10 kHz.
+forces then move nothing. With W rounded to single precision what sticks crept by 30 nm a second at 10 kHz.
 """
 
 from __future__ import annotations
@@ -203,9 +202,8 @@ def _copy_blocks(kept: NodeArrays, store: BlockStore, first: int, second: int) -
     block = block_between(store, kept.touched.node[first], kept.touched.node[second])
     for i in range(3):
         for j in range(3):
-            kept.residual[3 * second + j, 3 * first + i] = kept.residual[3 * first + i, 3 * second + j] = block[
-                3 * i + j
-            ]
+            kept.residual[3 * first + i, 3 * second + j] = block[3 * i + j]
+            kept.residual[3 * second + j, 3 * first + i] = block[3 * i + j]
 
 
 @kernel

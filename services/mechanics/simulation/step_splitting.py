@@ -27,7 +27,7 @@ SHORTEST_STEP_S = LONGEST_STEP_S / 32
 
 
 class StepSplitter:
-    """Splits steps in which a hand moves further than contact detection looks ahead, and judges solved ones.
+    """Splits steps in which a hand or a body moves further than contact detection looks ahead, and judges solved ones.
 
     A catheter may move by `LOOK_AHEAD_M` in a step, but only by `SLOW_M` if not all of its contacts are priced (it is
     near itself, or the strategy is another), or if it has a guide wire. For steps above a millisecond limits are lower
@@ -43,7 +43,7 @@ class StepSplitter:
         is_priced = world.system.strategy.keeps_delassus and catheter.plain_integrator is not None
         # A rod whose rest length grows gains energy in fast motions.
         self._may_move_far = is_priced and catheter.wire is None
-        self._shares_per_s = 0.0  # of the allowed motion, in the last substep
+        self._shares_per_s = 0.0  # motion in the last substep, in units of the allowed one
 
     def compile_kernels(self) -> None:
         """Compile the kernels that only a fast catheter needs."""
@@ -52,7 +52,7 @@ class StepSplitter:
     def parts(self, tools: ToolInputs, dt_s: float) -> int:
         """Return the number of substeps of a step: a power of two, so that matrices are prepared for few lengths.
 
-        In one of them a hand moves no further than allowed, nor does a body that keeps its speed of the last one.
+        In each of them a hand moves no further than allowed, and neither does a body at its speed in the last substep.
         """
         longer, wanted, parts = max(dt_s / LONGEST_STEP_S, 1.0), self._shares_per_s * dt_s, 1
         if longer * dt_s * FASTEST_HAND_M_S > LOOK_AHEAD_M:

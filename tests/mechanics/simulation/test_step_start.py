@@ -46,6 +46,7 @@ def run(play, prepare):
     return np.array(shown)
 
 
+# The second kind until the catheter slips: from there on rounding decides how its solves end.
 @pytest.mark.parametrize(("kind", "ticks"), [("jammed", 500), ("all contacts at once, wall gives way", 79)])
 def test_a_try_that_is_taken_back_leaves_nothing_behind(kind, ticks):
     """Tools grasp, press, leave and come back; before, jaws, sleep, friction and loads were those of the last try."""

@@ -147,7 +147,8 @@ def block_index(store: BlockStore, row: int, column: int) -> int:
 def block_between(store: BlockStore, row: int, column: int) -> Block:
     """Return R of two nodes along world axes, zero where there is none.
 
-    That of the lower node's row is read, and transposed if need be: each block is rounded, but R is symmetric.
+    R is symmetric, but each stored block is rounded for itself. So of both blocks of two nodes only that in the row of
+    the lower node is ever read, and transposed where the other one is wanted.
     """
     if row <= column:
         return _stored_block(store, row, column)
