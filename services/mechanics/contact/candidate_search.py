@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from services.mechanics.arrays import FloatArray
@@ -18,7 +20,7 @@ from services.mechanics.collision.placed_wall import place_walls
 from services.mechanics.collision.wall_candidates import WallCandidates
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
-from services.mechanics.compiled.vectors import along, row
+from services.mechanics.compiled.vectors import along, row, squared_distance
 from services.mechanics.contact.engagement import engage_tools
 from services.mechanics.contact.geometry import ContactGeometry
 from services.mechanics.contact.price import (
@@ -46,7 +48,11 @@ CAPACITY = 4096
 
 
 class CandidateSearch:
-    """Finds contacts, and pairs that may come into contact, between catheter, spheres, tools and wall."""
+    """Finds contacts, and pairs that may come into contact, between catheter, spheres, tools and wall.
+
+    Attributes:
+        wall_moved_m: float. Largest motion in the last step of a node of a candidate, by modes and loads; 0 unpriced.
+    """
 
     def __init__(self, scene: SceneModel, duct: ReducedDuct) -> None:
         self._radii_m, self._half_m = segment_radii(scene.catheter), 0.5 * scene.duct.thickness_m
@@ -63,6 +69,7 @@ class CandidateSearch:
         self._found, self._ended = Candidates.zeros(c=CAPACITY), Candidates.zeros(c=CAPACITY)
         self._capsules = CapsuleMemory.zeros(m=N_TOOL_PIECES, n=len(self._radii_m))
         self._spheres, self._catheter_ahead_m = no_spheres(), self._row_gap_m
+        self.wall_moved_m = 0.0
         self._make_room()
 
     def _make_room(self) -> None:
@@ -89,7 +96,7 @@ class CandidateSearch:
     def begin(self, bodies: Moving, system: ContactSystem) -> None:
         """Place wall and pieces at the start of a step, and choose the candidates that get rows."""
         duct, catheter, tools = bodies
-        listed, n = self._wall.list, duct.n_loads
+        listed, n, self.wall_moved_m = self._wall.list, duct.n_loads, 0.0
         self._write_pieces(catheter.start_m, tools)
         if self._spheres.count:
             write_spheres(listed.address, system.address, 0.0, (self._end, self._half_m))
@@ -137,6 +144,7 @@ class CandidateSearch:
         self._wall.measure(self._found)
         self._is_unknown = False
         self._wall.place_start(self._start_wall, self._found)
+        self.wall_moved_m = furthest_node(self._found.address, self._wall.list.address, self._start[1])
         pairs.clear()
         found = self._found.address, self._ended.address
         addresses = (self._wall.list.address, found, self._working.address, state)
@@ -172,6 +180,17 @@ class CandidateSearch:
     def is_sound(self) -> bool:
         """Return whether the catheter's axis was clear of the wall's middle surface when the step began."""
         return not pierces(self._found.address, self._wall.list.address, self._end)
+
+
+@kernel
+def furthest_node(found_address: Address[Candidates], list_address: Address[CandidateList], start: FloatArray) -> float:
+    """Return the largest distance (m) of a node of a candidate from where it was in ``start`` (n, 3)."""
+    found, listed, largest_2 = candidates_at(found_address), list_at(list_address), 0.0
+    for i in range(found.count):
+        for c in range(3):
+            node = listed.clusters.triangles[found.triangle[i], c]
+            largest_2 = max(largest_2, squared_distance(row(listed.position, node), row(start, node)))
+    return math.sqrt(largest_2)
 
 
 @kernel

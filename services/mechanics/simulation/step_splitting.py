@@ -9,7 +9,7 @@ import numpy as np
 from services.mechanics.arrays import BoolArray, FloatArray
 from services.mechanics.bodies.forceps.sweep import FASTEST_HAND_M_S
 from services.mechanics.collision.candidate_list import LOOK_AHEAD_M
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import kernel, summing_kernel
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.world import World
 
@@ -66,11 +66,13 @@ class StepSplitter:
     def is_detected(self) -> bool:
         """Return whether catheter and wall moved no further in the solved step than contact detection looked ahead.
 
-        A wall that snaps moves 10 mm in a millisecond: it could pass a jaw that was not among the candidates.
+        A wall that snaps moves 10 mm in a millisecond: it could pass a jaw that was not among the candidates. Its modes
+        tell that anywhere; a thin wall moves as far by its loads alone, near them.
         """
         duct, catheter_m = self._world.duct, furthest_point(*self._catheter_motion)
         longer = max(duct.dt_s / LONGEST_STEP_S, 1.0)
-        share = furthest(self._modes, duct.q_start, duct.state.q) / LOOK_AHEAD_M
+        wall_m = max(furthest(self._modes, duct.q_start, duct.state.q), self._world.search.wall_moved_m)
+        share = wall_m / LOOK_AHEAD_M
         if longer * catheter_m > SLOW_M:
             share = max(share, catheter_m / self._most_motion_m())
         self._shares_per_s = share / duct.dt_s
@@ -99,7 +101,7 @@ def steps_of(tick_s: float, longest_s: float = LONGEST_STEP_S) -> int:
     return steps
 
 
-@kernel
+@summing_kernel
 def furthest(modes: FloatArray, before: FloatArray, after: FloatArray) -> float:
     """Return the largest displacement in m of the nodes of ``modes`` (3 n, r) between two coordinates (r,).
 

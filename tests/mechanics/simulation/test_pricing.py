@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL
@@ -22,18 +22,29 @@ SLACK_M, TICKS, DEEPEST_M = 1e-8, 60, 40e-6
 
 
 class PriceJudge:
-    """Holds every price of a simulation against brute force over what is drawn where the step ends."""
+    """Holds every price of an accepted step against brute force over what is drawn where the step ends.
+
+    Steps that are refused and taken again in halves are not judged: there bodies may have outrun detection.
+    """
 
     def __init__(self, simulation):
-        self._simulation, self._price = simulation, simulation.search.price
+        self._simulation, self._price, self._move = simulation, simulation.search.price, simulation._move
         self.found = self.prices = 0
-        simulation.search.price = self._look
+        simulation.search.price, simulation._move = self._look, self._judge
+
+    def _judge(self, *step):
+        self._missed = []
+        is_accepted = self._move(*step)
+        assert not (is_accepted and self._missed), self._missed
+        return is_accepted
 
     def _look(self, bodies, state, tolerance_m, pairs):
         found = self._price(bodies, state, tolerance_m, pairs)
         ends, thickness_m, corners = self._drawn()
         written = [self._feature(pairs, k) for k in range(pairs.count)]
         points = np.einsum("kc,kci->ki", pairs.target_weights[:found], corners[pairs.target[:found]])
+        if not self._simulation.contacts.has_room:
+            return found
         assert found == pairs.count
         self.found, self.prices = self.found + found, self.prices + 1
         deep = self._too_deep(ends, thickness_m, corners, tolerance_m - SLACK_M)
@@ -46,9 +57,8 @@ class PriceJudge:
                 beside = points[[self._is_one_body(p, q) for q, _ in written]]
                 squares = [point_triangle(tuple(point), *map(tuple, corners[t])) for point in beside]
                 near_m = VIOLATION_SPACING * thickness_m[p] * max(1.5, *(self._stretch(corners, q) for _, q in written))
-                assert min(squares, default=np.inf) < near_m**2, (
-                    f"piece {p} ends {-1e6 * gap_m:.0f} um deep in triangle {t} and has no row"
-                )
+                if min(squares, default=np.inf) >= near_m**2:
+                    self._missed.append(f"piece {p} ends {-1e6 * gap_m:.0f} um deep in triangle {t} and has no row")
         return found
 
     def _drawn(self):
@@ -103,6 +113,7 @@ class PriceJudge:
 @pytest.mark.parametrize("thickness_m", [1e-3, 0.2e-3])
 @settings(max_examples=4, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(seed=st.integers(0, 2**32 - 1), speed_m_s=st.sampled_from([0.1, 0.4, 0.8]))
+@example(seed=10684717, speed_m_s=0.8)  # loads alone move the thin wall by 8 mm in a step
 def test_a_price_finds_all_that_brute_force_finds(small_scene, ducts, thickness_m, seed, speed_m_s):
     """Tools pushed about in the wall and the catheter flung against it."""
     rng, duct = np.random.default_rng(seed), ducts(thickness_m)
