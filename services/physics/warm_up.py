@@ -113,7 +113,7 @@ def _write_touches(pairs: ContactPairs) -> None:
 class _FixedContactSearch(CandidateSearch):
     """Returns artificial contacts of a jaw, and no candidates to price."""
 
-    has_candidates, dropped = False, 0
+    has_candidates, dropped, wall_moved_m = False, 0, 0.0
 
     def __init__(self) -> None:
         pass

@@ -167,7 +167,7 @@ def _play_rig(scene: str) -> dict[str, list[str]]:
     (haptics, _), (physics, _) = pairs
     for work, (_, link) in zip((_haptics, _physics), pairs, strict=True):
         others = [end for pair in pairs for end in pair if end is not link]
-        get_context("fork").Process(target=_run, args=(work, scene, link, others)).start()
+        get_context("fork").Process(target=_run, args=(work, scene, link, others), daemon=True).start()
     for _, link in pairs:
         link.close()
     config = _config(scene)
