@@ -77,7 +77,7 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
 def answer_contacts(scene: SceneModel, duct: ReducedDuct) -> None:
     """Solve contacts of every kind in a scene without collision detection or a moving rod."""
     still = Simulation(scene, duct, _FixedContactSearch())
-    still.catheter.integrator = _RigidRod(still.catheter.properties)
+    still.catheter.integrator, still.catheter.plain_integrator = _RigidRod(still.catheter.properties), None
     _touch_everything(still)
     still.solver.compile_kernels()
 

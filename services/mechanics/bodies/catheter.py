@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, cast
 
 import numpy as np
 
@@ -54,6 +54,7 @@ class CatheterBody:
         contact_force_n: (n, 3) float64. Contact forces of the last step.
         step_address: Address[FreeStep], touch_address: Address[CatheterTouch]. Its loads, and scratch for the
             compliance of touched particles, for kernels.
+        plain_integrator: ImplicitIntegrator or None. The implicit integrator, if contacts act in the same step.
         slept: bool. Whether this step was skipped because it is at rest.
         n_own_rows: int. Contact rows of this step with no other body, those of the introducer's friction. They do not
             wake it.
@@ -82,6 +83,8 @@ class CatheterBody:
         self._may_sleep = may_sleep
         self._linearises = scene.integrator == "implicit"
         self._acts_in_next_step = acts_in_next_step
+        is_plain = type(self.integrator) is ImplicitIntegrator and not acts_in_next_step
+        self.plain_integrator = cast(ImplicitIntegrator, self.integrator) if is_plain else None
         has_wire = scene.guide_wire is not None
         self.wire = GuideWire(scene, self.properties, self.integrator, self.state) if has_wire else None
         if has_wire:
@@ -126,20 +129,8 @@ class CatheterBody:
             integrator.correct(state, step.negated_contact)
         np.subtract(state.position_m, self.start_m, out=self.motion_m)
 
-    def nonlinear_error_j(self, nodes: IntArray, weights: FloatArray, forces: FloatArray) -> float:
-        """Return the energy [J] by which contact forces (k, 3) leave the validity of the step's linearisation, or 0.0.
-
-        Forces are added linearly to a step that was linearised with those of the last one. When a bending force is
-        released suddenly, or a jaw catches a swinging catheter, that stretches the catheter.
-        """
-        rod = self.plain_integrator
-        if rod is None or self.slept or not (self._was_touched or len(forces)):
-            return 0.0
-        spread_rod_forces(nodes, weights, forces, self._step.solved)
-        return rod.nonlinear_error_j(self.step_address, is_touched=self._was_touched)
-
     def store_linearisation(self) -> None:
-        """Make the linearisation that `nonlinear_error_j` judged last the base of further ones."""
+        """Make the linearisation that was judged last the base of further ones."""
         self._step.base[:] = self._step.contact if self._was_touched else 0.0
         self._step.solved_from_base[:] = self._step.solved
 
@@ -149,14 +140,6 @@ class CatheterBody:
         assert rod is not None
         rod.relinearise(self.state, self.step_address, share)
         self._was_touched = True
-
-    @property
-    def plain_integrator(self) -> ImplicitIntegrator | None:
-        """The implicit integrator, if it is used with contacts that act in the same step; else None."""
-        integrator = self.integrator
-        if type(integrator) is not ImplicitIntegrator or self._acts_in_next_step:
-            return None
-        return integrator
 
     def is_asleep(self) -> bool:
         """Whether the step can be skipped: nothing touches the catheter, its loads are unchanged, and it is at rest.

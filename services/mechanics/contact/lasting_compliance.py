@@ -73,7 +73,7 @@ def add_wall_compliance(
             )
         for j in range(i + 1):
             if _touches_wall(rows, closed[j, 0]):
-                out[i, j] += _product(lasting.shapes[i], lasting.excess, lasting.shapes[j])
+                out[i, j] += _product(lasting, i, j)
 
 
 @kernel
@@ -83,10 +83,10 @@ def _touches_wall(rows: ContactRows, row: int) -> bool:
 
 
 @summing_kernel
-def _product(first: FloatArray, gain: FloatArray, second: FloatArray) -> float:
-    total = 0.0
-    for mode in range(gain.shape[0]):
-        total += first[mode] * gain[mode] * second[mode]
+def _product(lasting: LastingArrays, i: int, j: int) -> float:
+    shapes, excess, total = lasting.shapes, lasting.excess, 0.0
+    for mode in range(excess.shape[0]):
+        total += shapes[i, mode] * excess[mode] * shapes[j, mode]
     return total
 
 

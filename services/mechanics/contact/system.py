@@ -156,8 +156,12 @@ class ContactSystem:
 
     def nonlinear_error_j(self) -> float:
         """Return the energy (J) that the catheter's linearisation neglects under the solved forces; 0 if small."""
-        k = self.rows.n_contacts
-        return self.bodies.catheter.nonlinear_error_j(*self.rows.on_rod, self.force_n[:k])
+        catheter = self.bodies.catheter
+        rod, is_touched = catheter.plain_integrator, catheter.touched[0]
+        if rod is None or catheter.slept or not (is_touched or self.rows.n_contacts):
+            return 0.0
+        flags = is_touched, rod.velocity_gain_s, rod.is_factored
+        return float(stages.nonlinear_error_j(self.address, catheter.step_address, rod.addresses, flags))
 
     def relinearise(self, share: float) -> None:
         """Repeat the catheter's step as `CatheterBody.relinearise` does, and update the slips by its new motion."""

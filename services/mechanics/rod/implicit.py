@@ -10,7 +10,7 @@ from services.mechanics.rod import contact_response, implicit_kernels
 from services.mechanics.rod.banded import empty_columns
 from services.mechanics.rod.contact_energy_gain import remove_energy_gain_with_twist
 from services.mechanics.rod.frame_step import predict_with_frame
-from services.mechanics.rod.free_step import NOT_DEFINITE, SLEPT, FreeStep, nonlinear_error_j, relinearise, step_freely
+from services.mechanics.rod.free_step import NOT_DEFINITE, SLEPT, FreeStep, relinearise, step_freely
 from services.mechanics.rod.model import RodModel, allocate_work, build_model
 from services.mechanics.rod.properties import RodProperties
 from services.mechanics.rod.state import RodState
@@ -118,11 +118,6 @@ class ImplicitIntegrator(StepGains):
         if taken == 0:
             raise FloatingPointError("the rod's state or a force on it is not finite")
         return False
-
-    def nonlinear_error_j(self, address: Address[FreeStep], *, is_touched: bool) -> float:
-        """Return the energy in J that `correct` neglects for the solved contact forces, see `free_step`."""
-        outcome: float = nonlinear_error_j(address, self.addresses, is_touched, (self._dt_s, self.is_factored))
-        return outcome
 
     def relinearise(self, state: RodState, address: Address[FreeStep], share: float) -> None:
         """Repeat the step, linearised with other contact forces, see `free_step.relinearise`.

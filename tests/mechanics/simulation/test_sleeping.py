@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from services.mechanics.bodies import catheter as catheter_body
+from services.mechanics.contact import stages
 from services.mechanics.rod.implicit import ImplicitIntegrator
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
@@ -69,20 +70,21 @@ def test_a_sleeping_catheter_is_one_question_a_tick(hanging, monkeypatch):
 
     ask = catheter_body.continue_sleep
     monkeypatch.setattr(catheter_body, "continue_sleep", lambda *arguments: asked.append(1) or ask(*arguments))
-    for name in ("predict", "step_freely", "correct", "compliance", "nonlinear_error_j", "relinearise"):
+    for name in ("predict", "step_freely", "correct", "compliance", "relinearise"):
         monkeypatch.setattr(ImplicitIntegrator, name, forbidden)
+    monkeypatch.setattr(stages, "nonlinear_error_j", forbidden)
     for _ in range(10):
         simulation.step(tools)
     assert len(asked) == 10
     assert simulation.catheter.is_asleep()
 
 
-def test_what_a_sleeping_catheter_takes_does_not_grow_with_it_and_is_a_third_of_what_one_awake_takes(hanging):
+def test_what_a_sleeping_catheter_takes_does_not_grow_with_it_and_is_half_of_what_one_awake_takes(hanging):
     asleep = [instructions(hanging(n)[0].catheter.predict, 1e-3) for n in (15, 30, 60)]
     awake = instructions(hanging(30, sleeping=False)[0].catheter.predict, 1e-3)
     assert asleep == [asleep[0]] * 3
     assert asleep[0] < 60
-    assert 3 * asleep[0] < awake
+    assert 2 * asleep[0] < awake  # in the interpreter; one awake spends most in its kernel
 
 
 def test_a_sleeping_duct_alone_is_one_question_whatever_its_modes(small_scene, small_duct):
