@@ -36,6 +36,7 @@ class LoopMeter:
         stages_ns: Duration of each of `stages` in this tick, in ns, likewise; zero by default.
         flight: The last ticks.
         periods_allowed: Periods within which a tick must be done, more than one where it does the work of several.
+        catches_up: Whether a tick does the work of those that were lost before it, see `TickClock`.
         beyond_work: Misses that less work would not have avoided: the deadline passed while the thread was not run, by
             the host or for another process, or had nothing to do yet.
     """
@@ -49,6 +50,7 @@ class LoopMeter:
         self.rate_hz = rate_hz
         self.period_ns = round(1e9 / rate_hz)
         self.periods_allowed = 1
+        self.catches_up = False
         self.ticks = 0
         self.misses = 0
         self.skipped = 0
@@ -190,6 +192,7 @@ class TickClock:
 
     def __init__(self, meter: LoopMeter) -> None:
         self._meter = meter
+        meter.catches_up = True
         self._last: int | None = None
 
     def steps(self, index: int) -> int:

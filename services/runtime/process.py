@@ -22,7 +22,7 @@ from services.runtime.loop import LoopMeter
 from services.runtime.reservation_keeper import ReservationKeeper
 from services.runtime.rig import Rig
 from services.runtime.scene_requirements import EVERYTHING, SceneRequirements, scene_requirements
-from services.runtime.scheduling import Scheduling
+from services.runtime.scheduling import OFTEN_NS, SELDOM_NS, Scheduling
 from services.runtime.zmq_bus import ZmqBus
 
 
@@ -154,8 +154,9 @@ def open_process(process_config: ProcessConfig, whole: Collection[str] = ()) -> 
     name, rig, logger = process_config.name, process_config.rig, process_config.log
     settings = rig.process(name)
     facts, scheduling = realtime.set_up(
-        settings.core, settings.priority, settings.nice, settings.share, rig.rungs, awake=not rig.spare_power
-    )
+        settings.core, settings.priority, settings.nice, settings.share, rig.rungs, awake=not rig.spare_power,
+        beside_ns=SELDOM_NS if rig.transport.kind == "ipc" else OFTEN_NS,
+    )  # fmt: skip
     for fact in facts:
         _warn_of(fact, logger)
     requirements = process_config.requirements

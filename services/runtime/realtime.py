@@ -19,7 +19,15 @@ from pathlib import Path
 import protocol.bodies as bodies
 from services import start_up
 from services.runtime.autogroup import set_group_niceness
-from services.runtime.scheduling import DEADLINE, RUNGS, Scheduling, SchedulingRequest, get_attributes, own_threads
+from services.runtime.scheduling import (
+    DEADLINE,
+    OFTEN_NS,
+    RUNGS,
+    Scheduling,
+    SchedulingRequest,
+    get_attributes,
+    own_threads,
+)
 
 _PR_SET_TIMERSLACK = 29
 _MCL_CURRENT, _MCL_FUTURE = 1, 2
@@ -53,6 +61,7 @@ def set_up(
     share: float = 0.3,
     rungs: tuple[str, ...] = RUNGS,
     *,
+    beside_ns: tuple[int, int] = OFTEN_NS,
     awake: bool = False,
 ) -> tuple[list[Fact], Scheduling | None]:
     """Pin the process, set its scheduling class and timer slack; return granted properties and place on the ladder.
@@ -63,9 +72,11 @@ def set_up(
         nice: Niceness of an ordinary process.
         share: Share of a core to reserve, if SCHED_FIFO is refused and SCHED_DEADLINE granted.
         rungs: Scheduling classes to try, see `services.runtime.scheduling`.
+        beside_ns: Time and period to reserve for each of ZeroMQ's threads, likewise.
         awake: Whether cores must not sleep while a process with a priority lives, see `keep_awake`.
     """
-    scheduling = None if priority is None else Scheduling.request(SchedulingRequest(priority, share, core, rungs))
+    request = SchedulingRequest(priority or 0, share, core, rungs, beside_ns)
+    scheduling = None if priority is None else Scheduling.request(request)
     facts = [
         _pin(core, scheduling),
         _ordinary(nice) if scheduling is None else scheduling_fact(scheduling),

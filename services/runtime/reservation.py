@@ -47,7 +47,7 @@ class Need:
     usual: float
 
 
-def need_of(work_ns: NDArray[np.int64], period_ns: int) -> Need:
+def need_of(work_ns: NDArray[np.float64], period_ns: int) -> Need:
     """Return the need of a loop from the processor times `work_ns` of its periods, (periods,), at least one."""
     usual = float(work_ns.mean()) / period_ns
     high = float(np.sort(work_ns)[int(QUANTILE * (len(work_ns) - 1))]) / period_ns

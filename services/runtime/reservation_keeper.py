@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.runtime.flight import COLUMNS, ROWS_AT, FlightRing
-from services.runtime.loop import LoopMeter
+from services.runtime.loop import CATCH_UP, LoopMeter
 from services.runtime.reservation import Need, Reservation, need_of
 from services.runtime.scheduling import PERIOD_NS, Scheduling
 
 #: Periods of the adaptation, normally, and in the first seconds or while it is short; and the number of the first ones.
 _LOOK_EVERY_NS, _LOOK_SOON_NS, _FIRST_LOOKS = 1_000_000_000, 250_000_000, 20
-_RAN = COLUMNS.index("ran_ns")
+_TICK, _RAN = COLUMNS.index("tick"), COLUMNS.index("ran_ns")
 #: Time after which the same message is repeated.
 _AGAIN_S = 60.0
 #: Fewest periods for an estimate of the 95th percentile.
@@ -42,7 +42,8 @@ class ReservationKeeper:
         soon = self._reservation.short or self._looks < _FIRST_LOOKS
         self._due_ns = now_ns + (_LOOK_SOON_NS if soon else _LOOK_EVERY_NS)
         periods = max(1, self._meter.periods_allowed)
-        work_ns, period_ns = work_per_period(self._meter.flight, periods), periods * self._meter.period_ns
+        work_ns = work_per_period(self._meter.flight, periods, catches_up=self._meter.catches_up)
+        period_ns = periods * self._meter.period_ns
         if len(work_ns) < _LEAST_PERIODS:
             return False
         before = self._scheduling.had
@@ -73,9 +74,21 @@ def shortage(need: Need, had: str) -> str:
     )
 
 
-def work_per_period(ring: FlightRing, ticks: int) -> NDArray[np.int64]:
-    """Return the processor times of the ring's periods of `ticks` ticks, in ns."""
+def work_per_period(ring: FlightRing, ticks: int, *, catches_up: bool = False) -> NDArray[np.float64]:
+    """Return the processor times of the ring's periods of `ticks` ticks, in ns.
+
+    A tick of a loop that catches up does the work of all ticks since the last one, if they are few enough (`CATCH_UP`).
+    Counted as the work of one, it would make a late loop ask for more the later it is.
+    """
     rows = np.frombuffer(ring.memory, np.int64, offset=ROWS_AT).reshape(ring.capacity, -1)
-    kept = rows[: min(ring.written, ring.capacity), _RAN]
-    whole: NDArray[np.int64] = kept[: len(kept) // ticks * ticks].reshape(-1, ticks).sum(axis=1)
-    return whole
+    order = np.arange(max(0, ring.written - ring.capacity), ring.written) % ring.capacity
+    tick, ran_ns = rows[order, _TICK], rows[order, _RAN]
+    covered = np.ones(len(tick), np.int64)
+    if catches_up:
+        jump = np.diff(tick)
+        covered[1:] = np.where((jump > 0) & (jump <= CATCH_UP * ticks), jump, 1)
+    period = (np.cumsum(covered) - covered) // ticks
+    ticks_of, work_of = np.bincount(period, covered), np.bincount(period, ran_ns)
+    whole = ticks_of >= ticks
+    found: NDArray[np.float64] = work_of[whole] * ticks / ticks_of[whole]
+    return found

@@ -34,8 +34,9 @@ _RESET_ON_FORK, _RECLAIM = 1, 2  # RECLAIM: a long tick may use time that others
 #: Period of a share, unless the loop's is longer: a loop at 50 Hz needs its time in one piece, and after loops with
 #: earlier deadlines. With longer periods for all, the earliest deadline is often another loop's.
 PERIOD_NS = 1_000_000
-#: Share of each of the other threads, ZeroMQ's two.
-BESIDE = 0.01
+#: Time and period (ns) of each of the other threads, ZeroMQ's two: where they carry every tick (between hosts), and
+#: where the loop itself does.
+OFTEN_NS, SELDOM_NS = (10_000, PERIOD_NS), (20_000, 10 * PERIOD_NS)
 #: Share of each core for all reservations: 95 %, less the 5 % that the kernel reserves since Linux 6.12 for ordinary
 #: threads (its fair server). A later loop that does not fit gets the next rung.
 ADMITTED = 0.9
@@ -46,12 +47,16 @@ _libc = ctypes.CDLL(None, use_errno=True)
 
 @dataclass(frozen=True, slots=True)
 class SchedulingRequest:
-    """Request of a loop: FIFO `priority`, initial `share` of a core for DEADLINE, core, and rungs to try."""
+    """Request of a loop: FIFO `priority`, initial `share` of a core for DEADLINE, core, and rungs to try.
+
+    `beside_ns` is what DEADLINE reserves for each other thread: time and period.
+    """
 
     priority: int
     share: float
     core: int | None = None
     rungs: tuple[str, ...] = RUNGS
+    beside_ns: tuple[int, int] = OFTEN_NS
 
 
 @dataclass(slots=True)
@@ -194,7 +199,10 @@ class Scheduling:
         pinned, own = os.sched_getaffinity(0), _own_thread()
         try:
             _pin_all(self._cores)
-            _of_each(lambda thread: thread == own or self._reserve(thread, BESIDE))
+            for thread in own_threads():
+                with contextlib.suppress(ProcessLookupError):  # it ends meanwhile
+                    if thread != own:
+                        _reserve_ns(thread, *self.requested.beside_ns)
             return self._reserve(own, self.requested.share)
         except OSError:
             _make_ordinary(self._niceness)
@@ -202,8 +210,7 @@ class Scheduling:
             raise
 
     def _reserve(self, thread: int, share: float) -> str:
-        runtime_ns, flags = round(share * self._period_ns), _RESET_ON_FORK | _RECLAIM
-        set_attributes(thread, DEADLINE, flags, runtime_ns=runtime_ns, period_ns=self._period_ns)
+        _reserve_ns(thread, round(share * self._period_ns), self._period_ns)
         return f"DEADLINE {100 * share:.0f} % of a core"
 
     def _nice(self, reset: bool) -> str:
@@ -224,6 +231,10 @@ def step_aside() -> None:
     """
     if os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK != DEADLINE:
         os.sched_yield()
+
+
+def _reserve_ns(thread: int, runtime_ns: int, period_ns: int) -> None:
+    set_attributes(thread, DEADLINE, _RESET_ON_FORK | _RECLAIM, runtime_ns=runtime_ns, period_ns=period_ns)
 
 
 def _own_thread() -> int:

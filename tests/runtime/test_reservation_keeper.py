@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import pytest
 
 from services.runtime import reservation_keeper
-from services.runtime.loop import LoopMeter
+from services.runtime.loop import LoopMeter, TickClock
 from services.runtime.reservation_keeper import ReservationKeeper, work_per_period
 from services.runtime.scheduling import Scheduling, SchedulingRequest
 
@@ -70,6 +70,38 @@ def test_ticks_that_may_take_two_periods_are_counted_together(clock: list[int]) 
     clock[0] += 1_000_000_000
     assert kept.keep()
     assert (place.had, place._period_ns) == ("DEADLINE 38 %", 2_000_000)
+
+
+def test_work_that_was_caught_up_counts_for_the_ticks_that_it_is_of(clock: list[int]) -> None:
+    """Late by two ticks again and again, each tick does three: its need is that of a loop in time."""
+    meter = LoopMeter(1000.0)
+    clock_of_ticks, (kept, place) = TickClock(meter), keeper(meter)
+    for tick in range(0, 3000, 3):
+        work_ns = 240_000 * clock_of_ticks.steps(tick)
+        meter.flight.write(tick, 0, 0, 0, work_ns, ())
+    assert work_per_period(meter.flight, 1, catches_up=True)[1:] == pytest.approx(240_000)
+    clock[0] += 1_000_000_000
+    assert kept.keep()
+    assert place.had == "DEADLINE 30 %"
+
+
+def test_a_tick_that_comes_once_in_two_periods_is_all_their_work(clock: list[int]) -> None:
+    meter = LoopMeter(1000.0)
+    meter.periods_allowed, meter.catches_up = 2, True
+    kept, place = keeper(meter)
+    for tick in range(0, 2000, 2):
+        meter.flight.write(tick, 0, 0, 0, 600_000, ())
+    clock[0] += 1_000_000_000
+    assert kept.keep()
+    assert (place.had, place._period_ns) == ("DEADLINE 38 %", 2_000_000)
+
+
+def test_ticks_that_were_skipped_are_nobodys_work() -> None:
+    meter = LoopMeter(1000.0)
+    for tick in range(0, 5000, 5):
+        meter.flight.write(tick, 0, 0, 0, 240_000, ())
+    assert set(work_per_period(meter.flight, 1, catches_up=True)) == {240_000}  # beyond what is caught up
+    assert set(work_per_period(meter.flight, 1)) == {240_000}
 
 
 def test_what_does_not_fit_is_said_once_with_what_to_do(clock: list[int], caplog: pytest.LogCaptureFixture) -> None:
