@@ -48,7 +48,7 @@ class Course:
         n = rows.n_contacts
         motion = simulation.system.motion_m.reshape(-1, 3) - rows.softness_m_n[:n] * rows.force_n[:n]
         self.friction_power.append(np.sum(rows.force_n[: rows.n_contacts][pressed][:, 1:] * motion[pressed][:, 1:]))
-        held = [h.target for h in simulation.holds.active.values()]
+        held = simulation.holds.arrays.target[: len(simulation.holds.active)].tolist()
         x = simulation.catheter.state.position_m[min(held, default=0) :]
         arc = np.linalg.norm(np.diff(x, axis=0), axis=1).sum()
         self.shortening.append(arc - np.linalg.norm(x[-1] - x[0]) if held else 0.0)

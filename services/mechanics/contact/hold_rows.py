@@ -1,4 +1,4 @@
-"""Contact rows of grasp holds, and their slip; each hold occupies one slot of the arrays."""
+"""Contact rows of grasp holds, and their slip."""
 
 from __future__ import annotations
 
@@ -49,9 +49,8 @@ MIN_SINE_ACROSS = 0.1
 
 
 class HoldArrays(Struct):
-    """Holds by slot; ``order`` lists the slots in use, in the order of their rows."""
+    """Holds in the order of their rows; the caller knows how many there are."""
 
-    order: Annotated[IntArray, "h"]
     number: Annotated[LongArray, "h"]  # `GraspHold.hold_id`
     tool: Annotated[ByteArray, "h"]
     target_kind: Annotated[ByteArray, "h"]
@@ -62,18 +61,23 @@ class HoldArrays(Struct):
     lost: Annotated[BoolArray, "h"]
     reach: Annotated[FloatArray, N_TOOLS, 2]  # of each tool's jaws beyond J: across, and along d
 
+    def remove(self, slot: int) -> None:
+        """Remove a hold; those behind it move up."""
+        held = self.number, self.tool, self.target_kind, self.target, self.weights, self.anchor
+        for array in (*held, self.slipped_m, self.lost):
+            array[slot:-1] = array[slot + 1 :]
+
 
 holds_at = reader(HoldArrays)
 
 
 @kernel
 def append_holds(state_address: Address[ContactState], holds_address: Address[HoldArrays], count: int) -> int:
-    """Append a bilateral row for each of the first ``count`` holds in order; return the number of rows."""
+    """Append a bilateral row for each of the first ``count`` holds; return the number of rows."""
     state, holds = state_at(state_address), holds_at(holds_address)
     rows, geometry = state.rows, state.geometry
     n_rows = rows.reserved = 0
-    for index in range(count):
-        slot = holds.order[index]
+    for slot in range(count):
         row = append_row(rows, _GRIP, hold_identity(holds.number[slot]))
         if row == NO_ROOM:
             continue
@@ -145,8 +149,8 @@ def slide_holds(
     rows = state.rows
     dissipated_j, is_lost = 0.0, False
     first, count = span
-    for index in range(count):
-        row, slot = first + index, holds.order[index]
+    for slot in range(count):
+        row = first + slot
         if not state.slides[row]:
             continue
         u = state.problem.motion[3 * row], state.problem.motion[3 * row + 1], state.problem.motion[3 * row + 2]

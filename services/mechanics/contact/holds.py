@@ -21,37 +21,6 @@ WEIGHT_TOLERANCE = 1e-3
 CAPACITY = 16
 
 
-class ActiveHold:
-    """An active hold. Its point in the jaws moves only when the hold slips.
-
-    Attributes:
-        request: GraspHold. The newest request for it.
-        slot: int. Its index in `HoldArrays`.
-    """
-
-    __slots__ = ("_arrays", "request", "slot")
-
-    def __init__(self, request: GraspHold, slot: int, arrays: HoldArrays) -> None:
-        self.request = request
-        self.slot = slot
-        self._arrays = arrays
-
-    @property
-    def target(self) -> int:
-        """The triangle, or the segment of the catheter, that is held now."""
-        return int(self._arrays.target[self.slot])
-
-    @property
-    def slipped_m(self) -> float:
-        """How far the point has slipped since the grasp."""
-        return float(self._arrays.slipped_m[self.slot])
-
-    @property
-    def lost(self) -> bool:
-        """Whether the point has left the jaws or the catheter's end."""
-        return bool(self._arrays.lost[self.slot])
-
-
 class HoldRegistry:
     """The holds of both tools: begins and ends them as requested, fills their rows, and slides those that slip.
 
@@ -60,7 +29,8 @@ class HoldRegistry:
     is lost. At most `CAPACITY` holds are active; further requests are dropped.
 
     Attributes:
-        active: dict of int to ActiveHold. By the requests' numbers, in the order of their rows.
+        active: dict of int to GraspHold. The newest request for each hold by its number, in the order of their rows.
+        arrays: HoldArrays. What the active holds hold, and where, in the same order.
         rows: range. Rows of the holds in this step; fewer than active holds if the rows' capacity was exceeded.
         dropped: int. Requests beyond `CAPACITY` since the start, each counted in every step.
         refused: int. Requests since the start that name a target or jaws that do not exist, or contain a NaN; each
@@ -72,17 +42,15 @@ class HoldRegistry:
 
     def __init__(self, forceps: tuple[ToolScene, ...], system: ContactSystem) -> None:
         self._system = system
-        self.active: dict[int, ActiveHold] = {}
+        self.active: dict[int, GraspHold] = {}
+        self.arrays = HoldArrays.zeros(h=CAPACITY)
         self.rows = range(0)
         self.dropped = 0
         self.refused = 0
         self.dissipated_j = 0.0
         self.has_begun = False
         self.lost: set[int] = set()
-        self._arrays = HoldArrays.zeros(h=CAPACITY)
-        self._free = list(range(CAPACITY))
         self._stops: list[tuple[int, int, float, bool]] = []
-        self._held: set[tuple[int, int]] = set()
         self.save_start()
         geometry = system.geometry
         self._n_targets = {
@@ -95,7 +63,7 @@ class HoldRegistry:
         for tool, jaws in enumerate(each.jaws for each in forceps):
             if jaws is not None:
                 width_m = 3.0 * jaws.jaw_radius_m
-                self._arrays.reach[tool] = width_m, jaws.jaw_length_m + width_m
+                self.arrays.reach[tool] = width_m, jaws.jaw_length_m + width_m
 
     def follow(self, requests: list[GraspHold]) -> None:
         """Begin newly requested holds, update limits, and drop holds without a request or whose tool is absent."""
@@ -114,103 +82,96 @@ class HoldRegistry:
         self.lost &= requested
         for request in requests:
             if request.hold_id in self.active:
-                self.active[request.hold_id].request = request
+                self.active[request.hold_id] = request
             elif request.hold_id not in self.lost:
                 self._begin(request)
         self._release_jaws()
 
     def step_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays that a step changes."""
-        return self._arrays.own_memory()
+        return self.arrays.own_memory()
 
     def save_start(self) -> None:
         """Save the state at the start of a step that is not in `step_arrays`."""
-        self._saved = dict(self.active), list(self._free), set(self.lost), self._stops, self._held
+        self._saved = dict(self.active), set(self.lost), self._stops
 
     def restore_start(self) -> None:
-        """Restore the saved state."""
-        self.active, self._free, lost, self._stops, self._held = self._saved
+        """Restore the saved state; holds that are still active keep their newest request."""
+        active, lost, self._stops = self._saved
+        self.active = {hold_id: self.active.get(hold_id, request) for hold_id, request in active.items()}
         self.lost.intersection_update(lost)
         self.lost.update(lost)
 
     def release_all(self) -> None:
         """End all holds as lost; requests for the same holds are ignored from then on."""
-        self.lost |= set(self.active)
-        for hold_id in list(self.active):
-            self._drop(hold_id)
+        self.lost.update(self.active)
+        self.active.clear()
         self.rows = range(0)
 
     def write_jaw_stops(self, tools: ToolBody) -> None:
         """Write into the tools which kinds of target they hold, and the opening below which a held catheter resists."""
-        requests = [hold.request for hold in self.active.values()]
+        requests = self.active.values()
         stops = [(each.tool, each.target_kind, each.jaw_angle_rad, _replaces_contacts(each)) for each in requests]
         if stops == self._stops:
             return
         self._stops = stops
         tools.held[:] = False
         tools.jaw_stop_rad[:] = -math.inf
-        self._held = {(tool, target_kind) for tool, target_kind, _, replaces_contacts in stops if replaces_contacts}
-        for tool, target_kind in self._held:
-            tools.held[tool, target_kind] = True
-        for hold, (tool, target_kind, jaw_angle_rad, _) in zip(self.active.values(), stops, strict=True):
+        for slot, (tool, target_kind, jaw_angle_rad, replaces_contacts) in enumerate(stops):
+            tools.held[tool, target_kind] |= replaces_contacts
             if target_kind == CATHETER_SEGMENT:
                 # If the jaws have closed further in the tick of the grasp, the held body does not open them again.
                 stop_rad = min(jaw_angle_rad, float(tools.proxy[tool, 3]))
                 tools.jaw_stop_rad[tool] = max(tools.jaw_stop_rad[tool], stop_rad)
-                tools.stop_arm_m[tool] = max(
-                    float(self._arrays.anchor[hold.slot, 2]), float(tools.radius_m[tool, JAW_A])
-                )
+                tools.stop_arm_m[tool] = max(float(self.arrays.anchor[slot, 2]), float(tools.radius_m[tool, JAW_A]))
 
     def _release_jaws(self) -> None:
         """Let jaws collide again with a body whose hold has ended: it may spring back against them in this step."""
-        requests = [hold.request for hold in self.active.values()]
-        held_now = {(request.tool, request.target_kind) for request in requests if _replaces_contacts(request)}
-        for tool, kind in self._held - held_now:
-            self._system.geometry.tools.held[tool, kind] = False
+        held_now = {(each.tool, each.target_kind) for each in self.active.values() if _replaces_contacts(each)}
+        for tool, kind, _, replaced_contacts in self._stops:
+            if replaced_contacts and (tool, kind) not in held_now:
+                self._system.geometry.tools.held[tool, kind] = False
 
     def append_rows(self) -> None:
         """Append a bilateral row for each hold, up to the rows' capacity."""
         first = self._system.rows.n_contacts
-        n_rows = append_holds(self._system.address, self._arrays.address, len(self.active)) if self.active else 0
+        n_rows = append_holds(self._system.address, self.arrays.address, len(self.active)) if self.active else 0
         self.rows = range(first, first + n_rows)
 
     def limit_rows(self) -> None:
         """Set the force limit of each hold's row to that of its request."""
-        for row, hold in zip(self.rows, self.active.values(), strict=False):
-            self._system.rows.force_limit_n[row] = hold.request.limit_n
+        for row, request in zip(self.rows, self.active.values(), strict=False):
+            self._system.rows.force_limit_n[row] = request.limit_n
 
     def slide(self) -> None:
         """Slide the holds at their force limit by the slip that the solve has found, and end those that are lost."""
         if not self.rows:
             return
-        dissipated_j, is_lost = slide_holds(
-            self._system.address, self._arrays.address, (self.rows.start, len(self.rows))
-        )
+        span = self.rows.start, len(self.rows)
+        dissipated_j, is_lost = slide_holds(self._system.address, self.arrays.address, span)
         self.dissipated_j += dissipated_j
         if is_lost:
-            for hold_id in [hold_id for hold_id, hold in self.active.items() if hold.lost]:
+            for hold_id in [hold_id for hold_id, lost in zip(self.active, self.arrays.lost, strict=False) if lost]:
                 self._drop(hold_id)
                 self.lost.add(hold_id)
 
     def _begin(self, request: GraspHold) -> None:
-        if not self._free:
+        if len(self.active) == CAPACITY:
             self.dropped += 1
             return
-        arrays, slot, tools = self._arrays, self._free.pop(), self._system.geometry.tools
+        arrays, slot, tools = self.arrays, len(self.active), self._system.geometry.tools
         from_junction = self._held_point(request) - tools.segments[request.tool, JAW_A, 0]
         arrays.anchor[slot] = tools.frame[request.tool] @ from_junction
         arrays.number[slot], arrays.tool[slot] = request.hold_id, request.tool
         arrays.target_kind[slot], arrays.target[slot] = request.target_kind, request.target
         arrays.weights[slot] = request.target_weights
         arrays.slipped_m[slot], arrays.lost[slot] = 0.0, False
-        self.active[request.hold_id] = ActiveHold(request, slot, arrays)
+        self.active[request.hold_id] = request
         self.has_begun = True
-        self._list_slots()
 
     def _is_valid(self, request: GraspHold) -> bool:
         """Return whether a request is valid, and count it if not; of an unchanged request only the limit is checked."""
-        known = self.active.get(request.hold_id)
-        if known is not None and known.request is request and request.limit_n >= 0.0:
+        if self.active.get(request.hold_id) is request and request.limit_n >= 0.0:
             return True
         is_valid = (
             0 <= request.tool < N_TOOLS
@@ -232,11 +193,8 @@ class HoldRegistry:
         return self._system.bodies.duct.point_at_start(request.target, request.target_weights)
 
     def _drop(self, hold_id: int) -> None:
-        self._free.append(self.active.pop(hold_id).slot)
-        self._list_slots()
-
-    def _list_slots(self) -> None:
-        self._arrays.order[: len(self.active)] = [hold.slot for hold in self.active.values()]
+        self.arrays.remove(list(self.active).index(hold_id))
+        del self.active[hold_id]
 
 
 def _replaces_contacts(request: GraspHold) -> bool:

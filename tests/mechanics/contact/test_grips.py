@@ -44,7 +44,7 @@ def along_n(simulation):
 
 
 def slips_m(simulation):
-    return np.array([hold.slipped_m for hold in simulation.holds.active.values()])
+    return simulation.holds.arrays.slipped_m[: len(simulation.holds.active)].copy()
 
 
 def give_of(simulation, at):
