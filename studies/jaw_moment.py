@@ -6,7 +6,7 @@ import numpy as np
 
 from services.mechanics.bodies.forceps.kinematics import N_CELLS
 from services.mechanics.collision.pairs import JAW_A, JAW_B
-from services.mechanics.contact.identity import tool_segment_of
+from services.mechanics.contact.identity import SEGMENT, part_of
 from services.mechanics.simulation import Simulation
 
 
@@ -31,7 +31,7 @@ class JawMoment:
         simulation, total = self._simulation, 0.0
         rows, held = simulation.contacts, set(simulation.holds.rows)
         for row, force in enumerate(simulation.contact_force_n):
-            side = {JAW_A: 0.5, JAW_B: -0.5}.get(tool_segment_of(int(rows.identity[row])), 0.0)
+            side = {JAW_A: 0.5, JAW_B: -0.5}.get(part_of(int(rows.identity[row]), SEGMENT), 0.0)
             if side == 0.0 or rows.tool[row] != self._tool or row in held:
                 continue
             arm_m = rows.point_m[row] - self._proxy[:3]

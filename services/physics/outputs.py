@@ -29,7 +29,7 @@ from services.mechanics.arrays import ByteArray, FloatArray
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.contact.identity import target_kind_of
+from services.mechanics.contact.identity import TARGET_KIND, part_of
 from services.mechanics.contact.rows import ContactRows, rows_at
 from services.mechanics.scene.tools import N_TOOLS
 from services.mechanics.simulation import Simulation
@@ -203,7 +203,7 @@ def _count(rows: ContactRows, sent: Sent, first_hold: int, after_holds: int) -> 
             kinds[row] = CATHETER_DUCT if on_duct else OTHER
             continue
         # A squeezed wall's row moves no node, so only its identity tells the body.
-        is_wall = rows.identity[row] > 0 and target_kind_of(rows.identity[row]) == DUCT_TRIANGLE
+        is_wall = rows.identity[row] > 0 and part_of(rows.identity[row], TARGET_KIND) == DUCT_TRIANGLE
         kinds[row] = TOOL_DUCT if on_duct or is_wall else TOOL_CATHETER
         if first_hold <= row < after_holds:
             sent.table[tool[row], REACTION_HOLDS] += 1.0

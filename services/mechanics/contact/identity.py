@@ -42,11 +42,8 @@ LAW = BitField(56, 1 << 7)
 @kernel
 def pair_identity(tool: int, segment: int, particle: int, target_kind: int, target: int) -> int:
     """Return the identity of a detected pair; ``tool`` may be `NO_TOOL`, and ``particle`` -1 for none."""
-    identity = (tool + 1) << TOOL.shift
-    identity |= segment << SEGMENT.shift
-    identity |= (particle + 1) << PARTICLE.shift
-    identity |= target_kind << TARGET_KIND.shift
-    return identity | (target << TARGET.shift)
+    first_body = ((tool + 1) << TOOL.shift) | (segment << SEGMENT.shift) | ((particle + 1) << PARTICLE.shift)
+    return first_body | (target_kind << TARGET_KIND.shift) | (target << TARGET.shift)
 
 
 @kernel
@@ -74,18 +71,6 @@ def without_target(identity: int) -> int:
 
 
 @kernel
-def tool_segment_of(identity: int) -> int:
-    """Return the segment of the tool that a pair's identity names."""
-    return (identity >> SEGMENT.shift) & (SEGMENT.size - 1)
-
-
-@kernel
-def target_kind_of(identity: int) -> int:
-    """Return the kind of target that a pair's identity names."""
-    return (identity >> TARGET_KIND.shift) & (TARGET_KIND.size - 1)
-
-
-@kernel
-def target_of(identity: int) -> int:
-    """Return the target that a pair's identity names."""
-    return identity & (TARGET.size - 1)
+def part_of(identity: int, field: BitField) -> int:
+    """Return a part of a pair's identity, as the table gives it."""
+    return (identity >> field.shift) & (field.size - 1)

@@ -38,7 +38,7 @@ from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.compiled.vectors import Vector, dot, put_row, row, row_of, scaled, squared_distance, unit
 from services.mechanics.contact.clearance import jaw_surface, overlap_in_jaws, piece_can_touch
-from services.mechanics.contact.identity import PARTICLE, pair_identity, target_kind_of, target_of, tool_segment_of
+from services.mechanics.contact.identity import PARTICLE, SEGMENT, TARGET, TARGET_KIND, pair_identity, part_of
 from services.mechanics.contact.laws import HAS_GAP
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.state import ContactState, state_at
@@ -165,8 +165,8 @@ def piece_of(rows: ContactRows, at: int) -> int:
     """Return the piece of a row that is a contact with the wall."""
     identity = rows.identity[at]
     if rows.tool[at] != NO_TOOL:
-        return int(3 * rows.tool[at] + tool_segment_of(identity))
-    return int(N_TOOL_PIECES + ((identity >> PARTICLE.shift) & (PARTICLE.size - 1)) - 1)
+        return int(3 * rows.tool[at] + part_of(identity, SEGMENT))
+    return int(N_TOOL_PIECES + part_of(identity, PARTICLE) - 1)
 
 
 @inlined_kernel
@@ -265,7 +265,7 @@ def update_working_set(state_address: Address[ContactState], set_address: Addres
     for at in range(rows.n_contacts):
         identity = rows.identity[at]
         is_wall = identity >= 0 and HAS_GAP[rows.law[at]]
-        if is_wall and target_kind_of(identity) == DUCT_TRIANGLE and rows.force_n[at, 0] > 0.0:
+        if is_wall and part_of(identity, TARGET_KIND) == DUCT_TRIANGLE and rows.force_n[at, 0] > 0.0:
             p = piece_of(rows, at)
             if 0 <= p < working.life.shape[0]:
-                renew_member(working, p, target_of(identity))
+                renew_member(working, p, part_of(identity, TARGET))

@@ -27,7 +27,7 @@ from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import Vector, cross, dot, row_of, subtract, write_frame
 from services.mechanics.compiled.vectors import row as row_at
 from services.mechanics.contact.geometry import WallGeometry
-from services.mechanics.contact.identity import pair_identity, target_kind_of, target_of, tool_segment_of, with_law
+from services.mechanics.contact.identity import SEGMENT, TARGET, TARGET_KIND, pair_identity, part_of, with_law
 from services.mechanics.contact.laws import HAS_GAP, number_of
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solid_wall import (
@@ -268,12 +268,12 @@ def _find_pressed_spans(
     for row in range(rows.n_contacts):
         if rows.tool[row] != tool or not HAS_GAP[rows.law[row]] or rows.force_n[row, 0] <= 0.0:
             continue
-        segment = tool_segment_of(rows.identity[row])
-        is_wall = target_kind_of(rows.identity[row]) == DUCT_TRIANGLE
+        segment = part_of(rows.identity[row], SEGMENT)
+        is_wall = part_of(rows.identity[row], TARGET_KIND) == DUCT_TRIANGLE
         if not is_wall or segment not in (JAW_A, JAW_B) or _lever_m(rows, row) <= 0.0:
             continue
         jaw = 0 if segment == JAW_A else 1
-        side = 1 if _points_outwards(wall, target_of(rows.identity[row]), row_of(rows.frame, row, 0)) else 0
+        side = 1 if _points_outwards(wall, part_of(rows.identity[row], TARGET), row_of(rows.frame, row, 0)) else 0
         arm = subtract(row_at(rows.point_m, row), row_at(tools.proxy, tool))
         place = dot(arm, row_of(tools.frame, tool, 2)) / cosine
         pressed_span[side, jaw, 0] = min(pressed_span[side, jaw, 0], place)

@@ -14,9 +14,7 @@ from services.mechanics.contact.identity import (
     TOOL,
     hold_identity,
     pair_identity,
-    target_kind_of,
-    target_of,
-    tool_segment_of,
+    part_of,
     with_law,
     with_stone,
     without_target,
@@ -48,11 +46,9 @@ def test_fields_do_not_overlap_and_leave_the_sign():
 @given(PAIRS, STONES, LAWS)
 def test_every_part_is_found_again(pair, stone, law):
     identity = with_law(with_stone(pair_identity(*pair), stone), law)
-    parts = [(identity & mask(field)) >> field.shift for field in (TOOL, SEGMENT, PARTICLE, TARGET_KIND, TARGET)]
+    parts = [part_of(identity, field) for field in (TOOL, SEGMENT, PARTICLE, TARGET_KIND, TARGET)]
     assert parts == [pair[0] + 1, pair[1], pair[2] + 1, pair[3], pair[4]]
-    assert (identity & mask(STONE)) >> STONE.shift == stone + 1
-    assert (identity & mask(LAW)) >> LAW.shift == law
-    assert (tool_segment_of(identity), target_kind_of(identity), target_of(identity)) == (pair[1], pair[3], pair[4])
+    assert (part_of(identity, STONE), part_of(identity, LAW)) == (stone + 1, law)
 
 
 @settings(deadline=None)  # the first example compiles

@@ -8,7 +8,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL
-from services.mechanics.contact.identity import target_kind_of, target_of
+from services.mechanics.contact.identity import TARGET, TARGET_KIND, part_of
 from services.mechanics.contact.price import MAX_NEW_ROWS, VIOLATION_SPACING, piece_of
 from services.mechanics.contact.working_set import N_TOOL_PIECES
 from services.mechanics.scene import QualityLevel
@@ -102,8 +102,8 @@ class PriceJudge:
     def _features_of_rows(self):
         rows = self._simulation.contacts
         on_wall = [k for k in range(rows.n_contacts) if rows.identity[k] >= 0]
-        on_wall = [k for k in on_wall if target_kind_of(rows.identity[k]) == DUCT_TRIANGLE]
-        return {(piece_of.py_func(rows, k), target_of(rows.identity[k])) for k in on_wall}
+        on_wall = [k for k in on_wall if part_of(rows.identity[k], TARGET_KIND) == DUCT_TRIANGLE]
+        return {(piece_of.py_func(rows, k), part_of(rows.identity[k], TARGET)) for k in on_wall}
 
     @staticmethod
     def _is_one_body(p, q):
