@@ -9,10 +9,10 @@ from __future__ import annotations
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.compiled import inlined_kernel, kernel
+from services.mechanics.compiled.vectors import Vector, dot
 from services.mechanics.contact.rows import ContactRows
 
-Row = tuple[float, float, float]
-Block = tuple[Row, Row, Row]
+Block = tuple[Vector, Vector, Vector]
 
 
 @inlined_kernel
@@ -35,17 +35,10 @@ def add_rod_compliance(rows: ContactRows, slot: IntArray, rod: FloatArray, point
             b, j = points[q, 0], points[q, 1]
             if b > a:
                 break
-            weight = rows.rod_weight[a, i] * rows.rod_weight[b, j]
-            _add_block(out, 3 * a, 3 * b, weight, rod, first, 3 * slot[rows.rod_node[b, j]])
-
-
-@inlined_kernel
-def _add_block(
-    out: FloatArray, row: int, column: int, weight: float, block: FloatArray, first: int, second: int
-) -> None:
-    for i in range(3):
-        for j in range(3):
-            out[row + i, column + j] += weight * block[first + i, second + j]
+            weight, second = rows.rod_weight[a, i] * rows.rod_weight[b, j], 3 * slot[rows.rod_node[b, j]]
+            for row in range(3):
+                for column in range(3):
+                    out[3 * a + row, 3 * b + column] += weight * rod[first + row, second + column]
 
 
 @inlined_kernel
@@ -106,13 +99,8 @@ def _rows_along(block: Block, frame: Block) -> Block:
 
 
 @kernel
-def _along(vector: Row, frame: Block) -> Row:
-    x, y, z = vector
-    return (
-        frame[0][0] * x + frame[0][1] * y + frame[0][2] * z,
-        frame[1][0] * x + frame[1][1] * y + frame[1][2] * z,
-        frame[2][0] * x + frame[2][1] * y + frame[2][2] * z,
-    )
+def _along(vector: Vector, frame: Block) -> Vector:
+    return dot(frame[0], vector), dot(frame[1], vector), dot(frame[2], vector)
 
 
 @inlined_kernel
