@@ -8,7 +8,7 @@ from services.mechanics.arrays import ByteArray, FloatArray, IntArray, LongArray
 from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import Vector, along, dot, row_of, scaled
+from services.mechanics.compiled.vectors import Vector, combine, dot, row_of
 
 N_ROD_POINTS = 4  # two particles on each side, for the catheter touching itself
 NO_STONE = -1
@@ -81,8 +81,8 @@ def in_frame(rows: ContactRows, row: int, vector: Vector) -> Vector:
 @kernel
 def in_world(rows: ContactRows, row: int, vector: Vector) -> Vector:
     """Return a vector along world axes, from its components along the axes of a row's frame."""
-    first = scaled(row_of(rows.frame, row, 0), vector[0])
-    return along(along(first, row_of(rows.frame, row, 1), vector[1]), row_of(rows.frame, row, 2), vector[2])
+    frame = rows.frame
+    return combine(vector, row_of(frame, row, 0), row_of(frame, row, 1), row_of(frame, row, 2))
 
 
 @kernel

@@ -40,14 +40,10 @@ def complete_rows(state_address: Address[ContactState], displacement: FloatArray
 def complete_new_rows(
     state_address: Address[ContactState], displacement: FloatArray, motion: FloatArray, first: int
 ) -> None:
-    """Complete the rows from ``first`` on as `complete_rows` does, but with zero forces."""
+    """Complete the rows from ``first`` on as `complete_rows` does, but leave their forces at zero."""
     state = state_at(state_address)
-    rows = state.rows
-    subtract_duct_motion(rows, displacement, motion, first)
-    for row in range(first, rows.n_contacts):
-        state.slides[row], rows.friction_energy_j[row] = False, 0.0
-        for axis in range(3):
-            rows.force_n[row, axis] = rows.elastic_m[row, axis] = 0.0
+    subtract_duct_motion(state.rows, displacement, motion, first)
+    state.slides[first : state.rows.n_contacts] = False
 
 
 @kernel
@@ -69,23 +65,16 @@ def gather_and_complete(
 @kernel
 def finish(state: ContactState) -> None:
     """Write sliding flags and forces along world axes, and store both for the next warm start."""
-    mark_sliding(state.rows, state.slides)
-    write_world_forces(state.rows, state.force_n)
+    write_results(state.rows, state.slides, state.force_n)
     store_forces(state.memory, state.rows, state.force_n, state.slides, state.geometry.wall.vertices)
 
 
 @inlined_kernel
-def mark_sliding(rows: ContactRows, out: BoolArray) -> None:
-    """Write for each contact (k,) whether its force is at the limit of its law."""
+def write_results(rows: ContactRows, slides: BoolArray, force_n: FloatArray) -> None:
+    """Write whether forces are at the limit of their law (k,), and forces on first bodies along world axes (k, 3)."""
     for row in range(rows.n_contacts):
-        out[row] = admissible.slides(rows, row)
-
-
-@inlined_kernel
-def write_world_forces(rows: ContactRows, out: FloatArray) -> None:
-    """Write the forces on the first bodies along world axes into ``out`` (k, 3), in N."""
-    for row in range(rows.n_contacts):
-        put_row(out, row, in_world(rows, row, vector(rows.force_n, row)))
+        slides[row] = admissible.slides(rows, row)
+        put_row(force_n, row, in_world(rows, row, vector(rows.force_n, row)))
 
 
 @kernel

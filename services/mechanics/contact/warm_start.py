@@ -40,18 +40,15 @@ SAME_PLACE_M = 50e-6
 
 @inlined_kernel
 def recall_forces(memory: ForceMemory, rows: ContactRows, slides: BoolArray, vertices_m: FloatArray) -> None:
-    """Fill ``rows.force_n``, ``elastic_m``, ``friction_energy_j`` and ``slides`` (C,) from the memory, or with zero.
+    """Fill ``force_n``, ``elastic_m`` and ``friction_energy_j`` of new rows, and ``slides`` (C,), from the memory.
 
-    Each stored force is used once. A first pass matches rows with the same first body at the same place on the wall,
-    whose undeformed nodes are ``vertices_m`` (n, 3), or, without the wall, with the same pair of bodies. A second pass
-    gives the other rows the nearest force of the same body against the same kind of target, so that a contact that has
-    slid keeps its force.
+    Each stored force is used once; rows without one keep zeros. A first pass matches rows with the same first body at
+    the same place on the wall, whose undeformed nodes are ``vertices_m`` (n, 3), or, without the wall, with the same
+    pair of bodies. A second pass gives the other rows the nearest force of the same body against the same kind of
+    target, so that a contact that has slid keeps its force.
     """
     memory.taken[: memory.n_contacts] = False
     for row in range(rows.n_contacts):
-        rows.force_n[row] = 0.0
-        rows.elastic_m[row] = 0.0
-        rows.friction_energy_j[row] = 0.0
         slides[row] = False
         memory.found[row] = _recall(memory, rows, row, _nearest(memory, rows, row, vertices_m, False), slides)
     for row in range(rows.n_contacts):

@@ -31,7 +31,7 @@ def n_free_rows(rows: ContactRows) -> int:
 
 @kernel
 def append_row(rows: ContactRows, law: int, identity: int) -> int:
-    """Append a row under a law, without bodies, gap or slip, and return its index.
+    """Append a row under a law, without bodies, gap, slip or force, and return its index.
 
     If there is no room, the row is counted as dropped, and `NO_ROOM` is returned.
     """
@@ -45,8 +45,8 @@ def append_row(rows: ContactRows, law: int, identity: int) -> int:
     rows.duct_weight[row] = 0.0
     rows.rod_weight[row] = 0.0
     rows.gap_m[row] = rows.rest_offset_m[row] = 0.0
-    rows.slip_m[row] = 0.0
-    rows.friction[row] = 0.0
+    rows.slip_m[row] = rows.elastic_m[row] = rows.force_n[row] = 0.0
+    rows.friction[row] = rows.friction_energy_j[row] = 0.0
     set_law(rows, row, law)
     return row
 

@@ -13,7 +13,7 @@ from services.mechanics.contact.laws import CREEP_M_S_N, SURFACE_SOFTNESS_M_N, n
 from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import solve_contacts
-from services.mechanics.contact.stages import mark_sliding, write_world_forces
+from services.mechanics.contact.stages import write_results
 from services.mechanics.contact.warm_start import ForceMemory, recall_forces, store_anchors, store_forces
 from services.mechanics.contact.writer import append_row
 from services.mechanics.scene.tools import ToolInputs
@@ -53,9 +53,8 @@ class Block:
         free_motion(rows, 0.2, self.dt_s, self.problem.motion)
         W = np.diag(gain + rows.softness_m_n[0])
         solve_contacts(self.problem, W, (30, 1e-12))
-        mark_sliding(rows, self.slides)
         force = np.zeros((1, 3))
-        write_world_forces(rows, force)
+        write_results(rows, self.slides, force)
         store_forces(self.memory, rows, force, self.slides, _NO_WALL)
         store_anchors(self.problem, self.slides, self.memory.elastic_m)
         motion += gain * force[0]

@@ -11,7 +11,7 @@ from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import solve_contacts
-from services.mechanics.contact.stages import write_world_forces
+from services.mechanics.contact.stages import write_results
 from services.mechanics.contact.writer import append_row
 from services.mechanics.rod import ImplicitIntegrator, RodProperties, rod_along
 from tests.by_day import by_day
@@ -98,7 +98,7 @@ def solve(rows, rod, n):
     free_motion(rows, 0.2, 1e-3, problem.motion)
     solve_contacts(problem, W, (60, 1e-8))
     world, out = np.zeros((k, 3)), np.zeros((n, 3))
-    write_world_forces(rows, world)
+    write_results(rows, np.zeros(k, np.bool_), world)
     out[rows.rod_node[:k, 0]] = world
     return out
 

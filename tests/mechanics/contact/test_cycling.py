@@ -8,7 +8,7 @@ from services.mechanics.contact.newton import MAX_ACTIVE_SET_COST
 from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import MAX_SWEEPS, solve_contacts
-from services.mechanics.contact.stages import mark_sliding
+from services.mechanics.contact.stages import write_results
 from services.mechanics.contact.writer import append_row
 
 TOLERANCE_N, TOLERANCE_M = 1e-8, 1e-9
@@ -30,7 +30,7 @@ class Wedged:
         problem = ContactProblem.of(self.rows)
         problem.motion[:] = self.free
         self.sweeps = solve_contacts(problem, self.W, (30, TOLERANCE_N))
-        mark_sliding(self.rows, self.slides)
+        write_results(self.rows, self.slides, np.zeros_like(self.rows.force_n))
         self.force, self.motion = self.rows.force_n, problem.motion.reshape(-1, 3)
 
     def check_law(self, most_mu):

@@ -7,7 +7,7 @@ from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import MAX_SWEEPS, solve_contacts
-from services.mechanics.contact.stages import mark_sliding
+from services.mechanics.contact.stages import write_results
 from services.mechanics.contact.writer import append_row
 
 UNILATERAL, GRIP = number_of("unilateral"), number_of("grip")
@@ -35,7 +35,7 @@ def rows_of(law, limit):
 def who_slides(law, limit, force):
     rows, slides = rows_of(law, limit), np.zeros(len(law), np.bool_)
     rows.force_n[:] = force.reshape(-1, 3)
-    mark_sliding(rows, slides)
+    write_results(rows, slides, np.zeros_like(rows.force_n))
     return slides
 
 
