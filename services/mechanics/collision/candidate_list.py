@@ -13,8 +13,6 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-import numpy as np
-
 from services.mechanics.arrays import BoolArray, FloatArray, IntArray, LongArray
 from services.mechanics.collision.clusters import Clusters, vector_from_segment
 from services.mechanics.compiled import inlined_kernel, kernel
@@ -59,13 +57,16 @@ list_at = reader(CandidateList)
 
 
 @kernel
-def add_travel(address: Address[CandidateList], wall_moved_m: float) -> None:
-    """Add the motion of pieces since the last call, and a bound of the wall's, to their travel."""
-    found = list_at(address)
+def add_travel(address: Address[CandidateList], wall_moved_m: float) -> bool:
+    """Add the motion of pieces since the last call, and a bound of the wall's, to their travel; return if any moved."""
+    found, any_moved = list_at(address), wall_moved_m != 0.0
     found.wall_travel += wall_moved_m
     for p in range(found.count.shape[0]):
-        found.piece_travel[p] += _furthest(found.ends, found.last_ends, p)
+        moved_m = _furthest(found.ends, found.last_ends, p)
+        any_moved = any_moved or moved_m > 0.0
+        found.piece_travel[p] += moved_m
         _copy_ends(found, p, found.last_ends)
+    return bool(any_moved)
 
 
 @kernel
@@ -96,15 +97,6 @@ def _furthest(ends: FloatArray, others: FloatArray, p: int) -> float:
     """Return the larger displacement of both ends of a piece between two sets of ends."""
     first_2 = squared_distance(row_of(ends, p, 0), row_of(others, p, 0))
     return math.sqrt(max(first_2, squared_distance(row_of(ends, p, 1), row_of(others, p, 1))))
-
-
-@kernel
-def are_unmoved(address: Address[CandidateList]) -> bool:
-    """Return whether no piece has moved since the last `add_travel`."""
-    found, furthest = list_at(address), 0.0
-    for p in range(found.count.shape[0]):
-        furthest = max(furthest, _furthest(found.ends, found.last_ends, p))
-    return bool(furthest == 0.0)
 
 
 @inlined_kernel
@@ -201,14 +193,12 @@ def store_distance(found: CandidateList, p: int, k: int, distance_m: float) -> N
 
 def new_list(clusters: Clusters, position_m: FloatArray, n_pieces: int, skin_m: float, along_m: float) -> CandidateList:
     """Return an empty list for ``n_pieces``, all inactive and without reach beyond their surface."""
-    n = len(position_m)
     return CandidateList.zeros(
         clusters=clusters,
         position=position_m,
         p=n_pieces,
-        n=n,
+        n=len(position_m),
         listed_position=position_m.copy(),
-        mark=np.zeros(n, np.int64),
         skin_m=skin_m,
         along_m=along_m,
     )

@@ -84,8 +84,7 @@ def _measure_entry(found: CandidateList, p: int, k: int, out: Candidates) -> Non
     if least > reach:
         store_distance(found, p, k, least)
         return
-    places = _places(where, found.clusters.triangles, p, t)
-    distance, s, w, normal = _closest(where, found.clusters.triangles, (p, t), places)
+    distance, s, w, normal, places = closest_pair(where, found.clusters.triangles, (p, t))
     store_distance(found, p, k, distance)
     if distance <= reach:
         put(out, (p, t), (distance - found.thickness[p], s, w, normal))
@@ -145,34 +144,25 @@ def put(out: Candidates, place: tuple[int, int], pair: tuple[float, float, Vecto
     out.count += 1
 
 
-@inlined_kernel
-def closest_pair(where: Where, corner: IntArray, p: int, t: int) -> tuple[float, float, Vector, Vector]:
-    """Return the distance (m) of piece p and triangle t, the parameter on the piece, weights and normal."""
-    return _closest(where, corner, (p, t), _places(where, corner, p, t))
-
-
 @kernel
 def _corners(where: Where, corner: IntArray, t: int) -> tuple[Vector, Vector, Vector]:
     return row(where[1], corner[t, 0]), row(where[1], corner[t, 1]), row(where[1], corner[t, 2])
 
 
 @kernel
-def _places(where: Where, corner: IntArray, p: int, t: int) -> Places:
-    c0, c1, c2 = _corners(where, corner, t)
-    return closest_places(row_of(where[0], p, 0), row_of(where[0], p, 1), c0, c1, c2)
+def closest_pair(where: Where, corner: IntArray, place: tuple[int, int]) -> tuple[float, float, Vector, Vector, Places]:
+    """Return the distance (m) of a piece and a triangle, parameter, weights, normal and all of `closest_places`.
 
-
-@kernel
-def _closest(
-    where: Where, corner: IntArray, place: tuple[int, int], places: Places
-) -> tuple[float, float, Vector, Vector]:
-    p, t = place
-    c0, c1, c2 = corners = _corners(where, corner, t)
-    d2, s, w = closest_segment_triangle(row_of(where[0], p, 0), row_of(where[0], p, 1), corners, places)
+    ``place`` is (piece, triangle).
+    """
+    a, b = row_of(where[0], place[0], 0), row_of(where[0], place[0], 1)
+    c0, c1, c2 = corners = _corners(where, corner, place[1])
+    places = closest_places(a, b, c0, c1, c2)
+    d2, s, w = closest_segment_triangle(a, b, corners, places)
     distance = math.sqrt(d2)
     if distance > _NO_NORMAL_M:
-        return distance, s, w, scaled(offset(where, corner, place, s, w), 1.0 / distance)
-    return distance, s, w, unit(cross(subtract(c1, c0), subtract(c2, c0)))
+        return distance, s, w, scaled(offset(where, corner, place, s, w), 1.0 / distance), places
+    return distance, s, w, unit(cross(subtract(c1, c0), subtract(c2, c0))), places
 
 
 @kernel
@@ -185,9 +175,8 @@ def offset(where: Where, corner: IntArray, place: tuple[int, int], s: float, w: 
 
 
 @kernel
-def nearest_to(where: Where, corner: IntArray, place: tuple[int, int], w: Vector) -> tuple[float, float, Vector]:
-    """Return the distance (m) of a piece and the point of a triangle at weights ``w``, parameter and normal."""
+def nearest_to(where: Where, corner: IntArray, place: tuple[int, int], w: Vector) -> tuple[float, Vector]:
+    """Return the parameter on a piece nearest to the point of a triangle at weights ``w``, and the normal there."""
     a, b = row_of(where[0], place[0], 0), row_of(where[0], place[0], 1)
     s = parameter_on_segment(subtract(a, offset(where, corner, place, 0.0, w)), (a, b))
-    away = offset(where, corner, place, s, w)
-    return math.sqrt(dot(away, away)), s, unit(away)
+    return s, unit(offset(where, corner, place, s, w))

@@ -12,7 +12,6 @@ from services.mechanics.collision.candidate_list import (
     WALL_MOVED_TOO_FAR,
     CandidateList,
     add_travel,
-    are_unmoved,
     list_at,
     may_be_within,
     new_list,
@@ -55,10 +54,8 @@ class WallCandidates:
         self.placement = place_walls(duct)
         self._bounds = self.placement.bounds.twin()
         self._clusters = cluster_triangles(duct.mesh.vertices_m, duct.mesh.triangles)
-        self._along_m = along_m
-        self.list = new_list(self._clusters, self.placement.position_m, n_pieces, SKIN_M, along_m)
-        self.is_new = True
-        self.renewals = self.wall_renewals = 0
+        self._along_m, self.renewals, self.wall_renewals = along_m, 0, 0
+        self.make_room(n_pieces)
 
     def place_start(self, start: WallPlacement, of: Candidates) -> None:
         """Place the nodes of some candidates in the configuration of ``start``."""
@@ -79,10 +76,8 @@ class WallCandidates:
         if self.is_new or modes_moved_m > WALL_SHARE * SKIN_M:
             self._renew_wall(q, loads)
             return True
-        moved_m = self.placement.set_configuration(q, loads)
-        is_elsewhere = moved_m != 0.0 or not are_unmoved(listed.address)
+        is_elsewhere = add_travel(listed.address, self.placement.set_configuration(q, loads))
         if is_elsewhere:
-            add_travel(listed.address, moved_m)
             self._place()
         outcome = renew_lists(listed.address, modes_moved_m, WALL_SHARE * SKIN_M)
         if outcome == WALL_MOVED_TOO_FAR:

@@ -121,7 +121,7 @@ def _find_violations(
         end = found.gap_m[i] + overlap_in_jaws(tools, p, found.s[i], normal)
         if end >= -tolerance_m:
             continue
-        d, s, _, before = closest_pair(start, listed.clusters.triangles, p, t)
+        d, s, _, before, _ = closest_pair(start, listed.clusters.triangles, (p, t))
         if found.gap_m[i] < -UNRELIABLE_DEPTH * listed.thickness[p] or dot(normal, before) < 0.0:
             # The axis is at or beyond the middle surface: the piece must stay on the side of the start.
             normal, ends = before, (listed.ends, listed.position)
@@ -182,7 +182,7 @@ def _write_violation(
     away = offset(start, listed.clusters.triangles, (p, t), s, w)
     distance = math.sqrt(dot(away, away))
     if overlap_in_jaws(to[0], p, s, normal) > 0.0:
-        _, s, normal = nearest_to(start, listed.clusters.triangles, (p, t), w)
+        s, normal = nearest_to(start, listed.clusters.triangles, (p, t), w)
     elif dot(away, normal) < listed.thickness[p] and distance > 0.0:
         normal = scaled(away, 1.0 / distance)
     write_piece_pair(to[1], (p, t), s, w, found.gap_m[i], normal)
