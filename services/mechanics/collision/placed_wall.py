@@ -21,6 +21,7 @@ from services.mechanics.arrays import AnyArray, ByteArray, Float32Array, FloatAr
 from services.mechanics.collision.wall_bounds import WallBounds, wall_bounds
 from services.mechanics.compiled import inlined_kernel, kernel, summing_kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.compiled.vectors import along, dot, put_row, row
 from services.mechanics.reduction.large_rotations.warping import SectionFrame
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.reduction.residual.blocks import BlockStore, block_between, own_softness
@@ -180,21 +181,15 @@ def _residual(duct: ReducedDuct) -> dict[str, AnyArray]:
 def configure_wall(address: Address[PlacedWall], q: FloatArray, moved_m: float, loads: Loads, lasting: Loads) -> float:
     """Set coordinates q (r,) and loads; return a bound (m) on any node's motion, with ``moved_m`` that of the modes."""
     wall = wall_at(address)
-    _remove_loads(wall, q)
-    _add_loads(wall, loads)
-    _add_loads(wall, lasting)
-    return float(_bound_motion(wall, moved_m))
-
-
-@inlined_kernel
-def _remove_loads(wall: PlacedWall, q: FloatArray) -> None:
-    """Set the coordinates q (r,) and remove all loads."""
-    wall.n_changed = 0
     for mode in range(q.shape[0]):
         wall.q[mode] = q[mode]
+    wall.n_changed = 0
     for load in range(wall.n_loads):
         _note_change(wall, load, -1.0)
     wall.n_loads = 0
+    _add_loads(wall, loads)
+    _add_loads(wall, lasting)
+    return float(_bound_motion(wall, moved_m))
 
 
 @kernel
@@ -203,8 +198,7 @@ def _add_loads(wall: PlacedWall, loads: Loads) -> None:
     for load in range(loads[0].shape[0]):
         at = wall.n_loads
         wall.load_node[at] = loads[0][load]
-        for axis in range(3):
-            wall.load_force[at, axis] = loads[1][load, axis]
+        put_row(wall.load_force, at, row(loads[1], load))
         _note_change(wall, at, 1.0)
         wall.n_loads += 1
 
@@ -214,8 +208,7 @@ def _note_change(wall: PlacedWall, load: int, sign: float) -> None:
     node = wall.load_node[load]
     wall.changed[wall.n_changed] = node
     wall.n_changed += 1
-    for axis in range(3):
-        wall.change[node, axis] += sign * wall.load_force[load, axis]
+    put_row(wall.change, node, along(row(wall.change, node), row(wall.load_force, load), sign))
 
 
 @inlined_kernel
@@ -223,11 +216,10 @@ def _bound_motion(wall: PlacedWall, moved_m: float) -> float:
     """Return a bound (m) on any node's motion, with ``moved_m`` that of the modes; motion makes all nodes stale."""
     total = 0.0
     for k in range(wall.n_changed):
-        node, square = wall.changed[k], 0.0
-        for axis in range(3):
-            square += wall.change[node, axis] ** 2
-            wall.change[node, axis] = 0.0
-        total += wall.softness[node] * math.sqrt(square)
+        node = wall.changed[k]
+        change = row(wall.change, node)
+        wall.change[node] = 0.0
+        total += wall.softness[node] * math.sqrt(dot(change, change))
     moved_m += wall.softest * total
     if moved_m != 0.0:
         wall.configuration += 1
@@ -240,8 +232,8 @@ def reach_of_loads(address: Address[PlacedWall]) -> float:
     """Return a bound, in m, on the displacement of any node by the loads beyond the modes."""
     wall, total = wall_at(address), 0.0
     for load in range(wall.n_loads):
-        x, y, z = wall.load_force[load, 0], wall.load_force[load, 1], wall.load_force[load, 2]
-        total += wall.softness[wall.load_node[load]] * math.sqrt(x * x + y * y + z * z)
+        force = row(wall.load_force, load)
+        total += wall.softness[wall.load_node[load]] * math.sqrt(dot(force, force))
     return float(wall.softest * total)
 
 
@@ -270,13 +262,11 @@ def copy_configuration(address: Address[PlacedWall], other_address: Address[Plac
         wall.q[mode] = other.q[mode]
     for load in range(other.n_loads):
         wall.load_node[load] = other.load_node[load]
-        for axis in range(3):
-            wall.load_force[load, axis] = other.load_force[load, axis]
+        put_row(wall.load_force, load, row(other.load_force, load))
     for k in range(other.n_placed):
         node = other.requested[k]
         wall.placed[node] = wall.configuration
-        for axis in range(3):
-            wall.position[node, axis] = other.position[node, axis]
+        put_row(wall.position, node, row(other.position, node))
 
 
 @kernel
@@ -288,12 +278,11 @@ def displace(address: Address[PlacedWall], store: BlockStore) -> bool:
     wall = wall_at(address)
     n, first, end = wall.rest.shape[0], wall.n_placed, wall.n_requested
     for k in range(first, end):
-        for axis in range(3):
-            wall.extra[wall.requested[k], axis] = 0.0
+        wall.extra[wall.requested[k]] = 0.0
     for load in range(wall.n_loads if end > first else 0):
-        row = _row_of(wall, wall.load_node[load])
-        _read_blocks(wall, store, wall.load_node[load], row)
-        _displace(wall, row * n, load)
+        first_block = n * _row_of(wall, wall.load_node[load])
+        _read_blocks(wall, store, wall.load_node[load], first_block)
+        _displace(wall, first_block, load)
     return bool(end > first)
 
 
@@ -315,23 +304,21 @@ def _displace(wall: PlacedWall, first: int, load: int) -> None:
 @inlined_kernel
 def _row_of(wall: PlacedWall, node: int) -> int:
     """Return the cached row of a node; if there is none, replace the oldest one."""
-    row = wall.row_of[node]
-    if row < 0:
-        row = wall.next_row[0]
-        wall.next_row[0] = (row + 1) % wall.kept.shape[0]
-        if wall.kept[row] >= 0:
-            wall.row_of[wall.kept[row]] = -1
+    place = wall.row_of[node]
+    if place < 0:
+        place = wall.next_row[0]
+        wall.next_row[0] = (place + 1) % wall.kept.shape[0]
+        if wall.kept[place] >= 0:
+            wall.row_of[wall.kept[place]] = -1
         n = wall.rest.shape[0]
-        for b in range(row * n, row * n + n):
-            wall.known[b] = 0
-        wall.kept[row], wall.row_of[node] = node, row
-    return int(row)
+        wall.known[place * n : place * n + n] = 0
+        wall.kept[place], wall.row_of[node] = node, place
+    return int(place)
 
 
 @inlined_kernel
-def _read_blocks(wall: PlacedWall, store: BlockStore, source: int, row: int) -> None:
-    """Read the missing blocks between node ``source``, which has this row, and the nodes to be placed."""
-    first = row * wall.rest.shape[0]
+def _read_blocks(wall: PlacedWall, store: BlockStore, source: int, first: int) -> None:
+    """Read the missing blocks between node ``source``, whose row begins at ``first``, and the nodes to be placed."""
     for k in range(wall.n_placed, wall.n_requested):
         node = wall.requested[k]
         b = first + node
