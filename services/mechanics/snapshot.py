@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from services.mechanics.arrays import AnyArray
-from services.mechanics.compiled.memory import copy_arrays, copy_table
+from services.mechanics.compiled.memory import SavedArrays
 from services.mechanics.compiled.struct import Struct
 
 _OURS = "services.mechanics."
@@ -39,8 +39,7 @@ class Snapshot:
         for found in (self._attributes, self._holders, self._live):
             found.clear()
         self._follow(root, seen)
-        self._copies = [array.copy() for array in self._live]
-        self._restore = copy_table(self._live, self._copies)
+        self._arrays = SavedArrays(self._live)
 
     def restore(self) -> None:
         """Restore the state."""
@@ -51,7 +50,7 @@ class Snapshot:
         for holder, content in self._holders:
             holder.clear()
             (holder.extend if isinstance(holder, list | deque) else holder.update)(content)
-        copy_arrays(self._restore)
+        self._arrays.restore()
 
     def _follow(self, root: object, seen: dict[int, object]) -> None:
         """Save the state of `root` and of everything that it refers to, except objects seen before."""

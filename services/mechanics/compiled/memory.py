@@ -37,6 +37,22 @@ def copy_arrays(table: LongArray) -> None:
         _copy_bytes(table[row, 0], table[row, 1], table[row, 2])
 
 
+class SavedArrays:
+    """Copies of live arrays, contiguous and only changed in place, as they were at the last `save`."""
+
+    def __init__(self, live: Sequence[AnyArray]) -> None:
+        self._live, self._copies = live, [array.copy() for array in live]
+        self._save, self._restore = copy_table(self._copies, live), copy_table(live, self._copies)
+
+    def save(self) -> None:
+        """Copy the live arrays."""
+        copy_arrays(self._save)
+
+    def restore(self) -> None:
+        """Overwrite the live arrays with their copies."""
+        copy_arrays(self._restore)
+
+
 @intrinsic
 def _copy_bytes(_context: Any, target: Any, source: Any, count: Any) -> Any:
     def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:

@@ -16,7 +16,7 @@ from typing import Annotated
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
 from services.mechanics.compiled import kernel
-from services.mechanics.compiled.memory import copy_arrays, copy_table
+from services.mechanics.compiled.memory import SavedArrays
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.scene.tools import N_TOOLS
 from services.mechanics.simulation.step_splitting import LONGEST_STEP_S, SHORTEST_STEP_S
@@ -28,7 +28,6 @@ from services.mechanics.world import World
 MOST_STRETCH = 0.25
 # A recovery has succeeded after this many sound steps: the greatest number of substeps in a tick.
 AGAIN = round(LONGEST_STEP_S / SHORTEST_STEP_S)
-_LATE, _FIRST = 0, 1
 
 
 class LiveState(Struct):
@@ -77,9 +76,7 @@ class Healer:
         self._live = LiveState.of(world)
         live = [array for body in (world.duct, world.catheter, world.tools) for array in body.state_arrays()]
         live += [array for effect in world.effects for array in effect.state_arrays()]
-        self._kept = [[array.copy() for array in live] for _ in range(2)]
-        self._keep = [copy_table(kept, live) for kept in self._kept]
-        self._take = [copy_table(live, kept) for kept in self._kept]
+        self._late, self._first = SavedArrays(live), SavedArrays(live)
         self._has_first, self._sound_steps, self._in_a_row, self.healed = False, 0, 0, 0
 
     def begin(self) -> None:
@@ -97,9 +94,9 @@ class Healer:
         """
         is_sound = state_is_sound(self._live.address) and self._world.search.is_sound()
         if is_sound and self._sound_steps % AGAIN == 0:
-            copy_arrays(self._keep[_LATE])
+            self._late.save()
             if not self._has_first:
-                copy_arrays(self._keep[_FIRST])
+                self._first.save()
             self._has_first = True
         self._sound_steps += is_sound
         return is_sound or not self._has_first
@@ -110,7 +107,7 @@ class Healer:
         self._in_a_row = 1 if self._sound_steps > AGAIN else self._in_a_row + 1
         self._start.restore()
         if self._in_a_row > 1 or not state_is_sound(self._live.address):
-            copy_arrays(self._take[_LATE if self._in_a_row <= 2 else _FIRST])
+            (self._late if self._in_a_row <= 2 else self._first).restore()
         if self._in_a_row > 1:
             world.tools.present[:] = False  # a tool that reappears inside a body has no contact, see `engagement`
         self.healed, self._sound_steps = self.healed + 1, 1

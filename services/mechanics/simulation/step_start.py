@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from services.mechanics.compiled.memory import copy_arrays, copy_table
+from services.mechanics.compiled.memory import SavedArrays
 from services.mechanics.world import World
 
 
@@ -29,20 +29,19 @@ class StepStart:
         live = [*world.seal.step_arrays(), *(array for effect in world.effects for array in effect.state_arrays())]
         for part in (world.duct, world.catheter, world.tools, world.system, world.holds):
             live += part.step_arrays()
-        self._kept = [array.copy() for array in live]
-        self._save, self._restore = copy_table(self._kept, live), copy_table(live, self._kept)
+        self._arrays = SavedArrays(live)
         self._parts: list[RestartablePart] = [world.catheter, world.system, world.holds, *tools]
         self._search = world.search
 
     def save(self) -> None:
         """Save the state at the start of the next step."""
-        copy_arrays(self._save)
+        self._arrays.save()
         for part in self._parts:
             part.save_start()
 
     def restore(self) -> None:
         """Restore the saved state."""
-        copy_arrays(self._restore)
+        self._arrays.restore()
         for part in self._parts:
             part.restore_start()
         self._search.restore_start()

@@ -46,7 +46,7 @@ def test_what_is_put_back_goes_on_as_a_new_one_does_to_the_bit(effects: tuple[st
     snapshot.restore()
     assert _states(simulation, 420) == first
     assert _states(simulation, 420) != first, "what was remembered makes no difference: nothing is tested"
-    assert sum(array.nbytes for array in snapshot._copies) < 30e6
+    assert sum(array.nbytes for array in snapshot._live) < 30e6
 
 
 def test_lists_dictionaries_and_words_that_were_replaced_or_changed_come_back() -> None:
