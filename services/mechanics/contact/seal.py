@@ -22,7 +22,6 @@ from services.mechanics.rod.introducer_passage import closest_on_segment, end_po
 from services.mechanics.rod.model import RodModel, model_at
 
 _SEAL = number_of("seal")
-_NO_ROW = -1
 
 
 class SealMemory(Struct):
@@ -31,7 +30,7 @@ class SealMemory(Struct):
     elastic_m: float = 0.0
     start_m: float = 0.0
     dissipated_j: float = 0.0
-    row: int = _NO_ROW
+    row: int = NO_ROOM
 
 
 seal_at = reader(SealMemory)
@@ -54,7 +53,7 @@ class IntroducerSeal:
     def rows(self) -> range:
         """The row of the seal in this step; empty if it has none."""
         row = self._memory.row
-        return range(row, row + 1) if row != _NO_ROW else range(0)
+        return range(row, row + 1) if row != NO_ROOM else range(0)
 
     @property
     def dissipated_j(self) -> float:
@@ -77,15 +76,15 @@ class IntroducerSeal:
 
     def forget(self) -> None:
         """Remove the row and the elastic slip, so that the seal exerts no force on the catheter where it is now."""
-        self._memory.row, self._memory.elastic_m = _NO_ROW, 0.0
+        self._memory.row, self._memory.elastic_m = NO_ROOM, 0.0
 
     def append_row(self) -> None:
         """Append the seal's row, unless its force limit is zero or the catheter sleeps."""
         n_rows = 0
         if self._is_there and not self._catheter.slept:
             n_rows = append_seal(self._system.address, self._catheter.integrator.model.address, self._memory.address)
-        elif self._memory.row != _NO_ROW:
-            self._memory.row = _NO_ROW
+        elif self._memory.row != NO_ROOM:
+            self._memory.row = NO_ROOM
         self._catheter.n_own_rows = n_rows
 
     def slide(self) -> None:
@@ -103,7 +102,7 @@ def append_seal(
     Return the number of rows: 0 if the force limit is zero, or if there is no room for a row.
     """
     state, model, seal = state_at(state_address), model_at(model_address), seal_at(seal_address)
-    seal.row, seal.start_m = _NO_ROW, seal.elastic_m
+    seal.row, seal.start_m = NO_ROOM, seal.elastic_m
     introducer, rod, rows = model.introducer, state.geometry.rod, state.rows
     x = rod.position
     passage = find_passage(introducer, x)

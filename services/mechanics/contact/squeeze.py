@@ -46,8 +46,6 @@ from services.mechanics.scene import DuctScene, ToolScene
 from services.mechanics.scene.tools import N_TOOLS
 
 _SQUEEZE, _GRIP = number_of("squeeze"), number_of("grip")
-_NO_ROW = -1
-_WALL, _CATHETER = 0, 1
 # Time in which a cell is released once its wall is no longer pressed.
 RELEASE_S = 0.05
 # A cell becomes occupied only if the jaws leave at least this fraction of the thickness of two layers.
@@ -57,10 +55,10 @@ _SMALL_RAD = 1e-9
 
 
 class SqueezeArrays(Struct):
-    """Squeezed wall and catheter of both tools, and their rows in this step; axes of length 2 are (wall, catheter)."""
+    """Squeezed wall and catheter of both tools, and their rows in this step; axes of length 2 are kinds of target."""
 
     wall: SolidWall
-    row: Annotated[IntArray, N_TOOLS, 2]
+    row: Annotated[IntArray, N_TOOLS, 2]  # first of a pair, or `NO_ROOM`
     start_rad: Annotated[FloatArray, N_TOOLS]
     stored_j: Annotated[FloatArray, N_TOOLS, 2]
     pressed_span: Annotated[FloatArray, 2, 2, 2]  # scratch: side of the surface, jaw, first and last pressed place (m)
@@ -73,11 +71,7 @@ squeeze_at = reader(SqueezeArrays)
 
 
 class JawSqueeze:
-    """The wall and the catheter that the jaws of both tools squeeze.
-
-    Attributes:
-        occupied: (2, N_CELLS) float64. Share of each cell along the jaws that both layers of the wall fill, 0 to 1.
-    """
+    """The wall and the catheter that the jaws of both tools squeeze."""
 
     def __init__(self, duct: DuctScene, tools: tuple[ToolScene, ...], system: ContactSystem) -> None:
         self._system = system
@@ -88,8 +82,7 @@ class JawSqueeze:
             if each.jaws is not None:
                 wall.length_m[tool], wall.radius_m[tool] = each.jaws.jaw_length_m, each.jaws.jaw_radius_m
         self._arrays = SqueezeArrays.zeros(wall=wall)
-        self._arrays.row[:] = _NO_ROW
-        self.occupied = wall.occupied
+        self._arrays.row[:] = NO_ROOM
 
     @property
     def rows(self) -> range:
@@ -110,7 +103,7 @@ class JawSqueeze:
         """Release all cells and the catheter, and clear their stored energy."""
         arrays = self._arrays
         arrays.wall.occupied[:] = arrays.stored_j[:] = 0.0
-        arrays.row[:] = _NO_ROW
+        arrays.row[:] = NO_ROOM
         arrays.put_zero("first", "count")
 
     def append_rows(self) -> None:
@@ -133,7 +126,7 @@ def append_squeeze_rows(state_address: Address[ContactState], squeeze_address: A
     rows, tools = state.rows, state.geometry.tools
     squeeze.first = rows.n_contacts
     for tool in range(tools.present.shape[0]):
-        squeeze.row[tool, _WALL] = squeeze.row[tool, _CATHETER] = _NO_ROW
+        squeeze.row[tool, DUCT_TRIANGLE] = squeeze.row[tool, CATHETER_SEGMENT] = NO_ROOM
         squeeze.start_rad[tool] = tools.proxy[tool, 3]
         indentation, slope = tools.indentation[tool], tools.indentation_slope[tool]
         write_indentation(squeeze.wall, tool, tools.proxy[tool, 3], indentation, slope)
@@ -148,7 +141,7 @@ def _append_catheter(rows: ContactRows, tools: ToolArrays, squeeze: SqueezeArray
     stop = tools.jaw_stop[tool]
     if tools.free[tool, 3] < stop:
         row = _append_pair(rows, tools, tool, (CATHETER_SEGMENT, tools.stop_arm[tool], stop))
-        squeeze.row[tool, _CATHETER] = row
+        squeeze.row[tool, CATHETER_SEGMENT] = row
         if row != NO_ROOM:
             _soften_tangents(rows, tools, row)
 
@@ -169,7 +162,7 @@ def _append_wall(rows: ContactRows, tools: ToolArrays, squeeze: SqueezeArrays, t
     at_place, _, force = wall_reaction(wall, tool, place)
     arm = at_place / force
     row = _append_pair(rows, tools, tool, (DUCT_TRIANGLE, arm / math.cos(0.5 * place), start + torque / stiffness))
-    squeeze.row[tool, _WALL] = row
+    squeeze.row[tool, DUCT_TRIANGLE] = row
     if row != NO_ROOM:
         lever = _lever_m(rows, row)
         rows.softness_m_n[row, 0] = lever * lever / stiffness
@@ -240,22 +233,23 @@ def update_squeezes(state_address: Address[ContactState], squeeze_address: Addre
     state, squeeze = state_at(state_address), squeeze_at(squeeze_address)
     rows, tools = state.rows, state.geometry.tools
     for tool in range(tools.present.shape[0]):
-        opening, before = tools.proxy[tool, 3], squeeze.stored_j[tool, _WALL] + squeeze.stored_j[tool, _CATHETER]
-        squeeze.stored_j[tool, _CATHETER] = 0.0
+        opening, stored_j = tools.proxy[tool, 3], squeeze.stored_j[tool]
+        before = stored_j[DUCT_TRIANGLE] + stored_j[CATHETER_SEGMENT]
+        stored_j[CATHETER_SEGMENT] = 0.0
         for kind in range(2):
             row = squeeze.row[tool, kind]
-            if row != _NO_ROW:
+            if row != NO_ROOM:
                 force = rows.force_n[row, 0]
                 squeeze.dissipated_j += force * _lever_m(rows, row) * (squeeze.start_rad[tool] - opening)
-                if kind == _CATHETER:
-                    squeeze.stored_j[tool, kind] = 0.5 * rows.softness_m_n[row, 0] * force * force
+                if kind == CATHETER_SEGMENT:
+                    stored_j[kind] = 0.5 * rows.softness_m_n[row, 0] * force * force
         if tools.present[tool] and not tools.disengaged[tool]:
             _find_pressed_spans(rows, state.geometry.wall, tools, squeeze.pressed_span, tool)
             _update_cells(squeeze, tool, opening, dt_s)
         else:
             squeeze.wall.occupied[tool] = 0.0
-        squeeze.stored_j[tool, _WALL] = stored_energy_j(squeeze.wall, tool, opening)
-        squeeze.dissipated_j += before - squeeze.stored_j[tool, _WALL] - squeeze.stored_j[tool, _CATHETER]
+        stored_j[DUCT_TRIANGLE] = stored_energy_j(squeeze.wall, tool, opening)
+        squeeze.dissipated_j += before - stored_j[DUCT_TRIANGLE] - stored_j[CATHETER_SEGMENT]
 
 
 @inlined_kernel

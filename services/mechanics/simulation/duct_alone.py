@@ -5,17 +5,16 @@ Only the effects of the wall (`Effect.of_wall`) act, which need nothing else.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 from time import perf_counter_ns
+from types import SimpleNamespace
 from typing import cast
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.bodies.duct import DuctBody
 from services.mechanics.bodies.duct_loads import DuctMotion, begin_duct_loads, motion_at
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
-from services.mechanics.effects import Effect, act, build_effects, by_stage
+from services.mechanics.effects import act, build_effects, by_stage
 from services.mechanics.reduction import ModalState, ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.simulation.scene_world import build_duct_body
@@ -26,15 +25,6 @@ STAGE_NAMES = ("loads", "predict", "correct")
 #: Energy of all modes, in J, below which a duct is at rest: a piconewton over a picometre.
 REST_J = 1e-24
 _CAPACITY = 1  # contacts; there are none
-
-
-@dataclass(frozen=True, slots=True)
-class DuctWorld:
-    """The part of `World` that a scene of only a duct has, for effects of the wall."""
-
-    scene: SceneModel
-    duct: DuctBody
-    effects: tuple[Effect, ...]
 
 
 class DuctAlone:
@@ -56,7 +46,7 @@ class DuctAlone:
         self._stages = by_stage(effects)
         self.duct = build_duct_body(scene, duct, self._stages["constant_load_n"], _CAPACITY)
         # Effects are typed for a complete world; those of the wall use only this part.
-        self._world = cast(World, DuctWorld(scene, self.duct, effects))
+        self._world = cast(World, SimpleNamespace(scene=scene, duct=self.duct, effects=effects))
         self._rest = (self.duct.motion_address, duct.basis.omega_rad_s**2)
         self._may_sleep = scene.sleeping and not (self._stages["add_loads"] or self._stages["after_solve"])
         self.cost_ns = [0] * len(STAGE_NAMES)

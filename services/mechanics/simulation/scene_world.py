@@ -6,7 +6,6 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.bodies.duct import DuctBody
 from services.mechanics.bodies.forceps import ToolBody
@@ -51,7 +50,9 @@ def build_world(
         squeeze=JawSqueeze(scene.duct, scene.forceps, system),
         search=search or CandidateSearch(scene, duct),
         pairs=ContactPairs.allocate(2 * capacity),  # those of the tools, and of the catheter
-        acceleration_m_s2=_body_acceleration_m_s2(stages["body_acceleration_m_s2"]),
+        acceleration_m_s2=sum(
+            (each.body_acceleration_m_s2() for each in stages["body_acceleration_m_s2"]), np.zeros(3)
+        ),
         effects=effects,
     )
 
@@ -81,10 +82,3 @@ def _integrator(scene: SceneModel, duct: ReducedDuct) -> ModalIntegrator:
     check_integrator(scene)
     kind = ExactOscillator if scene.duct.integrator == "exact" else Newmark
     return kind(duct.basis.omega_rad_s, duct.damping_ratio)
-
-
-def _body_acceleration_m_s2(effects: Iterable[Effect]) -> FloatArray:
-    total = np.zeros(3)
-    for effect in effects:
-        total += effect.body_acceleration_m_s2()
-    return total
