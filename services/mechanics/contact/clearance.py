@@ -38,8 +38,7 @@ def piece_can_touch(tools: ToolArrays, p: int) -> bool:
 @kernel
 def overlap_in_jaws(tools: ToolArrays, p: int, s: float, normal: Vector) -> float:
     """Return the allowed overlap (m) of the wall and a piece: the jaws' indentation, or the rest offset of a hold."""
-    overlap: float = jaw_surface(tools, p, s, normal)[0]
-    return overlap
+    return jaw_surface(tools, p, s, normal)[0]
 
 
 @kernel

@@ -72,9 +72,7 @@ class ImplicitStrategy:
 
     def solve(self, iterations: int, dt_s: float) -> int:
         """Find forces and sliding states, mostly in at most ``iterations`` sweeps; return the number of sweeps."""
-        effort = iterations, self._tolerance_n
-        sweeps: int = solve_implicitly(self._address, (self._settings.recovery, dt_s), effort)
-        return sweeps
+        return solve_implicitly(self._address, (self._settings.recovery, dt_s), (iterations, self._tolerance_n))
 
 
 @kernel
@@ -90,7 +88,7 @@ def solve_implicitly(
     size = 3 * state.rows.n_contacts
     W = state.delassus[: size * size].reshape(size, size)
     free_motion(state.rows, recovery[0], recovery[1], state.problem.motion)
-    sweeps: int = solve_passively(state.problem, W, effort, state.ledger, (state.geometry.tools, recovery[1]))
+    sweeps = solve_passively(state.problem, W, effort, state.ledger, (state.geometry.tools, recovery[1]))
     finish(state)
     store_anchors(state.problem, state.slides, state.memory.elastic_m)
     return sweeps

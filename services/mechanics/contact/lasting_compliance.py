@@ -145,9 +145,7 @@ def _move_particles(
     rows: ContactRows, row: int, axis: int, slot: IntArray, between: FloatArray, out: FloatArray
 ) -> bool:
     """Write the motion (3 p,) of the particles under a unit force along an axis; return False if it acts on none."""
-    acts = False
-    for column in range(between.shape[0]):
-        out[column] = 0.0
+    acts, out[: between.shape[0]] = False, 0.0
     for point in range(rows.rod_node.shape[1]):
         weight = rows.rod_weight[row, point]
         if weight != 0.0:

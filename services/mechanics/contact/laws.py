@@ -24,9 +24,7 @@ class Law:
     max_tension: float = 0.0  # largest normal forces on the first body, as multiples
     max_compression: float = math.inf
     max_tangential: float = 0.0  # largest tangential force, as a multiple
-    has_friction: bool = (
-        False  # whether friction, which is elastoplastic, is added: its coefficient times the normal force
-    )
+    has_friction: bool = False  # whether friction, elastoplastic, is added: its coefficient times the normal force
     needs_limit: bool = False  # whether a row whose limit is zero bears no force at all
     has_gap: bool = False  # whether ``gap_m`` is a distance of two surfaces: a negative one is an overlap
     fixes_distance: bool = False  # whether the distance at the end is constrained, not its change over the step

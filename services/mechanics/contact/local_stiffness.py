@@ -64,10 +64,7 @@ class LocalStiffness:
 
 @kernel
 def local_stiffness(
-    state_address: Address[ContactState],
-    out_address: Address[StiffnessArrays],
-    wall: WallAddress,
-    rod: RodAddresses,
+    state_address: Address[ContactState], out_address: Address[StiffnessArrays], wall: WallAddress, rod: RodAddresses
 ) -> bool:
     r"""Write the stiffness between each hand and what it touches: (2, 3, 3) in N/m at J, (2,) in N m/rad of the jaws.
 

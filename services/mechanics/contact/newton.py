@@ -19,6 +19,8 @@ from __future__ import annotations
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.vectors import along, put_row
+from services.mechanics.compiled.vectors import row as vector
 from services.mechanics.contact.admissible import add_unknowns, closed_axes, project, relax, slides, step_to_bounds
 from services.mechanics.contact.dense import solve_dense
 from services.mechanics.contact.problem import ContactProblem
@@ -54,22 +56,19 @@ def newton_step(problem: ContactProblem, W: FloatArray, n: int) -> bool:
             first = 3 * problem.block[j]
             A[i, j] = along[first] * column[j, 0] + along[first + 1] * column[j, 1] + along[first + 2] * column[j, 2]
         A[i, i] += problem.shift[i]
-    solved: bool = solve_dense(A, step[:n])
-    return solved
+    return solve_dense(A, step[:n])
 
 
 @kernel
 def feasible_step_length(problem: ContactProblem, n: int) -> float:
     """Return the largest fraction of the step, at most 1, at which no contact opens or slips."""
     rows, change, fraction = problem.rows, problem.force_change, 1.0
-    for block in range(rows.n_contacts):
-        change[block, 0] = change[block, 1] = change[block, 2] = 0.0
+    change[: rows.n_contacts] = 0.0
     for i in range(n):
-        for axis in range(3):
-            change[problem.block[i], axis] += problem.step[i] * problem.column[i, axis]
+        block = problem.block[i]
+        put_row(change, block, along(vector(change, block), vector(problem.column, i), problem.step[i]))
     for block in range(rows.n_contacts):
-        full_change = change[block, 0], change[block, 1], change[block, 2]
-        fraction = min(fraction, step_to_bounds(rows, block, full_change))
+        fraction = min(fraction, step_to_bounds(rows, block, vector(change, block)))
     return fraction
 
 
@@ -78,9 +77,8 @@ def add_step(problem: ContactProblem, n: int, fraction: float) -> None:
     """Add a fraction of the step to the forces, and project the force of every contact into the set of its law."""
     rows = problem.rows
     for i in range(n):
-        block = problem.block[i]
-        for axis in range(3):
-            rows.force_n[block, axis] += fraction * problem.step[i] * problem.column[i, axis]
+        force = vector(rows.force_n, problem.block[i])
+        put_row(rows.force_n, problem.block[i], along(force, vector(problem.column, i), fraction * problem.step[i]))
     for block in range(rows.n_contacts):
         project(rows, block)
 
@@ -143,8 +141,7 @@ def take_active_set_steps(problem: ContactProblem, W: FloatArray, n: int) -> int
 def copy_forces(source: FloatArray, target: FloatArray, count: int) -> None:
     """Copy the first ``count`` forces."""
     for block in range(count):
-        for axis in range(3):
-            target[block, axis] = source[block, axis]
+        put_row(target, block, vector(source, block))
 
 
 @kernel

@@ -76,11 +76,10 @@ def solve_passively(
     _add_hand_work(ledger, tools_and_step[0], tools_and_step[1])
     if ledger.contact_time_s < START_UP_S:
         ledger.contact_time_s += tools_and_step[1]
-        only: int = solve_contacts(problem, W, effort)
-        return only
+        return solve_contacts(problem, W, effort)
     credit_j = max(CREDIT * ledger.max_hand_work_j - ledger.debt_j, SLACK_J) if _touch_tools(rows) else SLACK_J
     is_limited = limit_recovery(rows, ledger.budget_j + credit_j, problem.motion)
-    sweeps: int = solve_contacts(problem, W, effort)
+    sweeps = solve_contacts(problem, W, effort)
     excess_j = _excess_j(problem, tools_and_step)
     for attempt in range(2):
         budget_j = BUDGET_SHARE * max(recovery_work_j(rows) - excess_j, 0.0) + credit_j if attempt == 0 else 0.0
@@ -210,8 +209,7 @@ def _row_recovery_work_j(rows: ContactRows, row: int) -> float:
     """Return the work (J) of a row over the recovery of its overlap."""
     if not HAS_GAP[rows.law[row]]:
         return 0.0
-    work: float = -max(rows.force_n[row, 0], 0.0) * min(rows.effective_gap_m[row], 0.0)
-    return work
+    return float(-max(rows.force_n[row, 0], 0.0) * min(rows.effective_gap_m[row], 0.0))
 
 
 @inlined_kernel

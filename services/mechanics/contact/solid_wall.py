@@ -47,15 +47,13 @@ class SolidWall(Struct):
 @kernel
 def cell_m(wall: SolidWall, tool: int, cell: int) -> float:
     """Return the distance (m) of the middle of a cell from the hinge."""
-    distance_m: float = wall.length_m[tool] * (cell + 0.5) / N_CELLS
-    return distance_m
+    return float(wall.length_m[tool] * (cell + 0.5) / N_CELLS)
 
 
 @kernel
 def jaw_gap_m(wall: SolidWall, tool: int, cell: int, opening_rad: float) -> float:
     """Return the distance (m) between the jaws in a cell; negative near the hinge, where the jaws overlap."""
-    gap: float = 2.0 * (cell_m(wall, tool, cell) * math.sin(0.5 * opening_rad) - wall.radius_m[tool])
-    return gap
+    return float(2.0 * (cell_m(wall, tool, cell) * math.sin(0.5 * opening_rad) - wall.radius_m[tool]))
 
 
 @kernel
@@ -65,8 +63,7 @@ def _strain(wall: SolidWall, tool: int, cell: int, opening_rad: float) -> float:
         return 0.0
     free, released = wall.free_m[tool, cell], 1.0 - wall.occupied[tool, cell]
     release_m = released * released * (free + 2.0 * wall.radius_m[tool])
-    strain: float = 1.0 - (jaw_gap_m(wall, tool, cell, opening_rad) + release_m) / free
-    return strain
+    return float(1.0 - (jaw_gap_m(wall, tool, cell, opening_rad) + release_m) / free)
 
 
 @inlined_kernel
@@ -129,8 +126,7 @@ def stored_energy_j(wall: SolidWall, tool: int, opening_rad: float) -> float:
 def _scale_n(wall: SolidWall, tool: int, cell: int) -> float:
     """Return the factor (N) in front of the function of strain, for the occupied length of a cell."""
     share = wall.occupied[tool, cell] * wall.length_m[tool] / N_CELLS
-    scale: float = 4.0 / 3.0 * wall.modulus_pa * math.sqrt(wall.radius_m[tool] * wall.free_m[tool, cell]) * share
-    return scale
+    return float(4.0 / 3.0 * wall.modulus_pa * math.sqrt(wall.radius_m[tool] * wall.free_m[tool, cell]) * share)
 
 
 @inlined_kernel

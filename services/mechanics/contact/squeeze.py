@@ -24,7 +24,7 @@ from services.mechanics.bodies.forceps.tool_body import ToolArrays
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, JAW_B
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import Vector, cross, dot, row_of, subtract, write_frame
+from services.mechanics.compiled.vectors import Vector, along, cross, dot, put_row, row_of, subtract, write_frame
 from services.mechanics.compiled.vectors import row as row_at
 from services.mechanics.contact.geometry import WallGeometry
 from services.mechanics.contact.identity import SEGMENT, TARGET, TARGET_KIND, pair_identity, part_of, with_law
@@ -181,8 +181,7 @@ def _soften_tangents(rows: ContactRows, tools: ToolArrays, row: int) -> None:
 def _lever_m(rows: ContactRows, row: int) -> float:
     """Return the lever (m) of a row: the opening distance there per radian of opening."""
     lever, normal = rows.lever[row], rows.frame[row, 0]
-    total: float = normal[0] * lever[0, 3] + normal[1] * lever[1, 3] + normal[2] * lever[2, 3]
-    return total
+    return float(normal[0] * lever[0, 3] + normal[1] * lever[1, 3] + normal[2] * lever[2, 3])
 
 
 @kernel
@@ -191,28 +190,24 @@ def _append_pair(rows: ContactRows, tools: ToolArrays, tool: int, spring: tuple[
 
     ``spring`` is (target kind, distance along the jaws in m, opening in rad at which the spring is unloaded).
     """
-    kind, along, opening = spring
+    kind, arm, opening = spring
     if rows.n_contacts + 2 > rows.gap_m.shape[0]:
         rows.dropped += 2
         return NO_ROOM
-    half, frame, first = 0.5 * tools.proxy[tool, 3], tools.frame[tool], rows.n_contacts
-    lever = along * math.cos(half)
-    gap = along * math.sin(half) - tools.jaw_radius[tool]
+    half, first = 0.5 * tools.proxy[tool, 3], rows.n_contacts
+    lever, gap = arm * math.cos(half), arm * math.sin(half) - tools.jaw_radius[tool]
+    outwards = row_of(tools.frame, tool, 0)
+    middle = along(row_at(tools.proxy, tool), row_of(tools.frame, tool, 2), lever)
     for side in range(2):
         segment, law = (JAW_A, _SQUEEZE) if side == 0 else (JAW_B, _GRIP)
         row = append_row(rows, law, with_law(pair_identity(tool, segment, -1, kind, 0), _SQUEEZE))
-        sign = 1.0 - 2.0 * side
-        rows.tool[row] = tool
-        write_frame(frame[0], rows.frame[row])
-        for axis in range(3):
-            out = tools.proxy[tool, axis] + lever * frame[2, axis]
-            rows.point_m[row, axis] = out + sign * gap * frame[0, axis]
-            for coordinate in range(rows.lever.shape[2]):
-                rows.lever[row, axis, coordinate] = 0.0
+        rows.tool[row], rows.lever[row] = tool, 0.0
+        write_frame(tools.frame[tool, 0], rows.frame[row])
+        put_row(rows.point_m, row, along(middle, outwards, gap if side == 0 else -gap))
     for axis in range(3):
         # Jaw A carries the full lever of the opening; the reaction row takes no part in the solve.
-        rows.lever[first, axis, 3] = lever * frame[0, axis]
-        rows.slip_m[first, axis] = lever * (tools.free[tool, 3] - opening) * frame[0, axis]
+        rows.lever[first, axis, 3] = lever * outwards[axis]
+        rows.slip_m[first, axis] = lever * (tools.free[tool, 3] - opening) * outwards[axis]
     rows.force_limit_n[first + 1] = 0.0
     return first
 

@@ -19,14 +19,7 @@ from services.mechanics.collision.candidates import SAME_POINT, Candidates, cand
 from services.mechanics.collision.pieces import N_TOOL_PIECES
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import (
-    Vector,
-    combine,
-    dot,
-    put_row,
-    row,
-    squared_distance,
-)
+from services.mechanics.compiled.vectors import Vector, combine, dot, put_row, row, squared_distance
 from services.mechanics.contact.clearance import overlap_in_jaws, piece_can_touch
 from services.mechanics.contact.geometry import ContactGeometry, geometry_at
 
