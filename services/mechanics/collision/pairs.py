@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from typing import Annotated, Self
 
-import numpy as np
-
 from services.mechanics.arrays import ByteArray, FloatArray, IntArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Struct, reader
@@ -42,8 +40,7 @@ class ContactPairs(Struct):
     @classmethod
     def allocate(cls, capacity: int) -> Self:
         """Return an empty set with room for ``capacity`` pairs."""
-        tool, particle = np.full(capacity, NO_TOOL, np.int8), np.full(capacity, -1, np.int32)
-        return cls.zeros(capacity=capacity, tool=tool, particle=particle)
+        return cls.zeros(capacity=capacity)
 
     def clear(self) -> None:
         """Remove every pair."""

@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from copy import copy
-from typing import Self
 
 import numpy as np
 
@@ -37,12 +35,6 @@ class WallBounds:
         gain = np.array([largest_gain(Phi[:, :, a:b] / omega_rad_s[a:b]).max() for a, b in spans])
         self._blocks: Blocks = np.ascontiguousarray(omega_rad_s), edges, gain
         self._reference = np.zeros(r)
-
-    def twin(self) -> Self:
-        """Return bounds of the same wall with their own reference."""
-        twin = copy(self)
-        twin._reference = self._reference.copy()  # noqa: SLF001
-        return twin
 
     def set_reference(self, q: FloatArray) -> None:
         """Count from these coordinates (r,)."""

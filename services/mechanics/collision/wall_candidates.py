@@ -28,6 +28,7 @@ from services.mechanics.collision.placed_wall import (
     request_node,
     wall_at,
 )
+from services.mechanics.collision.wall_bounds import wall_bounds
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.reduction.reduced_duct import ReducedDuct
@@ -52,7 +53,7 @@ class WallCandidates:
 
     def __init__(self, duct: ReducedDuct, n_pieces: int, along_m: float) -> None:
         self.placement = place_walls(duct)
-        self._bounds = self.placement.bounds.twin()
+        self._bounds = wall_bounds(duct)
         self._clusters = cluster_triangles(duct.mesh.vertices_m, duct.mesh.triangles)
         self._along_m, self.renewals, self.wall_renewals = along_m, 0, 0
         self.make_room(n_pieces)
@@ -100,9 +101,8 @@ class WallCandidates:
 
     def _place(self) -> None:
         """Place the nodes of entries whose gap may be at most ``wanted``."""
-        placement = self.placement
-        request_nodes_of_entries(self.list.address, placement.wall.address)
-        placement.place_requested()
+        request_nodes_of_entries(self.list.address, self.placement.wall.address)
+        self.placement.place_requested()
 
     def _renew_wall(self, q: FloatArray, loads: Loads) -> None:
         """Rebuild all lists from the present positions of all nodes."""

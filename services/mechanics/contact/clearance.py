@@ -66,9 +66,8 @@ def jaw_surface(tools: ToolArrays, p: int, s: float, normal: Vector) -> Surface:
     if overlap <= held_overlap:
         return held_overlap, held_overlap, 0.0, normal
     reach = radius + 0.5 * tools.wall_thickness
-    gradient = along(
-        normal, subtract(outwards, scaled(normal, facing)), (half - thinning) / (facing**2 * (reach - overlap))
-    )
+    turn = (half - thinning) / (facing**2 * (reach - overlap))
+    gradient = along(normal, subtract(outwards, scaled(normal, facing)), turn)
     if 0.0 < s < 1.0:  # between its ends a jaw has no normal component along its axis, except by the indentation
         start, end = row_of(tools.segments[tool], jaw, 0), row_of(tools.segments[tool], jaw, 1)
         axis = subtract(end, start)

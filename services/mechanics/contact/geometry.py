@@ -50,14 +50,12 @@ class ContactGeometry(Struct):
     @classmethod
     def of(cls, bodies: Bodies) -> ContactGeometry:
         """Return views of the bodies' arrays."""
-        catheter, mesh = bodies.catheter, bodies.duct.reduced.mesh
-        bodies.tools.arrays.wall_thickness = 2.0 * bodies.half_thickness_m
+        catheter, mesh, half_m = bodies.catheter, bodies.duct.reduced.mesh, bodies.half_thickness_m
+        bodies.tools.arrays.wall_thickness = 2.0 * half_m
         return cls(
             tools=bodies.tools.arrays,
             rod=RodGeometry(position=catheter.start_m, motion=catheter.motion_m, radius=catheter.radii_m),
-            wall=WallGeometry(
-                vertices=mesh.vertices_m, triangles=mesh.triangles, half_thickness=bodies.half_thickness_m
-            ),
+            wall=WallGeometry(vertices=mesh.vertices_m, triangles=mesh.triangles, half_thickness=half_m),
             spheres=no_spheres(),
         )
 

@@ -57,13 +57,13 @@ class HoldRegistry:
             DUCT_TRIANGLE: geometry.wall.triangles.shape[0],
             CATHETER_SEGMENT: geometry.rod.position.shape[0] - 1,
         }
-        self._cannot_hold = {
-            tool for tool, each in enumerate(forceps) if each.jaws is None and not each.drives_catheter
-        }
-        for tool, jaws in enumerate(each.jaws for each in forceps):
-            if jaws is not None:
-                width_m = 3.0 * jaws.jaw_radius_m
-                self.arrays.reach[tool] = width_m, jaws.jaw_length_m + width_m
+        self._cannot_hold: set[int] = set()
+        for tool, each in enumerate(forceps):
+            if each.jaws is not None:
+                width_m = 3.0 * each.jaws.jaw_radius_m
+                self.arrays.reach[tool] = width_m, each.jaws.jaw_length_m + width_m
+            elif not each.drives_catheter:
+                self._cannot_hold.add(tool)
 
     def follow(self, requests: list[GraspHold]) -> None:
         """Begin newly requested holds, update limits, and drop holds without a request or whose tool is absent."""

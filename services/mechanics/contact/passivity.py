@@ -132,10 +132,10 @@ def _touch_tools(rows: ContactRows) -> bool:
 @kernel
 def _excess_j(problem: ContactProblem, tools_and_step: tuple[ToolArrays, float]) -> float:
     """Return the energy (J) that contacts add beyond the couplings' dissipation, which is computed only if needed."""
-    given: float = contact_work_j(problem)
-    return (
-        given - coupling_dissipation_j(problem.rows, tools_and_step[0], tools_and_step[1]) if given > SLACK_J else given
-    )
+    given = contact_work_j(problem)
+    if given <= SLACK_J:
+        return given
+    return given - coupling_dissipation_j(problem.rows, tools_and_step[0], tools_and_step[1])
 
 
 @inlined_kernel
@@ -150,10 +150,8 @@ def coupling_dissipation_j(rows: ContactRows, tools: ToolArrays, dt_s: float) ->
                     for axis in range(3):
                         for k in range(3):
                             load += rows.lever[row, k, coordinate] * rows.frame[row, axis, k] * rows.force_n[row, axis]
-            end = (
-                tools.free[tool, coordinate] + tools.compliance[tool, coordinate] * load - tools.hand[tool, coordinate]
-            )
-            change = end - tools.stretch[tool, coordinate]
+            end = tools.free[tool, coordinate] + tools.compliance[tool, coordinate] * load
+            change = end - tools.hand[tool, coordinate] - tools.stretch[tool, coordinate]
             total += (tools.damping[tool, coordinate] / dt_s + 0.5 * tools.stiffness[tool, coordinate]) * change**2
     return total
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import numpy as np
-
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Struct
@@ -37,7 +35,7 @@ class ContactProblem(Struct):
     def of(cls, rows: ContactRows) -> ContactProblem:
         """Return the problem of these rows, with room for as many as they have."""
         m = 3 * rows.capacity
-        return cls.zeros(rows=rows, c=rows.capacity, m=m, matrix=np.zeros(m * m))
+        return cls.zeros(rows=rows, c=rows.capacity, m=m, **{"m * m": m * m})
 
 
 @kernel
