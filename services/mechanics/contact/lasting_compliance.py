@@ -130,9 +130,7 @@ def _list_particles(rows: ContactRows, closed: IntArray, lasting: LastingArrays)
 @kernel
 def _subtract_step(touch: CatheterTouch, particles: IntArray, out: FloatArray) -> None:
     """Subtract the compliance of one step between the listed particles from ``out`` (3 p, 3 p)."""
-    size = 0
-    for particle in range(touch.slot.shape[0]):
-        size = max(size, 3 * (touch.slot[particle] + 1))
+    size = 3 * (touch.slot.max() + 1)
     step = touch.compliance[: size * size].reshape(size, size)
     for row in range(out.shape[0]):
         at = 3 * touch.slot[particles[row // 3]] + row % 3

@@ -77,7 +77,8 @@ def solve_passively(
     if ledger.contact_time_s < START_UP_S:
         ledger.contact_time_s += tools_and_step[1]
         return solve_contacts(problem, W, effort)
-    credit_j = max(CREDIT * ledger.max_hand_work_j - ledger.debt_j, SLACK_J) if _touch_tools(rows) else SLACK_J
+    touches_tool = rows.tool[: rows.n_contacts].max() != NO_TOOL
+    credit_j = max(CREDIT * ledger.max_hand_work_j - ledger.debt_j, SLACK_J) if touches_tool else SLACK_J
     is_limited = limit_recovery(rows, ledger.budget_j + credit_j, problem.motion)
     sweeps = solve_contacts(problem, W, effort)
     excess_j = _excess_j(problem, tools_and_step)
@@ -119,14 +120,6 @@ def _add_hand_work(ledger: Ledger, tools: ToolArrays, dt_s: float) -> None:
                 force = tools.stiffness[tool, axis] * tools.stretch[tool, axis]
                 ledger.hand_work_j -= force * (tools.hand[tool, axis] - tools.start[tool, axis])
     ledger.max_hand_work_j = max(kept * ledger.max_hand_work_j, abs(ledger.hand_work_j))
-
-
-@inlined_kernel
-def _touch_tools(rows: ContactRows) -> bool:
-    count = 0
-    for row in range(rows.n_contacts):
-        count += rows.tool[row] != NO_TOOL
-    return count > 0
 
 
 @kernel

@@ -73,9 +73,7 @@ def write_indentation(wall: SolidWall, tool: int, opening_rad: float, out: Float
     ``slope`` (N_CELLS,) receives its derivative by the opening, in m/rad. All cells use the largest occupied fraction:
     where the jaws squeeze a fold in some cells, its ridge in the others has no more room.
     """
-    share = 0.0
-    for cell in range(N_CELLS):
-        share = max(share, wall.occupied[tool, cell])
+    share = wall.occupied[tool].max()
     if share == 0.0:
         out[:] = slope[:] = 0.0
         return
