@@ -37,11 +37,12 @@ from services.mechanics.contact.writer import (
     put_on_tool,
 )
 from services.mechanics.rod.curve import point_on_curve
-from services.mechanics.scene.tools import N_TOOLS
 
 _GRIP = number_of("grip")
 # Axis of a catheter's row that is tangential to the catheter; the first axis is across the jaws.
 _ALONG = 1
+# Distance from the jaws, in their radii, up to which a point is held.
+JAW_WIDTH_RADII = 3.0
 # Softness in the direction in which a held wall is free.
 LOOSE_SOFTNESS_M_N = 1.0
 # Smallest sine of the angle between catheter and opening direction at which the direction across the jaws is defined.
@@ -59,12 +60,11 @@ class HoldArrays(Struct):
     anchor: Annotated[FloatArray, "h", 3]  # along b, h and d of the tool from J, in m
     slipped_m: Annotated[FloatArray, "h"]
     lost: Annotated[BoolArray, "h"]
-    reach: Annotated[FloatArray, N_TOOLS, 2]  # of each tool's jaws beyond J: across, and along d
 
     def remove(self, slot: int) -> None:
         """Remove a hold; those behind it move up."""
-        held = self.number, self.tool, self.target_kind, self.target, self.weights, self.anchor
-        for array in (*held, self.slipped_m, self.lost):
+        _, *arrays = self.own_memory()
+        for array in arrays:
             array[slot:-1] = array[slot + 1 :]
 
 
@@ -189,6 +189,6 @@ def _slide_in_jaws(holds: HoldArrays, slot: int, slip: Vector, tools: ToolArrays
     tool, anchor = holds.tool[slot], holds.anchor[slot]
     for axis in range(3):
         anchor[axis] -= dot(row_of(tools.frame, tool, axis), slip)
-    across, beyond = holds.reach[tool, 0], holds.reach[tool, 1]
-    if not (-across <= anchor[2] <= beyond and abs(anchor[0]) <= across and abs(anchor[1]) <= across):
-        holds.lost[slot] = True
+    width = JAW_WIDTH_RADII * tools.jaw_radius[tool]
+    is_along = -width <= anchor[2] <= tools.jaw_length[tool] + width
+    holds.lost[slot] |= not (is_along and abs(anchor[0]) <= width and abs(anchor[1]) <= width)

@@ -57,13 +57,7 @@ class HoldRegistry:
             DUCT_TRIANGLE: geometry.wall.triangles.shape[0],
             CATHETER_SEGMENT: geometry.rod.position.shape[0] - 1,
         }
-        self._cannot_hold: set[int] = set()
-        for tool, each in enumerate(forceps):
-            if each.jaws is not None:
-                width_m = 3.0 * each.jaws.jaw_radius_m
-                self.arrays.reach[tool] = width_m, each.jaws.jaw_length_m + width_m
-            elif not each.drives_catheter:
-                self._cannot_hold.add(tool)
+        self._can_hold = [each.jaws is not None or each.drives_catheter for each in forceps]
 
     def follow(self, requests: list[GraspHold]) -> None:
         """Begin newly requested holds, update limits, and drop holds without a request or whose tool is absent."""
@@ -175,7 +169,7 @@ class HoldRegistry:
             return True
         is_valid = (
             0 <= request.tool < N_TOOLS
-            and request.tool not in self._cannot_hold
+            and self._can_hold[request.tool]
             and 0 <= request.target < self._n_targets.get(request.target_kind, 0)
             and math.isfinite(request.jaw_angle_rad)
             and request.limit_n >= 0.0

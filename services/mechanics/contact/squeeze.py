@@ -42,7 +42,7 @@ from services.mechanics.contact.solid_wall import (
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.system import ContactSystem
 from services.mechanics.contact.writer import NO_ROOM, append_row
-from services.mechanics.scene import DuctScene, ToolScene
+from services.mechanics.scene import DuctScene
 from services.mechanics.scene.tools import N_TOOLS
 
 _SQUEEZE, _GRIP = number_of("squeeze"), number_of("grip")
@@ -73,14 +73,11 @@ squeeze_at = reader(SqueezeArrays)
 class JawSqueeze:
     """The wall and the catheter that the jaws of both tools squeeze."""
 
-    def __init__(self, duct: DuctScene, tools: tuple[ToolScene, ...], system: ContactSystem) -> None:
-        self._system = system
-        wall = SolidWall.zeros(
-            thickness_m=2.0 * duct.thickness_m, modulus_pa=duct.youngs_modulus_pa / (1.0 - duct.poisson_ratio**2)
-        )
-        for tool, each in enumerate(tools):
-            if each.jaws is not None:
-                wall.length_m[tool], wall.radius_m[tool] = each.jaws.jaw_length_m, each.jaws.jaw_radius_m
+    def __init__(self, duct: DuctScene, system: ContactSystem) -> None:
+        self._system, tools = system, system.geometry.tools
+        wall = SolidWall.zeros(length_m=tools.jaw_length, radius_m=tools.jaw_radius)
+        wall.thickness_m = 2.0 * duct.thickness_m
+        wall.modulus_pa = duct.youngs_modulus_pa / (1.0 - duct.poisson_ratio**2)
         self._arrays = SqueezeArrays.zeros(wall=wall)
         self._arrays.row[:] = NO_ROOM
 
@@ -155,8 +152,7 @@ def _append_wall(rows: ContactRows, tools: ToolArrays, squeeze: SqueezeArrays, t
     end = equilibrium_opening(wall, tool, free, tools.compliance[tool, 3])
     place = start
     if end < start - _SMALL_RAD:
-        reached, _, _ = wall_reaction(wall, tool, end)
-        stiffness, place = (reached - torque) / (start - end), end
+        stiffness, place = (wall_reaction(wall, tool, end)[0] - torque) / (start - end), end
     if not stiffness > 0.0:
         return
     at_place, _, force = wall_reaction(wall, tool, place)

@@ -17,7 +17,7 @@ from services.mechanics.contact.seal import IntroducerSeal
 from services.mechanics.contact.squeeze import JawSqueeze
 from services.mechanics.contact.system import STRATEGIES, ContactSystem
 from services.mechanics.effects import Effect, by_stage
-from services.mechanics.reduction import ExactOscillator, ModalIntegrator, Newmark, ReducedDuct
+from services.mechanics.reduction import ExactOscillator, Newmark, ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.simulation.scene_catheter import scene_rod
 from services.mechanics.simulation.scene_duct import constant_load_n
@@ -47,7 +47,7 @@ def build_world(
         system=system,
         holds=HoldRegistry(scene.forceps, system),
         seal=IntroducerSeal(catheter, system),
-        squeeze=JawSqueeze(scene.duct, scene.forceps, system),
+        squeeze=JawSqueeze(scene.duct, system),
         search=search or CandidateSearch(scene, duct),
         pairs=ContactPairs.allocate(2 * capacity),  # those of the tools, and of the catheter
         acceleration_m_s2=sum(
@@ -59,7 +59,9 @@ def build_world(
 
 def build_duct_body(scene: SceneModel, duct: ReducedDuct, effects: Iterable[Effect], capacity: int) -> DuctBody:
     """Return the duct in equilibrium with the constant loads of ``effects``, for up to ``capacity`` contacts."""
-    body = DuctBody(duct, _integrator(scene, duct), capacity)
+    check_integrator(scene)
+    integrator = ExactOscillator if scene.duct.integrator == "exact" else Newmark
+    body = DuctBody(duct, integrator(duct.basis.omega_rad_s, duct.damping_ratio), capacity)
     load_n = constant_load_n(effects, duct.mesh)
     if load_n is not None:
         body.set_constant_load(load_n)
@@ -76,9 +78,3 @@ def check_integrator(scene: SceneModel) -> None:
     """
     if scene.duct.integrator == "exact" and not scene.duct_alone:
         raise ValueError("duct.integrator: exact is for a duct that nothing touches, contacts need newmark")
-
-
-def _integrator(scene: SceneModel, duct: ReducedDuct) -> ModalIntegrator:
-    check_integrator(scene)
-    kind = ExactOscillator if scene.duct.integrator == "exact" else Newmark
-    return kind(duct.basis.omega_rad_s, duct.damping_ratio)
