@@ -14,7 +14,7 @@ from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.collision.primitives import parameter_on_segment
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import Vector, along, dot, put_row, row, scaled, squared_distance, subtract
+from services.mechanics.compiled.vectors import Vector, along, put_row, row, scaled, squared_distance, subtract
 
 #: Maximum number of triangles of a cluster: their sphere is hardly larger than that of a triangle and its neighbours.
 CLUSTER_TRIANGLES = 24
@@ -82,8 +82,7 @@ def _enclose_cluster(clusters: Clusters, c: int) -> None:
     radius = 0.0
     for entry in range(first, end):
         t = clusters.order[entry]
-        away = subtract(row(clusters.middle, t), middle)
-        radius = max(radius, math.sqrt(dot(away, away)) + clusters.radius[t])
+        radius = max(radius, math.sqrt(squared_distance(row(clusters.middle, t), middle)) + clusters.radius[t])
     put_row(clusters.cluster_middle, c, middle)
     clusters.cluster_radius[c] = radius
 

@@ -83,12 +83,9 @@ def segment_pierces(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> tu
     """Return whether segment pq intersects triangle abc, the parameter s there, and the barycentric weights there."""
     ab, ac, pq = subtract(b, a), subtract(c, a), subtract(q, p)
     n = cross(ab, ac)
-    descent = -dot(pq, n)
-    if descent == 0.0:
-        return (False, 0.0, (1.0, 0.0, 0.0))
-    ap = subtract(p, a)
+    descent, ap = -dot(pq, n), subtract(p, a)
     s = dot(ap, n) / descent
-    if s < 0.0 or s > 1.0:
+    if not 0.0 <= s <= 1.0:  # infinite, or no number, if they are parallel
         return (False, 0.0, (1.0, 0.0, 0.0))
     e = cross(ap, pq)
     v, w = dot(ac, e) / descent, -dot(ab, e) / descent

@@ -55,7 +55,7 @@ class Ledger(Struct):
     hand_work_j: float = 0.0  # of the hands on the couplings, with exponential forgetting over `RECENT_S`
     max_hand_work_j: float = 0.0  # recent maximum of its magnitude
     contact_time_s: float = 0.0  # time with contacts since the start, or since nothing touched
-    at_start: Annotated[FloatArray, 5]  # the entries above at the start of the step
+    at_start: Annotated[FloatArray, 3]  # budget, debt and time at the start of the step
     n_solves: int = 0  # of this step so far
 
 
@@ -72,8 +72,7 @@ def solve_passively(
     ``tools_and_step`` is (tools, length of the step in s).
     """
     rows = problem.rows
-    _begin_solve(ledger)
-    _add_hand_work(ledger, tools_and_step[0], tools_and_step[1])
+    _begin_solve(ledger, tools_and_step[0], tools_and_step[1])
     if ledger.contact_time_s < START_UP_S:
         ledger.contact_time_s += tools_and_step[1]
         return solve_contacts(problem, W, effort)
@@ -97,15 +96,14 @@ def solve_passively(
 
 
 @inlined_kernel
-def _begin_solve(ledger: Ledger) -> None:
-    """Save the ledger at the first solve of a step, and restore it at the others."""
+def _begin_solve(ledger: Ledger, tools: ToolArrays, dt_s: float) -> None:
+    """Add the work of the hands and save the ledger at the first solve of a step, and restore it at the others."""
     at_start = ledger.at_start
     if ledger.n_solves == 0:
-        at_start[0], at_start[1], at_start[2] = ledger.budget_j, ledger.debt_j, ledger.hand_work_j
-        at_start[3], at_start[4] = ledger.max_hand_work_j, ledger.contact_time_s
+        _add_hand_work(ledger, tools, dt_s)
+        at_start[0], at_start[1], at_start[2] = ledger.budget_j, ledger.debt_j, ledger.contact_time_s
     else:
-        ledger.budget_j, ledger.debt_j, ledger.hand_work_j = at_start[0], at_start[1], at_start[2]
-        ledger.max_hand_work_j, ledger.contact_time_s = at_start[3], at_start[4]
+        ledger.budget_j, ledger.debt_j, ledger.contact_time_s = at_start[0], at_start[1], at_start[2]
     ledger.n_solves += 1
 
 

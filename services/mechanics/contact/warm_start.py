@@ -12,7 +12,7 @@ from typing import Annotated
 from services.mechanics.arrays import BoolArray, FloatArray, LongArray
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Struct
-from services.mechanics.compiled.vectors import put_row, squared_distance
+from services.mechanics.compiled.vectors import along, put_row, row_of, squared_distance
 from services.mechanics.compiled.vectors import row as vector
 from services.mechanics.contact.identity import without_target
 from services.mechanics.contact.laws import HAS_FRICTION
@@ -124,5 +124,4 @@ def store_anchors(problem: ContactProblem, slides: BoolArray, out: FloatArray) -
             slip = -rows.softness_m_n[row, axis] * force[axis]
             if not slides[row]:
                 slip += problem.motion[3 * row + axis]
-            for k in range(3):
-                out[row, k] += slip * rows.frame[row, axis, k]
+            put_row(out, row, along(vector(out, row), row_of(rows.frame, row, axis), slip))
