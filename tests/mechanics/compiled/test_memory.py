@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from services.mechanics.compiled.memory import copy_arrays, copy_table
+from services.mechanics.compiled.memory import SavedArrays, copy_arrays, copy_table
 
 
 def test_arrays_of_any_kind_are_copied_and_nothing_beside_them() -> None:
@@ -20,6 +20,18 @@ def test_arrays_of_any_kind_are_copied_and_nothing_beside_them() -> None:
         np.testing.assert_array_equal(target, source)
         assert not array[0].any()
         assert not array[-1].any()
+
+
+def test_what_was_saved_last_comes_back() -> None:
+    live = [np.zeros((4, 3)), np.arange(5)]
+    saved = SavedArrays(live)
+    for k in (1, 2):
+        live[0][:], live[1][:] = k, k
+        saved.save()
+    live[0][:], live[1][2] = np.nan, -1
+    saved.restore()
+    np.testing.assert_array_equal(live[0], 2.0)
+    np.testing.assert_array_equal(live[1], 2)
 
 
 @pytest.mark.parametrize(
