@@ -123,7 +123,7 @@ class EnergyBook:
         self._begun = self._before
         self._slipped_j = _slipped_j(self.simulation)
         self._spent_j = _dissipated_by_effects_j(self.simulation)
-        self._squeezed_j = self.simulation.squeeze.dissipated_j
+        self._squeezed_j = self.simulation.squeeze.arrays.dissipated_j
         self._undone = replace(self.flow)
 
     def end(self, dt_s: float) -> None:
@@ -135,7 +135,7 @@ class EnergyBook:
         self._enter_duct(before, dt_s)
         self._enter_contacts(before)
         self.flow.friction_j += _slipped_j(self.simulation) - slipped_j
-        self.flow.numerical_j += self.simulation.squeeze.dissipated_j - self._squeezed_j
+        self.flow.numerical_j += self.simulation.squeeze.arrays.dissipated_j - self._squeezed_j
         self.flow.effects_j += _dissipated_by_effects_j(self.simulation) - spent_j
         self.flow.stored_j = self._stored_j() - self._opening_j
         self._begun = None
@@ -320,7 +320,7 @@ def _anchor_energy_j(simulation: Simulation) -> float:
 
 def _slipped_j(simulation: Simulation) -> float:
     """What slipping holds, and a slipping seal, have taken out."""
-    return simulation.holds.dissipated_j + simulation.seal.dissipated_j
+    return simulation.holds.dissipated_j + simulation.seal.memory.dissipated_j
 
 
 def implicit_integrator(simulation: Simulation) -> ImplicitIntegrator:

@@ -54,7 +54,7 @@ def enter_grips(simulation: Simulation, before: Grips) -> tuple[float, float]:
             gone_j -= started_j
         slipped_j += _slipped_j(simulation, row)
     for row in simulation.seal.rows:
-        stretched_m = float(_linear_stretch_m(simulation, row)[0]) - simulation.seal.start_m
+        stretched_m = float(_linear_stretch_m(simulation, row)[0]) - simulation.seal.memory.start_m
         taken_j -= float(rows.force_n[row, 0]) * stretched_m + stored.seal_j - before.seal_j
         slipped_j += _slipped_j(simulation, row)
     gone_j += sum(before.holds_j[hold] for hold in before.holds_j.keys() - stored.holds_j.keys())

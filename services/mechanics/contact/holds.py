@@ -53,10 +53,7 @@ class HoldRegistry:
         self._stops: list[tuple[int, int, float, bool]] = []
         self.save_start()
         geometry = system.geometry
-        self._n_targets = {
-            DUCT_TRIANGLE: geometry.wall.triangles.shape[0],
-            CATHETER_SEGMENT: geometry.rod.position.shape[0] - 1,
-        }
+        self._n_targets = len(geometry.wall.triangles), len(geometry.rod.position) - 1  # of each kind
         self._can_hold = [each.jaws is not None or each.drives_catheter for each in forceps]
 
     def follow(self, requests: list[GraspHold]) -> None:
@@ -170,7 +167,8 @@ class HoldRegistry:
         is_valid = (
             0 <= request.tool < N_TOOLS
             and self._can_hold[request.tool]
-            and 0 <= request.target < self._n_targets.get(request.target_kind, 0)
+            and request.target_kind in (DUCT_TRIANGLE, CATHETER_SEGMENT)
+            and 0 <= request.target < self._n_targets[request.target_kind]
             and math.isfinite(request.jaw_angle_rad)
             and request.limit_n >= 0.0
             and _are_weights(*request.target_weights.tolist())

@@ -62,13 +62,9 @@ class ImplicitStrategy:
             if outcome != MISSING_BLOCKS:
                 rod.note_factors(outcome == ASSEMBLED)
         if outcome != ASSEMBLED:
-            self._assemble_by_body(anew=anew or outcome == MISSING_BLOCKS)
-
-    def _assemble_by_body(self, *, anew: bool) -> None:
-        bodies, catheter, rows = self._bodies, self._bodies.catheter, self._state.rows
-        bodies.duct.compliance(*rows.on_duct, self._state.W, anew=anew)
-        rod_compliance = catheter.compliance(*rows.on_rod)
-        add_body_compliances(self._address, catheter.slot, rod_compliance)
+            rows = self._state.rows
+            bodies.duct.compliance(*rows.on_duct, self._state.W, anew=anew or outcome == MISSING_BLOCKS)
+            add_body_compliances(self._address, catheter.slot, catheter.compliance(*rows.on_rod))
 
     def solve(self, iterations: int, dt_s: float) -> int:
         """Find forces and sliding states, mostly in at most ``iterations`` sweeps; return the number of sweeps."""

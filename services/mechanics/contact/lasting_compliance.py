@@ -68,9 +68,8 @@ def add_wall_compliance(
             continue
         x, y, z = rows.frame[row, axis, 0], rows.frame[row, axis, 1], rows.frame[row, axis, 2]
         for mode in range(n_modes):
-            lasting.shapes[i, mode] = (
-                x * duct.modes[3 * row, mode] + y * duct.modes[3 * row + 1, mode] + z * duct.modes[3 * row + 2, mode]
-            )
+            u, v, w = duct.modes[3 * row, mode], duct.modes[3 * row + 1, mode], duct.modes[3 * row + 2, mode]
+            lasting.shapes[i, mode] = x * u + y * v + z * w
         for j in range(i + 1):
             if _touches_wall(rows, closed[j, 0]):
                 out[i, j] += _product(lasting, i, j)

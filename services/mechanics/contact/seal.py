@@ -25,11 +25,11 @@ _SEAL = number_of("seal")
 
 
 class SealMemory(Struct):
-    """State of the seal: elastic slip along the axis now and at the start of the step, dissipation, and its row."""
+    """State of the seal."""
 
-    elastic_m: float = 0.0
-    start_m: float = 0.0
-    dissipated_j: float = 0.0
+    elastic_m: float = 0.0  # elastic slip along the axis now
+    start_m: float = 0.0  # the same at the start of the step
+    dissipated_j: float = 0.0  # by slip since the start
     row: int = NO_ROOM
 
 
@@ -40,57 +40,50 @@ class IntroducerSeal:
     """Elastoplastic friction of an introducer: it slides at its force limit at any speed, and does not creep below it.
 
     A sleeping catheter needs no row, because the force of the seal is part of its equilibrium.
+
+    Attributes:
+        memory: SealMemory. What lasts from step to step.
     """
 
     def __init__(self, catheter: CatheterBody, system: ContactSystem) -> None:
         self._catheter = catheter
         self._system = system
-        self._memory = SealMemory()
+        self.memory = SealMemory()
         introducer = catheter.integrator.model.introducer
         self._is_there = introducer.is_there and max(introducer.seal, introducer.friction) > 0.0
 
     @property
     def rows(self) -> range:
         """The row of the seal in this step; empty if it has none."""
-        row = self._memory.row
+        row = self.memory.row
         return range(row, row + 1) if row != NO_ROOM else range(0)
-
-    @property
-    def dissipated_j(self) -> float:
-        """Energy that slip has dissipated since the start, in J."""
-        return self._memory.dissipated_j
 
     @property
     def stored_j(self) -> float:
         """Elastic energy of the seal's lip, in J."""
-        return 0.5 * self._memory.elastic_m**2 / SEAL_SOFTNESS_M_N
-
-    @property
-    def start_m(self) -> float:
-        """Elastic slip at the start of the step, in m."""
-        return self._memory.start_m
+        return 0.5 * self.memory.elastic_m**2 / SEAL_SOFTNESS_M_N
 
     def step_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays that a step changes."""
-        return self._memory.own_memory()
+        return self.memory.own_memory()
 
     def forget(self) -> None:
         """Remove the row and the elastic slip, so that the seal exerts no force on the catheter where it is now."""
-        self._memory.row, self._memory.elastic_m = NO_ROOM, 0.0
+        self.memory.row, self.memory.elastic_m = NO_ROOM, 0.0
 
     def append_row(self) -> None:
         """Append the seal's row, unless its force limit is zero or the catheter sleeps."""
         n_rows = 0
         if self._is_there and not self._catheter.slept:
-            n_rows = append_seal(self._system.address, self._catheter.integrator.model.address, self._memory.address)
-        elif self._memory.row != NO_ROOM:
-            self._memory.row = NO_ROOM
+            n_rows = append_seal(self._system.address, self._catheter.integrator.model.address, self.memory.address)
+        elif self.memory.row != NO_ROOM:
+            self.memory.row = NO_ROOM
         self._catheter.n_own_rows = n_rows
 
     def slide(self) -> None:
         """Update the elastic slip by the motion that the solve has found."""
         if self._catheter.n_own_rows:
-            slide_seal(self._system.address, self._memory.address, not self._system.strategy.acts_in_next_step)
+            slide_seal(self._system.address, self.memory.address, not self._system.strategy.acts_in_next_step)
 
 
 @kernel

@@ -62,7 +62,7 @@ class SqueezeArrays(Struct):
     start_rad: Annotated[FloatArray, N_TOOLS]
     stored_j: Annotated[FloatArray, N_TOOLS, 2]
     pressed_span: Annotated[FloatArray, 2, 2, 2]  # scratch: side of the surface, jaw, first and last pressed place (m)
-    dissipated_j: float = 0.0
+    dissipated_j: float = 0.0  # by steps and released cells since the start
     first: int = 0
     count: int = 0
 
@@ -71,49 +71,48 @@ squeeze_at = reader(SqueezeArrays)
 
 
 class JawSqueeze:
-    """The wall and the catheter that the jaws of both tools squeeze."""
+    """The wall and the catheter that the jaws of both tools squeeze.
+
+    Attributes:
+        arrays: SqueezeArrays. What is squeezed, and what that has dissipated.
+    """
 
     def __init__(self, duct: DuctScene, system: ContactSystem) -> None:
         self._system, tools = system, system.geometry.tools
         wall = SolidWall.zeros(length_m=tools.jaw_length, radius_m=tools.jaw_radius)
         wall.thickness_m = 2.0 * duct.thickness_m
         wall.modulus_pa = duct.youngs_modulus_pa / (1.0 - duct.poisson_ratio**2)
-        self._arrays = SqueezeArrays.zeros(wall=wall)
-        self._arrays.row[:] = NO_ROOM
+        self.arrays = SqueezeArrays.zeros(wall=wall)
+        self.arrays.row[:] = NO_ROOM
 
     @property
     def rows(self) -> range:
         """Rows of this step, in pairs: a force on jaw A, and its reaction on jaw B."""
-        return range(self._arrays.first, self._arrays.first + self._arrays.count)
+        return range(self.arrays.first, self.arrays.first + self.arrays.count)
 
     @property
     def stored_j(self) -> float:
         """Energy that the squeezed wall and catheter store, in J."""
-        return float(self._arrays.stored_j.sum())
-
-    @property
-    def dissipated_j(self) -> float:
-        """Energy that steps and released cells have dissipated so far, in J."""
-        return self._arrays.dissipated_j
+        return float(self.arrays.stored_j.sum())
 
     def forget(self) -> None:
         """Release all cells and the catheter, and clear their stored energy."""
-        arrays = self._arrays
+        arrays = self.arrays
         arrays.wall.occupied[:] = arrays.stored_j[:] = 0.0
         arrays.row[:] = NO_ROOM
         arrays.put_zero("first", "count")
 
     def append_rows(self) -> None:
         """Append the rows of the walls and catheters that the jaws may squeeze in this step."""
-        append_squeeze_rows(self._system.address, self._arrays.address)
+        append_squeeze_rows(self._system.address, self.arrays.address)
 
     def update(self, dt_s: float) -> None:
         """Update the energies after the jaws have moved, and occupy and release cells."""
-        update_squeezes(self._system.address, self._arrays.address, dt_s)
+        update_squeezes(self._system.address, self.arrays.address, dt_s)
 
     def write_reactions(self) -> None:
         """Write the forces on jaws B, after the solve has found those on jaws A."""
-        write_reactions(self._system.address, self._arrays.address)
+        write_reactions(self._system.address, self.arrays.address)
 
 
 @kernel

@@ -38,6 +38,7 @@ def build_world(
         acts_in_next_step=STRATEGIES[scene.contact.model].acts_in_next_step,
     )
     tools = ToolBody(scene.forceps)
+    accelerations_m_s2 = (each.body_acceleration_m_s2() for each in stages["body_acceleration_m_s2"])
     system = ContactSystem(Bodies(duct_body, catheter, tools, 0.5 * scene.duct.thickness_m), scene.contact)
     return World(
         scene=scene,
@@ -50,9 +51,7 @@ def build_world(
         squeeze=JawSqueeze(scene.duct, system),
         search=search or CandidateSearch(scene, duct),
         pairs=ContactPairs.allocate(2 * capacity),  # those of the tools, and of the catheter
-        acceleration_m_s2=sum(
-            (each.body_acceleration_m_s2() for each in stages["body_acceleration_m_s2"]), np.zeros(3)
-        ),
+        acceleration_m_s2=sum(accelerations_m_s2, np.zeros(3)),
         effects=effects,
     )
 

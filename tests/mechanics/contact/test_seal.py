@@ -74,7 +74,7 @@ def test_the_hand_feels_no_more_than_the_friction_of_the_seal(with_effects, smal
     assert np.abs(hand_n).max() == pytest.approx(SEAL_N, rel=0.01)
     # The hand's spring and the seal's own elasticity come first: 40 and 2 um.
     slid_m = way_m - SEAL_N * (1.0 / simulation.scene.forceps[1].coupling_stiffness_n_m + 1e-4)
-    assert simulation.seal.dissipated_j == pytest.approx(SEAL_N * slid_m, rel=0.03)
+    assert simulation.seal.memory.dissipated_j == pytest.approx(SEAL_N * slid_m, rel=0.03)
 
 
 @pytest.mark.parametrize("dt_s", by_day([1e-3, 1e-4], [2.5e-4]))

@@ -119,14 +119,14 @@ def test_what_is_squeezed_gives_out_no_more_than_it_was_given(small_scene, small
         if pinch.simulation.squeeze.stored_j > 1e-5:
             break
     simulation, tools, rng = pinch.simulation, pinch.tools, np.random.default_rng(4)
-    spent_j = simulation.squeeze.dissipated_j
+    spent_j = simulation.squeeze.arrays.dissipated_j
     stored = 0
     for tick in range(300):
         if tick % 15 == 0:
             tools.jaw_angle_rad[TOOL] = rng.uniform(0.0, 0.5)
         simulation.step(tools, dt_s)
-        assert simulation.squeeze.dissipated_j >= spent_j - 1e-12
-        spent_j = simulation.squeeze.dissipated_j
+        assert simulation.squeeze.arrays.dissipated_j >= spent_j - 1e-12
+        spent_j = simulation.squeeze.arrays.dissipated_j
         stored += simulation.squeeze.stored_j > 1e-6
     assert stored > 50
 
