@@ -13,7 +13,7 @@ from services.mechanics.contact.hold_rows import HoldArrays, append_holds, slide
 from services.mechanics.contact.system import ContactSystem
 from services.mechanics.rod.curve import point_on_curve
 from services.mechanics.scene import ToolScene
-from services.mechanics.scene.tools import N_TOOLS, GraspHold
+from services.mechanics.scene.tools import GraspHold
 
 # Tolerance of barycentric weights from another process, which may have rounded them.
 WEIGHT_TOLERANCE = 1e-3
@@ -165,7 +165,7 @@ class HoldRegistry:
         if self.active.get(request.hold_id) is request and request.limit_n >= 0.0:
             return True
         is_valid = (
-            0 <= request.tool < N_TOOLS
+            0 <= request.tool < len(self._can_hold)
             and self._can_hold[request.tool]
             and request.target_kind in (DUCT_TRIANGLE, CATHETER_SEGMENT)
             and 0 <= request.target < self._n_targets[request.target_kind]
