@@ -211,6 +211,13 @@ def test_a_hold_whose_numbers_mean_nothing_is_none(small_scene, small_duct, spoi
     assert np.isfinite(simulation.tool_results.force_n).all()
 
 
+def test_a_hold_by_a_tool_that_the_scene_does_not_name_is_none(small_scene, small_duct):
+    simulation, tools = Simulation(replace(small_scene, forceps=small_scene.forceps[:1]), small_duct), ToolInputs()
+    tools.present[1], tools.holds = True, [HOLD]
+    simulation.step(tools)
+    assert not simulation.holds.active
+
+
 def everything(simulation):
     return np.concatenate([state(simulation), simulation.tools.proxy.ravel(), simulation.tools.hand.ravel()])
 
