@@ -27,6 +27,7 @@ from tests.page.orders import order
 from tests.patience import PATIENCE_S
 from tests.rig.conftest import Rig, running_rig
 
+UP = ("-m", "services.cli.app", "up")
 INSERTED_MM = 5.0
 #: Within so long a newcomer is to reach the goal.
 MOST_S = 90.0
@@ -108,7 +109,7 @@ class Mouse:
 def newcomer(directory: Path) -> Iterator[Mouse]:
     """Start a rig whose instruments wait for a hand, as anybody starts one, and a browser."""
     with (
-        running_rig(directory, "default", [], rig="mouse", program=("-m", "services.cli.app", "up")) as rig,
+        running_rig(directory, "default", [], ("training.attempt",), rig="mouse", program=UP) as rig,
         Chromium(directory / "profile", size=(800, 560)) as browser,
     ):
         yield Mouse(rig, browser)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from typing import Any
+from unittest.mock import Mock
 
 import msgspec
 import numpy as np
@@ -11,7 +13,9 @@ import pytest
 
 from protocol import Frame, bodies
 from protocol.arrays import pack
+from services.runtime.config import load_rig
 from services.runtime.errors import ConfigError
+from services.training import __main__ as training_process
 from services.training.errors import ErrorEvent
 from services.training.hints import hint
 from services.training.scenario import Goal, Scenario
@@ -242,6 +246,20 @@ def test_the_next_begins_by_itself_after_a_success_where_the_rig_says_so() -> No
     told = [rig.turn() for _ in range(30)]
     assert [each.begins for each in told].count(0) == 5 + 20
     assert told[-1].state == "armed"
+
+
+def test_the_process_does_as_its_rig_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[float | None] = []
+
+    class Kept(Trainer):
+        def __init__(self, scenario: Scenario | None, again_after_s: float | None, *more: Any) -> None:
+            super().__init__(scenario, again_after_s, *more)
+            made.append(self._again_after_s)
+
+    monkeypatch.setattr(training_process, "Trainer", Kept)
+    rig = load_rig("stub", ("training.again_after_s=7",))
+    training_process.run(Mock(rig=rig, stop=lambda: True), (SCENARIO, None))
+    assert made == [7.0]
 
 
 def test_hints_come_and_go_with_their_reasons(rig: Rig) -> None:
