@@ -19,8 +19,9 @@ from tests.supervisor.fakes import Fakes, Scenario, until, until_running
 #: It takes every core from whatever runs beside it, and is judged by what a core had left.
 pytestmark = pytest.mark.rig
 
-#: A governor that held the stalls for work lowered the quality after 3.3 s.
-LASTS_S = 5.5
+#: A governor that held the stalls for work would lower the quality once they had stood for so long.
+SUDDEN_S = 1.0
+LASTS_S = 3.5
 #: Takes its core for 50 ms of each half second.
 HOG = """
 import os, sys, time
@@ -47,6 +48,7 @@ def stalls() -> Iterator[list[subprocess.Popen[bytes]]]:
         each.wait()
 
 
+@pytest.mark.usefixtures("soon")
 def test_the_governor_does_not_act_where_the_host_stands_still(
     fakes: Fakes, stalls: list[subprocess.Popen[bytes]]
 ) -> None:
@@ -57,6 +59,7 @@ def test_the_governor_does_not_act_where_the_host_stands_still(
     lost: list[tuple[int, int]] = []
 
     def scenario(supervisor: Supervisor) -> Scenario:
+        supervisor.enforcement.ladder = replace(supervisor.enforcement.ladder, sudden_s=SUDDEN_S)
         yield from until_running(supervisor)
         assert supervisor.enforcement.governor.can_lower, "there is something that could be given up"
         for each in stalls:
