@@ -47,13 +47,13 @@ def test_a_part_is_counted(options: tuple[str, ...], tmp_path: Path) -> None:
 
 
 def test_what_starts_a_rig_is_in_the_second_part_and_nothing_else() -> None:
-    command = [sys.executable, "-m", "tests", "--collect-only", "-q", "tests/rig/test_scenarios.py"]
+    command = [sys.executable, "-m", "tests", "--collect-only", "-q", "tests/rig/test_two_hosts.py"]
     done = subprocess.run([*command, "tests/protocol/test_topics.py"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
     first, _, second = done.stdout.partition("deselected")
     assert "test_topics" in first
-    assert "test_scenarios" not in first
-    assert "test_scenarios" in second
+    assert "test_two_hosts" not in first
+    assert "test_two_hosts" in second
     assert "test_topics" not in second
 
 

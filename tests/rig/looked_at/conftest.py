@@ -1,5 +1,7 @@
 """One rig that all tests of this folder look at: a crowd of viewers, perf, then a browser, then a Prometheus.
 
+Before all of them its hands insert the catheter.
+
 Prometheus scrapes from the start on: it has to have seen the rig for a while before it is asked. What takes seconds
 and needs no rig of its own is done meanwhile.
 Its last tests kill a process, and then its supervisor.
@@ -23,16 +25,22 @@ import yaml
 
 from services.runtime.rig import Transport
 from services.supervisor.page_place import page_file
+from tests.chromium import Chromium
 from tests.monitoring.exporter import FOLDER, RULES
 from tests.patience import PATIENCE_S
 from tests.ports import free_port
-from tests.rig.conftest import SCENE, Rig, running_rig
+from tests.rig.conftest import Rig, running_rig
+from tests.rig.course import Course, hands
 from tests.with_us import with_us
 
 PROMETHEUS = shutil.which("prometheus")
+WINDOW_S = 1.0
+INSERTED_M = 20e-3
+LASTS_S = 200.0  # it takes three seconds
 #: The rig is not started again for a stall, and has a budget that a machine shared with others does not spend.
 OVERRIDES = [
-    "supervisor.heartbeat_timeout_s=60", "recorder.sample_rate_hz=10",
+    "supervisor.heartbeat_timeout_s=60", f"supervisor.window_s={WINDOW_S}", "recorder.sample_rate_hz=10",
+    *hands("insertion"),
     *(f"contracts.loops.{loop}.miss_ratio=0.005" for loop in ("gateway", "haptics", "physics")),
 ]  # fmt: skip
 Alert = tuple[str, str]
@@ -41,8 +49,17 @@ Alert = tuple[str, str]
 @pytest.fixture(scope="package")
 def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
     folder = tmp_path_factory.mktemp("looked-at")
-    with running_rig(folder, str(SCENE), OVERRIDES, topics=("physics.health",)) as rig:
+    with running_rig(folder, "insertion", OVERRIDES, topics=("physics.health",), keeps_solved=True) as rig:
         yield rig
+
+
+@pytest.fixture(scope="package", autouse=True)
+def inserted(rig: Rig, scraped_from_the_start: None) -> Course:
+    """Return the insertion; later nobody keeps what physics says."""
+    course = Course.of(rig.observer)
+    rig.observer.until(lambda: course.reaches(INSERTED_M), LASTS_S, "inserted")
+    rig.observer.devices = rig.observer.solved = None
+    return course
 
 
 @pytest.fixture(scope="package")
@@ -50,6 +67,17 @@ def address(rig: Rig) -> str:
     """Return where its page is."""
     place = page_file(Transport(directory=rig.directory / "bus"))
     return str(json.loads(place.read_text())["address"])
+
+
+@pytest.fixture(scope="package")
+def browser(address: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chromium]:
+    """Return one in which the page is open, with a picture."""
+    with Chromium(tmp_path_factory.mktemp("profile")) as browser:
+        browser.open(address)
+        ready = "document.querySelector('#view.ready') !== null"
+        browser.until(lambda: browser.evaluate(ready), PATIENCE_S, "the page loaded")
+        browser.until(lambda: browser.text("#tick").endswith(" s"), PATIENCE_S, "a picture came")
+        yield browser
 
 
 @dataclass
@@ -113,7 +141,7 @@ def _prometheus(folder: Path, target: str) -> Iterator[str]:
         process.wait(PATIENCE_S)
 
 
-@pytest.fixture(scope="package", autouse=True)
+@pytest.fixture(scope="package")
 def scraped_from_the_start(request: pytest.FixtureRequest) -> None:
     if PROMETHEUS is not None:
         request.getfixturevalue("monitor")

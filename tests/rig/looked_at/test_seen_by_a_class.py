@@ -15,6 +15,7 @@ from typing import Any
 import httpx
 import pytest
 
+from review.classroom import watch
 from review.classroom.app import Classroom, build_app
 from tests.patience import PATIENCE_S
 from tests.review.class_of_pages import TOKEN, rigs, served, until, write_roll
@@ -24,7 +25,10 @@ pytestmark = [pytest.mark.rig, pytest.mark.timeout(900)]
 _WITH = {"X-Trocar-Token": TOKEN}
 
 
-def test_a_rig_as_it_stands_and_its_silence_once_it_is_killed(rig: Rig, address: str, tmp_path: Path) -> None:
+def test_a_rig_as_it_stands_and_its_silence_once_it_is_killed(
+    rig: Rig, address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(watch, "PERIOD_S", 0.2)
     with rigs(1) as (_, [other]):
         file = write_roll(tmp_path / "class.toml", [address, other], bench_0="heron-17")
         classroom = Classroom(file)
