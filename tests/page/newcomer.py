@@ -32,7 +32,7 @@ INSERTED_MM = 5.0
 #: Within so long a newcomer is to reach the goal.
 MOST_S = 90.0
 #: Where the jaws are when the tip is before the mouth, how low they take the catheter, and a push.
-BEFORE_MM, LOW_MM, PUSH_MM, PUSH_S = 66.0, 0.5, 4.0, 1.2
+BEFORE_MM, LOW_MM, PUSH_MM, PUSH_S = 66.0, 0.5, 4.0, 0.6
 WHEEL_NOTCH = 100
 _DRAWS_S = 4.0
 #: The eye has come to rest when so many looks in a row find a point of the world within so many pixels.
