@@ -23,7 +23,7 @@ from tests.rig.pressing.conftest import TIMEOUT_S
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(600)]
 
-HELD_TICKS = 1000
+HELD_TICKS = 700  # longer than a heartbeat may be missing
 TTL_S = 0.020
 SOON_S = 3.5
 
@@ -65,7 +65,7 @@ def _assert_force_goes_on(rig: Rig) -> None:
     rig.observer.until(
         lambda: bool(samples) and samples[-1].tick - samples[0].tick >= HELD_TICKS,
         PATIENCE_S,
-        "a second of the gateway's",
+        "ticks of the gateway",
     )
     assert len({sample.incarnation for sample in samples}) == 1
     ticks = [sample.tick for sample in samples]
