@@ -23,10 +23,12 @@ import httpx
 import pytest
 import yaml
 
+from services.cli.attempt import run_order
 from services.runtime.rig import Transport
 from services.supervisor.page_place import page_file
 from tests.chromium import Chromium
 from tests.monitoring.exporter import FOLDER, RULES
+from tests.obeyed import until_obeyed
 from tests.patience import PATIENCE_S
 from tests.ports import free_port
 from tests.rig.conftest import Rig, running_rig
@@ -55,10 +57,12 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
 
 @pytest.fixture(scope="package", autouse=True)
 def inserted(rig: Rig, scraped_from_the_start: None) -> Course:
-    """Return the insertion; later nobody keeps what physics says."""
+    """Return the insertion; later nobody keeps what physics says, and the hands insert again."""
     course = Course.of(rig.observer)
     rig.observer.until(lambda: course.reaches(INSERTED_M), LASTS_S, "inserted")
     rig.observer.devices = rig.observer.solved = None
+    until_obeyed(lambda: run_order("stub", (f"transport.directory={rig.directory / 'bus'}",), "new"))
+    rig.observer.until(lambda: rig.observer.samples[-1].begins == 1, PATIENCE_S, "all begins again")
     return course
 
 

@@ -12,9 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from services.cli.attempt import run_order
 from tests import chromium
-from tests.obeyed import until_obeyed
 from tests.patience import PATIENCE_S
 from tests.rig.conftest import Rig
 
@@ -33,8 +31,6 @@ def test_no_loop_takes_or_returns_memory_while_it_runs(rig: Rig, request: pytest
     """Its hands insert again meanwhile, and where there is a browser it opens the page."""
     observer = rig.observer
     observer.until(lambda: observer.is_up, PATIENCE_S, "running")
-    until_obeyed(lambda: run_order("stub", (f"transport.directory={rig.directory / 'bus'}",), "new"))
-    observer.until(lambda: observer.samples[-1].begins == 1, PATIENCE_S, "the hands begin again")
     observer.until(lambda: observer.samples[-1].state == "active", PATIENCE_S, "they move")
     pids = {name: rig.observer.pids()[name] for name in LOOPS}
     (pids["drives"],) = _children(pids["gateway"])
