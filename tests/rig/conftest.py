@@ -99,6 +99,19 @@ class Rig:
     observer: Observer
 
 
+def end(process: subprocess.Popen[bytes], directory: Path) -> None:
+    """End a rig, also where a test has ended or stopped its supervisor."""
+    process.send_signal(signal.SIGCONT)
+    process.send_signal(signal.SIGINT)
+    try:
+        process.wait(60)
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+    for pid in lock_holders(Transport(directory=directory / "bus")).values():  # left over
+        os.kill(pid, signal.SIGKILL)
+
+
 @contextmanager
 def running_rig(
     directory: Path,
@@ -138,14 +151,6 @@ def running_rig(
         assert process.poll() is None, (directory / "log").read_text()[-3000:]
         yield Rig(directory, process, observer)
     finally:
-        process.send_signal(signal.SIGCONT)
-        process.send_signal(signal.SIGINT)
-        try:
-            process.wait(60)
-        except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
-        for pid in lock_holders(Transport(directory=bus)).values():  # left over where a test ended the supervisor
-            os.kill(pid, signal.SIGKILL)
+        end(process, directory)
         observer.bus.close()
         log.close()

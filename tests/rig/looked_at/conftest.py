@@ -1,10 +1,9 @@
 """One rig that all tests of this folder look at: a crowd of viewers, perf, then a browser, then a Prometheus.
 
-Before all of them its hands insert the catheter.
-
+Before all of them its hands insert the catheter; the last test judges that, when the rig has ended.
 Prometheus scrapes from the start on: it has to have seen the rig for a while before it is asked. What takes seconds
 and needs no rig of its own is done meanwhile.
-Its last tests kill a process, and then its supervisor.
+Those before the last kill a process, and then its supervisor.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""The insertion that the rig of this folder begins with: the same hands as in process, through devices and bus."""
+"""The insertion that the rig of this folder began with: the same hands as in process, through devices and bus.
+
+The rig ends before that is judged: what is computed of it has the machine.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +14,14 @@ from services.cache_directory import cache_directory
 from services.mechanics.scenarios import insertion
 from services.mechanics.simulation.scene_duct import build_scene_duct
 from studies.feel.tracking import WITHIN, compare, find_pinch
+from tests.rig.conftest import Rig, end
 from tests.rig.course import DEEPEST_M, FORCE_STEP_N, Course
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(600)]
 
 
-def test_the_catheter_is_slid_20_mm_into_the_duct(inserted: Course) -> None:
+def test_the_catheter_is_slid_20_mm_into_the_duct(rig: Rig, inserted: Course) -> None:
+    end(rig.process, rig.directory)
     assert inserted.states[-1].reactions()[0].holds == 2
     assert 0.0 < inserted.deepest_m() < DEEPEST_M
     assert inserted.largest_step_n() < FORCE_STEP_N
