@@ -70,14 +70,6 @@ def add_travel(address: Address[CandidateList], wall_moved_m: float) -> bool:
 
 
 @kernel
-def copy_ends(address: Address[CandidateList], ends: FloatArray) -> None:
-    """Copy the ends of all pieces into ``ends`` (p, 2, 3)."""
-    found = list_at(address)
-    for p in range(found.count.shape[0]):
-        _copy_ends(found, p, ends)
-
-
-@kernel
 def _copy_ends(found: CandidateList, p: int, out: FloatArray) -> None:
     for end in range(2):
         put_row_of(out, p, end, row_of(found.ends, p, end))

@@ -18,7 +18,7 @@ from typing import Annotated
 import numpy as np
 
 from services.mechanics.arrays import AnyArray, ByteArray, Float32Array, FloatArray, IntArray, LongArray
-from services.mechanics.collision.wall_bounds import WallBounds, wall_bounds
+from services.mechanics.collision.wall_bounds import Blocks, RotatingBounds, WallBounds, moved_by_blocks, wall_bounds
 from services.mechanics.compiled import inlined_kernel, kernel, summing_kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import along, dot, put_row, row
@@ -95,11 +95,7 @@ class WallPlacement:
 
         ``lasting`` are loads other than those of contacts. If nothing moves, placed nodes remain valid.
         """
-        return self._set_configuration(q, self.bounds.moved_m(q), loads, lasting)
-
-    def _set_configuration(self, q: FloatArray, moved_m: float, loads: Loads, lasting: Loads) -> float:
-        self.bounds.set_reference(q)
-        return float(configure_wall(self.wall.address, q, moved_m, loads, lasting))
+        return float(configure_wall(self.wall.address, (q, self.bounds.blocks), 0.0, loads, lasting))
 
     def place(self, nodes: IntArray) -> None:
         """Compute the positions of ``nodes`` (k,) in this configuration, unless they are known already."""
@@ -108,11 +104,7 @@ class WallPlacement:
 
     def place_requested(self) -> None:
         """Compute the positions of the requested nodes."""
-        if displace(self.wall.address, self._store):
-            self._put()
-
-    def _put(self) -> None:
-        place_displaced(self.wall.address)
+        place_requested(self.wall.address, self._store)
 
     def follow(self, other: WallPlacement) -> None:
         """Copy the configuration of another placement of this wall, and the positions of its placed nodes."""
@@ -121,6 +113,8 @@ class WallPlacement:
 
 class RotatingPlacement(WallPlacement):
     """Places nodes of a wall whose sections rotate: loads are rotated back to the rest frame of the residual."""
+
+    bounds: RotatingBounds
 
     def __init__(self, duct: ReducedDuct, like: WallPlacement | None = None) -> None:
         super().__init__(duct, like)
@@ -132,13 +126,17 @@ class RotatingPlacement(WallPlacement):
 
     def set_configuration(self, q: FloatArray, loads: Loads, lasting: Loads = NO_LOADS) -> float:
         """Set the wall's coordinates and loads, see `WallPlacement.set_configuration`."""
-        moved_m = self.bounds.moved_m(q, float(reach_of_loads(self.wall.address)))
+        rotated_m = self.bounds.rotated_m(q, float(reach_of_loads(self.wall.address)))
+        self.bounds.set_reference(q)
         self._frame.update(q)
         rotated = self._rotated_back(loads, 0), self._rotated_back(lasting, len(loads[0]))
-        return self._set_configuration(q, moved_m, *rotated)
+        return float(configure_wall(self.wall.address, (q, self.bounds.blocks), rotated_m, *rotated))
 
-    def _put(self) -> None:
+    def place_requested(self) -> None:
+        """Compute the positions of the requested nodes, see `WallPlacement.place_requested`."""
         wall = self.wall
+        if not displace(wall.address, self._store):
+            return
         nodes = wall.requested[wall.n_placed : wall.n_requested]
         count, wall.n_placed = len(nodes), wall.n_requested
         np.take(wall.extra, nodes, axis=0, out=self._extra_m[:count])
@@ -178,9 +176,15 @@ def _residual(duct: ReducedDuct) -> dict[str, AnyArray]:
 
 
 @kernel
-def configure_wall(address: Address[PlacedWall], q: FloatArray, moved_m: float, loads: Loads, lasting: Loads) -> float:
-    """Set coordinates q (r,) and loads; return a bound (m) on any node's motion, with ``moved_m`` that of the modes."""
-    wall = wall_at(address)
+def configure_wall(
+    address: Address[PlacedWall], modes: tuple[FloatArray, Blocks], rotated_m: float, loads: Loads, lasting: Loads
+) -> float:
+    """Set coordinates and loads; return a bound (m) on any node's motion, of which ``rotated_m`` is by rotations.
+
+    ``modes`` is (coordinates (r,), blocks of modes as for `moved_by_blocks`).
+    """
+    wall, q = wall_at(address), modes[0]
+    moved_m = rotated_m + moved_by_blocks(modes[1], wall.q, q)
     for mode in range(q.shape[0]):
         wall.q[mode] = q[mode]
     wall.n_changed = 0
@@ -267,6 +271,13 @@ def copy_configuration(address: Address[PlacedWall], other_address: Address[Plac
         node = other.requested[k]
         wall.placed[node] = wall.configuration
         put_row(wall.position, node, row(other.position, node))
+
+
+@kernel
+def place_requested(address: Address[PlacedWall], store: BlockStore) -> None:
+    """Place the requested nodes of a wall with linear kinematics."""
+    if displace(address, store):
+        place_displaced(address)
 
 
 @kernel

@@ -33,16 +33,16 @@ class WallBounds:
         edges = np.unique(np.round(r * np.linspace(0.0, 1.0, _BLOCKS + 1) ** 1.5).astype(int))
         spans = list(itertools.pairwise(edges))
         gain = np.array([largest_gain(Phi[:, :, a:b] / omega_rad_s[a:b]).max() for a, b in spans])
-        self._blocks: Blocks = np.ascontiguousarray(omega_rad_s), edges, gain
+        self.blocks: Blocks = np.ascontiguousarray(omega_rad_s), edges, gain
         self._reference = np.zeros(r)
 
     def set_reference(self, q: FloatArray) -> None:
         """Count from these coordinates (r,)."""
         self._reference[:] = q
 
-    def moved_m(self, q: FloatArray, beyond_m: float = 0.0) -> float:
-        """Return a bound, in m, on any node's motion from the reference; loads move it by at most ``beyond_m``."""
-        return float(moved_by_blocks(self._blocks, self._reference, q))
+    def moved_m(self, q: FloatArray) -> float:
+        """Return a bound, in m, on any node's motion from the reference, without that by loads."""
+        return float(moved_by_blocks(self.blocks, self._reference, q))
 
 
 class RotatingBounds(WallBounds):
@@ -63,13 +63,17 @@ class RotatingBounds(WallBounds):
         self._frame.update(q)
         self._rotations, self._centres_m = self._frame.turns.copy(), self._frame.centres_m.copy()
 
-    def moved_m(self, q: FloatArray, beyond_m: float = 0.0) -> float:
-        """Return a bound, in m, on any node's motion; rotating sections move nodes in proportion to their arms."""
+    def moved_m(self, q: FloatArray) -> float:
+        """Return a bound, in m, on any node's motion from the reference, without that by loads."""
+        return super().moved_m(q) + self.rotated_m(q)
+
+    def rotated_m(self, q: FloatArray, beyond_m: float = 0.0) -> float:
+        """Return the part of the sections, which move nodes by their arms; loads lengthen these by ``beyond_m``."""
         self._frame.update(q)
         rotated = np.linalg.norm(self._frame.turns - self._rotations, axis=1).max()
         carried = np.linalg.norm(self._frame.centres_m - self._centres_m, axis=1).max()
-        local_m = float(moved_by_blocks(self._blocks, self._at_rest, q))
-        return super().moved_m(q) + float(carried + rotated * (self._arm_m + local_m + beyond_m))
+        local_m = float(moved_by_blocks(self.blocks, self._at_rest, q))
+        return float(carried + rotated * (self._arm_m + local_m + beyond_m))
 
 
 def wall_bounds(duct: ReducedDuct) -> WallBounds:

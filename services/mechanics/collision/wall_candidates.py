@@ -16,11 +16,11 @@ from services.mechanics.collision.candidate_list import (
     may_be_within,
     new_list,
     renew_lists,
+    set_wanted_gaps,
 )
 from services.mechanics.collision.candidates import Candidates, candidates_at, measure
 from services.mechanics.collision.clusters import Clusters, cluster_triangles, enclose
 from services.mechanics.collision.placed_wall import (
-    NO_LOADS,
     Loads,
     PlacedWall,
     WallPlacement,
@@ -38,6 +38,9 @@ from services.mechanics.reduction.reduced_duct import ReducedDuct
 SKIN_M = 0.5e-3
 #: Motion of the wall by this fraction of the skin rebuilds all lists; the rest of the skin is for the pieces' motion.
 WALL_SHARE = 0.5
+
+EndSearch = tuple[FloatArray, FloatArray, Candidates]
+"""Ends of the pieces at the start of the step, gaps as for `set_wanted_gaps`, and room for the candidates."""
 
 
 class WallCandidates:
@@ -58,11 +61,6 @@ class WallCandidates:
         self._along_m, self.renewals, self.wall_renewals = along_m, 0, 0
         self.make_room(n_pieces)
 
-    def place_start(self, start: WallPlacement, of: Candidates) -> None:
-        """Place the nodes of some candidates in the configuration of ``start``."""
-        request_nodes_of_candidates(of.address, self.list.address, start.wall.address)
-        start.place_requested()
-
     def make_room(self, n_pieces: int) -> None:
         """Allocate lists for ``n_pieces``; the next `follow` rebuilds them."""
         self.list = new_list(self._clusters, self.placement.position_m, n_pieces, SKIN_M, self._along_m)
@@ -71,7 +69,7 @@ class WallCandidates:
     def follow(self, q: FloatArray, loads: Loads) -> bool:
         """Set the wall's coordinates q (r,) and loads, and rebuild the lists of pieces that have moved too far.
 
-        Return whether anything has changed since the last `move`; if not, candidates measured there are still valid.
+        Return whether anything has changed since `measure_end`; if not, the candidates measured there are still valid.
         """
         listed, modes_moved_m = self.list, self._bounds.moved_m(q)
         if self.is_new or modes_moved_m > WALL_SHARE * SKIN_M:
@@ -87,12 +85,16 @@ class WallCandidates:
             self.renewals += 1
         return is_elsewhere or outcome != SAME
 
-    def move(self, q: FloatArray, loads: Loads, lasting: Loads = NO_LOADS) -> None:
-        """Set another configuration of the wall, and add its motion and that of the pieces to the travel.
+    def measure_end(self, placed: tuple[FloatArray, Loads, Loads], search: EndSearch, start: WallPlacement) -> None:
+        """Measure at the end of a step, and place the nodes of what is found in the configuration of ``start``.
 
-        Lists are not rebuilt.
+        ``placed`` is (coordinates, loads, lasting loads) of the wall there. Travel grows; lists are not rebuilt.
         """
-        add_travel(self.list.address, self.placement.set_configuration(q, loads, lasting))
+        moved_m, addresses = self.placement.set_configuration(*placed), (self.list.address, self.placement.wall.address)
+        request_end(addresses, moved_m, search[0], search[1])
+        self.placement.place_requested()
+        measure_end(self.list.address, search[2].address, start.wall.address)
+        start.place_requested()
 
     def measure(self, out: Candidates) -> None:
         """Write the closest pairs with a gap up to ``wanted``."""
@@ -130,10 +132,21 @@ def request_nodes_of_entries(list_address: Address[CandidateList], wall_address:
 
 
 @kernel
-def request_nodes_of_candidates(
-    found_address: Address[Candidates], list_address: Address[CandidateList], wall_address: Address[PlacedWall]
+def request_end(
+    addresses: tuple[Address[CandidateList], Address[PlacedWall]], moved_m: float, start: FloatArray, ahead: FloatArray
 ) -> None:
-    """Request the nodes of candidates."""
+    """Add the travel to the end of a step, and request the nodes of entries that may be candidates there."""
+    add_travel(addresses[0], moved_m)
+    set_wanted_gaps(addresses[0], start, ahead)
+    request_nodes_of_entries(addresses[0], addresses[1])
+
+
+@kernel
+def measure_end(
+    list_address: Address[CandidateList], found_address: Address[Candidates], wall_address: Address[PlacedWall]
+) -> None:
+    """Write the closest pairs with a gap up to ``wanted``, and request their nodes of another wall."""
+    measure(list_address, found_address)
     found, clusters, wall = candidates_at(found_address), list_at(list_address).clusters, wall_at(wall_address)
     for i in range(found.count):
         _request_nodes_of_triangle(wall, clusters, found.triangle[i])

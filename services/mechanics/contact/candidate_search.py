@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from services.mechanics.arrays import FloatArray
@@ -11,7 +9,7 @@ from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.bodies.duct import DuctBody
 from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.bodies.sections import segment_radii
-from services.mechanics.collision.candidate_list import CandidateList, copy_ends, list_at, set_wanted_gaps
+from services.mechanics.collision.candidate_list import CandidateList, list_at, set_wanted_gaps
 from services.mechanics.collision.candidates import Candidates, Where, candidates_at
 from services.mechanics.collision.capsules import CapsuleMemory, detect_capsules
 from services.mechanics.collision.pairs import ContactPairs
@@ -20,7 +18,7 @@ from services.mechanics.collision.placed_wall import place_walls
 from services.mechanics.collision.wall_candidates import WallCandidates
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
-from services.mechanics.compiled.vectors import along, row, squared_distance
+from services.mechanics.compiled.vectors import along, row
 from services.mechanics.contact.engagement import engage_tools
 from services.mechanics.contact.geometry import ContactGeometry
 from services.mechanics.contact.price import (
@@ -32,12 +30,7 @@ from services.mechanics.contact.price import (
 from services.mechanics.contact.spheres import Spheres, no_spheres
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.system import STRATEGIES, ContactSystem
-from services.mechanics.contact.working_set import (
-    TOUCHING_M,
-    WorkingSet,
-    choose,
-    merge_distance_m,
-)
+from services.mechanics.contact.working_set import TOUCHING_M, WorkingSet, choose, merge_distance_m
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.scene import SceneModel
 
@@ -48,11 +41,7 @@ CAPACITY = 4096
 
 
 class CandidateSearch:
-    """Finds contacts, and pairs that may come into contact, between catheter, spheres, tools and wall.
-
-    Attributes:
-        wall_moved_m: float. Largest motion in the last step of a node of a candidate, by modes and loads; 0 unpriced.
-    """
+    """Finds contacts, and pairs that may come into contact, between catheter, spheres, tools and wall."""
 
     def __init__(self, scene: SceneModel, duct: ReducedDuct) -> None:
         self._radii_m, self._half_m = segment_radii(scene.catheter), 0.5 * scene.duct.thickness_m
@@ -69,7 +58,6 @@ class CandidateSearch:
         self._found, self._ended = Candidates.zeros(c=CAPACITY), Candidates.zeros(c=CAPACITY)
         self._capsules = CapsuleMemory.zeros(m=N_TOOL_PIECES, n=len(self._radii_m))
         self._spheres, self._catheter_ahead_m = no_spheres(), self._row_gap_m
-        self.wall_moved_m = 0.0
         self._make_room()
 
     def _make_room(self) -> None:
@@ -93,17 +81,22 @@ class CandidateSearch:
         """Whether any pair is so near that it may come into contact within a step."""
         return bool(self._wall.list.n_nodes > 0 or self._capsules.active.any())
 
+    @property
+    def wall_moved_m(self) -> float:
+        """Largest motion in the last step of a node of a candidate, by modes and loads; 0 if nothing was priced."""
+        return self._working.wall_moved_m
+
     def begin(self, bodies: Moving, system: ContactSystem) -> None:
         """Place wall and pieces at the start of a step, and choose the candidates that get rows."""
         duct, catheter, tools = bodies
-        listed, n, self.wall_moved_m = self._wall.list, duct.n_loads, 0.0
+        listed, n = self._wall.list, duct.n_loads
         self._write_pieces(catheter.start_m, tools)
         if self._spheres.count:
             write_spheres(listed.address, system.address, 0.0, (self._end, self._half_m))
         if self._apart_is_unknown:
             self._working.merge_m[:] = merge_distance_m(listed.thickness, 2.0 * self._half_m)
             self._apart_is_unknown = False
-        copy_ends(listed.address, self._start[0])
+        self._start[0][:] = listed.ends
         if self._is_unknown:
             set_wanted_gaps(listed.address, self._start[0], self._ahead_m)
         if self._wall.follow(duct.q_start, (duct.load_nodes[:n], duct.load_force_n[:n])) or self._is_unknown:
@@ -139,13 +132,9 @@ class CandidateSearch:
         self._write_pieces(catheter.state.position_m, tools)
         if self._spheres.count:
             write_spheres(self._wall.list.address, state, 1.0, (self._end, self._half_m))
-        self._wall.move(duct.state.q, (duct.load_nodes[:n], duct.load_force_n[:n]), duct.lasting_loads)
-        set_wanted_gaps(self._wall.list.address, self._start[0], self._ahead_m)
-        self._wall.measure(self._found)
+        placed = duct.state.q, (duct.load_nodes[:n], duct.load_force_n[:n]), duct.lasting_loads
+        self._wall.measure_end(placed, (self._start[0], self._ahead_m, self._found), self._start_wall)
         self._is_unknown = False
-        self._wall.place_start(self._start_wall, self._found)
-        self.wall_moved_m = furthest_node(self._found.address, self._wall.list.address, self._start[1])
-        pairs.clear()
         found = self._found.address, self._ended.address
         addresses = (self._wall.list.address, found, self._working.address, state)
         return int(write_violations(addresses, self._start, tolerance_m, pairs.address))
@@ -180,17 +169,6 @@ class CandidateSearch:
     def is_sound(self) -> bool:
         """Return whether the catheter's axis was clear of the wall's middle surface when the step began."""
         return not pierces(self._found.address, self._wall.list.address, self._end)
-
-
-@kernel
-def furthest_node(found_address: Address[Candidates], list_address: Address[CandidateList], start: FloatArray) -> float:
-    """Return the largest distance (m) of a node of a candidate from where it was in ``start`` (n, 3)."""
-    found, listed, largest_2 = candidates_at(found_address), list_at(list_address), 0.0
-    for i in range(found.count):
-        for c in range(3):
-            node = listed.clusters.triangles[found.triangle[i], c]
-            largest_2 = max(largest_2, squared_distance(row(listed.position, node), row(start, node)))
-    return math.sqrt(largest_2)
 
 
 @kernel

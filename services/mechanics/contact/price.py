@@ -73,15 +73,17 @@ Addresses = tuple[Address[CandidateList], Found, Address[WorkingSet], Address[Co
 def write_violations(
     addresses: Addresses, start: Where, tolerance_m: float, pairs_address: Address[ContactPairs]
 ) -> int:
-    """Write pairs of the candidates that end too deep, the deepest at each place, and return their number.
+    """Write only pairs of the candidates that end too deep, the deepest at each place, and return their number.
 
     Candidates have been measured at the end of the step; ``start`` is its start. If there is no room for a row, return
     the number of violations.
     """
     listed, found, working = list_at(addresses[0]), candidates_at(addresses[1][1]), set_at(addresses[2])
-    state, pairs = state_at(addresses[3]), pairs_at(pairs_address)
+    state, pairs, all_found = state_at(addresses[3]), pairs_at(pairs_address), candidates_at(addresses[1][0])
+    pairs.count = pairs.dropped = 0
+    working.wall_moved_m = _furthest_node(listed, all_found, start[1])
     most = min(MAX_NEW_ROWS, n_free_rows(state.rows))
-    n = _find_violations(listed, (candidates_at(addresses[1][0]), found), state, start, tolerance_m)
+    n = _find_violations(listed, (all_found, found), state, start, tolerance_m)
     for i in range(n):
         corner = listed.clusters.triangles
         put_row(working.at_rest, i, place_at_rest(working.rest, corner, found.triangle[i], row(found.weight, i)))
@@ -98,6 +100,17 @@ def write_violations(
             working.n_chosen += 1
             _write_violation(listed, found, i, start, (state.geometry.tools, pairs))
     return int(working.n_chosen if most > 0 else n)
+
+
+@inlined_kernel
+def _furthest_node(listed: CandidateList, found: Candidates, start: FloatArray) -> float:
+    """Return the largest distance (m) of a node of a candidate from where it was in ``start`` (n, 3)."""
+    largest_2 = 0.0
+    for i in range(found.count):
+        for c in range(3):
+            node = listed.clusters.triangles[found.triangle[i], c]
+            largest_2 = max(largest_2, squared_distance(row(listed.position, node), row(start, node)))
+    return math.sqrt(largest_2)
 
 
 @inlined_kernel

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import NamedTuple
 
 import numpy as np
@@ -138,13 +136,10 @@ class ContactSystem:
         duct.gather(*self.rows.on_duct)
         stages.complete_new_rows(self.address, duct.displacement_m, duct.motion_m, self._first_new)
 
-    @contextmanager
-    def keep_old_friction(self) -> Iterator[None]:
-        """Return a context after which changes of friction coefficients remain only in the rows appended last."""
-        first = self._first_new
-        kept = self.rows.friction[:first].copy()
-        yield
-        self.rows.friction[:first] = kept
+    @property
+    def old_friction(self) -> FloatArray:
+        """Friction coefficients of the rows before those that were appended last; a live view."""
+        return self.rows.friction[: self._first_new]
 
     def add_duct_motion(self, motion_m: FloatArray) -> None:
         """Add ``motion_m`` (k, 3) to the free motion of the duct's points, in the rows that were completed last."""

@@ -56,6 +56,7 @@ class WorkingSet(Struct):
     rest: Annotated[FloatArray, "n", 3]
     n_members: int = 0
     n_chosen: int = 0
+    wall_moved_m: float = 0.0  # largest motion of a candidate's node in the step, once it is priced
     first_sphere: int = 0  # pieces from here on are spheres
 
 
@@ -88,7 +89,7 @@ def choose(
     for i in range(found.count):
         _rate_candidate(found, working, listed, tools, i)
     sort_by_key(working, found.count)
-    working.n_chosen = 0
+    working.n_chosen, working.wall_moved_m = 0, 0.0
     for k in range(found.count):
         i = working.order[k]
         if working.n_chosen >= MAX_CHOSEN and not _is_member(found, working, i):

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.pairs import ContactPairs
-from services.mechanics.compiled.memory import copy_arrays, copy_table
+from services.mechanics.compiled.memory import SavedArrays
 from services.mechanics.contact.working_set import SHARE_OF_WALL, TOUCHING_M
 from services.mechanics.effects import Effect, act
 from services.mechanics.simulation.step_splitting import LONGEST_STEP_S
@@ -22,29 +22,23 @@ class Pricing:
     """Finds candidates without a row that overlap at the end of a step (pricing, as in column generation).
 
     Attributes:
-        violations: int. Number of pricings since the start that found any.
-        new_rows: int. Number of rows added for them.
+        new_rows: int. Number of rows added since the start.
     """
 
     def __init__(self, world: World) -> None:
         self._world, self._search = world, world.search
         duct, catheter, tools = self._bodies = world.duct, world.catheter, world.tools
-        live = [*duct.corrected_arrays(), *catheter.corrected_arrays(), *tools.corrected_arrays()]
-        kept = [array.copy() for array in live]
-        self._save, self._restore = copy_table(kept, live), copy_table(live, kept)
+        self._ends = SavedArrays([*duct.corrected_arrays(), *catheter.corrected_arrays(), *tools.corrected_arrays()])
         self._touched = catheter.touched
-        pose = [tools.segments, tools.frame, tools.length_m]
-        kept_pose = [array.copy() for array in pose]
-        self._save_pose, self._restore_pose = copy_table(kept_pose, pose), copy_table(pose, kept_pose)
+        self._pose = SavedArrays([tools.segments, tools.frame, tools.length_m])
         self._pairs = ContactPairs.allocate(world.scene.contact.capacity)
         self._is_off = not world.system.strategy.keeps_delassus or catheter.plain_integrator is None
-        self.violations = self.new_rows = 0
-        self._kept = kept, kept_pose
+        self.new_rows = 0
 
     def save(self) -> None:
         """Save the bodies' state before forces are applied, if there are candidates."""
         if not self._is_off and self._search.has_candidates:
-            copy_arrays(self._save)
+            self._ends.save()
             self._touched = self._world.catheter.touched
 
     def finds_violations(self) -> bool:
@@ -53,20 +47,19 @@ class Pricing:
 
     def _price(self) -> bool:
         system = self._world.system
-        copy_arrays(self._save_pose)
+        self._pose.save()
         self._world.tools.update_pose()
         # A candidate without a row may end as deep as a touching pair.
         longer = max(1.0, self._world.duct.dt_s / LONGEST_STEP_S)
         tolerance_m = min(longer * TOUCHING_M, SHARE_OF_WALL * self._world.scene.duct.thickness_m)
         found = self._search.price(self._bodies, system.address, tolerance_m, self._pairs)
         found += self._search.price_tools(system.address, tolerance_m, self._pairs)
-        copy_arrays(self._restore_pose)
-        self.violations += found > 0
+        self._pose.restore()
         return found > 0
 
     def restore(self) -> None:
         """Restore the bodies' state from before forces were applied."""
-        copy_arrays(self._restore)
+        self._ends.restore()
         self._world.catheter.touched = self._touched
 
     def append_rows(self) -> None:
@@ -79,7 +72,7 @@ class Pricing:
     def compile_kernels(self) -> None:
         """Compile the kernels of a pricing now: the first candidate may appear only after the loop has started."""
         if not self._is_off:
-            copy_arrays(self._save)
+            self._ends.save()
             self._price()
             self.restore()
             self.append_rows()
@@ -183,8 +176,9 @@ class StepSolver:
 
     def _solve_with_new_rows(self, dt_s: float) -> None:
         act(self._stages, "add_motion", self._world, dt_s)
-        with self._system.keep_old_friction():
-            act(self._stages, "set_friction", self._world, dt_s)
+        old_friction = self._system.old_friction.copy()
+        act(self._stages, "set_friction", self._world, dt_s)
+        self._system.old_friction[:] = old_friction  # which changes only in the rows appended last
         self._system.strategy.assemble()
         self._system.solve(self._iterations, dt_s)
         self._relinearise(dt_s)

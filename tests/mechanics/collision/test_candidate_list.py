@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from wall_cases import N_MODES, coordinates, placed, wall
 
+from services.mechanics.collision.candidate_list import add_travel
 from services.mechanics.collision.candidates import Candidates
 from services.mechanics.collision.placed_wall import NO_LOADS
 from services.mechanics.collision.wall_candidates import SKIN_M, WALL_SHARE, WallCandidates
@@ -77,6 +78,11 @@ def reaching(duct, n_pieces):
     return lists
 
 
+def move(lists, q, loads):
+    """Move the wall, as to the end of a step."""
+    add_travel(lists.list.address, lists.placement.set_configuration(q, loads))
+
+
 @pytest.mark.parametrize("kind", ["straight", "turned"])
 @settings(max_examples=16)
 @given(
@@ -112,7 +118,7 @@ def test_whatever_moves_the_candidates_are_those_of_brute_force(kind, seed, piec
             loads = touched, dent_m * push / max(softness(kind), 1e-9) / max(len(touched), 1)
             ends = ends + min(piece_m, 0.05e-3) * rng.normal(size=(N_PIECES, 1, 3))
             lists.list.ends[:] = ends
-            lists.move(q, loads)
+            move(lists, q, loads)
     assert found.dropped == lists.list.dropped == 0
 
 
@@ -205,7 +211,7 @@ def test_after_a_wall_without_numbers_candidates_are_found_again():
     lists.list.ends[0] = [[10e-3, 2e-3, 0.0], [13e-3, 2e-3, 0.0]]
     for q in (rest, rest + np.nan, rest):
         lists.follow(q, NO_LOADS)
-        lists.move(q, NO_LOADS)
+        move(lists, q, NO_LOADS)
         lists.measure(found)
     lists.is_new = True
     for _ in range(2):
