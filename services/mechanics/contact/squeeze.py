@@ -75,6 +75,7 @@ class JawSqueeze:
 
     Attributes:
         arrays: SqueezeArrays. What is squeezed, and what that has dissipated.
+        occupied: (2, N_CELLS) float64. Share of each cell along the jaws that both layers of the wall fill, 0 to 1.
     """
 
     def __init__(self, duct: DuctScene, system: ContactSystem) -> None:
@@ -84,6 +85,7 @@ class JawSqueeze:
         wall.modulus_pa = duct.youngs_modulus_pa / (1.0 - duct.poisson_ratio**2)
         self.arrays = SqueezeArrays.zeros(wall=wall)
         self.arrays.row[:] = NO_ROOM
+        self.occupied = wall.occupied
 
     @property
     def rows(self) -> range:

@@ -136,9 +136,8 @@ class ContactSystem:
         duct.gather(*self.rows.on_duct)
         stages.complete_new_rows(self.address, duct.displacement_m, duct.motion_m, self._first_new)
 
-    @property
     def old_friction(self) -> FloatArray:
-        """Friction coefficients of the rows before those that were appended last; a live view."""
+        """Return the friction coefficients of the rows before those that were appended last; a live view."""
         return self.rows.friction[: self._first_new]
 
     def add_duct_motion(self, motion_m: FloatArray) -> None:

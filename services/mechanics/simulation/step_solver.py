@@ -176,9 +176,9 @@ class StepSolver:
 
     def _solve_with_new_rows(self, dt_s: float) -> None:
         act(self._stages, "add_motion", self._world, dt_s)
-        old_friction = self._system.old_friction.copy()
+        old_friction = self._system.old_friction().copy()
         act(self._stages, "set_friction", self._world, dt_s)
-        self._system.old_friction[:] = old_friction  # which changes only in the rows appended last
+        self._system.old_friction()[:] = old_friction  # which changes only in the rows appended last
         self._system.strategy.assemble()
         self._system.solve(self._iterations, dt_s)
         self._relinearise(dt_s)
