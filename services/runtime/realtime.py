@@ -75,8 +75,9 @@ def set_up(
         beside_ns: Time and period to reserve for each of ZeroMQ's threads, likewise.
         awake: Whether cores must not sleep while a process with a priority lives, see `keep_awake`.
     """
-    request = SchedulingRequest(priority or 0, share, core, rungs, beside_ns)
-    scheduling = None if priority is None else Scheduling.request(request)
+    scheduling = None
+    if priority is not None:
+        scheduling = Scheduling.request(SchedulingRequest(priority, share, core, rungs, beside_ns))
     facts = [
         _pin(core, scheduling),
         _ordinary(nice) if scheduling is None else scheduling_fact(scheduling),

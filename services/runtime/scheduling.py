@@ -199,10 +199,7 @@ class Scheduling:
         pinned, own = os.sched_getaffinity(0), _own_thread()
         try:
             _pin_all(self._cores)
-            for thread in own_threads():
-                with contextlib.suppress(ProcessLookupError):  # it ends meanwhile
-                    if thread != own:
-                        _reserve_ns(thread, *self.requested.beside_ns)
+            _of_each(lambda thread: _reserve_ns(thread, *self.requested.beside_ns), but=own)
             return self._reserve(own, self.requested.share)
         except OSError:
             _make_ordinary(self._niceness)
@@ -248,9 +245,9 @@ def own_threads() -> list[int]:
     return sorted(int(task.name) for task in Path("/proc/self/task").iterdir())
 
 
-def _of_each(do: Callable[[int], object]) -> None:
-    """Call a function for each of this process' threads, ignoring those that end meanwhile."""
-    for thread in own_threads():
+def _of_each(do: Callable[[int], object], but: int = 0) -> None:
+    """Call a function for each of this process' threads `but` one, ignoring those that end meanwhile."""
+    for thread in (each for each in own_threads() if each != but):
         with contextlib.suppress(ProcessLookupError):
             do(thread)
 
