@@ -37,8 +37,8 @@ class WallBounds:
         self._reference = np.zeros(r)
 
     def set_reference(self, q: FloatArray) -> None:
-        """Count from these coordinates (r,)."""
-        self._reference[:] = q
+        """Count from these coordinates (r,); a copy of these bounds keeps its own."""
+        self._reference = q.copy()
 
     def moved_m(self, q: FloatArray) -> float:
         """Return a bound, in m, on any node's motion from the reference, without that by loads."""

@@ -5,6 +5,8 @@ A tick calls `follow` after it has written the pieces' positions, and then `meas
 
 from __future__ import annotations
 
+from copy import copy
+
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.candidate_list import (
     RENEWED,
@@ -28,7 +30,6 @@ from services.mechanics.collision.placed_wall import (
     request_node,
     wall_at,
 )
-from services.mechanics.collision.wall_bounds import wall_bounds
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.reduction.reduced_duct import ReducedDuct
@@ -56,7 +57,7 @@ class WallCandidates:
 
     def __init__(self, duct: ReducedDuct, n_pieces: int, along_m: float) -> None:
         self.placement = place_walls(duct)
-        self._bounds = wall_bounds(duct)
+        self._bounds = copy(self.placement.bounds)
         self._clusters = cluster_triangles(duct.mesh.vertices_m, duct.mesh.triangles)
         self._along_m, self.renewals, self.wall_renewals = along_m, 0, 0
         self.make_room(n_pieces)
