@@ -46,8 +46,10 @@ def test_a_newcomer_reaches_the_goal_reads_the_score_and_begins_again(mouse: Mou
     assert mouse.browser.text("#attempt-score") == ""
     mouse.move(mouse.pixel(jaws_mm(mouse)))
     before = jaws_mm(mouse)
-    mouse.wheel(1.0)
+    mouse.wheel(3.0)  # by 5 mm; an attempt begins at 4
     assert jaws_mm(mouse)[2] < before[2], "the hands are still this person's"
+    browser = mouse.browser
+    browser.until(lambda: not browser.text("#attempt-state").startswith("Begin"), PATIENCE_S, "the next attempt runs")
 
 
 def _rig(address: str) -> Any:
