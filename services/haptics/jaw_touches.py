@@ -49,7 +49,7 @@ class JawTouches:
         self._wall.list.wanted[:] = self._wall.list.reach[:] = _LOOK_M
         self._found = Candidates.zeros(c=2 * N_TOOLS * MAX_ENTRIES)
         self._capsules = CapsuleMemory.zeros(m=N_TOOL_PIECES, n=n_segments)
-        self.pairs = ContactPairs.allocate(2 * N_TOOLS * (1 + n_segments))
+        self.pairs = ContactPairs.zeros(capacity=2 * N_TOOLS * (1 + n_segments))
 
     def find(self, tools: Sequence[int], segments_m: FloatArray, scene: DeformedScene) -> None:
         """Write the contacts of the jaws of ``tools``, with segments (2, 3, 2, 3), into `pairs`."""

@@ -6,7 +6,7 @@ segment of the catheter). The normal points from the target towards the first bo
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from typing import Annotated
 
 from services.mechanics.arrays import ByteArray, FloatArray, IntArray
 from services.mechanics.compiled import kernel
@@ -36,11 +36,6 @@ class ContactPairs(Struct):
     gap_m: Annotated[FloatArray, "capacity"]  # distance of the surfaces, negative if they overlap
     count: int = 0
     dropped: int = 0  # pairs lost in this tick for lack of room
-
-    @classmethod
-    def allocate(cls, capacity: int) -> Self:
-        """Return an empty set with room for ``capacity`` pairs."""
-        return cls.zeros(capacity=capacity)
 
     def clear(self) -> None:
         """Remove every pair."""

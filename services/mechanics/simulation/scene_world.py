@@ -50,7 +50,7 @@ def build_world(
         seal=IntroducerSeal(catheter, system),
         squeeze=JawSqueeze(scene.duct, system),
         search=search or CandidateSearch(scene, duct),
-        pairs=ContactPairs.allocate(2 * capacity),  # those of the tools, and of the catheter
+        pairs=ContactPairs.zeros(capacity=2 * capacity),  # those of the tools, and of the catheter
         acceleration_m_s2=sum(accelerations_m_s2, np.zeros(3)),
         effects=effects,
     )

@@ -31,7 +31,7 @@ class Pricing:
         self._ends = SavedArrays([*duct.corrected_arrays(), *catheter.corrected_arrays(), *tools.corrected_arrays()])
         self._touched = catheter.touched
         self._pose = SavedArrays([tools.segments, tools.frame, tools.length_m])
-        self._pairs = ContactPairs.allocate(world.scene.contact.capacity)
+        self._pairs = ContactPairs.zeros(capacity=world.scene.contact.capacity)
         self._is_off = not world.system.strategy.keeps_delassus or catheter.plain_integrator is None
         self.new_rows = 0
 

@@ -17,7 +17,7 @@ class Jaw:
         self.memory = CapsuleMemory.zeros(m=6, n=n_segments)
 
     def meets(self, start_m, end_m, particles_m) -> ContactPairs:
-        segments, radius, pairs = np.zeros((2, 3, 2, 3)), np.zeros((2, 3)), ContactPairs.allocate(64)
+        segments, radius, pairs = np.zeros((2, 3, 2, 3)), np.zeros((2, 3)), ContactPairs.zeros(capacity=64)
         segments[:] = AWAY
         segments[0, JAW_A] = start_m, end_m
         radius[0, JAW_A] = JAW_M

@@ -10,7 +10,7 @@ RADIUS_M, MARGIN_M, N_APART = 0.8e-3, 0.5e-3, 4
 
 
 def detect(memory, positions, margin_m=MARGIN_M):
-    pairs = ContactPairs.allocate(64)
+    pairs = ContactPairs.zeros(capacity=64)
     detect_self((memory.address, pairs.address), positions, N_APART, (2.0 * RADIUS_M, margin_m))
     return pairs
 

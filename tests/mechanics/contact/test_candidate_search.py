@@ -40,7 +40,7 @@ def facet(simulation, angle_rad):
 
 def price(simulation, end_m):
     """Return the pairs of a step that has led the catheter to these places (n, 3)."""
-    bodies, pairs = (simulation.duct, simulation.catheter, simulation.tools), ContactPairs.allocate(64)
+    bodies, pairs = (simulation.duct, simulation.catheter, simulation.tools), ContactPairs.zeros(capacity=64)
     simulation.catheter.state.position_m[:] = end_m
     simulation.search.price(bodies, simulation.system.address, TOLERANCE_M, pairs)
     return pairs
@@ -83,7 +83,7 @@ def test_a_sphere_touches_what_is_nearest_of_all_triangles(small_scene, small_du
     """In the lumen, in the wall, outside and on the rim, wherever its centre is put."""
     simulation = Simulation(small_scene, small_duct)
     search, rng, tools = simulation.search, np.random.default_rng(seed), ToolInputs()
-    spheres, pairs = simulation.system.geometry.spheres, ContactPairs.allocate(256)
+    spheres, pairs = simulation.system.geometry.spheres, ContactPairs.zeros(capacity=256)
     simulation.world.add_spheres(np.array([radius_m]))
     tools.present[:] = False
     bodies = simulation.duct, simulation.catheter, simulation.tools
@@ -171,7 +171,7 @@ def test_rows_of_a_film_are_seen_whoever_is_prepared_first(small_scene, small_du
     ]
     for step in steps if film_first else reversed(steps):
         step()
-    pairs = ContactPairs.allocate(256)
+    pairs = ContactPairs.zeros(capacity=256)
     simulation.search.begin((simulation.duct, simulation.catheter, simulation.tools), simulation.system)
     simulation.search.write_pairs(simulation.catheter, simulation.tools, pairs)
     particles = pairs.particle[: pairs.count]

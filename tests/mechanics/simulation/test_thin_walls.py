@@ -67,6 +67,6 @@ def test_a_tool_that_comes_back_half_a_thin_wall_deep_goes_on_waiting(cache_dir,
     tools, found = simulation.tools, Candidates.zeros(c=50)
     found.piece[:], found.gap_m[49], found.count = N_SEGMENTS + JAW_A, -depth_m, 50
     tools.present[:] = tools.disengaged[:] = True
-    no_pairs = ContactPairs.allocate(1)
+    no_pairs = ContactPairs.zeros(capacity=1)
     engage_tools(found.address, no_pairs.address, simulation.system.geometry.address)
     assert tools.disengaged.tolist() == [False, waits]

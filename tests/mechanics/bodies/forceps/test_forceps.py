@@ -87,7 +87,7 @@ def test_coupling_is_a_spring_at_rest_and_gives_no_energy_back_that_was_not_stor
 
 
 def touching_pairs(kind, target_a, target_b):
-    pairs = ContactPairs.allocate(4)
+    pairs = ContactPairs.zeros(capacity=4)
     for i, (segment, target) in enumerate(((JAW_A, target_a), (JAW_B, target_b))):
         pairs.tool[i], pairs.tool_segment[i], pairs.target_kind[i], pairs.target[i] = 0, segment, kind, target
         pairs.tool_parameter[i], pairs.target_weights[i] = 0.6, (0.5, 0.5, 0.0)
