@@ -138,3 +138,26 @@ def test_memory_that_a_tick_frees_stays_with_the_process(monkeypatch: pytest.Mon
         pytest.skip("this C library does not trim its heap here, so there is nothing to keep")
     kept = int(_in_child(_FAULTS.format(prepare="assert realtime.keep_heap().ok")))
     assert kept == 0, f"at {kept} of 128 places every call has the kernel give it its memory anew"
+
+
+_OBJECTS = """
+from pathlib import Path
+from services.runtime import realtime
+{prepare}
+pages = lambda: int(Path("/proc/self/statm").read_text().split()[0])
+places, sizes = [None] * 6000, {{pages()}}
+for most in (1000, 6000, 1000, 6000):
+    for k in range(most):
+        places[k] = bytes(400)
+    sizes.add(pages())
+    places[:] = [None] * len(places)
+    sizes.add(pages())
+print(len(sizes))
+"""
+
+
+def test_small_objects_that_come_and_go_neither_map_nor_unmap_memory() -> None:
+    """Two MB of them, of which a loop needs a part at a time."""
+    if int(_in_child(_OBJECTS.format(prepare="realtime.keep_heap()"))) == 1:
+        pytest.skip("this Python maps no memory for them here, so there is nothing to keep")
+    assert int(_in_child(_OBJECTS.format(prepare="realtime.keep_heap(); realtime.freeze_garbage_collector()"))) == 1
