@@ -54,14 +54,14 @@ def radius_rows(model, basis, full, free, scale, label, radius) -> list[Row]:
     for probing in (False, True):
         patches = build_patches(model, basis, radius, apart_m=2.0 * radius if probing else math.inf)
         cut = np.zeros_like(full)
-        rows_of = np.repeat(np.arange(basis.n_nodes), np.diff(patches.starts))
-        cut[rows_of, patches.neighbours] = patches.blocks
+        rows_of = np.repeat(np.arange(basis.n_nodes), np.diff(patches.store.starts))
+        cut[rows_of, patches.store.neighbours] = patches.blocks
         error = 100.0 * norms(cut - full)[np.ix_(free, free)] / scale
         facts = [f"99 % of pairs below {np.percentile(error, 99):.1f} %"]
         if probing:
             facts.append(f"loaded node itself {np.diag(error).max():.1f} %")
         else:
-            facts.append(f"{patches.neighbours.size / basis.n_nodes:.0f} blocks a node")
+            facts.append(f"{patches.store.neighbours.size / basis.n_nodes:.0f} blocks a node")
             facts.append(f"{1e-6 * patches.blocks.nbytes:.1f} MB")
         way = "probed" if probing else "exact columns"
         rows.append(Row(f"{label}, {way}: worst pair", error.max(), "%", note=", ".join(facts)))

@@ -34,7 +34,6 @@ SCENE, TRANSFORMS, LOG = "/scene", "/tf", "/log"
 #: Message type of each topic of the picture.
 SCHEMAS: dict[str, type[Message]] = {SCENE: SceneUpdate, TRANSFORMS: FrameTransforms, LOG: Log}
 _ROUNDED = 2.0**17
-_REACH_M = 4e-3
 _DUCT = Color(r=0.83, g=0.55, b=0.5, a=0.55)
 _CATHETER = Color(r=0.85, g=0.65, b=0.23, a=1.0)
 _STEEL = Color(r=0.7, g=0.72, b=0.75, a=1.0)
@@ -59,7 +58,7 @@ class SceneDrawing:
 
     def __init__(self, scene: SceneModel, duct: ReducedDuct) -> None:
         self._scene = scene
-        self._surface = DrawnSurface(duct, _REACH_M)
+        self._surface = DrawnSurface(duct)
         indices = duct.mesh.triangles.astype("<u4").ravel().tolist()
         self._triangles: bytes = TriangleListPrimitive(color=_DUCT, indices=indices).SerializeToString()
 

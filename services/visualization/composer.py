@@ -25,7 +25,6 @@ PATIENCE_NS = 4_000_000
 #: Topics of a picture, which needs one in sixteen frames of a 1 kHz topic.
 TOPICS = observed_by("visualization")
 _USUAL = ForcepsScene()
-_DENT_M = 6e-3  # radius of a drawn dent about a load; the residual beyond is at most 0.2 mm a newton
 
 
 class Composer:
@@ -43,7 +42,7 @@ class Composer:
         self._topics = tuple(topics)
         self._bus = bus
         self._scene = scene
-        self._surface = DrawnSurface(duct, _DENT_M)
+        self._surface = DrawnSurface(duct)
         self._newest: dict[str, Frame] = {}
         self._sequence = 0
         self._origin_ns = 0

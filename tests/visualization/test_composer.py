@@ -60,17 +60,14 @@ def test_before_anything_arrives_the_duct_is_at_rest():
     assert (len(picture.poses), len(picture.centreline_m), picture.origin_ns) == (0, 0, 0)
 
 
-def test_the_surface_is_rest_plus_modes_plus_residual_near_loads():
+def test_the_surface_is_rest_plus_modes_plus_residual():
     rig = Rig()
     q = np.linspace(-1e-3, 1e-3, MODES)
     nodes, forces = [3, 20], np.array([[0.1, -0.2, 0.3], [0.0, 0.5, -0.1]])
     rig.bend(q, nodes, forces)
     blocks = DUCT.residual.blocks.reshape(35, 35, 3, 3)
     expected = DUCT.mesh.vertices_m + np.einsum("nkr,r->nk", DUCT.basis.Phi, q)
-    rest_m = DUCT.mesh.vertices_m
-    is_near = (np.linalg.norm(rest_m[:, None] - rest_m[nodes], axis=2) <= 6e-3).any(axis=1)
-    assert 2 < is_near.sum() < len(rest_m)
-    expected += is_near[:, None] * np.einsum("nlij,lj->ni", blocks[:, nodes], forces)
+    expected += np.einsum("nlij,lj->ni", blocks[:, nodes], forces)
     np.testing.assert_allclose(rig.composer.compose().points_m, expected, rtol=1e-5, atol=1e-8)
 
 

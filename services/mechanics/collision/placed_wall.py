@@ -24,7 +24,7 @@ from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import along, dot, put_row, row
 from services.mechanics.reduction.large_rotations.warping import SectionFrame
 from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.reduction.residual.blocks import BlockStore, block_between, own_softness
+from services.mechanics.reduction.residual.blocks import BlockStore, block_between, own_softness, store_at
 
 #: Maximum size of the cache of residual blocks (65 MB), and of cached rows, one for each loaded node.
 MAX_BLOCKS, MAX_ROWS = 1_800_000, 128
@@ -104,7 +104,7 @@ class WallPlacement:
 
     def place_requested(self) -> None:
         """Compute the positions of the requested nodes."""
-        place_requested(self.wall.address, self._store)
+        place_requested(self.wall.address, self._store.address)
 
     def follow(self, other: WallPlacement) -> None:
         """Copy the configuration of another placement of this wall, and the positions of its placed nodes."""
@@ -135,7 +135,7 @@ class RotatingPlacement(WallPlacement):
     def place_requested(self) -> None:
         """Compute the positions of the requested nodes, see `WallPlacement.place_requested`."""
         wall = self.wall
-        if not displace(wall.address, self._store):
+        if not displace(wall.address, self._store.address):
             return
         nodes = wall.requested[wall.n_placed : wall.n_requested]
         count, wall.n_placed = len(nodes), wall.n_requested
@@ -274,19 +274,19 @@ def copy_configuration(address: Address[PlacedWall], other_address: Address[Plac
 
 
 @kernel
-def place_requested(address: Address[PlacedWall], store: BlockStore) -> None:
+def place_requested(address: Address[PlacedWall], store_address: Address[BlockStore]) -> None:
     """Place the requested nodes of a wall with linear kinematics."""
-    if displace(address, store):
+    if displace(address, store_address):
         place_displaced(address)
 
 
 @kernel
-def displace(address: Address[PlacedWall], store: BlockStore) -> bool:
+def displace(address: Address[PlacedWall], store_address: Address[BlockStore]) -> bool:
     """Write the displacement beyond the modes of the nodes to be placed; return whether there are any.
 
     Blocks that are not cached are read from the store once.
     """
-    wall = wall_at(address)
+    wall, store = wall_at(address), store_at(store_address)
     n, first, end = wall.rest.shape[0], wall.n_placed, wall.n_requested
     for k in range(first, end):
         wall.extra[wall.requested[k]] = 0.0

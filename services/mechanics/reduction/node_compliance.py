@@ -23,7 +23,7 @@ from services.mechanics.compiled import inlined_kernel, kernel, summing_kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.reduction.basis import gather_modes
 from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.reduction.residual.blocks import BlockStore, block_between
+from services.mechanics.reduction.residual.blocks import BlockStore, block_between, store_at
 from services.mechanics.reduction.touched_nodes import (
     N_PLACES,
     NO_PLACE,
@@ -86,7 +86,7 @@ class NodeCompliance:
         address = self._arrays.address
         if displace_points(address, points, loads, out):
             return True
-        if not admit_nodes(address, self._store, points, loads):
+        if not admit_nodes(address, self._store.address, points, loads):
             return False
         return bool(displace_points(address, points, loads, out))
 
@@ -170,8 +170,9 @@ def _move_nodes(kept: NodeArrays, loads: Loads) -> None:
 
 
 @kernel
-def admit_nodes(address: Address[NodeArrays], store: BlockStore, points: Points, loads: Loads) -> bool:
+def admit_nodes(address: Address[NodeArrays], store_address: Address[BlockStore], points: Points, loads: Loads) -> bool:
     """Give every node of points and loads a place; return False where there are too few places."""
+    store = store_at(store_address)
     kept, (nodes, weights), has_all = arrays_at(address), points, True
     for point in range(nodes.shape[0]):
         for corner in range(3):

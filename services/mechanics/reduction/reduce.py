@@ -150,8 +150,8 @@ class _Maker:
         choice = self.recipe.residual
         radius_m = choice.patch_radius_m or largest_radius_m(self.recipe.mesh.vertices_m, choice.budget_bytes)
         residual = build_patches(self._model, basis, radius_m, progress=self._progress)
-        entry.save("starts", residual.starts)
-        entry.save("neighbours", residual.neighbours)
+        entry.save("starts", residual.store.starts)
+        entry.save("neighbours", residual.store.neighbours)
         entry.save("blocks", residual.blocks)
         error = measure_patches(self._model, basis, residual)
         facts = {"radius_m": radius_m, "error_kept": error.kept, "error_dropped": error.dropped}

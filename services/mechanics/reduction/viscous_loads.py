@@ -14,7 +14,7 @@ import numpy as np
 from services.mechanics.arrays import AnyArray, FloatArray, IntArray, LongArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.reduction.residual.blocks import BlockStore, block_between
+from services.mechanics.reduction.residual.blocks import BlockStore, block_between, store_at
 from services.mechanics.reduction.residual.node_numbering import forget_numbers, number_node
 from services.mechanics.reduction.viscoelastic import PronySeries
 
@@ -86,14 +86,14 @@ class ViscousLoads:
         self._since_s += dt_s
         if self._since_s >= BOOKED_EVERY * self._tau_s.min():
             lost = arrays.g * np.expm1(2.0 * self._since_s / self._tau_s)
-            self.dissipated_j += 0.5 * spread_energy(arrays.address, store, lost, 0.0)
+            self.dissipated_j += 0.5 * spread_energy(arrays.address, store.address, lost, 0.0)
             self._since_s = 0.0
         return count
 
     def extra_energy_j(self, store: BlockStore) -> float:
         """Return what the springs of all terms store less p R p / 2, which the duct reports."""
         arrays = self._arrays
-        return 0.5 * float(spread_energy(arrays.address, store, arrays.g, -float(arrays.g.sum())))
+        return 0.5 * float(spread_energy(arrays.address, store.address, arrays.g, -float(arrays.g.sum())))
 
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays of the state."""
@@ -200,9 +200,11 @@ def _move(lagging: LaggingLoads, here: int, there: int) -> None:
 
 
 @kernel
-def spread_energy(address: Address[LaggingLoads], store: BlockStore, weights: FloatArray, own: float) -> float:
+def spread_energy(
+    address: Address[LaggingLoads], store_address: Address[BlockStore], weights: FloatArray, own: float
+) -> float:
     """Return ``own`` p R p and the sum over terms of ``weights`` times (p - h) R (p - h)."""
-    lagging, total = lagging_at(address), 0.0
+    lagging, store, total = lagging_at(address), store_at(store_address), 0.0
     for a in range(lagging.count[0]):
         for b in range(a + 1):
             block = block_between(store, lagging.node[a], lagging.node[b])

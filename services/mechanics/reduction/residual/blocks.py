@@ -9,60 +9,78 @@ mode acceleration method; Craig and Kurdila, "Fundamentals of Structural Dynamic
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from services.mechanics.arrays import Float32Array, FloatArray, IntArray, LongArray
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.reduction.coincident_points import is_copied
 from services.mechanics.surface.cyclic_symmetry import CyclicSymmetry
 
 BlockArray = Float32Array | FloatArray
-CyclicStore = tuple[IntArray, IntArray, FloatArray, FloatArray]
-"""Seats, sectors, turns and odd modes, see `Residual.cyclic`; all empty where there is no symmetry."""
-BlockStore = tuple[BlockArray, IntArray, IntArray, int, CyclicStore]
-"""Blocks, row starts, neighbours, number of nodes and symmetry, as kernels take them."""
-_NO_SYMMETRY: CyclicStore = (np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros((0, 2)), np.zeros((0, 3, 0)))
 Block = tuple[float, float, float, float, float, float, float, float, float]
 """The nine numbers of a block, row after row."""
+
+
+class BlockStore(Struct):
+    """Blocks as kernels read them: of all pairs of nodes, of those of one sector, or within a patch radius.
+
+    Attributes:
+        blocks: (p, 3, 3) float32, which rounds each entry by 1e-7. With all pairs p = n^2, row after row.
+        starts: (n + 1,) int32. With patches, the blocks of node i are ``starts[i]`` to ``starts[i + 1]``; else empty.
+        neighbours: (p,) int32. With patches, the other node of each block, ascending in a row; else empty.
+        seat, sector: (n,) int32, turns: (m, 2) float64, odd: (n, 3, o) float64. Of blocks in the frames of m sectors,
+            see `Residual.cyclic`; else empty.
+        n_nodes: int. Nodes of the mesh, n.
+    """
+
+    blocks: Annotated[Float32Array, "p", 3, 3]
+    starts: Annotated[IntArray, "s"]
+    neighbours: Annotated[IntArray, "k"]
+    seat: Annotated[IntArray, "c"]
+    sector: Annotated[IntArray, "c"]
+    turns: Annotated[FloatArray, "m", 2]
+    odd: Annotated[FloatArray, "c", 3, "o"]
+    n_nodes: int
+
+    @classmethod
+    def of(cls, n_nodes: int, blocks: BlockArray, **given: IntArray | FloatArray) -> BlockStore:
+        """Return a store of these blocks; the arrays that are not given are empty."""
+        rounded = np.ascontiguousarray(blocks, np.float32)
+        empty = dict.fromkeys("skcmo", 0)
+        return cls.zeros(n_nodes=n_nodes, blocks=rounded, **given, **empty)
+
+
+store_at = reader(BlockStore)
 
 
 @dataclass(frozen=True, slots=True)
 class Residual:
     """R as 3 x 3 blocks between pairs of nodes, in m/N: all pairs, those of one sector, or those within a patch radius.
 
-    Reading blocks allocates nothing and costs the same whatever the size of the mesh. The arrays are read-only here,
-    whatever they were made of: blocks from the cache are memory that processes share, and a kernel is compiled for one
-    kind of array.
-
-    Attributes:
-        n_nodes: int. Nodes of the mesh, n.
-        blocks: (p, 3, 3) float32 or float64. With all pairs p = n^2, row after row. float32 rounds each entry by 1e-7.
-        starts: (n + 1,) int32. With patches, the blocks of node i are ``starts[i]`` to ``starts[i + 1]``; empty with
-            all pairs.
-        neighbours: (p,) int32. With patches, the other node of each block, ascending in a row; empty with all pairs.
-        symmetry: CyclicStore. Of blocks in the frames of sectors.
+    Reading blocks allocates nothing and costs the same whatever the size of the mesh.
     """
 
-    n_nodes: int
-    blocks: BlockArray
-    starts: IntArray
-    neighbours: IntArray
-    symmetry: CyclicStore
+    store: BlockStore
 
-    def __post_init__(self) -> None:
-        for name in ("blocks", "starts", "neighbours"):
-            view = getattr(self, name).view()
-            view.flags.writeable = False
-            object.__setattr__(self, name, view)
+    @property
+    def n_nodes(self) -> int:
+        """Number of nodes of the mesh."""
+        return self.store.n_nodes
+
+    @property
+    def blocks(self) -> Float32Array:
+        """The stored blocks (p, 3, 3)."""
+        return self.store.blocks
 
     @classmethod
     def full(cls, blocks: BlockArray) -> Residual:
         """Wrap the blocks (n, n, 3, 3) between all pairs of nodes. Raises ValueError if the array has another shape."""
         if blocks.ndim != 4 or blocks.shape[0] != blocks.shape[1] or blocks.shape[2:] != (3, 3):
             raise ValueError(f"residual blocks have shape {blocks.shape}, expected (n, n, 3, 3)")
-        empty = np.zeros(0, np.int32)
-        return cls(blocks.shape[0], blocks.reshape(-1, 3, 3), empty, empty, _NO_SYMMETRY)
+        return cls(BlockStore.of(blocks.shape[0], blocks.reshape(-1, 3, 3)))
 
     @classmethod
     def cyclic(cls, symmetry: CyclicSymmetry, blocks: BlockArray, odd: FloatArray) -> Residual:
@@ -79,26 +97,20 @@ class Residual:
         m, n = symmetry.n_sectors, len(symmetry.seat)
         if blocks.shape != (n // m, n // m, m, 3, 3):
             raise ValueError(f"residual blocks have shape {blocks.shape}, expected {(n // m, n // m, m, 3, 3)}")
-        empty, turns = np.zeros(0, np.int32), symmetry.turns
-        return cls(n, blocks.reshape(-1, 3, 3), empty, empty, (symmetry.seat, symmetry.sector, turns, odd))
+        seats: dict[str, IntArray | FloatArray] = {"seat": symmetry.seat, "sector": symmetry.sector}
+        return cls(BlockStore.of(n, blocks.reshape(-1, 3, 3), odd=odd, turns=symmetry.turns, **seats))
 
     @classmethod
     def patches(cls, starts: IntArray, neighbours: IntArray, blocks: BlockArray) -> Residual:
         """Wrap compressed rows of blocks; pairs without a block count as zero."""
         if blocks.shape != (neighbours.size, 3, 3):
             raise ValueError(f"residual blocks have shape {blocks.shape}, expected ({neighbours.size}, 3, 3)")
-        return cls(starts.size - 1, blocks, starts, neighbours, _NO_SYMMETRY)
+        return cls(BlockStore.of(starts.size - 1, blocks, starts=starts, neighbours=neighbours))
 
     @classmethod
     def none(cls, n_nodes: int) -> Residual:
         """Return the residual of a bare truncated basis, for comparison: every left-out mode is rigid."""
-        starts, neighbours = np.zeros(n_nodes + 1, np.int32), np.zeros(0, np.int32)
-        return cls(n_nodes, np.zeros((0, 3, 3), np.float32), starts, neighbours, _NO_SYMMETRY)
-
-    @property
-    def store(self) -> BlockStore:
-        """What the kernels of this module read."""
-        return self.blocks, self.starts, self.neighbours, self.n_nodes, self.symmetry
+        return cls(BlockStore.of(n_nodes, np.zeros((0, 3, 3)), starts=np.zeros(n_nodes + 1, np.int32)))
 
     def gather_points(self, nodes: IntArray, weights: FloatArray, out: FloatArray, source: IntArray) -> None:
         """Write R between points of triangles into ``out`` (3 k, 3 k).
@@ -106,11 +118,11 @@ class Residual:
         ``nodes`` (k, 3) are the corners and ``weights`` (k, 3) the barycentric coordinates of each point. Blocks
         that ``source`` (k,) says are copies are left out, see `coincident_points`.
         """
-        gather_points(self.store, nodes, weights, out, source)
+        gather_points(self.store.address, nodes, weights, out, source)
 
     def apply(self, load_nodes: IntArray, load_forces: FloatArray, nodes: IntArray, out: FloatArray) -> None:
         """Add to ``out`` (k, 3), in m, what ``load_forces`` (l, 3) in N on ``load_nodes`` (l,) do to ``nodes``."""
-        apply(self.store, load_nodes, load_forces, nodes, out)
+        apply(self.store.address, load_nodes, load_forces, nodes, out)
 
 
 # The kernels index whole arrays instead of slicing blocks out of them: a slice is a descriptor of ten words, which
@@ -133,14 +145,14 @@ def find_sorted(values: IntArray, first: int, end: int, wanted: int) -> int:
 @kernel
 def block_index(store: BlockStore, row: int, column: int) -> int:
     """Return where the block of two nodes lies, -1 where there is none."""
-    _, starts, neighbours, n_nodes, (seat, sector, turns, _) = store
+    seat, sector, starts = store.seat, store.sector, store.starts
     if seat.shape[0] > 0:
-        m = turns.shape[0]
+        m = store.turns.shape[0]
         apart = sector[column] - sector[row]
-        return int((seat[row] * (n_nodes // m) + seat[column]) * m + (apart if apart >= 0 else apart + m))
+        return int((seat[row] * (store.n_nodes // m) + seat[column]) * m + (apart if apart >= 0 else apart + m))
     if starts.shape[0] == 0:
-        return int(row * n_nodes + column)
-    return int(find_sorted(neighbours, starts[row], starts[row + 1], column))
+        return int(row * store.n_nodes + column)
+    return int(find_sorted(store.neighbours, starts[row], starts[row + 1], column))
 
 
 @kernel
@@ -158,15 +170,15 @@ def block_between(store: BlockStore, row: int, column: int) -> Block:
 
 @kernel
 def _stored_block(store: BlockStore, row: int, column: int) -> Block:
-    blocks, seat, place = store[0], store[4][0], block_index(store, row, column)
+    blocks, place = store.blocks, block_index(store, row, column)
     if place < 0:
         return (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     xx, xy, xz = float(blocks[place, 0, 0]), float(blocks[place, 0, 1]), float(blocks[place, 0, 2])
     yx, yy, yz = float(blocks[place, 1, 0]), float(blocks[place, 1, 1]), float(blocks[place, 1, 2])
     zx, zy, zz = float(blocks[place, 2, 0]), float(blocks[place, 2, 1]), float(blocks[place, 2, 2])
-    if seat.shape[0] == 0:
+    if store.seat.shape[0] == 0:
         return (xx, xy, xz, yx, yy, yz, zx, zy, zz)
-    _, sector, turns, odd = store[4]
+    sector, turns, odd = store.sector, store.turns, store.odd
     for k in range(odd.shape[2]):
         ux, uy, uz = odd[row, 0, k], odd[row, 1, k], odd[row, 2, k]
         vx, vy, vz = odd[column, 0, k], odd[column, 1, k], odd[column, 2, k]
@@ -185,8 +197,11 @@ def _stored_block(store: BlockStore, row: int, column: int) -> Block:
 
 
 @kernel
-def gather_points(store: BlockStore, nodes: IntArray, weights: FloatArray, out: FloatArray, source: IntArray) -> None:
+def gather_points(
+    address: Address[BlockStore], nodes: IntArray, weights: FloatArray, out: FloatArray, source: IntArray
+) -> None:
     """Weigh the blocks between the corners of points (k, 3) into ``out`` (3 k, 3 k)."""
+    store = store_at(address)
     for a in range(nodes.shape[0]):
         for b in range(a + 1):
             if is_copied(source, a, b):
@@ -211,8 +226,11 @@ def gather_points(store: BlockStore, nodes: IntArray, weights: FloatArray, out: 
 
 
 @kernel
-def apply(store: BlockStore, load_nodes: IntArray, load_forces: FloatArray, nodes: IntArray, out: FloatArray) -> None:
+def apply(
+    address: Address[BlockStore], load_nodes: IntArray, load_forces: FloatArray, nodes: IntArray, out: FloatArray
+) -> None:
     """Add R f of the loads (l, 3) to the displacements ``out`` (k, 3) of ``nodes``."""
+    store = store_at(address)
     for a in range(nodes.shape[0]):
         x, y, z = 0.0, 0.0, 0.0
         for b in range(load_nodes.shape[0]):
@@ -229,14 +247,15 @@ def apply(store: BlockStore, load_nodes: IntArray, load_forces: FloatArray, node
 def own_softness(residual: Residual) -> FloatArray:
     """Return how far a load moves its own node beyond the modes at most (n,), in m/N; 0 where nothing is kept."""
     place = np.zeros(residual.n_nodes, np.int64)
-    _find_own_blocks(residual.store, place)
+    _find_own_blocks(residual.store.address, place)
     softness, known = np.zeros(residual.n_nodes), place >= 0
     softness[known] = np.linalg.norm(residual.blocks[place[known]], axis=(1, 2))
     return softness
 
 
 @kernel
-def _find_own_blocks(store: BlockStore, out: LongArray) -> None:
+def _find_own_blocks(address: Address[BlockStore], out: LongArray) -> None:
     """Write where each node's block with itself lies, -1 where there is none."""
+    store = store_at(address)
     for node in range(out.shape[0]):
         out[node] = block_index(store, node, node)

@@ -45,8 +45,8 @@ def measure_patches(model: ShellModel, basis: ModalBasis, residual: Residual) ->
     for column, node in enumerate(nodes):
         flexible = basis.Phi[node] / basis.omega_rad_s
         own = float(np.linalg.norm(exact[node, column] + flexible @ flexible.T, 2))
-        here = slice(residual.starts[node], residual.starts[node + 1])
-        inside = residual.neighbours[here]
+        here = slice(residual.store.starts[node], residual.store.starts[node + 1])
+        inside = residual.store.neighbours[here]
         outside = np.setdiff1d(np.arange(basis.n_nodes), inside)
         off = residual.blocks[here].transpose(0, 2, 1) - exact[inside, column]
         kept = max(kept, float(np.linalg.norm(off, 2, axis=(1, 2)).max()) / own)

@@ -12,9 +12,10 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address
 from services.mechanics.reduction.coincident_points import is_copied
 from services.mechanics.reduction.large_rotations.warping import SectionFrame
-from services.mechanics.reduction.residual.blocks import Block, BlockStore, Residual, apply, block_between
+from services.mechanics.reduction.residual.blocks import Block, BlockStore, Residual, apply, block_between, store_at
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,8 +35,7 @@ class RotatedResidual(Residual):
     def of(cls, residual: Residual, frame: SectionFrame, n_points: int) -> RotatedResidual:
         """Turn ``residual`` with ``frame``: for up to ``n_points`` contact points, and twice the loads they make."""
         rooms = np.zeros((3 * n_points, 3, 3)), np.zeros((6 * n_points, 3))
-        blocks = residual.blocks, residual.starts, residual.neighbours, residual.symmetry
-        return cls(residual.n_nodes, *blocks, frame, *rooms)
+        return cls(residual.store, frame, *rooms)
 
     def gather_points(self, nodes: IntArray, weights: FloatArray, out: FloatArray, source: IntArray) -> None:
         """Write R between points of triangles into ``out`` (3 k, 3 k); ``nodes`` and ``weights`` are (k, 3).
@@ -44,7 +44,7 @@ class RotatedResidual(Residual):
         """
         rotations = self.corner_rotation[: nodes.size]
         self.frame.node_rotations(nodes.reshape(-1), rotations)
-        gather_turned_points(self.store, (nodes, weights), rotations, out, source)
+        gather_turned_points(self.store.address, (nodes, weights), rotations, out, source)
 
     def apply(self, load_nodes: IntArray, load_forces: FloatArray, nodes: IntArray, out: FloatArray) -> None:
         """Add to ``out`` (k, 3), in m, what ``load_forces`` (l, 3) in N on ``load_nodes`` (l,) do to ``nodes``.
@@ -54,19 +54,23 @@ class RotatedResidual(Residual):
         loads = self.load_n[: len(load_nodes)]
         self.frame.turn_back(load_nodes, load_forces, loads)
         self.frame.turn_back(nodes, out, out)
-        apply(self.store, load_nodes, loads, nodes, out)
+        apply(self.store.address, load_nodes, loads, nodes, out)
         self.frame.turn_vectors(nodes, out, out)
 
 
 @kernel
 def gather_turned_points(
-    store: BlockStore, points: tuple[IntArray, FloatArray], rotations: FloatArray, out: FloatArray, source: IntArray
+    address: Address[BlockStore],
+    points: tuple[IntArray, FloatArray],
+    rotations: FloatArray,
+    out: FloatArray,
+    source: IntArray,
 ) -> None:
     """Weigh the turned blocks between the corners of points, (nodes (k, 3), weights (k, 3)), into ``out`` (3 k, 3 k).
 
     ``rotations`` (3 k, 3, 3) are those of the corners.
     """
-    nodes, weights = points
+    store, (nodes, weights) = store_at(address), points
     for a in range(nodes.shape[0]):
         for b in range(a + 1):
             if is_copied(source, a, b):

@@ -33,7 +33,7 @@ def made(n_modes):
 @pytest.fixture(scope="module", params=[0, 1], ids=["whole pairs", "half a pair"])
 def both(request):
     duct, cyclic = made((WHOLE_PAIRS, HALF_A_PAIR)[request.param])
-    assert cyclic.symmetry[3].shape[2] == request.param
+    assert cyclic.store.odd.shape[2] == request.param
     return duct, cyclic
 
 

@@ -141,8 +141,10 @@ def exact_patches(model, basis):
 
 def test_patches_with_exact_columns_hold_the_full_blocks(duct, exact_patches):
     full = full_blocks(duct)
-    rows = np.repeat(np.arange(duct.basis.n_nodes), np.diff(exact_patches.starts))
-    assert exact_patches.blocks == pytest.approx(full[rows, exact_patches.neighbours], abs=1e-6 * np.abs(full).max())
+    rows = np.repeat(np.arange(duct.basis.n_nodes), np.diff(exact_patches.store.starts))
+    assert exact_patches.blocks == pytest.approx(
+        full[rows, exact_patches.store.neighbours], abs=1e-6 * np.abs(full).max()
+    )
 
 
 def test_patch_kernels_equal_the_full_ones_within_the_radius_and_drop_the_rest(duct, exact_patches):
@@ -181,16 +183,16 @@ def test_probing_costs_few_solves_and_little_error(model, duct, exact_patches):
     probed = build_patches(model, duct.basis, radius, apart_m=2.0 * radius)
     exact = exact_patches
     error = np.linalg.norm(probed.blocks - exact.blocks, axis=(1, 2))
-    own = np.flatnonzero(np.repeat(np.arange(620), np.diff(exact.starts)) == exact.neighbours)
+    own = np.flatnonzero(np.repeat(np.arange(620), np.diff(exact.store.starts)) == exact.store.neighbours)
     assert error.max() < 0.1 * np.linalg.norm(exact.blocks[own], axis=(1, 2)).max()
 
 
 def test_probing_leaves_the_loaded_node_and_its_neighbours_exact(model, duct):
     """Two radii apart, the worst case of probing: what a point load does to its node and those beside it is exact."""
     probed, n = build_patches(model, duct.basis, 5e-3, apart_m=10e-3), duct.basis.n_nodes
-    rows = np.repeat(np.arange(n), np.diff(probed.starts))
-    error = np.linalg.norm(probed.blocks - full_blocks(duct)[rows, probed.neighbours], axis=(1, 2))
-    beside = vertex_adjacency(duct.mesh)[rows, probed.neighbours].astype(bool) | (rows == probed.neighbours)
+    rows = np.repeat(np.arange(n), np.diff(probed.store.starts))
+    error = np.linalg.norm(probed.blocks - full_blocks(duct)[rows, probed.store.neighbours], axis=(1, 2))
+    beside = vertex_adjacency(duct.mesh)[rows, probed.store.neighbours].astype(bool) | (rows == probed.store.neighbours)
     scale = np.linalg.norm(full_blocks(duct)[np.arange(n), np.arange(n)], axis=(1, 2)).max()
     print(
         f"probed patches: worst {error[beside].max() / scale:.1e} near, {error.max() / scale:.1e} anywhere in a patch"
@@ -204,15 +206,15 @@ def test_probing_leaves_the_loaded_node_and_its_neighbours_exact(model, duct):
 def test_what_patches_leave_out_is_measured_and_said(model, duct, apart_m):
     """Against the full blocks between all nodes, of which the measurement knows eight columns."""
     patches, n = build_patches(model, duct.basis, 5e-3, apart_m), duct.basis.n_nodes
-    rows = np.repeat(np.arange(n), np.diff(patches.starts))
+    rows = np.repeat(np.arange(n), np.diff(patches.store.starts))
     off = np.zeros((n, n, 3, 3))
-    off[rows, patches.neighbours] = patches.blocks
+    off[rows, patches.store.neighbours] = patches.blocks
     off -= full_blocks(duct)
     flexible = duct.basis.Phi / duct.basis.omega_rad_s
     own = np.linalg.norm(full_blocks(duct)[range(n), range(n)] + flexible @ flexible.transpose(0, 2, 1), 2, axis=(1, 2))
     share = np.linalg.norm(off, 2, axis=(2, 3)) / np.maximum(own, 1e-300)[:, None]
     is_kept = np.zeros((n, n), bool)
-    is_kept[rows, patches.neighbours] = True
+    is_kept[rows, patches.store.neighbours] = True
     free = own > 1e-6 * own.max()
     kept, dropped = share[free][is_kept[free]].max(), share[free][~is_kept[free]].max()
     measured = measure_patches(model, duct.basis, patches)
