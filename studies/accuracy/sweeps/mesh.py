@@ -121,7 +121,7 @@ def findings(rows: Sequence[Row]) -> list[str]:
     )
     if coarse in cost:
         lines.append(
-            f"The cost of a tick changes by {cost[fine] - cost[coarse]:+.0f} us: nodes that no tool touches cost next "
-            "to nothing. A fine mesh costs time once, when its modes are computed."
+            f"The cost of a tick changes by {cost[fine] - cost[coarse]:+.0f} us, since smaller triangles are more "
+            "candidates for contact. Nodes far from tools and catheter cost time once, when modes are computed."
         )
     return lines
