@@ -171,10 +171,9 @@ def _list_nodes(found: CandidateList) -> None:
 
 
 @kernel
-def may_be_within(found: CandidateList, p: int, k: int) -> bool:
-    """Return whether the gap of an entry may be at most the wanted one, by its bound."""
-    reach = found.thickness[p] + found.wanted[p]
-    return bool(found.bound[p, k] - found.wall_travel - found.piece_travel[p] <= reach)
+def largest_bound(found: CandidateList, p: int) -> float:
+    """Return the bound up to which the gap of an entry of a piece may be at most the wanted one."""
+    return float(found.thickness[p] + found.wanted[p] + found.wall_travel + found.piece_travel[p])
 
 
 @kernel

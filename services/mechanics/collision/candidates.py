@@ -15,7 +15,7 @@ import math
 from typing import Annotated
 
 from services.mechanics.arrays import FloatArray, IntArray, LongArray
-from services.mechanics.collision.candidate_list import CandidateList, list_at, may_be_within, store_distance
+from services.mechanics.collision.candidate_list import CandidateList, largest_bound, list_at, store_distance
 from services.mechanics.collision.clusters import centroid, vector_from_segment
 from services.mechanics.collision.primitives import (
     Places,
@@ -72,8 +72,9 @@ def measure(address: Address[CandidateList], out_address: Address[Candidates]) -
     found, out = list_at(address), candidates_at(out_address)
     out.count = 0
     for p in range(found.count.shape[0]):
+        most = largest_bound(found, p)
         for k in range(found.count[p]):
-            if may_be_within(found, p, k):
+            if found.bound[p, k] <= most:
                 _measure_entry(found, p, k, out)
 
 

@@ -14,8 +14,8 @@ from services.mechanics.collision.candidate_list import (
     WALL_MOVED_TOO_FAR,
     CandidateList,
     add_travel,
+    largest_bound,
     list_at,
-    may_be_within,
     new_list,
     renew_lists,
     set_wanted_gaps,
@@ -127,8 +127,9 @@ def request_nodes_of_entries(list_address: Address[CandidateList], wall_address:
     """Request the nodes of entries whose gap may be at most ``wanted``."""
     listed, wall = list_at(list_address), wall_at(wall_address)
     for p in range(listed.count.shape[0]):
+        most = largest_bound(listed, p)
         for k in range(listed.count[p]):
-            if may_be_within(listed, p, k):
+            if listed.bound[p, k] <= most:
                 _request_nodes_of_triangle(wall, listed.clusters, listed.entry[p, k])
 
 
