@@ -22,9 +22,9 @@ SLACK_M, TICKS, DEEPEST_M = 1e-8, 60, 40e-6
 
 
 class PriceJudge:
-    """Holds every price of an accepted step against brute force over what is drawn where the step ends.
+    """Holds the last price of an accepted step against brute force over what is drawn where the step ends.
 
-    Steps that are refused and taken again in halves are not judged: there bodies may have outrun detection.
+    Ends that are priced and left are not judged, of a step as of its solves: there bodies may have outrun detection.
     """
 
     def __init__(self, simulation):
@@ -39,7 +39,7 @@ class PriceJudge:
         return is_accepted
 
     def _look(self, bodies, state, tolerance_m, pairs):
-        found = self._price(bodies, state, tolerance_m, pairs)
+        found, self._missed = self._price(bodies, state, tolerance_m, pairs), []
         ends, thickness_m, corners = self._drawn()
         written = [self._feature(pairs, k) for k in range(pairs.count)]
         points = np.einsum("kc,kci->ki", pairs.target_weights[:found], corners[pairs.target[:found]])
@@ -114,6 +114,7 @@ class PriceJudge:
 @settings(max_examples=4, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(seed=st.integers(0, 2**32 - 1), speed_m_s=st.sampled_from([0.1, 0.4, 0.8]))
 @example(seed=10684717, speed_m_s=0.8)  # loads alone move the thin wall by 8 mm in a step
+@example(seed=1920826369, speed_m_s=0.8)  # one of a step's solves, not its last, moves the wall by 5 mm
 def test_a_price_finds_all_that_brute_force_finds(small_scene, ducts, thickness_m, seed, speed_m_s):
     """Tools pushed about in the wall and the catheter flung against it."""
     rng, duct = np.random.default_rng(seed), ducts(thickness_m)
