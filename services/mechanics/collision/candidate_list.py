@@ -172,7 +172,7 @@ def _list_nodes(found: CandidateList) -> None:
 
 @kernel
 def largest_bound(found: CandidateList, p: int) -> float:
-    """Return the bound up to which the gap of an entry of a piece may be at most the wanted one."""
+    """Return the largest bound with which the gap of an entry of a piece may be at most the wanted one."""
     return float(found.thickness[p] + found.wanted[p] + found.wall_travel + found.piece_travel[p])
 
 

@@ -97,8 +97,8 @@ class Residual:
         m, n = symmetry.n_sectors, len(symmetry.seat)
         if blocks.shape != (n // m, n // m, m, 3, 3):
             raise ValueError(f"residual blocks have shape {blocks.shape}, expected {(n // m, n // m, m, 3, 3)}")
-        seats: dict[str, IntArray | FloatArray] = {"seat": symmetry.seat, "sector": symmetry.sector}
-        return cls(BlockStore.of(n, blocks.reshape(-1, 3, 3), odd=odd, turns=symmetry.turns, **seats))
+        seat, sector, turns = symmetry.seat, symmetry.sector, symmetry.turns
+        return cls(BlockStore.of(n, blocks.reshape(-1, 3, 3), seat=seat, sector=sector, turns=turns, odd=odd))
 
     @classmethod
     def patches(cls, starts: IntArray, neighbours: IntArray, blocks: BlockArray) -> Residual:
