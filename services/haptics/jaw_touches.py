@@ -12,10 +12,17 @@ from services.mechanics.bodies.forceps.grasp import GRASP_GAP_M
 from services.mechanics.bodies.sections import segment_radii
 from services.mechanics.collision.candidate_list import MAX_ENTRIES
 from services.mechanics.collision.candidates import Candidates, candidates_at
-from services.mechanics.collision.capsules import CapsuleMemory, Tools, detect_capsules
+from services.mechanics.collision.capsules import CapsuleMemory, Tools, capsules_at, detect_capsules
 from services.mechanics.collision.pairs import SHAFT, ContactPairs, pairs_at
 from services.mechanics.collision.pieces import N_TOOL_PIECES, write_piece_pair, write_pieces
-from services.mechanics.collision.wall_candidates import WallCandidates
+from services.mechanics.collision.placed_wall import Loads
+from services.mechanics.collision.wall_candidates import (
+    WallCandidates,
+    candidates_of,
+    follow_wall,
+    measure,
+    wall_candidates,
+)
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.compiled.vectors import row
@@ -26,7 +33,6 @@ from services.mechanics.scene.tools import N_TOOLS
 
 #: Slightly above a grasp's gap, so that rounding of bounds does not hide a contact at just that gap.
 _LOOK_M = 1.1 * GRASP_GAP_M
-_NO_PARTICLES = np.zeros((0, 3))
 
 
 class JawTouches:
@@ -45,7 +51,7 @@ class JawTouches:
         self._jaw_radius_m[:, SHAFT] = 0.0
         n_segments = len(self._sizes_m[0])
         self._looks = np.zeros(N_TOOLS, np.bool_)
-        self._wall = WallCandidates(duct, N_TOOL_PIECES, TOUCHING_M)
+        self._wall = wall_candidates(duct, N_TOOL_PIECES, TOUCHING_M)
         self._wall.list.wanted[:] = self._wall.list.reach[:] = _LOOK_M
         self._found = Candidates.zeros(c=2 * N_TOOLS * MAX_ENTRIES)
         self._capsules = CapsuleMemory.zeros(m=N_TOOL_PIECES, n=n_segments)
@@ -59,10 +65,8 @@ class JawTouches:
         self._looks[:] = False
         self._looks[list(tools)] = True
         jaws = segments_m, self._jaw_radius_m, self._looks
-        write_pieces(self._wall.list.address, _NO_PARTICLES, jaws, self._sizes_m)
-        self._wall.follow(scene.q, scene.loads)
-        self._wall.measure(self._found)
         self._capsules.reset()
+        measure_jaws((self._wall.address, self._found.address), jaws, self._sizes_m, scene.q, scene.loads)
         addresses = self._found.address, self._capsules.address
         write_jaw_pairs(addresses, jaws, scene.particles_m, self._sizes_m[0], self.pairs.address)
 
@@ -75,6 +79,21 @@ class JawTouches:
     def dropped(self) -> int:
         """Number of triangles near a jaw lost for lack of capacity since the start."""
         return int(self._wall.list.dropped)
+
+
+@kernel
+def measure_jaws(
+    addresses: tuple[Address[WallCandidates], Address[Candidates]],
+    jaws: Tools,
+    sizes: tuple[FloatArray, float],
+    q: FloatArray,
+    loads: Loads,
+) -> None:
+    """Write the closest pairs of the jaws with a wall of coordinates q (r,); ``sizes`` are those of `write_pieces`."""
+    known = candidates_of(addresses[0])
+    write_pieces(known.list, jaws[0][0, 0, :0], jaws, sizes)
+    follow_wall(known, q, loads)
+    measure(known, candidates_at(addresses[1]))
 
 
 @kernel
@@ -95,7 +114,7 @@ def write_jaw_pairs(
         if i >= 0 and found.gap_m[i] < GRASP_GAP_M:
             place = piece, found.triangle[i]
             write_piece_pair(pairs, place, found.s[i], row(found.weight, i), found.gap_m[i], row(found.normal, i))
-    detect_capsules((addresses[1], pairs_address), jaws, particles, (radii_m, GRASP_GAP_M))
+    detect_capsules(capsules_at(addresses[1]), pairs, jaws, particles, (radii_m, GRASP_GAP_M))
 
 
 @inlined_kernel

@@ -9,8 +9,6 @@ import numpy as np
 from protocol.bodies.haptics import tool_table
 from services.kernel_progress import told
 from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.bodies.catheter import CatheterBody
-from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, ContactPairs
 from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.candidate_search import CandidateSearch, Moving
@@ -113,7 +111,7 @@ def _write_touches(pairs: ContactPairs) -> None:
 class _FixedContactSearch(CandidateSearch):
     """Returns artificial contacts of a jaw, and no candidates to price."""
 
-    has_candidates, dropped, wall_moved_m = False, 0, 0.0
+    dropped, wall_moved_m = 0, 0.0
 
     def __init__(self) -> None:
         pass
@@ -128,7 +126,7 @@ class _FixedContactSearch(CandidateSearch):
     def engage(self, pairs: ContactPairs, geometry: Address[ContactGeometry]) -> None:
         """Do nothing: the tools are engaged."""
 
-    def write_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
+    def write_pairs(self, state: Address[ContactState], pairs: ContactPairs) -> None:
         """Write the jaw's contacts."""
         _write_touches(pairs)
 

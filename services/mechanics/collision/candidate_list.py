@@ -1,11 +1,17 @@
 """The candidate list (broad phase): for each piece, the triangles that it may touch before the next rebuild.
 
 It is a Verlet list (L. Verlet, "Computer experiments on classical fluids", 1967). The list of a piece has the triangles
-within its reach plus a skin, and is complete until piece and wall together have moved by the skin. A piece that has
-moved rebuilds its own list; only motion of the wall rebuilds all lists.
+within its reach plus a skin, and is complete until piece and wall together have moved by the skin. It is built from
+bounding spheres, which are larger by their *slack*, a bound on the wall's motion since they were computed; those with
+too much slack are computed anew before a list is built from them. A list that does not reach far enough where a step
+ends, because piece or wall were fast, is rebuilt there from the spheres as they are.
+
+Motion of the wall is measured from a reference configuration. When that is replaced, all slacks increase by the motion
+since the last one (triangle inequality).
 
 Each entry also has a lower bound on its distance: the last measured distance minus the largest possible motion of piece
-and wall since. Only entries whose bound is within reach are measured again, and only their nodes are placed.
+and wall since. Only entries whose bound is within reach are measured again, and only their nodes are placed. Entries
+that may come within reach after a little more travel are listed apart, and only they are looked at in a tick.
 """
 
 from __future__ import annotations
@@ -13,16 +19,31 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-from services.mechanics.arrays import BoolArray, FloatArray, IntArray, LongArray
-from services.mechanics.collision.clusters import Clusters, vector_from_segment
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import dot, put_row_of, row, row_of, squared_distance
+import numpy as np
 
-#: Maximum number of entries of a piece: a tool's shaft lies along a third of a duct of 40 mm.
-MAX_ENTRIES = 768
+from services.mechanics.arrays import BoolArray, FloatArray, IntArray, LongArray
+from services.mechanics.collision.clusters import Clusters, enclose, vector_from_segment
+from services.mechanics.compiled import inlined_kernel, kernel
+from services.mechanics.compiled.struct import Struct, reader
+from services.mechanics.compiled.vectors import dot, put_row, put_row_of, row, row_of, squared_distance
+
+#: A list is complete until piece and wall have moved by this. A thicker skin means longer lists, a thinner one more
+#: frequent rebuilds.
+SKIN_M = 0.5e-3
+#: Motion of the wall after which the reference is replaced.
+REFERENCE_M = 0.2e-3
+#: Spheres with more slack are computed anew.
+MAX_SLACK_M = 1e-3
+#: Up to `MAX_EARLY` lists are rebuilt in a tick after this fraction of the skin.
+EARLY, MAX_EARLY = 0.8, 2
+#: Maximum number of entries of a piece: twice as many as a shaft beside the finest shipped duct, of 9,900 triangles.
+MAX_ENTRIES = 4096
+#: Travel of a piece and the wall until the piece's near entries are listed again: a few ticks of a moving hand.
+NEAR_M = 0.2e-3
 #: Motion of a piece in a step up to which its contacts are detected: 2 m/s, as fast as a catheter snaps.
 LOOK_AHEAD_M = 2e-3
+#: Motion of piece and wall in a step that lists allow for: 0.25 m/s, as fast as hands are.
+REACH_M = 0.25e-3
 
 
 class CandidateList(Struct):
@@ -36,20 +57,25 @@ class CandidateList(Struct):
     entry: Annotated[IntArray, "p", MAX_ENTRIES]
     bound: Annotated[FloatArray, "p", MAX_ENTRIES]  # of the distance, plus `travel` of wall and piece then
     count: Annotated[LongArray, "p"]
-    is_listed: Annotated[BoolArray, "p"]
+    near: Annotated[IntArray, "p", MAX_ENTRIES]  # indices of the entries whose bound is at most ``near_bound``
+    near_count: Annotated[LongArray, "p"]
+    near_bound: Annotated[FloatArray, "p"]
+    slack_m: Annotated[FloatArray, "p"]  # bound on the wall's motion from a list's rebuild to the reference; infinite
+    is_due: Annotated[BoolArray, "p"]  # whether the list is to be rebuilt
     listed_ends: Annotated[FloatArray, "p", 2, 3]
     last_ends: Annotated[FloatArray, "p", 2, 3]
     piece_travel: Annotated[FloatArray, "p"]  # sum of the longer motions of both ends
-    node: Annotated[IntArray, "n"]  # those of listed triangles, each once
-    mark: Annotated[LongArray, "n"]
-    listed_position: Annotated[FloatArray, "n", 3]  # of all nodes when the wall's lists were renewed
+    first_position: Annotated[FloatArray, "n", 3]  # of the nodes when first placed after the reference, NaN before
     wanted: Annotated[FloatArray, "p"]  # gap up to which candidates are measured
     reach: Annotated[FloatArray, "p"]  # largest value of `wanted` before the lists are rebuilt
+    encloses: Annotated[BoolArray, "c"]  # whether the spheres of a cluster are to be computed anew
+    known: Annotated[FloatArray, "m"]  # bounds of a list's entries while it is rebuilt, -infinity for other triangles
+    before: Annotated[IntArray, MAX_ENTRIES]
     skin_m: float
     along_m: float  # further minima are candidates up to this much farther than the closest pair; none if below 0
     wall_travel: float = 0.0
-    n_nodes: int = 0
-    stamp: int = 0
+    wall_moved_m: float = 0.0  # bound on the motion of any node from the reference to the start of the step
+    step_moved_m: float = 0.0  # and on that since then
     dropped: int = 0
 
 
@@ -57,9 +83,9 @@ list_at = reader(CandidateList)
 
 
 @kernel
-def add_travel(address: Address[CandidateList], wall_moved_m: float) -> bool:
+def add_travel(found: CandidateList, wall_moved_m: float) -> bool:
     """Add the motion of pieces since the last call, and a bound of the wall's, to their travel; return if any moved."""
-    found, any_moved = list_at(address), wall_moved_m != 0.0
+    any_moved = wall_moved_m != 0.0
     found.wall_travel += wall_moved_m
     for p in range(found.count.shape[0]):
         moved_m = _furthest(found.ends, found.last_ends, p)
@@ -76,12 +102,11 @@ def _copy_ends(found: CandidateList, p: int, out: FloatArray) -> None:
 
 
 @kernel
-def set_wanted_gaps(address: Address[CandidateList], start: FloatArray, ahead: FloatArray) -> None:
+def set_wanted_gaps(found: CandidateList, start: FloatArray, ahead: FloatArray) -> None:
     """Request candidates up to a gap of ``ahead`` (p,) plus each piece's motion since ``start`` (p, 2, 3), in m."""
-    found = list_at(address)
     for p in range(found.count.shape[0]):
         found.wanted[p] = ahead[p] + min(_furthest(found.ends, start, p), LOOK_AHEAD_M)
-        found.reach[p] = ahead[p] + LOOK_AHEAD_M
+        found.reach[p] = ahead[p] + REACH_M
 
 
 @kernel
@@ -91,89 +116,147 @@ def _furthest(ends: FloatArray, others: FloatArray, p: int) -> float:
     return math.sqrt(max(first_2, squared_distance(row_of(ends, p, 1), row_of(others, p, 1))))
 
 
-@inlined_kernel
-def _listed_wall_moved_m(found: CandidateList) -> float:
-    """Return the largest displacement of a listed node since the wall's lists were rebuilt."""
-    largest_2 = 0.0
-    for k in range(found.n_nodes):
-        node = found.node[k]
-        largest_2 = max(largest_2, squared_distance(row(found.position, node), row(found.listed_position, node)))
-    return math.sqrt(largest_2)
+@kernel
+def note_placed(found: CandidateList, nodes: IntArray) -> None:
+    """Include the motion of nodes (k,) that have been placed in the bound on the wall's motion."""
+    largest_2 = found.wall_moved_m**2
+    for k in range(nodes.shape[0]):
+        at, first = row(found.position, nodes[k]), row(found.first_position, nodes[k])
+        if math.isnan(first[0]):
+            put_row(found.first_position, nodes[k], at)
+        else:
+            largest_2 = max(largest_2, squared_distance(at, first))
+    found.wall_moved_m = math.sqrt(largest_2)
 
 
-#: Outcomes of `renew_lists`: nothing to do, lists of pieces rebuilt, nothing done because the wall has moved too far.
-SAME, RENEWED, WALL_MOVED_TOO_FAR = 0, 1, 2
+#: What `select_due` reports, as a sum: lists to rebuild, among them the first one of a piece, a new reference.
+DUE, APPEARED, NEW_REFERENCE = 1, 2, 4
 
 
 @kernel
-def renew_lists(address: Address[CandidateList], modes_moved_m: float, most_m: float) -> int:
-    """Rebuild the lists of pieces that have moved too far, unless the wall has moved by more than ``most_m``.
+def select_due(found: CandidateList, modes_moved_m: float) -> int:
+    """Select the pieces whose lists are to be rebuilt, and the clusters near them with outdated spheres.
 
-    ``modes_moved_m`` is a bound on the motion of any node by the modes. Bounding spheres are those of the last rebuild
-    of all lists.
+    ``modes_moved_m`` is a bound on the motion of any node by the modes from the reference. To spread the work, a few
+    lists are rebuilt early.
     """
-    found, any_new = list_at(address), False
-    wall_moved_m = max(modes_moved_m, _listed_wall_moved_m(found))
-    if wall_moved_m > most_m:
-        return WALL_MOVED_TOO_FAR
+    report, n_due = 0, 0
+    found.wall_moved_m = max(modes_moved_m, found.wall_moved_m)
+    if found.wall_moved_m > REFERENCE_M:
+        report = NEW_REFERENCE
+        _increase(found.slack_m, found.wall_moved_m)
+        _increase(found.clusters.slack_m, found.wall_moved_m)
+        found.first_position[:], found.wall_moved_m = math.nan, 0.0
     for p in range(found.count.shape[0]):
-        if not found.active[p]:
-            found.is_listed[p] = False
-            found.count[p] = 0
-        elif not found.is_listed[p] or _furthest(found.ends, found.listed_ends, p) + wall_moved_m > found.skin_m:
-            _list_piece(found, p, wall_moved_m)
-            any_new = True
-    if any_new:
-        _list_nodes(found)
-        return RENEWED
-    return SAME
+        limit_m = found.skin_m * (EARLY if n_due < MAX_EARLY else 1.0)
+        found.is_due[p] = found.active[p] and not _used_m(found, p) <= limit_m  # also if it is no number
+        if found.is_due[p]:
+            n_due += 1
+            report |= DUE | (APPEARED if found.slack_m[p] == math.inf else 0)
+            _select_outdated(found, p)
+        elif not found.active[p]:
+            found.slack_m[p] = math.inf
+            found.count[p] = found.near_count[p] = 0
+    return report
 
 
 @inlined_kernel
-def _list_piece(found: CandidateList, p: int, wall_moved_m: float) -> None:
-    """List the triangles within reach of a piece; ``wall_moved_m`` is the motion since spheres were computed."""
+def _increase(values: FloatArray, by: float) -> None:
+    for i in range(values.shape[0]):
+        values[i] += by
+
+
+@inlined_kernel
+def _select_outdated(found: CandidateList, p: int) -> None:
+    """Select the clusters within reach of a piece whose nodes may have moved too far since they were enclosed."""
+    clusters, reach = found.clusters, found.thickness[p] + found.reach[p] + found.skin_m
+    for c in range(found.encloses.shape[0]):
+        is_outdated = not clusters.slack_m[c] + found.wall_moved_m <= MAX_SLACK_M  # also if it is no number
+        if is_outdated and not found.encloses[c]:
+            found.encloses[c] = not _is_beyond(found, p, c, reach)
+
+
+@kernel
+def _is_beyond(found: CandidateList, p: int, c: int, reach: float) -> bool:
+    """Return whether all triangles of a cluster are further than ``reach`` from the axis of a piece."""
+    clusters, middle = found.clusters, row(found.clusters.cluster_middle, c)
+    far_m = reach + clusters.cluster_radius[c] + clusters.slack_m[c] + found.wall_moved_m + found.step_moved_m
+    offset = vector_from_segment(row_of(found.ends, p, 0), row_of(found.ends, p, 1), middle)
+    return bool(dot(offset, offset) > far_m * far_m)
+
+
+@kernel
+def rebuild_due(found: CandidateList) -> None:
+    """Compute the spheres of the selected clusters, whose nodes have been placed, and rebuild the selected lists."""
+    for c in range(found.encloses.shape[0]):
+        if found.encloses[c]:
+            enclose(found.clusters, c, found.position)
+            found.encloses[c], found.clusters.slack_m[c] = False, found.wall_moved_m
+    for p in range(found.count.shape[0]):
+        if found.is_due[p]:
+            _list_piece(found, p)
+
+
+@kernel
+def complete_lists(found: CandidateList, wall_moved_m: float) -> None:
+    """Rebuild the lists that do not reach far enough at the end of a step, after the wall has moved once more."""
+    found.step_moved_m += wall_moved_m
+    for p in range(found.count.shape[0]):
+        if found.active[p] and not _used_m(found, p) + found.wanted[p] <= found.skin_m + found.reach[p]:
+            _list_piece(found, p)
+
+
+@kernel
+def _used_m(found: CandidateList, p: int) -> float:
+    """Return a bound on the motion of piece and wall since the list was rebuilt."""
+    moved_m = found.slack_m[p] + found.wall_moved_m + found.step_moved_m
+    return float(moved_m + _furthest(found.ends, found.listed_ends, p))
+
+
+@kernel
+def _list_piece(found: CandidateList, p: int) -> None:
+    """List the triangles within reach of a piece; bounds of those already listed are kept."""
     a, b, clusters = row_of(found.ends, p, 0), row_of(found.ends, p, 1), found.clusters
-    reach, n = found.thickness[p] + found.reach[p] + found.skin_m, 0
-    travel = found.wall_travel + found.piece_travel[p]
+    reach, n, n_before = max(found.reach[p], found.wanted[p]) + found.thickness[p] + found.skin_m, 0, found.count[p]
+    travel, moved_m = found.wall_travel + found.piece_travel[p], found.wall_moved_m + found.step_moved_m
+    for k in range(n_before):
+        found.before[k], found.known[found.entry[p, k]] = found.entry[p, k], found.bound[p, k]
     for c in range(clusters.cluster_radius.shape[0]):
-        far_m = reach + clusters.cluster_radius[c]
-        offset = vector_from_segment(a, b, row(clusters.cluster_middle, c))
-        if dot(offset, offset) > far_m * far_m:
+        if _is_beyond(found, p, c, reach):
             continue
+        slack_m = clusters.slack_m[c] + moved_m
         for place in range(clusters.first[c], clusters.first[c + 1]):
             t = clusters.order[place]
             offset = vector_from_segment(a, b, row(clusters.middle, t))
-            distance = math.sqrt(dot(offset, offset)) - clusters.radius[t]
+            distance = math.sqrt(dot(offset, offset)) - clusters.radius[t] - slack_m
             if distance > reach:
                 continue
             if n == MAX_ENTRIES:
                 found.dropped += 1
                 continue
-            found.entry[p, n], found.bound[p, n] = t, distance - wall_moved_m + travel
+            found.entry[p, n], found.bound[p, n] = t, max(distance + travel, found.known[t])
             n += 1
-    found.count[p], found.is_listed[p] = n, True
+    for k in range(n_before):
+        found.known[found.before[k]] = -math.inf
+    found.count[p], found.slack_m[p], found.near_bound[p] = n, moved_m, -math.inf
     _copy_ends(found, p, found.listed_ends)
 
 
-@inlined_kernel
-def _list_nodes(found: CandidateList) -> None:
-    found.stamp += 1
-    n, corner = 0, found.clusters.triangles
-    for p in range(found.count.shape[0]):
-        for k in range(found.count[p]):
-            for c in range(3):
-                node = corner[found.entry[p, k], c]
-                if found.mark[node] != found.stamp:
-                    found.mark[node] = found.stamp
-                    found.node[n] = node
-                    n += 1
-    found.n_nodes = n
-
-
 @kernel
-def largest_bound(found: CandidateList, p: int) -> float:
-    """Return the largest bound with which the gap of an entry of a piece may be at most the wanted one."""
-    return float(found.thickness[p] + found.wanted[p] + found.wall_travel + found.piece_travel[p])
+def list_near(found: CandidateList, p: int) -> float:
+    """Return the largest bound with which the gap of an entry of a piece may be at most the wanted one.
+
+    The near entries of the piece include all of these.
+    """
+    most = found.thickness[p] + found.wanted[p] + found.wall_travel + found.piece_travel[p]
+    if most > found.near_bound[p]:
+        found.near_bound[p], n = most + NEAR_M, 0
+        for k in range(found.count[p]):
+            if found.bound[p, k] <= most + NEAR_M:
+                found.near[p, n] = k
+                n += 1
+        found.near_count[p] = n
+    return float(most)
 
 
 @kernel
@@ -182,14 +265,18 @@ def store_distance(found: CandidateList, p: int, k: int, distance_m: float) -> N
     found.bound[p, k] = distance_m + found.wall_travel + found.piece_travel[p]
 
 
-def new_list(clusters: Clusters, position_m: FloatArray, n_pieces: int, skin_m: float, along_m: float) -> CandidateList:
+def new_list(clusters: Clusters, position_m: FloatArray, n_pieces: int, along_m: float) -> CandidateList:
     """Return an empty list for ``n_pieces``, all inactive and without reach beyond their surface."""
     return CandidateList.zeros(
         clusters=clusters,
         position=position_m,
         p=n_pieces,
         n=len(position_m),
-        listed_position=position_m.copy(),
-        skin_m=skin_m,
+        c=len(clusters.slack_m),
+        m=len(clusters.triangles),
+        slack_m=np.full(n_pieces, math.inf),
+        known=np.full(len(clusters.triangles), -math.inf),
+        first_position=np.full_like(position_m, math.nan),
+        skin_m=SKIN_M,
         along_m=along_m,
     )

@@ -15,7 +15,7 @@ import math
 from typing import Annotated
 
 from services.mechanics.arrays import FloatArray, IntArray, LongArray
-from services.mechanics.collision.candidate_list import CandidateList, largest_bound, list_at, store_distance
+from services.mechanics.collision.candidate_list import CandidateList, list_near, store_distance
 from services.mechanics.collision.clusters import centroid, vector_from_segment
 from services.mechanics.collision.primitives import (
     Places,
@@ -24,7 +24,7 @@ from services.mechanics.collision.primitives import (
     parameter_on_segment,
 )
 from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.compiled.struct import Struct, reader
 from services.mechanics.compiled.vectors import (
     Vector,
     along,
@@ -67,13 +67,13 @@ candidates_at = reader(Candidates)
 
 
 @kernel
-def measure(address: Address[CandidateList], out_address: Address[Candidates]) -> None:
+def write_closest(found: CandidateList, out: Candidates) -> None:
     """Write the closest pairs of listed entries whose gap is at most ``wanted`` of the piece."""
-    found, out = list_at(address), candidates_at(out_address)
     out.count = 0
     for p in range(found.count.shape[0]):
-        most = largest_bound(found, p)
-        for k in range(found.count[p]):
+        most = list_near(found, p)
+        for place in range(found.near_count[p]):
+            k = found.near[p, place]
             if found.bound[p, k] <= most:
                 _measure_entry(found, p, k, out)
 

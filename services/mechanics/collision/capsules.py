@@ -103,7 +103,8 @@ def vector_between(first: Segment, second: Segment, s: float, t: float) -> Vecto
 
 @kernel
 def detect_capsules(
-    addresses: tuple[Address[CapsuleMemory], Address[ContactPairs]],
+    memory: CapsuleMemory,
+    pairs: ContactPairs,
     tools: Tools,
     particles: FloatArray,
     sizes: tuple[FloatArray, float],
@@ -113,7 +114,7 @@ def detect_capsules(
     Normals are stored for all pairs that a step may bring into contact. Two segments that share a particle may give the
     same pair twice: then only the earlier one is appended.
     """
-    memory, pairs, (segments, radius, present) = capsules_at(addresses[0]), pairs_at(addresses[1]), tools
+    segments, radius, present = tools
     n_segments = segments.shape[1]
     for i in range(segments.shape[0] * n_segments):
         tool, segment, last_t = i // n_segments, i % n_segments, 0.0
@@ -122,12 +123,26 @@ def detect_capsules(
                 memory.active[i, j] = 0
                 continue
             second, apart_m = (row(particles, j), row(particles, j + 1)), radius[tool, segment] + sizes[0][j]
-            reach = apart_m + max(sizes[1], LOOK_AHEAD_M)
-            s, t, distance, normal = track_pair(memory, i, j, ends_of(segments[tool], segment), second, reach)
+            reach, first = apart_m + max(sizes[1], LOOK_AHEAD_M), ends_of(segments[tool], segment)
+            if _boxes_are_apart(first, second, reach):
+                memory.active[i, j], last_t = 0, 0.0
+                continue
+            s, t, distance, normal = track_pair(memory, i, j, first, second, reach)
             if distance - apart_m < sizes[1] and not (t == 0.0 and last_t == 1.0):
                 pair = (tool, segment, -1, CATHETER_SEGMENT, j, s, (1.0 - t, t, 0.0))
                 write_pair(pairs, pair, distance - apart_m, normal)
             last_t = t
+
+
+@kernel
+def _boxes_are_apart(first: Segment, second: Segment, reach: float) -> bool:
+    """Return whether the boxes round two segments, along the axes, are further apart than ``reach``."""
+    (a, b), (c, d) = first, second
+    for axis in range(3):
+        apart = max(min(a[axis], b[axis]) - max(c[axis], d[axis]), min(c[axis], d[axis]) - max(a[axis], b[axis]))
+        if apart > reach:
+            return True
+    return False
 
 
 @kernel

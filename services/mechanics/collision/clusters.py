@@ -13,7 +13,7 @@ import numpy as np
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.collision.primitives import parameter_on_segment
 from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.compiled.struct import Struct
 from services.mechanics.compiled.vectors import Vector, along, put_row, row, scaled, squared_distance, subtract
 
 #: Maximum number of triangles of a cluster: their sphere is hardly larger than that of a triangle and its neighbours.
@@ -21,7 +21,7 @@ CLUSTER_TRIANGLES = 24
 
 
 class Clusters(Struct):
-    """m triangles in c clusters; middles and radii (m) are those of the last `enclose`."""
+    """m triangles in c clusters; middles and radii (m) are those of the last `enclose` of each cluster."""
 
     triangles: Annotated[IntArray, "m", 3]
     order: Annotated[IntArray, "m"]  # triangles sorted by cluster
@@ -30,6 +30,7 @@ class Clusters(Struct):
     radius: Annotated[FloatArray, "m"]
     cluster_middle: Annotated[FloatArray, "c", 3]
     cluster_radius: Annotated[FloatArray, "c"]
+    slack_m: Annotated[FloatArray, "c"]  # bound on the motion of the triangles since then
 
 
 def cluster_triangles(vertices_m: FloatArray, triangles: IntArray) -> Clusters:
@@ -50,22 +51,18 @@ def cluster_triangles(vertices_m: FloatArray, triangles: IntArray) -> Clusters:
     return Clusters.zeros(triangles=corners, order=np.concatenate(pieces), first=first, **extents)
 
 
-clusters_at = reader(Clusters)
-
-
 @kernel
-def enclose(address: Address[Clusters], position: FloatArray) -> None:
-    """Compute the bounding spheres of all triangles and clusters, with the nodes at ``position`` (n, 3)."""
-    clusters = clusters_at(address)
+def enclose(clusters: Clusters, c: int, position: FloatArray) -> None:
+    """Compute the bounding spheres of a cluster and its triangles, with the nodes at ``position`` (n, 3)."""
     corner = clusters.triangles
-    for t in range(corner.shape[0]):
+    for entry in range(clusters.first[c], clusters.first[c + 1]):
+        t = clusters.order[entry]
         u, v, w = row(position, corner[t, 0]), row(position, corner[t, 1]), row(position, corner[t, 2])
         middle = centroid(u, v, w)
         longest_2 = max(squared_distance(u, middle), squared_distance(v, middle), squared_distance(w, middle))
         put_row(clusters.middle, t, middle)
         clusters.radius[t] = math.sqrt(longest_2)
-    for c in range(clusters.cluster_radius.shape[0]):
-        _enclose_cluster(clusters, c)
+    _enclose_cluster(clusters, c)
 
 
 @kernel

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.collision.candidate_list import CandidateList, list_at
+from services.mechanics.collision.candidate_list import CandidateList
 from services.mechanics.collision.capsules import Segment, Tools, ends_of
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs, write_pair
 from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address
 from services.mechanics.compiled.vectors import Vector, put_row_of, row
 from services.mechanics.scene.tools import N_TOOLS
 
@@ -16,14 +15,12 @@ N_TOOL_PIECES = 3 * N_TOOLS
 
 
 @kernel
-def write_pieces(
-    address: Address[CandidateList], particles: FloatArray, tools: Tools, sizes: tuple[FloatArray, float]
-) -> None:
+def write_pieces(listed: CandidateList, particles: FloatArray, tools: Tools, sizes: tuple[FloatArray, float]) -> None:
     """Write the ends of all pieces, and which of them are active; without particles (0, 3) there is no catheter.
 
     ``sizes`` is (radii of the catheter's segments, half the thickness of the wall), in m.
     """
-    listed, (segments, radius, present) = list_at(address), tools
+    segments, radius, present = tools
     n_segments = segments.shape[1]
     first = segments.shape[0] * n_segments
     for p in range(first):

@@ -18,13 +18,13 @@ from typing import Annotated
 import numpy as np
 
 from services.mechanics.arrays import AnyArray, ByteArray, Float32Array, FloatArray, IntArray, LongArray
-from services.mechanics.collision.wall_bounds import Blocks, RotatingBounds, WallBounds, moved_by_blocks, wall_bounds
+from services.mechanics.collision.wall_bounds import WallBounds, bound_motion, set_reference, wall_bounds
 from services.mechanics.compiled import inlined_kernel, kernel, summing_kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.compiled.struct import Struct, reader
 from services.mechanics.compiled.vectors import along, dot, put_row, row
-from services.mechanics.reduction.large_rotations.warping import SectionFrame
+from services.mechanics.reduction.large_rotations.warping_kernels import place_node, turn_vector
 from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.reduction.residual.blocks import BlockStore, block_between, own_softness, store_at
+from services.mechanics.reduction.residual.blocks import BlockStore, block_between, own_softness
 
 #: Maximum size of the cache of residual blocks (65 MB), and of cached rows, one for each loaded node.
 MAX_BLOCKS, MAX_ROWS = 1_800_000, 128
@@ -48,11 +48,12 @@ class PlacedWall(Struct):
     changed: Annotated[IntArray, "c"]  # nodes whose loads change
     requested: Annotated[IntArray, "n"]  # nodes requested in this configuration
     extra: Annotated[FloatArray, "n", 3]  # their displacement beyond the modes
-    position: Annotated[FloatArray, "n", 3]
+    position: Annotated[FloatArray, "n", 3]  # of nodes not placed in this configuration, that in an earlier one
     placed: Annotated[LongArray, "n"]  # number of the configuration in which each node was placed last
-    q: Annotated[FloatArray, "r"]
+    bounds: WallBounds  # from this configuration, whose coordinates are its reference
+    store: BlockStore
     load_node: Annotated[IntArray, "l"]
-    load_force: Annotated[FloatArray, "l", 3]
+    load_force: Annotated[FloatArray, "l", 3]  # along the axes of the undeformed wall
     n_loads: int = 0
     n_changed: int = 0
     n_requested: int = 0
@@ -62,101 +63,19 @@ class PlacedWall(Struct):
 
 
 wall_at = reader(PlacedWall)
-_RESIDUAL = "blocks", "known", "row_of", "kept", "next_row", "softness"
+_SHARED = "blocks", "known", "row_of", "kept", "next_row", "softness"
 
 
-class WallPlacement:
-    """Places nodes of a wall with linear kinematics.
-
-    Args:
-        duct: ReducedDuct. The wall.
-        like: WallPlacement or None. Another placement of the same wall, whose residual and bounds are shared. The new
-            one may then only `follow` it.
-
-    Attributes:
-        bounds: WallBounds. Bounds of the modes' motion from the present configuration.
-        position_m: (n, 3) float64. Positions of the nodes; of nodes not yet placed, those in an earlier configuration.
-    """
-
-    def __init__(self, duct: ReducedDuct, like: WallPlacement | None = None) -> None:
-        n = duct.mesh.n_vertices
-        rest, Phi = np.ascontiguousarray(duct.mesh.vertices_m), np.ascontiguousarray(duct.basis.Phi)
-        shared = _residual(duct) if like is None else {name: getattr(like.wall, name) for name in _RESIDUAL}
-        extents = {"n": n, "r": Phi.shape[2], "l": 2 * n, "c": 4 * n}
-        self.wall: PlacedWall = PlacedWall.zeros(rest=rest, Phi=Phi, position=rest.copy(), **extents, **shared)
-        self.wall.softest = float(self.wall.softness.max(initial=0.0))
-        self._store = duct.residual.store
-        self.bounds: WallBounds = wall_bounds(duct) if like is None else like.bounds
-        self.position_m = self.wall.position
-        self.every = np.arange(n, dtype=np.int32)
-
-    def set_configuration(self, q: FloatArray, loads: Loads, lasting: Loads = NO_LOADS) -> float:
-        """Set the wall's coordinates q (r,) and loads; return a bound, in m, on the motion of any node.
-
-        ``lasting`` are loads other than those of contacts. If nothing moves, placed nodes remain valid.
-        """
-        return float(configure_wall(self.wall.address, (q, self.bounds.blocks), 0.0, loads, lasting))
-
-    def place(self, nodes: IntArray) -> None:
-        """Compute the positions of ``nodes`` (k,) in this configuration, unless they are known already."""
-        request_nodes(self.wall.address, nodes)
-        self.place_requested()
-
-    def place_requested(self) -> None:
-        """Compute the positions of the requested nodes."""
-        place_requested(self.wall.address, self._store.address)
-
-    def follow(self, other: WallPlacement) -> None:
-        """Copy the configuration of another placement of this wall, and the positions of its placed nodes."""
-        copy_configuration(self.wall.address, other.wall.address)
-
-
-class RotatingPlacement(WallPlacement):
-    """Places nodes of a wall whose sections rotate: loads are rotated back to the rest frame of the residual."""
-
-    bounds: RotatingBounds
-
-    def __init__(self, duct: ReducedDuct, like: WallPlacement | None = None) -> None:
-        super().__init__(duct, like)
-        if duct.warp is None:
-            raise ValueError("a wall that turns needs a duct with a warp")
-        self._frame = SectionFrame(duct.warp)
-        n = duct.mesh.n_vertices
-        self._force_n, self._at_m, self._extra_m = np.zeros((2 * n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
-
-    def set_configuration(self, q: FloatArray, loads: Loads, lasting: Loads = NO_LOADS) -> float:
-        """Set the wall's coordinates and loads, see `WallPlacement.set_configuration`."""
-        rotated_m = self.bounds.rotated_m(q, float(reach_of_loads(self.wall.address)))
-        self.bounds.set_reference(q)
-        self._frame.update(q)
-        rotated = self._rotated_back(loads, 0), self._rotated_back(lasting, len(loads[0]))
-        return float(configure_wall(self.wall.address, (q, self.bounds.blocks), rotated_m, *rotated))
-
-    def place_requested(self) -> None:
-        """Compute the positions of the requested nodes, see `WallPlacement.place_requested`."""
-        wall = self.wall
-        if not displace(wall.address, self._store.address):
-            return
-        nodes = wall.requested[wall.n_placed : wall.n_requested]
-        count, wall.n_placed = len(nodes), wall.n_requested
-        np.take(wall.extra, nodes, axis=0, out=self._extra_m[:count])
-        self._frame.node_positions(nodes, self._extra_m[:count], self._at_m[:count])
-        self.position_m[nodes] = self._at_m[:count]
-
-    def follow(self, other: WallPlacement) -> None:
-        """Copy the configuration of another placement, see `WallPlacement.follow`."""
-        super().follow(other)
-        self._frame.update(self.wall.q)
-
-    def _rotated_back(self, loads: Loads, first: int) -> Loads:
-        force_n = self._force_n[first : first + len(loads[0])]
-        self._frame.turn_back(loads[0], loads[1], force_n)
-        return loads[0], force_n
-
-
-def place_walls(duct: ReducedDuct, like: WallPlacement | None = None) -> WallPlacement:
-    """Return the placement that fits this duct, see `WallPlacement`."""
-    return (WallPlacement if duct.warp is None else RotatingPlacement)(duct, like)
+def place_wall(duct: ReducedDuct, like: PlacedWall | None = None) -> PlacedWall:
+    """Return the undeformed wall of a duct; the cache of the residual may be that of another wall of it."""
+    n = duct.mesh.n_vertices
+    rest, Phi = np.ascontiguousarray(duct.mesh.vertices_m), np.ascontiguousarray(duct.basis.Phi)
+    shared = _residual(duct) if like is None else {name: getattr(like, name) for name in _SHARED}
+    bounds = wall_bounds(duct, None if like is None else like.bounds)
+    given = {"rest": rest, "Phi": Phi, "position": rest.copy(), "bounds": bounds, "store": duct.residual.store}
+    wall: PlacedWall = PlacedWall.zeros(n=n, r=Phi.shape[2], l=2 * n, c=4 * n, **given, **shared)
+    wall.softest = float(wall.softness.max(initial=0.0))
+    return wall
 
 
 def _residual(duct: ReducedDuct) -> dict[str, AnyArray]:
@@ -176,17 +95,13 @@ def _residual(duct: ReducedDuct) -> dict[str, AnyArray]:
 
 
 @kernel
-def configure_wall(
-    address: Address[PlacedWall], modes: tuple[FloatArray, Blocks], rotated_m: float, loads: Loads, lasting: Loads
-) -> float:
-    """Set coordinates and loads; return a bound (m) on any node's motion, of which ``rotated_m`` is by rotations.
+def configure(wall: PlacedWall, q: FloatArray, loads: Loads, lasting: Loads) -> float:
+    """Set the coordinates q (r,) and the loads, of which ``lasting`` are not of contacts.
 
-    ``modes`` is (coordinates (r,), blocks of modes as for `moved_by_blocks`).
+    Return a bound, in m, on the motion of any node; if nothing moves, placed nodes remain valid.
     """
-    wall, q = wall_at(address), modes[0]
-    moved_m = rotated_m + moved_by_blocks(modes[1], wall.q, q)
-    for mode in range(q.shape[0]):
-        wall.q[mode] = q[mode]
+    moved_m = bound_motion(wall.bounds, q, _reach_of_loads(wall))
+    set_reference(wall.bounds, q)
     wall.n_changed = 0
     for load in range(wall.n_loads):
         _note_change(wall, load, -1.0)
@@ -202,9 +117,18 @@ def _add_loads(wall: PlacedWall, loads: Loads) -> None:
     for load in range(loads[0].shape[0]):
         at = wall.n_loads
         wall.load_node[at] = loads[0][load]
-        put_row(wall.load_force, at, row(loads[1], load))
+        if rotates(wall):
+            turn_vector(wall.bounds.tube, loads[0][load], True, loads[1][load], wall.load_force[at])
+        else:
+            put_row(wall.load_force, at, row(loads[1], load))
         _note_change(wall, at, 1.0)
         wall.n_loads += 1
+
+
+@kernel
+def rotates(wall: PlacedWall) -> bool:
+    """Return whether the sections of a wall rotate."""
+    return bool(wall.bounds.turn.shape[0] > 0)
 
 
 @kernel
@@ -231,22 +155,14 @@ def _bound_motion(wall: PlacedWall, moved_m: float) -> float:
     return float(moved_m)
 
 
-@kernel
-def reach_of_loads(address: Address[PlacedWall]) -> float:
+@inlined_kernel
+def _reach_of_loads(wall: PlacedWall) -> float:
     """Return a bound, in m, on the displacement of any node by the loads beyond the modes."""
-    wall, total = wall_at(address), 0.0
+    total = 0.0
     for load in range(wall.n_loads):
         force = row(wall.load_force, load)
         total += wall.softness[wall.load_node[load]] * math.sqrt(dot(force, force))
     return float(wall.softest * total)
-
-
-@kernel
-def request_nodes(address: Address[PlacedWall], nodes: IntArray) -> None:
-    """Request ``nodes`` (k,)."""
-    wall = wall_at(address)
-    for k in range(nodes.shape[0]):
-        request_node(wall, nodes[k])
 
 
 @kernel
@@ -258,12 +174,10 @@ def request_node(wall: PlacedWall, node: int) -> None:
 
 
 @kernel
-def copy_configuration(address: Address[PlacedWall], other_address: Address[PlacedWall]) -> None:
-    """Copy the configuration of another wall, and the positions of its placed nodes."""
-    wall, other = wall_at(address), wall_at(other_address)
+def copy_configuration(wall: PlacedWall, other: PlacedWall) -> None:
+    """Copy the configuration of another wall of the same duct, and the positions of its placed nodes."""
     wall.configuration, wall.n_loads, wall.n_requested, wall.n_placed = other.configuration, other.n_loads, 0, 0
-    for mode in range(wall.q.shape[0]):
-        wall.q[mode] = other.q[mode]
+    set_reference(wall.bounds, other.bounds.reference)
     for load in range(other.n_loads):
         wall.load_node[load] = other.load_node[load]
         put_row(wall.load_force, load, row(other.load_force, load))
@@ -274,27 +188,30 @@ def copy_configuration(address: Address[PlacedWall], other_address: Address[Plac
 
 
 @kernel
-def place_requested(address: Address[PlacedWall], store_address: Address[BlockStore]) -> None:
-    """Place the requested nodes of a wall with linear kinematics."""
-    if displace(address, store_address):
-        place_displaced(address)
+def place_requested(wall: PlacedWall) -> None:
+    """Compute the positions of the requested nodes."""
+    if wall.n_requested == wall.n_placed:
+        return
+    _displace_requested(wall)
+    if rotates(wall):
+        for k in range(wall.n_placed, wall.n_requested):
+            node = wall.requested[k]
+            place_node(wall.bounds.tube, node, wall.extra[node], wall.position[node])
+    else:
+        _place_displaced(wall)
+    wall.n_placed = wall.n_requested
 
 
-@kernel
-def displace(address: Address[PlacedWall], store_address: Address[BlockStore]) -> bool:
-    """Write the displacement beyond the modes of the nodes to be placed; return whether there are any.
-
-    Blocks that are not cached are read from the store once.
-    """
-    wall, store = wall_at(address), store_at(store_address)
-    n, first, end = wall.rest.shape[0], wall.n_placed, wall.n_requested
-    for k in range(first, end):
+@inlined_kernel
+def _displace_requested(wall: PlacedWall) -> None:
+    """Write the displacement beyond the modes; blocks that are not cached are read from the store once."""
+    n = wall.rest.shape[0]
+    for k in range(wall.n_placed, wall.n_requested):
         wall.extra[wall.requested[k]] = 0.0
-    for load in range(wall.n_loads if end > first else 0):
-        first_block = n * _row_of(wall, wall.load_node[load])
-        _read_blocks(wall, store, wall.load_node[load], first_block)
-        _displace(wall, first_block, load)
-    return bool(end > first)
+    for load in range(wall.n_loads):
+        first = n * _row_of(wall, wall.load_node[load])
+        _read_blocks(wall, wall.load_node[load], first)
+        _displace(wall, first, load)
 
 
 @inlined_kernel
@@ -328,24 +245,23 @@ def _row_of(wall: PlacedWall, node: int) -> int:
 
 
 @inlined_kernel
-def _read_blocks(wall: PlacedWall, store: BlockStore, source: int, first: int) -> None:
+def _read_blocks(wall: PlacedWall, source: int, first: int) -> None:
     """Read the missing blocks between node ``source``, whose row begins at ``first``, and the nodes to be placed."""
     for k in range(wall.n_placed, wall.n_requested):
         node = wall.requested[k]
         b = first + node
         if wall.known[b] == 0:
             wall.known[b] = 1
-            block = block_between(store, source, node)
+            block = block_between(wall.store, source, node)
             for i in range(3):
                 for j in range(3):
                     wall.blocks[b, i, j] = block[3 * i + j]
 
 
 @summing_kernel
-def place_displaced(address: Address[PlacedWall]) -> None:
+def _place_displaced(wall: PlacedWall) -> None:
     """Place the requested nodes at rest + Phi q + the displacement by loads beyond the modes."""
-    wall = wall_at(address)
-    rest, Phi, extra, position, q = wall.rest, wall.Phi, wall.extra, wall.position, wall.q
+    rest, Phi, extra, position, q = wall.rest, wall.Phi, wall.extra, wall.position, wall.bounds.reference
     for k in range(wall.n_placed, wall.n_requested):
         node = wall.requested[k]
         x, y, z = 0.0, 0.0, 0.0
@@ -356,4 +272,3 @@ def place_displaced(address: Address[PlacedWall]) -> None:
         position[node, 0] = rest[node, 0] + extra[node, 0] + x
         position[node, 1] = rest[node, 1] + extra[node, 1] + y
         position[node, 2] = rest[node, 2] + extra[node, 2] + z
-    wall.n_placed = wall.n_requested

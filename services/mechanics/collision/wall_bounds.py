@@ -1,4 +1,4 @@
-"""Bounds on the motion of any node of the wall with the modes since its triangles were listed.
+"""Bounds on the motion of any node of the wall with the modes, from a reference.
 
 With linear kinematics the bound is a sum over blocks of modes: with omega the frequencies, |Phi_i dq| is at most the
 largest singular value of Phi_i / omega times |omega dq| (Cauchy-Schwarz). In a wall whose sections rotate, the motion
@@ -9,88 +9,102 @@ from __future__ import annotations
 
 import itertools
 import math
+from typing import Annotated
 
 import numpy as np
 
 from services.mechanics.arrays import FloatArray, LongArray
-from services.mechanics.compiled import kernel
-from services.mechanics.reduction.large_rotations.warping import SectionFrame
+from services.mechanics.compiled import inlined_kernel, kernel
+from services.mechanics.compiled.struct import Struct, reader
+from services.mechanics.compiled.vectors import put_row, row, squared_distance
+from services.mechanics.reduction.large_rotations.warping import warped_tube
+from services.mechanics.reduction.large_rotations.warping_kernels import WarpedTube, string_axis
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 
 _BLOCKS = 8
 """Number of blocks of modes; blocks of soft modes, which move far, are smaller."""
 
 
-Blocks = tuple[FloatArray, LongArray, FloatArray]
-"""Frequencies (r,) of the modes, edges (b + 1,) of blocks of them, and the gain (b,) of each block."""
+class WallBounds(Struct):
+    """A reference for a wall of r modes in b blocks, whose sections rotate at s stations, or at none."""
+
+    omega_rad_s: Annotated[FloatArray, "r"]
+    edge: Annotated[LongArray, "b + 1"]  # of the blocks
+    gain: Annotated[FloatArray, "b"]
+    at_rest: Annotated[FloatArray, "r"]  # zeros
+    reference: Annotated[FloatArray, "r"]
+    tube: WarpedTube  # the axis at the coordinates of the last call
+    turn: Annotated[FloatArray, "s", 3]  # of the stations in the reference
+    centre: Annotated[FloatArray, "s", 3]
+    longest_arm_m: float
 
 
-class WallBounds:
-    """Bounds the motion of the nodes from a reference state, for a wall with linear kinematics."""
-
-    def __init__(self, Phi: FloatArray, omega_rad_s: FloatArray) -> None:
-        r = len(omega_rad_s)
-        edges = np.unique(np.round(r * np.linspace(0.0, 1.0, _BLOCKS + 1) ** 1.5).astype(int))
-        spans = list(itertools.pairwise(edges))
-        gain = np.array([largest_gain(Phi[:, :, a:b] / omega_rad_s[a:b]).max() for a, b in spans])
-        self.blocks: Blocks = np.ascontiguousarray(omega_rad_s), edges, gain
-        self._reference = np.zeros(r)
-
-    def set_reference(self, q: FloatArray) -> None:
-        """Count from these coordinates (r,); a copy of these bounds keeps its own."""
-        self._reference = q.copy()
-
-    def moved_m(self, q: FloatArray) -> float:
-        """Return a bound, in m, on any node's motion from the reference, without that by loads."""
-        return float(moved_by_blocks(self.blocks, self._reference, q))
+bounds_at = reader(WallBounds)
 
 
-class RotatingBounds(WallBounds):
-    """Bounds the motion of the nodes of a wall whose sections rotate."""
-
-    def __init__(self, duct: ReducedDuct) -> None:
-        if duct.warp is None:
-            raise ValueError("a wall that turns needs a duct with a warp")
-        super().__init__(duct.warp.local, duct.basis.omega_rad_s)
-        self._at_rest = np.zeros_like(self._reference)
-        self._frame = SectionFrame(duct.warp)
-        self._arm_m = float(np.linalg.norm(duct.warp.arm_m, axis=1).max())
-        self._rotations, self._centres_m = self._frame.turns.copy(), self._frame.centres_m.copy()
-
-    def set_reference(self, q: FloatArray) -> None:
-        """Count from these coordinates (r,)."""
-        super().set_reference(q)
-        self._frame.update(q)
-        self._rotations, self._centres_m = self._frame.turns.copy(), self._frame.centres_m.copy()
-
-    def moved_m(self, q: FloatArray) -> float:
-        """Return a bound, in m, on any node's motion from the reference, without that by loads."""
-        return super().moved_m(q) + self.rotated_m(q)
-
-    def rotated_m(self, q: FloatArray, beyond_m: float = 0.0) -> float:
-        """Return the part of the sections, which move nodes by their arms; loads lengthen these by ``beyond_m``."""
-        self._frame.update(q)
-        rotated = np.linalg.norm(self._frame.turns - self._rotations, axis=1).max()
-        carried = np.linalg.norm(self._frame.centres_m - self._centres_m, axis=1).max()
-        local_m = float(moved_by_blocks(self.blocks, self._at_rest, q))
-        return float(carried + rotated * (self._arm_m + local_m + beyond_m))
-
-
-def wall_bounds(duct: ReducedDuct) -> WallBounds:
-    """Return the bounds of a duct's wall."""
-    return WallBounds(duct.basis.Phi, duct.basis.omega_rad_s) if duct.warp is None else RotatingBounds(duct)
+def wall_bounds(duct: ReducedDuct, like: WallBounds | None = None) -> WallBounds:
+    """Return bounds with the undeformed wall as reference; those of another wall of this duct cost nothing more."""
+    modes = duct.basis.Phi if duct.warp is None else duct.warp.local
+    omega, r = np.ascontiguousarray(duct.basis.omega_rad_s), duct.basis.n_modes
+    edges = np.unique(np.round(r * np.linspace(0.0, 1.0, _BLOCKS + 1) ** 1.5).astype(int))
+    spans = list(itertools.pairwise(edges))
+    gain = [largest_gain(modes[:, :, a:b] / omega[a:b]).max() for a, b in spans] if like is None else like.gain
+    tube = warped_tube(duct.warp, r)
+    return WallBounds.zeros(
+        omega_rad_s=omega,
+        edge=edges,
+        gain=np.asarray(gain),
+        r=r,
+        tube=tube,
+        turn=tube.turn.copy(),
+        centre=tube.centre.copy(),
+        longest_arm_m=float(np.linalg.norm(tube.arm, axis=1).max(initial=0.0)),
+    )
 
 
 @kernel
-def moved_by_blocks(blocks: Blocks, reference: FloatArray, q: FloatArray) -> float:
+def bound_motion(bounds: WallBounds, q: FloatArray, beyond_m: float) -> float:
+    """Return a bound, in m, on any node's motion from the reference to q (r,), without that by loads.
+
+    Sections move nodes by their arms, which loads lengthen by ``beyond_m``.
+    """
+    moved_m = _bound_by_blocks(bounds, bounds.reference, q)
+    return moved_m + _bound_rotation(bounds, q, beyond_m) if bounds.turn.shape[0] > 0 else moved_m
+
+
+@inlined_kernel
+def _bound_rotation(bounds: WallBounds, q: FloatArray, beyond_m: float) -> float:
+    tube, turned_2, carried_2 = bounds.tube, 0.0, 0.0
+    string_axis(tube, q)
+    for station in range(bounds.turn.shape[0]):
+        turned_2 = max(turned_2, squared_distance(row(tube.turn, station), row(bounds.turn, station)))
+        carried_2 = max(carried_2, squared_distance(row(tube.centre, station), row(bounds.centre, station)))
+    arm_m = bounds.longest_arm_m + _bound_by_blocks(bounds, bounds.at_rest, q) + beyond_m
+    return math.sqrt(carried_2) + math.sqrt(turned_2) * arm_m
+
+
+@kernel
+def _bound_by_blocks(bounds: WallBounds, reference: FloatArray, q: FloatArray) -> float:
     """Return the sum over blocks of modes of their gain times |omega (q - reference)|."""
-    (omega, edges, gain), total = blocks, 0.0
-    for block in range(gain.shape[0]):
+    total = 0.0
+    for block in range(bounds.gain.shape[0]):
         square = 0.0
-        for mode in range(edges[block], edges[block + 1]):
-            square += (omega[mode] * (q[mode] - reference[mode])) ** 2
-        total += gain[block] * math.sqrt(square)
+        for mode in range(bounds.edge[block], bounds.edge[block + 1]):
+            square += (bounds.omega_rad_s[mode] * (q[mode] - reference[mode])) ** 2
+        total += bounds.gain[block] * math.sqrt(square)
     return total
+
+
+@kernel
+def set_reference(bounds: WallBounds, q: FloatArray) -> None:
+    """Count from these coordinates (r,)."""
+    for mode in range(q.shape[0]):
+        bounds.reference[mode] = q[mode]
+    if bounds.turn.shape[0] > 0:
+        string_axis(bounds.tube, q)
+    for station in range(bounds.turn.shape[0]):
+        put_row(bounds.turn, station, row(bounds.tube.turn, station))
+        put_row(bounds.centre, station, row(bounds.tube.centre, station))
 
 
 def largest_gain(modes: FloatArray) -> FloatArray:

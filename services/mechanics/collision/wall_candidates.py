@@ -1,160 +1,147 @@
 """Candidates between pieces of bodies and a wall, with lists that persist from tick to tick, for physics and haptics.
 
-A tick calls `follow` after it has written the pieces' positions, and then `measure` as often as necessary.
+A tick calls `follow_wall` after it has written the pieces, and then `measure` as often as necessary.
 """
 
 from __future__ import annotations
 
-from copy import copy
+import math
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.candidate_list import (
-    RENEWED,
-    SAME,
-    WALL_MOVED_TOO_FAR,
+    APPEARED,
+    DUE,
+    NEW_REFERENCE,
     CandidateList,
     add_travel,
-    largest_bound,
-    list_at,
+    complete_lists,
+    list_near,
     new_list,
-    renew_lists,
+    note_placed,
+    rebuild_due,
+    select_due,
     set_wanted_gaps,
 )
-from services.mechanics.collision.candidates import Candidates, candidates_at, measure
-from services.mechanics.collision.clusters import Clusters, cluster_triangles, enclose
+from services.mechanics.collision.candidates import Candidates, write_closest
+from services.mechanics.collision.clusters import Clusters, cluster_triangles
 from services.mechanics.collision.placed_wall import (
     Loads,
     PlacedWall,
-    WallPlacement,
-    place_walls,
+    configure,
+    place_requested,
+    place_wall,
     request_node,
-    wall_at,
 )
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address
+from services.mechanics.collision.wall_bounds import WallBounds, bound_motion, set_reference, wall_bounds
+from services.mechanics.compiled import inlined_kernel, kernel
+from services.mechanics.compiled.struct import Struct, reader
+from services.mechanics.compiled.vectors import put_row_of, row_of
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 
-#: A list is complete until piece and wall have moved by this. A thicker skin means longer lists, a thinner one more
-#: frequent rebuilds.
-SKIN_M = 0.5e-3
-#: Motion of the wall by this fraction of the skin rebuilds all lists; the rest of the skin is for the pieces' motion.
-WALL_SHARE = 0.5
 
-EndSearch = tuple[FloatArray, FloatArray, Candidates]
-"""Ends of the pieces at the start of the step, gaps as for `set_wanted_gaps`, and room for the candidates."""
+class WallCandidates(Struct):
+    """Lists of the pieces against a wall; a caller writes ``ends``, ``thickness``, ``active`` and ``reach`` of them."""
+
+    list: CandidateList
+    wall: PlacedWall
+    bounds: WallBounds  # from the reference of the lists
+    is_new: bool = True  # whether the next tick begins with empty lists
 
 
-class WallCandidates:
-    """Candidate lists of ``n_pieces`` pieces and the wall of a duct; ``along_m`` is that of `CandidateList`.
+candidates_of = reader(WallCandidates)
 
-    Attributes:
-        list: CandidateList. The caller writes its ``ends``, ``thickness``, ``active``, ``wanted`` and ``reach`` before
-            `follow`.
-        placement: WallPlacement. The wall's present configuration.
-        is_new: bool. Whether the next `follow` rebuilds all lists.
-        renewals, wall_renewals: int. Number of rebuilds of single pieces' lists, and of all lists because of the wall.
+
+def wall_candidates(duct: ReducedDuct, n_pieces: int, along_m: float) -> WallCandidates:
+    """Return empty lists for ``n_pieces`` and the wall of a duct; ``along_m`` is that of `CandidateList`."""
+    wall = place_wall(duct)
+    clusters = cluster_triangles(duct.mesh.vertices_m, duct.mesh.triangles)
+    lists = new_list(clusters, wall.position, n_pieces, along_m)
+    return WallCandidates(list=lists, wall=wall, bounds=wall_bounds(duct, wall.bounds))
+
+
+def more_pieces(known: WallCandidates, n_pieces: int) -> WallCandidates:
+    """Return empty lists for another number of pieces and the same wall."""
+    lists = new_list(known.list.clusters, known.wall.position, n_pieces, known.list.along_m)
+    return WallCandidates(list=lists, wall=known.wall, bounds=known.bounds)
+
+
+@kernel
+def follow_wall(known: WallCandidates, q: FloatArray, loads: Loads) -> bool:
+    """Set the coordinates q (r,) and loads at the start of a step, and rebuild the lists of pieces that have moved far.
+
+    Return whether anything has changed since the last measurement; if not, its candidates are still valid.
     """
-
-    def __init__(self, duct: ReducedDuct, n_pieces: int, along_m: float) -> None:
-        self.placement = place_walls(duct)
-        self._bounds = copy(self.placement.bounds)
-        self._clusters = cluster_triangles(duct.mesh.vertices_m, duct.mesh.triangles)
-        self._along_m, self.renewals, self.wall_renewals = along_m, 0, 0
-        self.make_room(n_pieces)
-
-    def make_room(self, n_pieces: int) -> None:
-        """Allocate lists for ``n_pieces``; the next `follow` rebuilds them."""
-        self.list = new_list(self._clusters, self.placement.position_m, n_pieces, SKIN_M, self._along_m)
-        self.is_new = True
-
-    def follow(self, q: FloatArray, loads: Loads) -> bool:
-        """Set the wall's coordinates q (r,) and loads, and rebuild the lists of pieces that have moved too far.
-
-        Return whether anything has changed since `measure_end`; if not, the candidates measured there are still valid.
-        """
-        listed, modes_moved_m = self.list, self._bounds.moved_m(q)
-        if self.is_new or modes_moved_m > WALL_SHARE * SKIN_M:
-            self._renew_wall(q, loads)
-            return True
-        is_elsewhere = add_travel(listed.address, self.placement.set_configuration(q, loads))
-        if is_elsewhere:
-            self._place()
-        outcome = renew_lists(listed.address, modes_moved_m, WALL_SHARE * SKIN_M)
-        if outcome == WALL_MOVED_TOO_FAR:
-            self._renew_wall(q, loads)
-        elif outcome == RENEWED:
-            self.renewals += 1
-        return is_elsewhere or outcome != SAME
-
-    def measure_end(self, placed: tuple[FloatArray, Loads, Loads], search: EndSearch, start: WallPlacement) -> None:
-        """Measure at the end of a step, and place the nodes of what is found in the configuration of ``start``.
-
-        ``placed`` is (coordinates, loads, lasting loads) of the wall there. Travel grows; lists are not rebuilt.
-        """
-        moved_m, addresses = self.placement.set_configuration(*placed), (self.list.address, self.placement.wall.address)
-        request_end(addresses, moved_m, search[0], search[1])
-        self.placement.place_requested()
-        measure_end(self.list.address, search[2].address, start.wall.address)
-        start.place_requested()
-
-    def measure(self, out: Candidates) -> None:
-        """Write the closest pairs with a gap up to ``wanted``."""
-        self._place()
-        measure(self.list.address, out.address)
-
-    def _place(self) -> None:
-        """Place the nodes of entries whose gap may be at most ``wanted``."""
-        request_nodes_of_entries(self.list.address, self.placement.wall.address)
-        self.placement.place_requested()
-
-    def _renew_wall(self, q: FloatArray, loads: Loads) -> None:
-        """Rebuild all lists from the present positions of all nodes."""
-        listed = self.list
-        self.placement.set_configuration(q, loads)
-        self.placement.place(self.placement.every)
-        listed.listed_position[:] = listed.position
-        self._bounds.set_reference(q)
-        enclose(listed.clusters.address, listed.position)
-        listed.is_listed[:], listed.wall_travel, listed.piece_travel[:] = False, 0.0, 0.0
-        listed.last_ends[:] = listed.ends
-        self.is_new = False
-        renew_lists(listed.address, 0.0, 0.0)
-        self.wall_renewals += 1
+    listed, wall = known.list, known.wall
+    modes_moved_m = math.inf if known.is_new else bound_motion(known.bounds, q, 0.0)
+    moved_m = configure(wall, q, loads, (wall.load_node[:0], wall.load_force[:0]))
+    if known.is_new:
+        _forget(listed)
+        moved_m = 0.0
+    is_elsewhere, listed.step_moved_m = add_travel(listed, moved_m), moved_m
+    report = select_due(listed, modes_moved_m)
+    if report & DUE:
+        _request_enclosed(known)
+        place_requested(wall)
+        rebuild_due(listed)
+    if report & NEW_REFERENCE:
+        set_reference(known.bounds, q)
+        known.is_new = False
+    return bool(is_elsewhere or report & APPEARED)
 
 
-@kernel
-def request_nodes_of_entries(list_address: Address[CandidateList], wall_address: Address[PlacedWall]) -> None:
-    """Request the nodes of entries whose gap may be at most ``wanted``."""
-    listed, wall = list_at(list_address), wall_at(wall_address)
+@inlined_kernel
+def _forget(listed: CandidateList) -> None:
+    """Remove all entries, and have all spheres computed anew."""
     for p in range(listed.count.shape[0]):
-        most = largest_bound(listed, p)
-        for k in range(listed.count[p]):
+        listed.count[p], listed.piece_travel[p], listed.slack_m[p] = 0, 0.0, math.inf
+        for end in range(2):
+            put_row_of(listed.last_ends, p, end, row_of(listed.ends, p, end))
+    for c in range(listed.clusters.slack_m.shape[0]):
+        listed.clusters.slack_m[c] = math.inf
+    listed.wall_travel = listed.wall_moved_m = 0.0
+
+
+@inlined_kernel
+def _request_enclosed(known: WallCandidates) -> None:
+    """Request the nodes of the clusters whose spheres are to be computed anew."""
+    clusters = known.list.clusters
+    for c in range(known.list.encloses.shape[0]):
+        if known.list.encloses[c]:
+            for entry in range(clusters.first[c], clusters.first[c + 1]):
+                request_triangle(known.wall, clusters, clusters.order[entry])
+
+
+@kernel
+def follow_end(
+    known: WallCandidates, q: FloatArray, loads: tuple[Loads, Loads], start: FloatArray, ahead: FloatArray
+) -> None:
+    """Set coordinates, loads and lasting loads at the end of a step, and what is wanted there.
+
+    ``start`` (p, 2, 3) and ``ahead`` (p,) are those of `set_wanted_gaps`. Only incomplete lists are rebuilt.
+    """
+    moved_m = configure(known.wall, q, loads[0], loads[1])
+    add_travel(known.list, moved_m)
+    set_wanted_gaps(known.list, start, ahead)
+    complete_lists(known.list, moved_m)
+
+
+@kernel
+def measure(known: WallCandidates, out: Candidates) -> None:
+    """Write the closest pairs with a gap up to ``wanted``."""
+    listed, wall = known.list, known.wall
+    for p in range(listed.count.shape[0]):
+        most = list_near(listed, p)
+        for place in range(listed.near_count[p]):
+            k = listed.near[p, place]
             if listed.bound[p, k] <= most:
-                _request_nodes_of_triangle(wall, listed.clusters, listed.entry[p, k])
+                request_triangle(wall, listed.clusters, listed.entry[p, k])
+    place_requested(wall)
+    note_placed(listed, wall.requested[: wall.n_requested])
+    write_closest(listed, out)
 
 
 @kernel
-def request_end(
-    addresses: tuple[Address[CandidateList], Address[PlacedWall]], moved_m: float, start: FloatArray, ahead: FloatArray
-) -> None:
-    """Add the travel to the end of a step, and request the nodes of entries that may be candidates there."""
-    add_travel(addresses[0], moved_m)
-    set_wanted_gaps(addresses[0], start, ahead)
-    request_nodes_of_entries(addresses[0], addresses[1])
-
-
-@kernel
-def measure_end(
-    list_address: Address[CandidateList], found_address: Address[Candidates], wall_address: Address[PlacedWall]
-) -> None:
-    """Write the closest pairs with a gap up to ``wanted``, and request their nodes of another wall."""
-    measure(list_address, found_address)
-    found, clusters, wall = candidates_at(found_address), list_at(list_address).clusters, wall_at(wall_address)
-    for i in range(found.count):
-        _request_nodes_of_triangle(wall, clusters, found.triangle[i])
-
-
-@kernel
-def _request_nodes_of_triangle(wall: PlacedWall, clusters: Clusters, t: int) -> None:
+def request_triangle(wall: PlacedWall, clusters: Clusters, t: int) -> None:
+    """Request the nodes of a triangle."""
     for c in range(3):
         request_node(wall, clusters.triangles[t, c])

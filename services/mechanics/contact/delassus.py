@@ -48,15 +48,16 @@ def add_tool_compliance(rows: ContactRows, compliance: FloatArray, out: FloatArr
         tool = rows.tool[a]
         if tool == NO_TOOL:
             continue
-        for b in range(a + 1):
-            if rows.tool[b] != tool:
-                continue
-            for i in range(3):
-                for j in range(3):
-                    total = 0.0
-                    for k in range(compliance.shape[1]):
-                        total += rows.lever[a, i, k] * compliance[tool, k] * rows.lever[b, j, k]
-                    out[3 * a + i, 3 * b + j] += total
+        c0, c1, c2, c3 = compliance[tool, 0], compliance[tool, 1], compliance[tool, 2], compliance[tool, 3]
+        for i in range(3):
+            lever = rows.lever[a, i]
+            x, y, z, w = c0 * lever[0], c1 * lever[1], c2 * lever[2], c3 * lever[3]
+            for b in range(a + 1):
+                if rows.tool[b] == tool:
+                    other = rows.lever[b]
+                    for j in range(3):
+                        total = x * other[j, 0] + y * other[j, 1] + z * other[j, 2] + w * other[j, 3]
+                        out[3 * a + i, 3 * b + j] += total
 
 
 @inlined_kernel

@@ -86,3 +86,12 @@ def _substitute_back(A: FloatArray, b: FloatArray) -> None:
         for j in range(k + 1, b.shape[0]):
             total += A[k, j] * b[j]
         b[k] = (b[k] - total) / A[k, k]
+
+
+@summing_kernel
+def sum_of_products(a: FloatArray, b: FloatArray, n: int) -> float:
+    """Return the scalar product of the first n items of two arrays."""
+    total = 0.0
+    for k in range(n):
+        total += a[k] * b[k]
+    return total

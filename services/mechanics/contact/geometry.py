@@ -24,9 +24,10 @@ class Bodies:
 
 
 class RodGeometry(Struct):
-    """Particles of the catheter at the start of the step, and their free motion over it, in m."""
+    """Particles of the catheter at the start of the step, now, and their free motion over it, in m."""
 
     position: Annotated[FloatArray, "n", 3]
+    position_now: Annotated[FloatArray, "n", 3]
     motion: Annotated[FloatArray, "n", 3]
     radius: Annotated[FloatArray, "n"]  # of the segment that begins at each particle; the last repeats that before it
 
@@ -51,10 +52,11 @@ class ContactGeometry(Struct):
     def of(cls, bodies: Bodies) -> ContactGeometry:
         """Return views of the bodies' arrays."""
         catheter, mesh, half_m = bodies.catheter, bodies.duct.reduced.mesh, bodies.half_thickness_m
+        now_m, radii_m = catheter.state.position_m, catheter.radii_m
         bodies.tools.arrays.wall_thickness = 2.0 * half_m
         return cls(
             tools=bodies.tools.arrays,
-            rod=RodGeometry(position=catheter.start_m, motion=catheter.motion_m, radius=catheter.radii_m),
+            rod=RodGeometry(position=catheter.start_m, position_now=now_m, motion=catheter.motion_m, radius=radii_m),
             wall=WallGeometry(vertices=mesh.vertices_m, triangles=mesh.triangles, half_thickness=half_m),
             spheres=no_spheres(),
         )

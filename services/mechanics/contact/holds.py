@@ -59,9 +59,19 @@ class HoldRegistry:
     def follow(self, requests: list[GraspHold]) -> None:
         """Begin newly requested holds, update limits, and drop holds without a request or whose tool is absent."""
         self.has_begun = False
-        if requests or self.active:
+        if not self._are_active(requests):
             self._follow(requests)
         self._system.rows.reserved = len(self.active)
+
+    def _are_active(self, requests: list[GraspHold]) -> bool:
+        """Return whether exactly these holds are active, can bear force, and none is lost: then nothing changes."""
+        if self.lost or len(requests) != len(self.active):
+            return False
+        present = self._system.geometry.tools.present.tolist()
+        for each, known in zip(requests, self.active.values(), strict=True):
+            if each is not known or not each.limit_n > 0.0 or not present[each.tool]:
+                return False
+        return True
 
     def _follow(self, requests: list[GraspHold]) -> None:
         present = self._system.geometry.tools.present.tolist()

@@ -17,8 +17,9 @@ import numpy as np
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.bodies.catheter import CatheterTouch, number_marked, touch_at
 from services.mechanics.bodies.duct_loads import DuctLoads, loads_at
-from services.mechanics.compiled import inlined_kernel, kernel, summing_kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct
+from services.mechanics.contact.dense import sum_of_products
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.rod.contact_response import compliance, factor_for_contacts
 from services.mechanics.rod.model import RodModel, RodWork, work_at
@@ -37,6 +38,7 @@ class LastingArrays(Struct):
     modes: Annotated[FloatArray, "r"]  # change of a modal coordinate per modal force that lasts for `LASTING_S`
     excess: Annotated[FloatArray, "r"]  # the same, minus the change by the impulse of one step
     shapes: Annotated[FloatArray, "m", "r"]  # mode shapes along the axes
+    moved: Annotated[FloatArray, "r"]  # what a unit force along an axis adds to the modal coordinates
     slot: Annotated[IntArray, "n"]
     particles: Annotated[IntArray, "n"]
     compliance: Annotated[FloatArray, "9 n n"]
@@ -70,23 +72,16 @@ def add_wall_compliance(
         for mode in range(n_modes):
             u, v, w = duct.modes[3 * row, mode], duct.modes[3 * row + 1, mode], duct.modes[3 * row + 2, mode]
             lasting.shapes[i, mode] = x * u + y * v + z * w
+            lasting.moved[mode] = lasting.excess[mode] * lasting.shapes[i, mode]
         for j in range(i + 1):
             if _touches_wall(rows, closed[j, 0]):
-                out[i, j] += _product(lasting, i, j)
+                out[i, j] += sum_of_products(lasting.moved, lasting.shapes[j], n_modes)
 
 
 @kernel
 def _touches_wall(rows: ContactRows, row: int) -> bool:
     weight = rows.duct_weight[row]
     return bool(weight[0] != 0.0 or weight[1] != 0.0 or weight[2] != 0.0)
-
-
-@summing_kernel
-def _product(lasting: LastingArrays, i: int, j: int) -> float:
-    shapes, excess, total = lasting.shapes, lasting.excess, 0.0
-    for mode in range(excess.shape[0]):
-        total += shapes[i, mode] * excess[mode] * shapes[j, mode]
-    return total
 
 
 @inlined_kernel

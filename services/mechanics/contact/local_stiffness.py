@@ -11,6 +11,7 @@ from services.mechanics.bodies.forceps.tool_body import ToolArrays
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.contact.admissible import closed_axes
+from services.mechanics.contact.dense import sum_of_products
 from services.mechanics.contact.geometry import Bodies
 from services.mechanics.contact.lasting_compliance import (
     LastingArrays,
@@ -141,19 +142,13 @@ def _add_excess(tools: ToolArrays, tool: int, S: FloatArray, G: FloatArray) -> N
 @kernel
 def _whiten(S: FloatArray, G: FloatArray) -> bool:
     """Overwrite G (n, 4) by L^-1 G, with S = L L^T in place; return False if S is not positive definite."""
-    n = S.shape[0]
-    for j in range(n):
-        pivot = S[j, j]
-        for k in range(j):
-            pivot -= S[j, k] * S[j, k]
+    for j in range(S.shape[0]):
+        pivot = S[j, j] - sum_of_products(S[j], S[j], j)
         if not pivot > 0.0:
             return False
         S[j, j] = math.sqrt(pivot)
-        for i in range(j + 1, n):
-            total = S[i, j]
-            for k in range(j):
-                total -= S[i, k] * S[j, k]
-            S[i, j] = total / S[j, j]
+        for i in range(j + 1, S.shape[0]):
+            S[i, j] = (S[i, j] - sum_of_products(S[i], S[j], j)) / S[j, j]
         for coordinate in range(G.shape[1]):
             total = G[j, coordinate]
             for k in range(j):

@@ -12,18 +12,17 @@ import math
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.tool_body import ToolArrays
-from services.mechanics.collision.candidate_list import CandidateList, list_at
+from services.mechanics.collision.candidate_list import CandidateList
 from services.mechanics.collision.candidates import (
     SAME_POINT,
     Candidates,
     Where,
-    candidates_at,
     closest_pair,
     nearest_to,
     offset,
     put,
 )
-from services.mechanics.collision.capsules import CapsuleMemory, capsules_at, ends_of, measure_pair, vector_between
+from services.mechanics.collision.capsules import CapsuleMemory, ends_of, measure_pair, vector_between
 from services.mechanics.collision.pairs import (
     CATHETER_SEGMENT,
     DUCT_TRIANGLE,
@@ -41,14 +40,13 @@ from services.mechanics.contact.clearance import jaw_surface, overlap_in_jaws, p
 from services.mechanics.contact.identity import PARTICLE, SEGMENT, TARGET, TARGET_KIND, pair_identity, part_of
 from services.mechanics.contact.laws import HAS_GAP
 from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.state import ContactState, state_at
+from services.mechanics.contact.state import ContactState
 from services.mechanics.contact.working_set import (
     WorkingSet,
     age_members,
     has_chosen_near,
     place_at_rest,
     renew_member,
-    set_at,
     sort_by_key,
 )
 from services.mechanics.contact.writer import n_free_rows
@@ -64,22 +62,23 @@ VIOLATION_SPACING = 0.1
 #: Maximum number of rows that a pricing adds, the deepest first; the others are priced again.
 MAX_NEW_ROWS = 24
 
-Found = tuple[Address[Candidates], Address[Candidates]]
+Found = tuple[Candidates, Candidates]
 """Candidates at the end of the step, and room for those of them that end too deep."""
-Addresses = tuple[Address[CandidateList], Found, Address[WorkingSet], Address[ContactState]]
 
 
 @kernel
 def write_violations(
-    addresses: Addresses, start: Where, tolerance_m: float, pairs_address: Address[ContactPairs]
+    given: tuple[CandidateList, Found, WorkingSet, ContactState],
+    start: Where,
+    tolerance_m: float,
+    pairs_address: Address[ContactPairs],
 ) -> int:
     """Write only pairs of the candidates that end too deep, the deepest at each place, and return their number.
 
     Candidates have been measured at the end of the step; ``start`` is its start. If there is no room for a row, return
     the number of violations.
     """
-    listed, found, working = list_at(addresses[0]), candidates_at(addresses[1][1]), set_at(addresses[2])
-    state, pairs, all_found = state_at(addresses[3]), pairs_at(pairs_address), candidates_at(addresses[1][0])
+    (listed, (all_found, found), working, state), pairs = given, pairs_at(pairs_address)
     pairs.count = pairs.dropped = 0
     working.wall_moved_m = _furthest_node(listed, all_found, start[1])
     most = min(MAX_NEW_ROWS, n_free_rows(state.rows))
@@ -88,6 +87,7 @@ def write_violations(
         corner = listed.clusters.triangles
         put_row(working.at_rest, i, place_at_rest(working.rest, corner, found.triangle[i], row(found.weight, i)))
         working.key[i] = working.clearance_m[i] = found.gap_m[i]
+        working.order[i] = i
     sort_by_key(working, n)
     working.n_chosen = 0
     for place in range(n):
@@ -203,18 +203,14 @@ def _write_violation(
 
 @kernel
 def write_capsule_violations(
-    addresses: tuple[Address[CandidateList], Address[CapsuleMemory], Address[ContactState]],
-    start: FloatArray,
-    sizes: tuple[float, float],
-    pairs_address: Address[ContactPairs],
+    given: tuple[CandidateList, CapsuleMemory, ContactState, ContactPairs], start: FloatArray, tolerance_m: float
 ) -> int:
     """Append pairs of tools with segments of the catheter that end too deep, and return their number.
 
-    ``start`` (p, 2, 3) are the ends of the pieces at the start of the step. ``sizes`` is (half the wall's thickness,
-    which is part of a piece's thickness, tolerance), in m. A pair keeps the side on which it began.
+    ``start`` (p, 2, 3) are the ends of the pieces at the start of the step. A pair keeps the side on which it began.
     """
-    listed, memory, state = list_at(addresses[0]), capsules_at(addresses[1]), state_at(addresses[2])
-    pairs, (half_m, tolerance_m), tools, count = pairs_at(pairs_address), sizes, state.geometry.tools, 0
+    listed, memory, state, pairs = given
+    tools, half_m, count = state.geometry.tools, state.geometry.wall.half_thickness, 0
     for i in range(N_TOOL_PIECES):
         is_held = i % 3 != SHAFT and tools.held[i // 3, CATHETER_SEGMENT]
         rest_offset_m = tools.rest_offset[i // 3, CATHETER_SEGMENT] if is_held else 0.0
@@ -254,14 +250,8 @@ def _has_capsule_row(rows: ContactRows, i: int, j: int, t: float, normal: Vector
 
 
 @kernel
-def write_chosen(
-    found_address: Address[Candidates],
-    set_address: Address[WorkingSet],
-    span: tuple[int, int],
-    pairs_address: Address[ContactPairs],
-) -> None:
+def write_chosen(found: Candidates, working: WorkingSet, span: tuple[int, int], pairs: ContactPairs) -> None:
     """Append the chosen candidates of a span of pieces (first, end) to pairs."""
-    found, working, pairs = candidates_at(found_address), set_at(set_address), pairs_at(pairs_address)
     for k in range(working.n_chosen):
         i = working.chosen[k]
         p = found.piece[i]
@@ -271,9 +261,8 @@ def write_chosen(
 
 
 @kernel
-def update_working_set(state_address: Address[ContactState], set_address: Address[WorkingSet]) -> None:
+def renew_members(working: WorkingSet, rows: ContactRows) -> None:
     """Age the working set by a step, and renew the features whose contacts carry a normal force."""
-    rows, working = state_at(state_address).rows, set_at(set_address)
     age_members(working)
     for at in range(rows.n_contacts):
         identity = rows.identity[at]

@@ -8,20 +8,18 @@ gets no row. Members are the features (piece and triangle) whose contacts carrie
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
-
-import numpy as np
 
 from services.mechanics.arrays import ByteArray, FloatArray, IntArray, LongArray
 from services.mechanics.bodies.forceps.tool_body import ToolArrays
-from services.mechanics.collision.candidate_list import CandidateList, list_at
-from services.mechanics.collision.candidates import SAME_POINT, Candidates, candidates_at
+from services.mechanics.collision.candidate_list import CandidateList
+from services.mechanics.collision.candidates import SAME_POINT, Candidates
 from services.mechanics.collision.pieces import N_TOOL_PIECES
 from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.compiled.struct import Struct
 from services.mechanics.compiled.vectors import Vector, combine, dot, put_row, row, squared_distance
 from services.mechanics.contact.clearance import overlap_in_jaws, piece_can_touch
-from services.mechanics.contact.geometry import ContactGeometry, geometry_at
 
 #: Smallest cosine between the normals of duplicates, 26 degrees.
 SAME_NORMAL = 0.9
@@ -47,7 +45,6 @@ class WorkingSet(Struct):
 
     life: Annotated[ByteArray, "p", "m"]  # remaining steps of each member, 0 for other features
     member: Annotated[LongArray, "c", 2]  # the members: piece and triangle
-    merge_m: Annotated[FloatArray, "p"]  # distance within which contacts of a piece are merged
     clearance_m: Annotated[FloatArray, "c"]  # gap plus the wall's indentation
     key: Annotated[FloatArray, "c"]
     order: Annotated[LongArray, "c"]
@@ -60,53 +57,55 @@ class WorkingSet(Struct):
     first_sphere: int = 0  # pieces from here on are spheres
 
 
-set_at = reader(WorkingSet)
-
-
-def merge_distance_m(thickness_m: FloatArray, wall_m: float) -> FloatArray:
-    """Return the distances (p,), in m, within which two contacts of a piece are merged.
+@kernel
+def merge_distance_m(thickness_m: float, wall_m: float) -> float:
+    """Return the distance, in m, within which two contacts of a piece are merged.
 
     At a distance of sqrt(r t / 2) from the contact a round body of radius r is a quarter of the wall's thickness t away
     from its tangent. Two such points are twice as far from each other. The result is at most half the radius.
     """
-    apart: FloatArray = np.minimum(0.5 * thickness_m, np.sqrt(2.0 * wall_m * thickness_m))
-    return apart
+    return min(0.5 * thickness_m, math.sqrt(2.0 * wall_m * thickness_m))
 
 
 @kernel
 def choose(
-    addresses: tuple[Address[CandidateList], Address[Candidates], Address[WorkingSet]],
-    row_gap: FloatArray,
-    geometry_address: Address[ContactGeometry],
+    listed: CandidateList, found: Candidates, working: WorkingSet, row_gap: FloatArray, tools: ToolArrays
 ) -> None:
     """Choose candidates for rows, and write their indices into ``chosen``, nearest first.
 
     A candidate is chosen if its clearance is at most ``row_gap`` (p,) of its piece. Absent and disengaged tools get no
     rows.
     """
-    listed, found, working = list_at(addresses[0]), candidates_at(addresses[1]), set_at(addresses[2])
-    tools = geometry_at(geometry_address).tools
+    n = 0
     for i in range(found.count):
-        _rate_candidate(found, working, listed, tools, i)
-    sort_by_key(working, found.count)
+        p = found.piece[i]
+        if piece_can_touch(tools, p) and _clearance(found, working, tools, i) <= row_gap[p]:
+            _rate_candidate(found, working, listed, i)
+            working.order[n] = i
+            n += 1
+    sort_by_key(working, n)
     working.n_chosen, working.wall_moved_m = 0, 0.0
-    for k in range(found.count):
+    for k in range(n):
         i = working.order[k]
         if working.n_chosen >= MAX_CHOSEN and not _is_member(found, working, i):
             break
-        p = found.piece[i]
-        if not piece_can_touch(tools, p):
-            continue
-        if working.clearance_m[i] <= row_gap[p] and not _is_duplicate(found, working, i):
+        near = merge_distance_m(listed.thickness[found.piece[i]], tools.wall_thickness)
+        if not _is_duplicate(found, working, i, near):
             working.chosen[working.n_chosen] = i
             working.n_chosen += 1
 
 
-@kernel
-def _rate_candidate(found: Candidates, working: WorkingSet, listed: CandidateList, tools: ToolArrays, i: int) -> None:
+@inlined_kernel
+def _clearance(found: Candidates, working: WorkingSet, tools: ToolArrays, i: int) -> float:
+    indentation_m = overlap_in_jaws(tools, found.piece[i], found.s[i], row(found.normal, i))
+    working.clearance_m[i] = found.gap_m[i] + indentation_m
+    return float(working.clearance_m[i])
+
+
+@inlined_kernel
+def _rate_candidate(found: Candidates, working: WorkingSet, listed: CandidateList, i: int) -> None:
     t, corner = found.triangle[i], listed.clusters.triangles
     put_row(working.at_rest, i, place_at_rest(working.rest, corner, t, row(found.weight, i)))
-    working.clearance_m[i] = found.gap_m[i] + overlap_in_jaws(tools, found.piece[i], found.s[i], row(found.normal, i))
     working.key[i] = working.clearance_m[i] - (1.0 if _is_member(found, working, i) else 0.0)
 
 
@@ -122,9 +121,8 @@ def place_at_rest(rest: FloatArray, corner: IntArray, t: int, w: Vector) -> Vect
 
 
 @inlined_kernel
-def _is_duplicate(found: Candidates, working: WorkingSet, i: int) -> bool:
-    """Return whether a chosen candidate represents this one."""
-    near = working.merge_m[found.piece[i]]
+def _is_duplicate(found: Candidates, working: WorkingSet, i: int, near: float) -> bool:
+    """Return whether a chosen candidate represents this one, nearer than ``near`` or, for a member, at its place."""
     if _is_member(found, working, i):
         near = 2.0 * SAME_POINT * near
     return has_chosen_near(found, working, i, near)
@@ -154,14 +152,11 @@ def is_same_body(working: WorkingSet, p: int, other: int) -> bool:
 
 @kernel
 def sort_by_key(working: WorkingSet, count: int) -> None:
-    """Write the order of increasing keys, and of increasing indices where keys are equal, as on an edge.
+    """Sort the first ``count`` of ``order`` by increasing keys, and by indices where keys are equal, as on an edge.
 
     Shell sort: no memory, and a few hundred candidates at most.
     """
-    key, order = working.key, working.order
-    for i in range(count):
-        order[i] = i
-    step = 1
+    key, order, step = working.key, working.order, 1
     while step < count // 3:
         step = 3 * step + 1
     while step >= 1:

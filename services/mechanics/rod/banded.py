@@ -49,19 +49,28 @@ def factor_ldl(band: FloatArray) -> bool:
 
 @kernel
 def solve_ldl(band: FloatArray, rhs: FloatArray) -> None:
-    """Solve in place one right-hand side, (n_dofs + 8,) with zeroed padding."""
+    """Solve in place one right-hand side, (n_dofs + 8,) with zeroed padding.
+
+    The last eight values stay in registers: a value that is read from memory just after it was written costs more than
+    its eight products.
+    """
     n_dofs = band.shape[0] - HALF_BANDWIDTH
+    x1 = x2 = x3 = x4 = x5 = x6 = x7 = x8 = 0.0
     for j in range(n_dofs):
-        value = rhs[j]
-        for a in range(1, _WIDTH):
-            rhs[j + a] -= band[j, a] * value
+        far = _lower(band, j, 8) * x8 + _lower(band, j, 7) * x7 + _lower(band, j, 6) * x6 + _lower(band, j, 5) * x5
+        near = _lower(band, j, 4) * x4 + _lower(band, j, 3) * x3 + _lower(band, j, 2) * x2
+        value = rhs[j] - (far + near) - _lower(band, j, 1) * x1
+        x8, x7, x6, x5, x4, x3, x2, x1 = x7, x6, x5, x4, x3, x2, x1, value
+        rhs[j] = value
+    x1 = x2 = x3 = x4 = x5 = x6 = x7 = x8 = 0.0
+    for j in range(n_dofs - 1, -1, -1):
+        far = band[j, 8] * x8 + band[j, 7] * x7 + band[j, 6] * x6 + band[j, 5] * x5
+        near = band[j, 4] * x4 + band[j, 3] * x3 + band[j, 2] * x2
+        value = rhs[j] * band[j, 0] - (far + near) - band[j, 1] * x1
+        x8, x7, x6, x5, x4, x3, x2, x1 = x7, x6, x5, x4, x3, x2, x1, value
+        rhs[j] = value
     for a in range(n_dofs, n_dofs + HALF_BANDWIDTH):
         rhs[a] = 0.0
-    for j in range(n_dofs - 1, -1, -1):
-        value = rhs[j] * band[j, 0]
-        for a in range(1, _WIDTH):
-            value -= band[j, a] * rhs[j + a]
-        rhs[j] = value
 
 
 @kernel

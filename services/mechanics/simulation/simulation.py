@@ -280,7 +280,7 @@ class Simulation:
         pairs = self.world.pairs
         pairs.clear()
         search.begin(self._moving, system)
-        search.write_pairs(self.catheter, self.tools, pairs)
+        search.write_pairs(system.address, pairs)
         if self.tools.have_appeared:
             search.engage(pairs, system.geometry.address)
         wanted = self._grasp(tools, pairs) if tools.holds is None else tools.holds

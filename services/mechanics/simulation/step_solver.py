@@ -36,14 +36,14 @@ class Pricing:
         self.new_rows = 0
 
     def save(self) -> None:
-        """Save the bodies' state before forces are applied, if there are candidates."""
-        if not self._is_off and self._search.has_candidates:
+        """Save the bodies' state before forces are applied."""
+        if not self._is_off:
             self._ends.save()
             self._touched = self._world.catheter.touched
 
     def finds_violations(self) -> bool:
         """Return whether a candidate without a row ends too deep."""
-        return not self._is_off and self._search.has_candidates and self._price()
+        return not self._is_off and self._price()
 
     def _price(self) -> bool:
         system = self._world.system

@@ -88,7 +88,7 @@ def test_only_its_sphere_touches(small_scene, small_duct):
     pairs = simulation.world.pairs
     pairs.clear()
     simulation.search.begin((simulation.duct, simulation.catheter, simulation.tools), simulation.system)
-    simulation.search.write_pairs(simulation.catheter, simulation.tools, pairs)
+    simulation.search.write_pairs(simulation.system.address, pairs)
     of_probe = pairs.tool[: pairs.count] == 0
     assert of_probe.any()
     assert set(pairs.tool_segment[: pairs.count][of_probe]) == {SHAFT}

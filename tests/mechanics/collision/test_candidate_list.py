@@ -6,10 +6,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from wall_cases import N_MODES, coordinates, placed, wall
 
-from services.mechanics.collision.candidate_list import add_travel
-from services.mechanics.collision.candidates import Candidates
+from services.mechanics.collision.candidate_list import EARLY, REFERENCE_M, SKIN_M
+from services.mechanics.collision.candidate_list import REACH_M as REACHED_M
+from services.mechanics.collision.candidates import Candidates, candidates_at
 from services.mechanics.collision.placed_wall import NO_LOADS
-from services.mechanics.collision.wall_candidates import SKIN_M, WALL_SHARE, WallCandidates
+from services.mechanics.collision.wall_candidates import (
+    candidates_of,
+    follow_end,
+    follow_wall,
+    measure,
+    more_pieces,
+    wall_candidates,
+)
 from services.mechanics.compiled import building_kernel
 from services.mechanics.compiled.vectors import row, row_of
 from services.mechanics.contact.working_set import TOUCHING_M
@@ -71,16 +79,48 @@ def compare(wall_now, found, ends, active, gap_m, span):
     return n
 
 
-def reaching(duct, n_pieces):
-    """Return lists of so many pieces that may want candidates up to `REACH_M`."""
-    lists = WallCandidates(duct, n_pieces, TOUCHING_M)
-    lists.list.reach[:] = REACH_M
-    return lists
+class Lists:
+    """Lists of so many pieces that may want candidates up to `REACH_M`, and what is found."""
+
+    def __init__(self, duct, n_pieces):
+        self.known, self.found = wall_candidates(duct, n_pieces, TOUCHING_M), Candidates.zeros(c=8192)
+        self.list.reach[:] = REACH_M
+
+    @property
+    def list(self):
+        return self.known.list
+
+    def more(self, n_pieces):
+        self.known = more_pieces(self.known, n_pieces)
+        self.list.reach[:] = REACH_M
+
+    def follow(self, q, loads):
+        return _follow(self.known.address, q, loads)
+
+    def move(self, ends, q, loads):
+        """Move pieces and wall, as to the end of a step; the gaps wanted there are at most those of the start."""
+        start = self.list.ends.copy()
+        self.list.ends[:] = ends
+        _move(self.known.address, q, (loads, NO_LOADS), start, np.full(len(ends), REACH_M - REACHED_M))
+
+    def measure(self):
+        _measure(self.known.address, self.found.address)
+        return self.found
 
 
-def move(lists, q, loads):
-    """Move the wall, as to the end of a step."""
-    add_travel(lists.list.address, lists.placement.set_configuration(q, loads))
+@building_kernel
+def _follow(address, q, loads):
+    return follow_wall(candidates_of(address), q, loads)
+
+
+@building_kernel
+def _move(address, q, loads, start, ahead):
+    follow_end(candidates_of(address), q, loads, start, ahead)
+
+
+@building_kernel
+def _measure(address, found):
+    measure(candidates_of(address), candidates_at(found))
 
 
 @pytest.mark.parametrize("kind", ["straight", "turned"])
@@ -94,7 +134,7 @@ def move(lists, q, loads):
 def test_whatever_moves_the_candidates_are_those_of_brute_force(kind, seed, piece_m, wall_m, dent_m):
     """Pieces come, go, creep and jump; the wall creeps and jumps; loads press on what is touched, as contacts do."""
     duct, rng = wall(kind), np.random.default_rng(seed)
-    lists, found = reaching(duct, N_PIECES), Candidates.zeros(c=8192)
+    lists = Lists(duct, N_PIECES)
     lists.list.thickness[:] = THICKNESS_M
     ends, q, total = somewhere(rng), coordinates(duct, rng, 2e-3), 0
     drift, loads = rng.normal(size=(N_PIECES, 1, 3)), NO_LOADS
@@ -111,14 +151,13 @@ def test_whatever_moves_the_candidates_are_those_of_brute_force(kind, seed, piec
             wall_now = placed(duct, q, loads), duct.mesh.triangles
             gap_m = float(rng.choice([REACH_M - 0.4e-3, 0.0, -20e-6]))
             lists.list.wanted[:] = gap_m
-            lists.measure(found)
+            found = lists.measure()
             total += compare(wall_now, found, ends, active, gap_m, (0, N_PIECES))
             touched = np.unique(duct.mesh.triangles[found.triangle[: found.count]])[:12].astype(np.int32)
             push = rng.normal(size=(len(touched), 3))
             loads = touched, dent_m * push / max(softness(kind), 1e-9) / max(len(touched), 1)
-            ends = ends + min(piece_m, 0.05e-3) * rng.normal(size=(N_PIECES, 1, 3))
-            lists.list.ends[:] = ends
-            move(lists, q, loads)
+            ends = ends + piece_m * rng.normal(size=(N_PIECES, 1, 3))
+            lists.move(ends, q, loads)
     assert found.dropped == lists.list.dropped == 0
 
 
@@ -131,14 +170,14 @@ def softness(kind):
 
 def test_within_all_its_reach_a_list_is_complete_where_it_was_made():
     duct, rng = wall("straight"), np.random.default_rng(2)
-    lists, found, seen = reaching(duct, N_PIECES), Candidates.zeros(c=8192), 0
+    lists, seen = Lists(duct, N_PIECES), 0
     lists.list.thickness[:], lists.list.active[:] = THICKNESS_M, True
     for _ in range(20):
         ends, q = somewhere(rng), coordinates(duct, rng, 2e-3)
         lists.list.ends[:] = ends
         lists.follow(q, NO_LOADS)
         lists.list.wanted[:] = REACH_M
-        lists.measure(found)
+        found = lists.measure()
         wall_now = placed(duct, q, NO_LOADS), duct.mesh.triangles
         seen += compare(wall_now, found, ends, np.ones(N_PIECES, bool), REACH_M, (0, N_PIECES))
     assert seen > 500
@@ -149,7 +188,7 @@ def test_within_all_its_reach_a_list_is_complete_where_it_was_made():
 def test_a_piece_along_a_triangle_touches_it_in_two_places_whichever_is_nearer(tilt, beyond_m):
     """With the nearer one alone a jaw had no contact at the other, and sank in there until it was the nearer one."""
     duct = wall("straight")
-    lists, found = reaching(duct, 1), Candidates.zeros(c=512)
+    lists = Lists(duct, 1)
     lists.list.thickness[:], lists.list.active[:] = 1e-3, True
     corners_m = duct.mesh.vertices_m[duct.mesh.triangles[200]]
     a, b, c = corners_m
@@ -162,7 +201,7 @@ def test_a_piece_along_a_triangle_touches_it_in_two_places_whichever_is_nearer(t
     lists.list.ends[0] = ends
     lists.follow(np.zeros(N_MODES), NO_LOADS)
     lists.list.wanted[:] = 0.1e-3
-    lists.measure(found)
+    found = lists.measure()
     mine = np.flatnonzero(found.triangle[: found.count] == 200)
     touched_m = np.einsum("kc,ci->ki", found.weight[mine], corners_m)
     for place_m in (on_ab, on_ac + min(beyond_m, 0.0) * along):
@@ -170,54 +209,57 @@ def test_a_piece_along_a_triangle_touches_it_in_two_places_whichever_is_nearer(t
     assert np.ptp(found.gap_m[mine]) <= max(abs(tilt) * width_m, 1e-9) + 1e-9
 
 
-def test_lists_are_renewed_when_their_skin_is_used_up_and_not_before():
-    duct = wall("straight")
-    lists, rest = reaching(duct, 2), np.zeros(N_MODES)
+def test_a_list_is_rebuilt_when_its_skin_is_used_up_and_hardly_before():
+    duct, step_m, moved_m = wall("straight"), 0.03e-3, np.zeros(2)
+    lists, rest = Lists(duct, 2), np.zeros(N_MODES)
     lists.list.thickness[:], lists.list.active[:] = 1e-3, True
-    ends, step_m = np.tile([[10e-3, 2e-3, 0.0], [13e-3, 2e-3, 0.0]], (2, 1, 1)), 0.04e-3
-    for tick in range(101):
-        lists.list.ends[0] = ends[0] + [tick * step_m, 0.0, 0.0]
-        lists.list.ends[1] = ends[1]
-        lists.follow(rest, NO_LOADS)
-    assert lists.renewals == 100 // (int(SKIN_M / step_m + 1e-9) + 1)
-    assert lists.wall_renewals == 1
+    lists.list.ends[:] = [[10e-3, 2e-3, 0.0], [13e-3, 2e-3, 0.0]]
     furthest = duct.basis.displacements(np.eye(N_MODES)[0])
-    mode_m = np.linalg.norm(furthest, axis=1).max()
-    for tick in range(101):
-        lists.follow(np.eye(N_MODES)[0] * tick * step_m / mode_m, NO_LOADS)
-    assert lists.wall_renewals == 1 + 100 // (int(WALL_SHARE * SKIN_M / step_m + 1e-9) + 1)
+    mode = np.eye(N_MODES)[0] / np.linalg.norm(furthest, axis=1).max()
+    lists.follow(rest, NO_LOADS)
+    for q_m in (*np.zeros(100), *step_m * np.arange(1, 101)):  # first a piece moves, and then the wall
+        if q_m == 0.0:
+            lists.list.ends[0, :, 0] += step_m
+            moved_m += [step_m, 0.0]
+        else:
+            moved_m += step_m
+        listed_m, was_m = lists.list.listed_ends.copy(), lists.list.slack_m.copy()
+        lists.follow(q_m * mode, NO_LOADS)
+        is_rebuilt = (lists.list.listed_ends != listed_m).any(axis=(1, 2)) | (lists.list.slack_m < was_m)
+        assert (moved_m[is_rebuilt] > EARLY * SKIN_M - 2.0 * REFERENCE_M).all()
+        moved_m[is_rebuilt] = 0.0
+        assert (moved_m <= SKIN_M).all()
 
 
 def test_a_piece_more_is_followed_as_the_others():
     duct, found = wall("straight"), Candidates.zeros(c=512)
-    lists = reaching(duct, 1)
+    lists = Lists(duct, 1)
     for number in range(2):
         if number:
-            lists.make_room(2)
-            lists.list.reach[:] = REACH_M
+            lists.more(2)
         lists.list.thickness[:], lists.list.active[:] = 1e-3, True
         lists.list.ends[:] = [20e-3, 3.2e-3, 0.0]
         lists.follow(np.zeros(N_MODES), NO_LOADS)
         lists.list.wanted[:] = 0.0
-        lists.measure(found)
+        found = lists.measure()
         assert set(found.piece[: found.count].tolist()) == set(range(number + 1))
 
 
 def test_after_a_wall_without_numbers_candidates_are_found_again():
     """A state that is not finite is put back, and everything forgotten: nothing of it may stay."""
     duct, found = wall("straight"), Candidates.zeros(c=2048)
-    lists, rest = reaching(duct, 1), np.zeros(N_MODES)
+    lists, rest = Lists(duct, 1), np.zeros(N_MODES)
     lists.list.thickness[:], lists.list.active[:] = THICKNESS_M[:1], True
     lists.list.ends[0] = [[10e-3, 2e-3, 0.0], [13e-3, 2e-3, 0.0]]
     for q in (rest, rest + np.nan, rest):
         lists.follow(q, NO_LOADS)
-        move(lists, q, NO_LOADS)
-        lists.measure(found)
-    lists.is_new = True
+        lists.move(lists.list.ends.copy(), q, NO_LOADS)
+        found = lists.measure()
+    lists.known.is_new = True
     for _ in range(2):
         lists.follow(rest, NO_LOADS)
         lists.list.wanted[:] = 0.0
-        lists.measure(found)
+        found = lists.measure()
         wall_now = duct.mesh.vertices_m, duct.mesh.triangles
         assert compare(wall_now, found, lists.list.ends, np.ones(1, bool), 0.0, (0, 1)) > 0
 
@@ -225,13 +267,13 @@ def test_after_a_wall_without_numbers_candidates_are_found_again():
 def test_what_was_put_elsewhere_is_found_there():
     """`forget`: a wall and pieces that jump at once by more than any skin."""
     duct, found = wall("straight"), Candidates.zeros(c=2048)
-    lists, rng = reaching(duct, N_PIECES), np.random.default_rng(9)
+    lists, rng = Lists(duct, N_PIECES), np.random.default_rng(9)
     lists.list.thickness[:], lists.list.active[:] = THICKNESS_M, True
     for _ in range(5):
         ends, q = somewhere(rng), coordinates(duct, rng, 5e-3)
         lists.list.ends[:] = ends
-        lists.is_new = True
+        lists.known.is_new = True
         lists.follow(q, NO_LOADS)
         lists.list.wanted[:] = 0.0
-        lists.measure(found)
+        found = lists.measure()
         compare((placed(duct, q, NO_LOADS), duct.mesh.triangles), found, ends, np.ones(N_PIECES, bool), 0.0, (0, 7))

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from services.mechanics.collision.capsules import CapsuleMemory, detect_capsules
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, JAW_A, ContactPairs
+from services.mechanics.collision.capsules import CapsuleMemory, capsules_at, detect_capsules
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, JAW_A, ContactPairs, pairs_at
+from services.mechanics.compiled import building_kernel
 
 JAW_M, CATHETER_M, MARGIN_M = 1e-3, 0.8e-3, 0.5e-3
 AWAY = np.full((2, 3), 1.0)
@@ -25,9 +26,14 @@ class Jaw:
             (segments, radius, np.array([True, False])),
             (np.full(len(particles_m) - 1, CATHETER_M), MARGIN_M),
         )
-        detect_capsules((self.memory.address, pairs.address), tools, np.asarray(particles_m, float), sizes)
+        _detect((self.memory.address, pairs.address), tools, np.asarray(particles_m, float), sizes)
         assert (pairs.target_kind[: pairs.count] == CATHETER_SEGMENT).all()
         return pairs
+
+
+@building_kernel
+def _detect(addresses, tools, particles_m, sizes):
+    detect_capsules(capsules_at(addresses[0]), pairs_at(addresses[1]), tools, particles_m, sizes)
 
 
 def bar(first_m=90e-3, last_m=100e-3, n=6):

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from wall_cases import KINDS, N_MODES, coordinates, placed, wall
+from wall_cases import KINDS, N_MODES, coordinates, follow, place, placed, set_configuration, wall
 
 from services.mechanics.bodies.duct import DuctBody
 from services.mechanics.collision import placed_wall
-from services.mechanics.collision.placed_wall import NO_LOADS, place_walls
+from services.mechanics.collision.placed_wall import NO_LOADS, place_wall
 from services.mechanics.reduction import Newmark
 
 CLOSE_M = 2e-9  # blocks are float32: 1e-6 of a dent of a millimetre
@@ -18,7 +18,7 @@ CLOSE_M = 2e-9  # blocks are float32: 1e-6 of a dent of a millimetre
 
 @cache
 def placement_of(kind):
-    return place_walls(wall(kind))
+    return place_wall(wall(kind))
 
 
 def random_loads(rng, n_nodes, most=8, force_n=0.05):
@@ -33,8 +33,8 @@ def test_nodes_are_where_all_modes_and_all_loads_put_them(kind, seed):
     """A few nodes at a time, lasting loads beside those of contacts; the others stay where they were placed before."""
     duct, rng = wall(kind), np.random.default_rng(seed)
     placement, before = placement_of(kind), duct.mesh.vertices_m.copy()
-    placement.set_configuration(np.zeros(N_MODES), NO_LOADS)
-    placement.place(placement.every)
+    set_configuration(placement, np.zeros(N_MODES), NO_LOADS)
+    place(placement)
     for _ in range(4):
         nodes = np.sort(rng.choice(duct.mesh.n_vertices, int(rng.integers(1, 60)), replace=False)).astype(np.int32)
         q = coordinates(duct, rng, 3e-3)
@@ -42,10 +42,10 @@ def test_nodes_are_where_all_modes_and_all_loads_put_them(kind, seed):
         both = np.concatenate([loads[0], lasting[0]]), np.concatenate([loads[1], lasting[1]])
         expected = before.copy()
         expected[nodes] = placed(duct, q, both)[nodes]
-        placement.set_configuration(q, loads, lasting)
-        placement.place(nodes)
-        np.testing.assert_allclose(placement.position_m, expected, atol=CLOSE_M)
-        before = placement.position_m.copy()
+        set_configuration(placement, q, loads, lasting)
+        place(placement, nodes)
+        np.testing.assert_allclose(placement.position, expected, atol=CLOSE_M)
+        before = placement.position.copy()
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -55,12 +55,12 @@ def test_no_node_is_farther_from_where_the_wall_stood_than_it_says(kind, seed, s
     duct, rng = wall(kind), np.random.default_rng(seed)
     placement, n = placement_of(kind), duct.mesh.n_vertices
     q, loads = coordinates(duct, rng, 3e-3), random_loads(rng, n)
-    placement.set_configuration(q, loads)
+    set_configuration(placement, q, loads)
     for _ in range(4):
         before = placed(duct, q, loads)
         q = q + step_m * coordinates(duct, rng, 1.0)
         loads = (loads[0], loads[1] * rng.uniform(0.5, 1.5)) if rng.integers(2) else random_loads(rng, n)
-        most_m = placement.set_configuration(q, loads)
+        most_m = set_configuration(placement, q, loads)
         moved_m = np.linalg.norm(placed(duct, q, loads) - before, axis=1).max()
         assert moved_m <= most_m + CLOSE_M
         assert most_m == 0.0 or moved_m > 0.01 * most_m, "a bound that says nothing"
@@ -69,49 +69,44 @@ def test_no_node_is_farther_from_where_the_wall_stood_than_it_says(kind, seed, s
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_start_knows_what_was_placed_and_places_the_rest(kind):
     duct, rng = wall(kind), np.random.default_rng(3)
-    now, n = place_walls(duct), duct.mesh.n_vertices
-    start = place_walls(duct, now)
+    now, n = place_wall(duct), duct.mesh.n_vertices
+    start = place_wall(duct, now)
     q, loads = coordinates(duct, rng, 3e-3), random_loads(rng, n)
-    now.set_configuration(q, loads)
-    now.place(np.arange(0, n, 2, dtype=np.int32))
-    start.follow(now)
-    now.set_configuration(coordinates(duct, rng, 3e-3), random_loads(rng, n))
-    now.place(now.every)
-    start.place(start.every)
-    assert start.wall.n_requested == n - (n + 1) // 2
-    np.testing.assert_allclose(start.position_m, placed(duct, q, loads), atol=CLOSE_M)
+    set_configuration(now, q, loads)
+    place(now, np.arange(0, n, 2, dtype=np.int32))
+    follow(start, now)
+    set_configuration(now, coordinates(duct, rng, 3e-3), random_loads(rng, n))
+    place(now)
+    place(start)
+    assert start.n_requested == n - (n + 1) // 2
+    np.testing.assert_allclose(start.position, placed(duct, q, loads), atol=CLOSE_M)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_detection_and_picture_see_the_same_wall(kind):
     duct, rng = wall(kind), np.random.default_rng(4)
-    body, placement = DuctBody(duct, Newmark(duct.basis.omega_rad_s, duct.damping_ratio), 16), place_walls(duct)
+    body, placement = DuctBody(duct, Newmark(duct.basis.omega_rad_s, duct.damping_ratio), 16), place_wall(duct)
     body.state.q[:] = coordinates(duct, rng, 3e-3)
     nodes, forces = rng.choice(duct.mesh.n_vertices, 8, replace=False), rng.normal(size=(8, 3)) * 0.05
     body.load_nodes[:8], body.load_force_n[:8] = nodes, forces
     body.replace_loads(8)
-    placement.set_configuration(body.state.q, (body.load_nodes[:8], body.load_force_n[:8]))
-    placement.place(placement.every)
-    assert np.abs(placement.position_m - body.surface_m()).max() < CLOSE_M
-    alone = placement.position_m.copy()
-    placement.set_configuration(body.state.q, NO_LOADS)
-    placement.place(placement.every)
-    assert np.abs(placement.position_m - alone).max() > 0.1e-3, "loads that do nothing show nothing"
+    set_configuration(placement, body.state.q, (body.load_nodes[:8], body.load_force_n[:8]))
+    place(placement)
+    assert np.abs(placement.position - body.surface_m()).max() < CLOSE_M
+    alone = placement.position.copy()
+    set_configuration(placement, body.state.q, NO_LOADS)
+    place(placement)
+    assert np.abs(placement.position - alone).max() > 0.1e-3, "loads that do nothing show nothing"
 
 
 def test_with_room_for_a_few_rows_of_the_residual_loads_take_turns(monkeypatch):
     """More loaded nodes than rows: a row that is read anew is that of its node, with all nodes that are placed."""
     duct, rng = wall("cyclic"), np.random.default_rng(7)
     monkeypatch.setattr(placed_wall, "MAX_ROWS", 3)
-    placement, n = place_walls(duct), duct.mesh.n_vertices
+    placement, n = place_wall(duct), duct.mesh.n_vertices
     for _ in range(12):
         nodes = np.sort(rng.choice(n, 40, replace=False)).astype(np.int32)
         loads, q = random_loads(rng, n), coordinates(duct, rng, 1e-3)
-        placement.set_configuration(q, loads)
-        placement.place(nodes)
-        np.testing.assert_allclose(placement.position_m[nodes], placed(duct, q, loads)[nodes], atol=CLOSE_M)
-
-
-def test_a_wall_that_turns_needs_to_know_how():
-    with pytest.raises(ValueError, match="needs a duct with a warp"):
-        placed_wall.RotatingPlacement(wall("straight"))
+        set_configuration(placement, q, loads)
+        place(placement, nodes)
+        np.testing.assert_allclose(placement.position[nodes], placed(duct, q, loads)[nodes], atol=CLOSE_M)

@@ -8,7 +8,17 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from services.mechanics.collision.placed_wall import Loads
+from services.mechanics.collision.placed_wall import (
+    NO_LOADS,
+    Loads,
+    PlacedWall,
+    configure,
+    copy_configuration,
+    place_requested,
+    request_node,
+    wall_at,
+)
+from services.mechanics.compiled import building_kernel
 from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
 from services.mechanics.reduction import ReducedDuct, Residual
 from services.mechanics.reduction.build import build_basis, fill_full_residual
@@ -69,3 +79,36 @@ def placed(duct: ReducedDuct, q: NDArray[np.float64], loads: Loads) -> NDArray[n
     duct.residual.apply(loads[0], back, every, extra)
     frame.node_positions(every, extra, at)
     return at
+
+
+def set_configuration(wall: PlacedWall, q: NDArray[np.float64], loads: Loads, lasting: Loads = NO_LOADS) -> float:
+    """Set a wall's coordinates and loads, and return a bound on its motion."""
+    moved_m: float = _configure(wall.address, q, loads, lasting)
+    return moved_m
+
+
+def place(wall: PlacedWall, nodes: NDArray[np.int32] | None = None) -> None:
+    """Place these nodes of a wall, or all."""
+    _place(wall.address, np.arange(len(wall.rest), dtype=np.int32) if nodes is None else nodes)
+
+
+def follow(wall: PlacedWall, other: PlacedWall) -> None:
+    """Copy the configuration of another wall."""
+    _follow(wall.address, other.address)
+
+
+@building_kernel
+def _configure(address, q, loads, lasting):
+    return configure(wall_at(address), q, loads, lasting)
+
+
+@building_kernel
+def _place(address, nodes):
+    for node in nodes:
+        request_node(wall_at(address), node)
+    place_requested(wall_at(address))
+
+
+@building_kernel
+def _follow(address, other):
+    copy_configuration(wall_at(address), wall_at(other))

@@ -95,7 +95,7 @@ def test_a_sphere_touches_what_is_nearest_of_all_triangles(small_scene, small_du
         search.forget()
         search.begin(bodies, simulation.system)
         pairs.clear()
-        search.write_pairs(simulation.catheter, simulation.tools, pairs)
+        search.write_pairs(simulation.system.address, pairs)
         of_sphere = np.flatnonzero(pairs.particle[: pairs.count] == number)
         p = tuple(spheres.start[0])
         gaps_m = np.array([np.sqrt(segment_triangle(p, p, *map(tuple, c))[0]) for c in corners])
@@ -173,7 +173,7 @@ def test_rows_of_a_film_are_seen_whoever_is_prepared_first(small_scene, small_du
         step()
     pairs = ContactPairs.zeros(capacity=256)
     simulation.search.begin((simulation.duct, simulation.catheter, simulation.tools), simulation.system)
-    simulation.search.write_pairs(simulation.catheter, simulation.tools, pairs)
+    simulation.search.write_pairs(simulation.system.address, pairs)
     particles = pairs.particle[: pairs.count]
     assert ((particles >= 0) & (particles < 10)).any()
 

@@ -6,10 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from services.mechanics.bodies.forceps.tool_body import ToolArrays
-from services.mechanics.collision.candidate_list import new_list
-from services.mechanics.collision.candidates import SAME_POINT, Candidates
+from services.mechanics.collision.candidate_list import list_at, new_list
+from services.mechanics.collision.candidates import SAME_POINT, Candidates, candidates_at
 from services.mechanics.collision.clusters import cluster_triangles
-from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, WallGeometry
+from services.mechanics.compiled import building_kernel
+from services.mechanics.compiled.struct import reader
+from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, WallGeometry, geometry_at
 from services.mechanics.contact.spheres import no_spheres
 from services.mechanics.contact.working_set import (
     IMPLIED_M,
@@ -41,18 +43,27 @@ def tools_alone():
     return ContactGeometry(tools=tools, rod=rod, wall=wall, spheres=no_spheres())
 
 
+set_at = reader(WorkingSet)
+
+
+@building_kernel
+def _choose(addresses, ahead_m, geometry):
+    listed, found, working = list_at(addresses[0]), candidates_at(addresses[1]), set_at(addresses[2])
+    choose(listed, found, working, ahead_m, geometry_at(geometry).tools)
+
+
 class Chooser:
     """Candidates of pieces with the triangles of a small tube, and a working set for them."""
 
     def __init__(self):
         clusters = cluster_triangles(MESH.vertices_m, MESH.triangles)
-        self.list = new_list(clusters, MESH.vertices_m.copy(), N_PIECES, 1e-3, TOUCHING_M)
+        self.list = new_list(clusters, MESH.vertices_m.copy(), N_PIECES, TOUCHING_M)
         self.found = Candidates.zeros(c=512)
         self.ahead_m = np.full(N_PIECES, np.inf)
         self.geometry = tools_alone()
         sizes = {"p": N_PIECES, "m": len(MESH.triangles), "c": 512}
         self.set = WorkingSet.zeros(rest=MESH.vertices_m, first_sphere=N_PIECES, **sizes)
-        self.set.merge_m[:] = merge_distance_m(THICKNESS_M, WALL_M)
+        self.list.thickness[:] = THICKNESS_M
 
     def choose(self, candidates):
         """Return which of the candidates, (piece, triangle, weights, normal, gap) each, are chosen, nearest first."""
@@ -61,8 +72,7 @@ class Chooser:
         for k, (piece, triangle, weight, normal, gap_m) in enumerate(candidates):
             found.piece[k], found.triangle[k], found.gap_m[k] = piece, triangle, gap_m
             found.weight[k], found.normal[k] = weight, normal
-        addresses = self.list.address, found.address, self.set.address
-        choose(addresses, self.ahead_m, self.geometry.address)
+        _choose((self.list.address, found.address, self.set.address), self.ahead_m, self.geometry.address)
         return self.set.chosen[: self.set.n_chosen].tolist()
 
 
@@ -101,7 +111,7 @@ def test_who_is_left_out_is_stood_for_by_one_nearby_that_is_nearer(seed, n, n_me
     assert [rank[k] for k in chosen] == sorted(rank[k] for k in chosen)
 
     def merge_m(k):
-        return (2.0 * SAME_POINT if is_member[k] else 1.0) * chooser.set.merge_m[candidates[k][0]]
+        return (2.0 * SAME_POINT if is_member[k] else 1.0) * merge_distance_m(THICKNESS_M[candidates[k][0]], WALL_M)
 
     def stands_for(one, k):
         is_alike = candidates[one][3] @ candidates[k][3] >= SAME_NORMAL
@@ -181,7 +191,7 @@ def test_a_feature_is_a_member_once_and_bearing_again_it_lives_as_long_again():
 @pytest.mark.parametrize(("thickness_m", "wall_m"), [(1.5e-3, 1e-3), (3e-3, 0.2e-3), (1.05e-3, 8e-6)])
 def test_between_two_merged_points_a_round_body_is_a_quarter_wall_deep_at_most(thickness_m, wall_m):
     """A circle of this radius between two points on its tangent: as deep as its arc is high."""
-    apart_m = float(merge_distance_m(np.array([thickness_m]), wall_m)[0])
+    apart_m = merge_distance_m(thickness_m, wall_m)
     height_m = thickness_m - np.sqrt(thickness_m**2 - (0.5 * apart_m) ** 2)
     assert height_m <= 0.26 * wall_m
 

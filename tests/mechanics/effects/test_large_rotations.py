@@ -7,7 +7,7 @@ import pytest
 
 import protocol.bodies as bodies
 from protocol.arrays import pack
-from services.mechanics.collision.placed_wall import place_walls
+from services.mechanics.collision.placed_wall import place_wall
 from services.mechanics.effects.large_rotations import LargeRotationsSettings
 from services.mechanics.reduction.large_rotations.warping import SectionFrame
 from services.mechanics.scene import CatheterScene, DuctScene, ForcepsScene, SceneModel
@@ -17,6 +17,7 @@ from services.mechanics.simulation.scene_duct import build_scene_duct
 from services.mechanics.surface.mesh import TriangleMesh
 from services.scenes.drawn_surface import DrawnSurface
 from studies.energy_book import EnergyBook
+from tests.mechanics.collision.wall_cases import place, set_configuration
 from tests.mechanics.reduction.large_rotations.warped import warped_positions
 
 # The first test of a fresh checkout compiles the kernels.
@@ -53,10 +54,10 @@ def wall_of(simulation):
 
 
 def placed(duct, q, nodes, force_n):
-    wall = place_walls(duct)
-    wall.set_configuration(q, (nodes, force_n))
-    wall.place(wall.every)
-    return wall.position_m.copy()
+    wall = place_wall(duct)
+    set_configuration(wall, q, (nodes, force_n))
+    place(wall)
+    return wall.position
 
 
 def enclosed_volume_m3(mesh, at):

@@ -56,8 +56,8 @@ class PriceJudge:
             if gap_m < -tolerance_m - SLACK_M and (p, t) not in known:
                 beside = points[[self._is_one_body(p, q) for q, _ in written]]
                 squares = [point_triangle(tuple(point), *map(tuple, corners[t])) for point in beside]
-                near_m = VIOLATION_SPACING * thickness_m[p] * max(1.5, *(self._stretch(corners, q) for _, q in written))
-                if min(squares, default=np.inf) >= near_m**2:
+                longer = max([1.5, *(self._stretch(corners, q) for _, q in written)])
+                if min(squares, default=np.inf) >= (VIOLATION_SPACING * thickness_m[p] * longer) ** 2:
                     self._missed.append(f"piece {p} ends {-1e6 * gap_m:.0f} um deep in triangle {t} and has no row")
         return found
 

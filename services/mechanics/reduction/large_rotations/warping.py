@@ -25,9 +25,9 @@ from services.mechanics.reduction.large_rotations.warping_kernels import (
     node_positions,
     node_rotations,
     node_rows,
-    string_axis,
     string_rates,
     turn_vectors,
+    update_axis,
 )
 from services.mechanics.surface.mesh import TriangleMesh, vertex_areas_m2
 
@@ -65,6 +65,26 @@ class TubeWarp:
         return cls(sections, turn, np.ascontiguousarray(stretch), arm, np.ascontiguousarray(basis.Phi - rigid))
 
 
+def warped_tube(warp: TubeWarp | None, n_modes: int) -> WarpedTube:
+    """Return the tube at rest for the kernels; without a warp, one without stations."""
+    if warp is None:
+        return WarpedTube.zeros(**{"s": 0, "s - 1": 0, "n": 0, "r": n_modes})
+    sections = warp.sections
+    tube: WarpedTube = WarpedTube.zeros(
+        s=len(warp.turn),
+        r=n_modes,
+        rest_centre=sections.centres_m,
+        turn_modes=warp.turn,
+        stretch_modes=warp.stretch,
+        segment=sections.segment,
+        fraction=sections.fraction,
+        arm=warp.arm_m,
+        local=warp.local,
+    )
+    update_axis(tube.address, tube.q)
+    return tube
+
+
 class SectionFrame:
     """The warped axis at one state: updated once a tick, then read at a few nodes. Nothing is allocated.
 
@@ -73,21 +93,8 @@ class SectionFrame:
     """
 
     def __init__(self, warp: TubeWarp) -> None:
-        stations, _, modes = warp.turn.shape
-        sections = warp.sections
-        self._tube = WarpedTube.zeros(
-            s=stations,
-            r=modes,
-            rest_centre=sections.centres_m,
-            turn_modes=warp.turn,
-            stretch_modes=warp.stretch,
-            segment=sections.segment,
-            fraction=sections.fraction,
-            arm=warp.arm_m,
-            local=warp.local,
-        )
+        self._tube = warped_tube(warp, warp.turn.shape[2])
         self._rates_are_stale = True
-        self.update(self._tube.q)
 
     @property
     def centres_m(self) -> FloatArray:
@@ -101,8 +108,7 @@ class SectionFrame:
 
     def update(self, q: FloatArray) -> None:
         """Integrate the axis for modal coordinates q (r,)."""
-        self._tube.q[:] = q
-        string_axis(self._tube.address)
+        update_axis(self._tube.address, q)
         self._rates_are_stale = True
 
     def _refresh_rates(self) -> None:

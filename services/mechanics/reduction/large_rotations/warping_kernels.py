@@ -126,10 +126,17 @@ def _add_rotated(R: FloatArray, modes: FloatArray, out: FloatArray) -> None:
 
 
 @kernel
-def string_axis(address: Address[WarpedTube]) -> None:
-    """String the stations together at the tube's q, writing their turns and centres."""
-    tube = tube_at(address)
-    centres, turn_modes, stretch, q = tube.rest_centre, tube.turn_modes, tube.stretch_modes, tube.q
+def update_axis(address: Address[WarpedTube], q: FloatArray) -> None:
+    """Do what `string_axis` does."""
+    string_axis(tube_at(address), q)
+
+
+@kernel
+def string_axis(tube: WarpedTube, q: FloatArray) -> None:
+    """String the stations together at coordinates q (r,), writing their turns and centres."""
+    for mode in range(q.shape[0]):
+        tube.q[mode] = q[mode]
+    centres, turn_modes, stretch = tube.rest_centre, tube.turn_modes, tube.stretch_modes
     turn, centre, small = tube.turn, tube.centre, tube.small
     R, middle, piece, step = small[:3], small[6], small[7], small[8]
     for station in range(turn.shape[0]):
@@ -172,20 +179,23 @@ def string_rates(address: Address[WarpedTube]) -> None:
 def node_positions(address: Address[WarpedTube], nodes: IntArray, extra: FloatArray, out: FloatArray) -> None:
     """Write the warped positions (k, 3) of ``nodes`` (k,); ``extra`` (k, 3) rides along."""
     tube = tube_at(address)
-    segment, fraction, arm, local, q = tube.segment, tube.fraction, tube.arm, tube.local, tube.q
-    turn, centre, small = tube.turn, tube.centre, tube.small
-    R, vector, carried = small[:3], small[6], small[7]
     for index in range(nodes.shape[0]):
-        node = nodes[index]
-        k, t = segment[node], fraction[node]
-        interpolate_turn(turn, k, t, vector)
-        rotation_matrix(vector, R)
-        _product(local[node], q, carried)
-        for i in range(3):
-            carried[i] += arm[node, i] + extra[index, i]
-        _rotate(R, carried, vector)
-        for i in range(3):
-            out[index, i] = (1.0 - t) * centre[k, i] + t * centre[k + 1, i] + vector[i]
+        place_node(tube, nodes[index], extra[index], out[index])
+
+
+@kernel
+def place_node(tube: WarpedTube, node: int, extra: FloatArray, out: FloatArray) -> None:
+    """Write the warped position (3,) of a node; ``extra`` (3,) rides along."""
+    R, vector, carried, centre = tube.small[:3], tube.small[6], tube.small[7], tube.centre
+    k, t = tube.segment[node], tube.fraction[node]
+    interpolate_turn(tube.turn, k, t, vector)
+    rotation_matrix(vector, R)
+    _product(tube.local[node], tube.q, carried)
+    for i in range(3):
+        carried[i] += tube.arm[node, i] + extra[i]
+    _rotate(R, carried, vector)
+    for i in range(3):
+        out[i] = (1.0 - t) * centre[k, i] + t * centre[k + 1, i] + vector[i]
 
 
 @kernel
@@ -222,14 +232,20 @@ def turn_vectors(
 ) -> None:
     """Write ``vectors`` (k, 3) of nodes turned with their sections, or ``back`` from there, into ``out`` (k, 3)."""
     tube = tube_at(address)
-    Q, turn = tube.small[:3], tube.small[6]
     for k in range(nodes.shape[0]):
-        interpolate_turn(tube.turn, tube.segment[nodes[k]], tube.fraction[nodes[k]], turn)
-        rotation_matrix(turn, Q)
-        if back:
-            _rotate_back(Q, vectors[k], out[k])
-        else:
-            _rotate(Q, vectors[k], out[k])
+        turn_vector(tube, nodes[k], back, vectors[k], out[k])
+
+
+@kernel
+def turn_vector(tube: WarpedTube, node: int, back: bool, vector: FloatArray, out: FloatArray) -> None:
+    """Do what `turn_vectors` does for a single node; vectors are (3,)."""
+    Q, turn = tube.small[:3], tube.small[6]
+    interpolate_turn(tube.turn, tube.segment[node], tube.fraction[node], turn)
+    rotation_matrix(turn, Q)
+    if back:
+        _rotate_back(Q, vector, out)
+    else:
+        _rotate(Q, vector, out)
 
 
 @kernel
