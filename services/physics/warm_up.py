@@ -11,8 +11,7 @@ from services.kernel_progress import told
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, ContactPairs
 from services.mechanics.compiled.struct import Address
-from services.mechanics.contact.candidate_search import CandidateSearch, Moving
-from services.mechanics.contact.geometry import ContactGeometry
+from services.mechanics.contact.candidate_search import CandidateSearch
 from services.mechanics.contact.spheres import Spheres
 from services.mechanics.contact.state import ContactState
 from services.mechanics.contact.system import ContactSystem
@@ -116,15 +115,12 @@ class _FixedContactSearch(CandidateSearch):
     def __init__(self) -> None:
         pass
 
-    def begin(self, bodies: Moving, system: ContactSystem) -> None:
+    def begin(self, system: ContactSystem) -> None:
         """Do nothing: no tool overlaps a body."""
-        bodies[2].disengaged[:] = False
+        system.bodies.tools.disengaged[:] = False
 
     def restore_start(self) -> None:
         """Do nothing: there is no state."""
-
-    def engage(self, pairs: ContactPairs, geometry: Address[ContactGeometry]) -> None:
-        """Do nothing: the tools are engaged."""
 
     def write_pairs(self, state: Address[ContactState], pairs: ContactPairs) -> None:
         """Write the jaw's contacts."""
@@ -136,11 +132,7 @@ class _FixedContactSearch(CandidateSearch):
     def set_catheter_row_gap(self, gap_m: float) -> None:
         """Do nothing: there are no candidates."""
 
-    def price(self, bodies: Moving, state: Address[ContactState], tolerance_m: float, pairs: ContactPairs) -> int:
-        """Return that nothing ends too deep."""
-        return 0
-
-    def price_tools(self, state: Address[ContactState], tolerance_m: float, pairs: ContactPairs) -> int:
+    def price(self, system: ContactSystem, tolerance_m: float, pairs: ContactPairs) -> int:
         """Return that nothing ends too deep."""
         return 0
 

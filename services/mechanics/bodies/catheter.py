@@ -302,12 +302,6 @@ def list_particles(nodes: IntArray, weights: FloatArray, slot: IntArray, particl
         for point in range(nodes.shape[1]):
             if weights[row, point] != 0.0:
                 slot[nodes[row, point]] = 0
-    return number_marked(slot, particles)
-
-
-@kernel
-def number_marked(slot: IntArray, particles: IntArray) -> int:
-    """List the particles whose ``slot`` (n,) is 0, ascending, replace it by their index, and return their number."""
     count = 0
     for particle in range(slot.shape[0]):
         if slot[particle] == 0:

@@ -34,8 +34,6 @@ SKIN_M = 0.5e-3
 REFERENCE_M = 0.2e-3
 #: Spheres with more slack are computed anew.
 MAX_SLACK_M = 1e-3
-#: Up to `MAX_EARLY` lists are rebuilt in a tick after this fraction of the skin.
-EARLY, MAX_EARLY = 0.8, 2
 #: Maximum number of entries of a piece: twice as many as a shaft beside the finest shipped duct, of 9,900 triangles.
 MAX_ENTRIES = 4096
 #: Travel of a piece and the wall until the piece's near entries are listed again: a few ticks of a moving hand.
@@ -137,21 +135,17 @@ DUE, APPEARED, NEW_REFERENCE = 1, 2, 4
 def select_due(found: CandidateList, modes_moved_m: float) -> int:
     """Select the pieces whose lists are to be rebuilt, and the clusters near them with outdated spheres.
 
-    ``modes_moved_m`` is a bound on the motion of any node by the modes from the reference. To spread the work, a few
-    lists are rebuilt early.
+    ``modes_moved_m`` is a bound on the motion of any node by the modes from the reference.
     """
-    report, n_due = 0, 0
-    found.wall_moved_m = max(modes_moved_m, found.wall_moved_m)
+    report, found.wall_moved_m = 0, max(modes_moved_m, found.wall_moved_m)
     if found.wall_moved_m > REFERENCE_M:
         report = NEW_REFERENCE
         _increase(found.slack_m, found.wall_moved_m)
         _increase(found.clusters.slack_m, found.wall_moved_m)
         found.first_position[:], found.wall_moved_m = math.nan, 0.0
     for p in range(found.count.shape[0]):
-        limit_m = found.skin_m * (EARLY if n_due < MAX_EARLY else 1.0)
-        found.is_due[p] = found.active[p] and not _used_m(found, p) <= limit_m  # also if it is no number
+        found.is_due[p] = found.active[p] and not _used_m(found, p) <= found.skin_m  # also if it is no number
         if found.is_due[p]:
-            n_due += 1
             report |= DUE | (APPEARED if found.slack_m[p] == math.inf else 0)
             _select_outdated(found, p)
         elif not found.active[p]:

@@ -209,9 +209,7 @@ def _displace_requested(wall: PlacedWall) -> None:
     for k in range(wall.n_placed, wall.n_requested):
         wall.extra[wall.requested[k]] = 0.0
     for load in range(wall.n_loads):
-        first = n * _row_of(wall, wall.load_node[load])
-        _read_blocks(wall, wall.load_node[load], first)
-        _displace(wall, first, load)
+        _displace(wall, n * _row_of(wall, wall.load_node[load]), load)
 
 
 @inlined_kernel
@@ -222,8 +220,10 @@ def _displace(wall: PlacedWall, first: int, load: int) -> None:
     if x == 0.0 and y == 0.0 and z == 0.0:
         return
     for k in range(wall.n_placed, wall.n_requested):
-        # R is symmetric: the row of the load holds the transposed block.
         node, b = requested[k], first + requested[k]
+        if wall.known[b] == 0:
+            _read_block(wall, wall.load_node[load], node, b)
+        # R is symmetric: the row of the load holds the transposed block.
         extra[node, 0] += blocks[b, 0, 0] * x + blocks[b, 1, 0] * y + blocks[b, 2, 0] * z
         extra[node, 1] += blocks[b, 0, 1] * x + blocks[b, 1, 1] * y + blocks[b, 2, 1] * z
         extra[node, 2] += blocks[b, 0, 2] * x + blocks[b, 1, 2] * y + blocks[b, 2, 2] * z
@@ -244,18 +244,14 @@ def _row_of(wall: PlacedWall, node: int) -> int:
     return int(place)
 
 
-@inlined_kernel
-def _read_blocks(wall: PlacedWall, source: int, first: int) -> None:
-    """Read the missing blocks between node ``source``, whose row begins at ``first``, and the nodes to be placed."""
-    for k in range(wall.n_placed, wall.n_requested):
-        node = wall.requested[k]
-        b = first + node
-        if wall.known[b] == 0:
-            wall.known[b] = 1
-            block = block_between(wall.store, source, node)
-            for i in range(3):
-                for j in range(3):
-                    wall.blocks[b, i, j] = block[3 * i + j]
+@kernel
+def _read_block(wall: PlacedWall, source: int, node: int, b: int) -> None:
+    """Read the block between nodes ``source`` and ``node`` into the cache, at b."""
+    block = block_between(wall.store, source, node)
+    wall.known[b] = 1
+    for i in range(3):
+        for j in range(3):
+            wall.blocks[b, i, j] = block[3 * i + j]
 
 
 @summing_kernel

@@ -35,7 +35,6 @@ from services.mechanics.collision.placed_wall import (
 from services.mechanics.collision.wall_bounds import WallBounds, bound_motion, set_reference, wall_bounds
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Struct, reader
-from services.mechanics.compiled.vectors import put_row_of, row_of
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 
 
@@ -51,18 +50,14 @@ class WallCandidates(Struct):
 candidates_of = reader(WallCandidates)
 
 
-def wall_candidates(duct: ReducedDuct, n_pieces: int, along_m: float) -> WallCandidates:
-    """Return empty lists for ``n_pieces`` and the wall of a duct; ``along_m`` is that of `CandidateList`."""
-    wall = place_wall(duct)
-    clusters = cluster_triangles(duct.mesh.vertices_m, duct.mesh.triangles)
-    lists = new_list(clusters, wall.position, n_pieces, along_m)
-    return WallCandidates(list=lists, wall=wall, bounds=wall_bounds(duct, wall.bounds))
-
-
-def more_pieces(known: WallCandidates, n_pieces: int) -> WallCandidates:
-    """Return empty lists for another number of pieces and the same wall."""
-    lists = new_list(known.list.clusters, known.wall.position, n_pieces, known.list.along_m)
-    return WallCandidates(list=lists, wall=known.wall, bounds=known.bounds)
+def wall_candidates(
+    duct: ReducedDuct, n_pieces: int, along_m: float, like: WallCandidates | None = None
+) -> WallCandidates:
+    """Return empty lists for ``n_pieces`` and the wall of a duct, or of other lists; ``along_m``: `CandidateList`."""
+    wall = place_wall(duct) if like is None else like.wall
+    bounds = wall_bounds(duct, wall.bounds) if like is None else like.bounds
+    clusters = cluster_triangles(duct.mesh.vertices_m, duct.mesh.triangles) if like is None else like.list.clusters
+    return WallCandidates(list=new_list(clusters, wall.position, n_pieces, along_m), wall=wall, bounds=bounds)
 
 
 @kernel
@@ -74,10 +69,12 @@ def follow_wall(known: WallCandidates, q: FloatArray, loads: Loads) -> bool:
     listed, wall = known.list, known.wall
     modes_moved_m = math.inf if known.is_new else bound_motion(known.bounds, q, 0.0)
     moved_m = configure(wall, q, loads, (wall.load_node[:0], wall.load_force[:0]))
-    if known.is_new:
-        _forget(listed)
+    is_elsewhere = add_travel(listed, moved_m)
+    if known.is_new:  # remove all entries, and have all spheres computed anew; a bound may be no number
+        listed.count[:], listed.piece_travel[:], listed.wall_travel = 0, 0.0, 0.0
+        listed.slack_m[:], listed.clusters.slack_m[:], listed.wall_moved_m = math.inf, math.inf, 0.0
         moved_m = 0.0
-    is_elsewhere, listed.step_moved_m = add_travel(listed, moved_m), moved_m
+    listed.step_moved_m = moved_m
     report = select_due(listed, modes_moved_m)
     if report & DUE:
         _request_enclosed(known)
@@ -87,18 +84,6 @@ def follow_wall(known: WallCandidates, q: FloatArray, loads: Loads) -> bool:
         set_reference(known.bounds, q)
         known.is_new = False
     return bool(is_elsewhere or report & APPEARED)
-
-
-@inlined_kernel
-def _forget(listed: CandidateList) -> None:
-    """Remove all entries, and have all spheres computed anew."""
-    for p in range(listed.count.shape[0]):
-        listed.count[p], listed.piece_travel[p], listed.slack_m[p] = 0, 0.0, math.inf
-        for end in range(2):
-            put_row_of(listed.last_ends, p, end, row_of(listed.ends, p, end))
-    for c in range(listed.clusters.slack_m.shape[0]):
-        listed.clusters.slack_m[c] = math.inf
-    listed.wall_travel = listed.wall_moved_m = 0.0
 
 
 @inlined_kernel

@@ -7,15 +7,13 @@ from typing import Annotated
 import numpy as np
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.bodies.catheter import CatheterBody
-from services.mechanics.bodies.duct import DuctBody
 from services.mechanics.bodies.duct_loads import DuctLoads, loads_at
-from services.mechanics.bodies.forceps.tool_body import ToolBody
+from services.mechanics.bodies.forceps.tool_body import ToolPoses, move_back, move_to_proxies
 from services.mechanics.bodies.sections import segment_radii
 from services.mechanics.collision.candidate_list import CandidateList, set_wanted_gaps
 from services.mechanics.collision.candidates import Candidates
 from services.mechanics.collision.capsules import CapsuleMemory, detect_capsules
-from services.mechanics.collision.pairs import ContactPairs, pairs_at
+from services.mechanics.collision.pairs import DUCT_TRIANGLE, ContactPairs, pairs_at
 from services.mechanics.collision.pieces import N_TOOL_PIECES, put_piece, write_pieces
 from services.mechanics.collision.placed_wall import Loads, PlacedWall, copy_configuration, place_requested, place_wall
 from services.mechanics.collision.wall_candidates import (
@@ -23,7 +21,6 @@ from services.mechanics.collision.wall_candidates import (
     follow_end,
     follow_wall,
     measure,
-    more_pieces,
     request_triangle,
     wall_candidates,
 )
@@ -31,16 +28,15 @@ from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import along, put_row_of, row, row_of
 from services.mechanics.contact.engagement import engage_tools
-from services.mechanics.contact.geometry import ContactGeometry
-from services.mechanics.contact.price import renew_members, write_capsule_violations, write_chosen, write_violations
+from services.mechanics.contact.identity import TARGET, TARGET_KIND, part_of
+from services.mechanics.contact.laws import HAS_GAP
+from services.mechanics.contact.price import piece_of, write_capsule_violations, write_chosen, write_violations
 from services.mechanics.contact.spheres import Spheres
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.system import STRATEGIES, ContactSystem
-from services.mechanics.contact.working_set import TOUCHING_M, WorkingSet, choose
+from services.mechanics.contact.working_set import TOUCHING_M, WorkingSet, age_members, choose, renew_member
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.scene import SceneModel
-
-Moving = tuple[DuctBody, CatheterBody, ToolBody]
 
 #: Maximum number of closest pairs: a duct that two jaws have pinched shut has 600 within a millimetre.
 CAPACITY = 4096
@@ -57,6 +53,7 @@ class SearchArrays(Struct):
     violations: Candidates
     working: WorkingSet
     capsules: CapsuleMemory
+    tools_at_start: ToolPoses
     margin_m: float  # gap up to which tools and catheter get rows
     is_measured: bool = False  # whether the candidates are those of the next start, if nothing moves until then
 
@@ -72,12 +69,12 @@ class CandidateSearch:
         self._duct, self._end, self._margin_m = duct, N_TOOL_PIECES + n_segments, margin_m
         # Penalty contacts do not share a load, so there is only one per triangle, as in the paper.
         shares_load = STRATEGIES[scene.contact.model].keeps_delassus
-        known = wall_candidates(duct, self._end, TOUCHING_M if shares_load else -1.0)
+        self._along_m = TOUCHING_M if shares_load else -1.0
         # Contacts that are not priced at the end of a step have rows before they touch.
         is_priced = shares_load and scene.catheter.integrator == "implicit"
         self._row_gap_m = self._catheter_ahead_m = TOUCHING_M if is_priced else max(TOUCHING_M, margin_m)
         self._capsules = CapsuleMemory.zeros(m=N_TOOL_PIECES, n=n_segments)
-        self._make_room(known)
+        self._make_room(wall_candidates(duct, self._end, self._along_m))
 
     def _make_room(self, known: WallCandidates) -> None:
         mesh, n_pieces = self._duct.mesh, len(known.list.count)
@@ -93,42 +90,36 @@ class CandidateSearch:
             violations=Candidates.zeros(c=CAPACITY),
             working=WorkingSet.zeros(rest=rest, first_sphere=self._end, **sizes),
             capsules=self._capsules,
+            tools_at_start=ToolPoses.zeros(),
             margin_m=self._margin_m,
         )
 
     def set_spheres(self, spheres: Spheres) -> None:
         """Find contacts of spheres with the wall too; again once there are more of them."""
-        self._make_room(more_pieces(self._arrays.known, self._end + spheres.count))
+        self._make_room(wall_candidates(self._duct, self._end + spheres.count, self._along_m, self._arrays.known))
 
     @property
     def wall_moved_m(self) -> float:
         """Largest motion in the last step of a node of a candidate, by modes and loads; 0 if nothing was priced."""
         return self._arrays.working.wall_moved_m
 
-    def begin(self, bodies: Moving, system: ContactSystem) -> None:
+    def begin(self, system: ContactSystem) -> None:
         """Place wall and pieces at the start of a step, and choose the candidates that get rows."""
-        begin_step(self._arrays.address, system.address, bodies[0].loads_address)
+        begin_step(self._arrays.address, system.address, system.bodies.duct.loads_address)
 
     def restore_start(self) -> None:
         """Measure anew at the start of the next step: bodies are where they were at that of the last one."""
         self._arrays.is_measured = False
 
     def write_pairs(self, state: Address[ContactState], pairs: ContactPairs) -> None:
-        """Append the chosen candidates of tools, catheter and spheres, and pairs of the tools with the catheter."""
+        """Append the chosen candidates and pairs of tools with the catheter; engage tools that overlap no body."""
         write_pairs(self._arrays.address, state, pairs.address)
 
-    def engage(self, pairs: ContactPairs, geometry: Address[ContactGeometry]) -> None:
-        """Engage disengaged tools, unless a candidate or one of ``pairs`` shows that they overlap a body."""
-        engage_tools(self._arrays.found.address, pairs.address, geometry)
-
-    def price(self, bodies: Moving, state: Address[ContactState], tolerance_m: float, pairs: ContactPairs) -> int:
-        """Write pairs of the candidates that end the step too deep, at the present poses; return their number."""
-        addresses = self._arrays.address, state, bodies[0].loads_address
-        return int(price_end(addresses, bodies[0].lasting_loads, tolerance_m, pairs.address))
-
-    def price_tools(self, state: Address[ContactState], tolerance_m: float, pairs: ContactPairs) -> int:
-        """Append pairs of tools and catheter that end too deep, at the poses of the last `price`; return how many."""
-        return int(price_tools(self._arrays.address, state, tolerance_m, pairs.address))
+    def price(self, system: ContactSystem, tolerance_m: float, pairs: ContactPairs) -> int:
+        """Write pairs of the candidates that end the step too deep, and return their number."""
+        duct = system.bodies.duct
+        addresses = self._arrays.address, system.address, duct.loads_address
+        return int(price_end(addresses, duct.lasting_loads, tolerance_m, pairs.address))
 
     def update_working_set(self, state: Address[ContactState]) -> None:
         """Age the working set by a step, and renew the features whose contacts carried a force in it."""
@@ -137,7 +128,7 @@ class CandidateSearch:
     def set_catheter_row_gap(self, gap_m: float) -> None:
         """Give the catheter rows from this gap (m) on, for laws that act across a gap."""
         self._catheter_ahead_m = max(gap_m, self._row_gap_m)
-        self._make_room(more_pieces(self._arrays.known, len(self._arrays.ahead)))
+        self._make_room(wall_candidates(self._duct, len(self._arrays.ahead), self._along_m, self._arrays.known))
 
     def forget(self) -> None:
         """Clear the working set, because bodies have been put elsewhere."""
@@ -195,9 +186,14 @@ def price_end(
     tolerance_m: float,
     pairs_address: Address[ContactPairs],
 ) -> int:
-    """Measure where the step ends, and write pairs of the candidates that are too deep, see `write_violations`."""
+    """Measure where the step ends, and write the pairs that are too deep there; return their number.
+
+    See `write_violations` and `write_capsule_violations`.
+    """
     search, state, duct = search_at(addresses[0]), state_at(addresses[1]), loads_at(addresses[2])
     known, found, start_wall, count = search.known, search.found, search.start_wall, duct.count[0]
+    tools, pairs = state.geometry.tools, pairs_at(pairs_address)
+    move_to_proxies(tools, search.tools_at_start)
     _write_bodies(known.list, state, state.geometry.rod.position_now, 1.0)
     loads = (duct.node[:count], duct.force[:count]), lasting
     follow_end(known, duct.free.q, loads, search.start, search.ahead)
@@ -207,19 +203,10 @@ def price_end(
     place_requested(start_wall)
     search.is_measured = True
     start, candidates = (search.start, start_wall.position), (found, search.violations)
-    return int(write_violations((known.list, candidates, search.working, state), start, tolerance_m, pairs_address))
-
-
-@kernel
-def price_tools(
-    address: Address[SearchArrays],
-    state_address: Address[ContactState],
-    tolerance_m: float,
-    pairs_address: Address[ContactPairs],
-) -> int:
-    """Append pairs of tools and catheter that end too deep, see `write_capsule_violations`."""
-    search, state, pairs = search_at(address), state_at(state_address), pairs_at(pairs_address)
-    return int(write_capsule_violations((search.known.list, search.capsules, state, pairs), search.start, tolerance_m))
+    count = write_violations((known.list, candidates, search.working, state), start, tolerance_m, pairs)
+    count += write_capsule_violations((known.list, search.capsules, state, pairs), search.start, tolerance_m)
+    move_back(tools, search.tools_at_start)
+    return int(count)
 
 
 @inlined_kernel
@@ -240,16 +227,25 @@ def _write_bodies(listed: CandidateList, state: ContactState, particles: FloatAr
 def write_pairs(
     address: Address[SearchArrays], state_address: Address[ContactState], pairs_address: Address[ContactPairs]
 ) -> None:
-    """Append the chosen candidates, and between tools and catheter all pairs within the margin."""
+    """Append the chosen candidates, and between tools and catheter all pairs within the margin, and engage tools."""
     search, geometry, pairs = search_at(address), state_at(state_address).geometry, pairs_at(pairs_address)
     tools, rod = geometry.tools, geometry.rod
     write_chosen(search.found, search.working, (0, N_TOOL_PIECES), pairs)
     poses = tools.segments, tools.radius, tools.present
     detect_capsules(search.capsules, pairs, poses, rod.position, (rod.radius, search.margin_m))
     write_chosen(search.found, search.working, (N_TOOL_PIECES, search.ahead.shape[0]), pairs)
+    engage_tools(search.found, pairs, geometry)
 
 
 @kernel
 def update_working_set(address: Address[SearchArrays], state_address: Address[ContactState]) -> None:
-    """Age the working set, and renew its members."""
-    renew_members(search_at(address).working, state_at(state_address).rows)
+    """Age the working set by a step, and renew the features whose contacts carry a normal force."""
+    working, rows = search_at(address).working, state_at(state_address).rows
+    age_members(working)
+    for at in range(rows.n_contacts):
+        identity = rows.identity[at]
+        is_wall = identity >= 0 and HAS_GAP[rows.law[at]]
+        if is_wall and part_of(identity, TARGET_KIND) == DUCT_TRIANGLE and rows.force_n[at, 0] > 0.0:
+            p = piece_of(rows, at)
+            if 0 <= p < working.life.shape[0]:
+                renew_member(working, p, part_of(identity, TARGET))

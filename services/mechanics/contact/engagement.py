@@ -11,7 +11,7 @@ and it may not grow. If the simulation itself decides that jaws hold the wall, t
 from __future__ import annotations
 
 from services.mechanics.bodies.forceps.kinematics import N_SEGMENTS
-from services.mechanics.collision.candidates import Candidates, candidates_at
+from services.mechanics.collision.candidates import Candidates
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, SHAFT, ContactPairs, pairs_at
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address
@@ -23,11 +23,8 @@ CLEAR_M = 10e-6
 
 
 @kernel
-def engage_tools(
-    found_address: Address[Candidates], pairs_address: Address[ContactPairs], geometry_address: Address[ContactGeometry]
-) -> None:
+def engage_tools(found: Candidates, pairs: ContactPairs, geometry: ContactGeometry) -> None:
     """Engage the disengaged tools that overlap neither the wall (candidates) nor the catheter (pairs)."""
-    found, pairs, geometry = candidates_at(found_address), pairs_at(pairs_address), geometry_at(geometry_address)
     tools, clear_m = geometry.tools, min(CLEAR_M, 2.0 * SHARE_OF_WALL * geometry.wall.half_thickness)
     for tool in range(tools.disengaged.shape[0]):
         if tools.disengaged[tool] and tools.present[tool]:

@@ -171,9 +171,7 @@ class HoldRegistry:
         self.has_begun = True
 
     def _is_valid(self, request: GraspHold) -> bool:
-        """Return whether a request is valid, and count it if not; of an unchanged request only the limit is checked."""
-        if self.active.get(request.hold_id) is request and request.limit_n >= 0.0:
-            return True
+        """Return whether a request is valid, and count it if not."""
         is_valid = (
             0 <= request.tool < len(self._can_hold)
             and self._can_hold[request.tool]

@@ -15,7 +15,7 @@ from typing import Annotated
 import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.bodies.catheter import CatheterTouch, number_marked, touch_at
+from services.mechanics.bodies.catheter import CatheterTouch, touch_at
 from services.mechanics.bodies.duct_loads import DuctLoads, loads_at
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct
@@ -39,8 +39,6 @@ class LastingArrays(Struct):
     excess: Annotated[FloatArray, "r"]  # the same, minus the change by the impulse of one step
     shapes: Annotated[FloatArray, "m", "r"]  # mode shapes along the axes
     moved: Annotated[FloatArray, "r"]  # what a unit force along an axis adds to the modal coordinates
-    slot: Annotated[IntArray, "n"]
-    particles: Annotated[IntArray, "n"]
     compliance: Annotated[FloatArray, "9 n n"]
     along: Annotated[FloatArray, "3 n"]
 
@@ -50,7 +48,7 @@ class LastingArrays(Struct):
         t, n = LASTING_S, n_particles
         modes = t**2 / (1.0 + 2.0 * damping_ratio * omega_rad_s * t + (omega_rad_s * t) ** 2)
         extents = {"9 n n": 9 * n * n, "3 n": 3 * n}
-        return cls.zeros(modes=np.asarray(modes, np.float64), m=n_axes, n=n, r=len(omega_rad_s), **extents)
+        return cls.zeros(modes=np.asarray(modes, np.float64), m=n_axes, r=len(omega_rad_s), **extents)
 
 
 @kernel
@@ -93,43 +91,34 @@ def add_catheter_compliance(
     Only the lower triangle is written. ``is_factored`` is whether the matrix for `LASTING_S` is factorised. Return True
     if it is factorised now: then the factors for the step are overwritten.
     """
-    count = _list_particles(rows, closed, lasting) if rod[3] else 0
-    if count == 0 or not (is_factored or factor_for_contacts(rod[1:3], LASTING_S)):
-        return is_factored or count > 0
-    touch, size = touch_at(rod[0]), 3 * count
-    excess = lasting.compliance[: size * size].reshape(size, size)
-    compliance(rod[1], work_at(rod[2]).band, LASTING_S**2, touch.columns, lasting.particles[:count], excess)
-    _subtract_step(touch, lasting.particles[:count], excess)
+    if not (rod[3] and _act_on_catheter(rows, closed)):
+        return is_factored
+    touch = touch_at(rod[0])
+    count = touch.slot.max() + 1
+    excess = lasting.compliance[: 9 * count * count].reshape(3 * count, 3 * count)
+    if not is_factored:
+        excess[:] = 0.0
+        if factor_for_contacts(rod[1:3], LASTING_S):
+            compliance(rod[1], work_at(rod[2]).band, LASTING_S**2, touch.columns, touch.particles[:count], excess)
+            for row in range(3 * count):
+                for column in range(3 * count):
+                    excess[row, column] -= touch.compliance[3 * count * row + column]
     for i in range(closed.shape[0]):
         row, axis = closed[i, 0], closed[i, 1]
-        if _move_particles(rows, row, axis, lasting.slot, excess, lasting.along):
+        if _move_particles(rows, row, axis, touch.slot, excess, lasting.along):
             for j in range(i + 1):
-                out[i, j] += _moved_along(rows, closed[j, 0], closed[j, 1], lasting)
+                out[i, j] += _moved_along(rows, closed[j, 0], closed[j, 1], touch.slot, lasting.along)
     return True
 
 
-@kernel
-def _list_particles(rows: ContactRows, closed: IntArray, lasting: LastingArrays) -> int:
-    """Write the particles on which closed axes act, ascending, and their slots; return their number."""
-    slot = lasting.slot
-    slot[:] = -1
+@inlined_kernel
+def _act_on_catheter(rows: ContactRows, closed: IntArray) -> bool:
+    """Return whether one of the closed axes acts on the catheter."""
     for i in range(closed.shape[0]):
-        row = closed[i, 0]
         for point in range(rows.rod_node.shape[1]):
-            if rows.rod_weight[row, point] != 0.0:
-                slot[rows.rod_node[row, point]] = 0
-    return number_marked(slot, lasting.particles)
-
-
-@kernel
-def _subtract_step(touch: CatheterTouch, particles: IntArray, out: FloatArray) -> None:
-    """Subtract the compliance of one step between the listed particles from ``out`` (3 p, 3 p)."""
-    size = 3 * (touch.slot.max() + 1)
-    step = touch.compliance[: size * size].reshape(size, size)
-    for row in range(out.shape[0]):
-        at = 3 * touch.slot[particles[row // 3]] + row % 3
-        for column in range(out.shape[0]):
-            out[row, column] -= step[at, 3 * touch.slot[particles[column // 3]] + column % 3]
+            if rows.rod_weight[closed[i, 0], point] != 0.0:
+                return True
+    return False
 
 
 @kernel
@@ -150,13 +139,13 @@ def _move_particles(
 
 
 @kernel
-def _moved_along(rows: ContactRows, row: int, axis: int, lasting: LastingArrays) -> float:
+def _moved_along(rows: ContactRows, row: int, axis: int, slot: IntArray, moved: FloatArray) -> float:
     """Return the motion of a row's contact point along one of its axes, from what `_move_particles` has written."""
     total = 0.0
     for point in range(rows.rod_node.shape[1]):
         weight = rows.rod_weight[row, point]
         if weight != 0.0:
             for k in range(3):
-                at = 3 * lasting.slot[rows.rod_node[row, point]] + k
-                total += weight * rows.frame[row, axis, k] * lasting.along[at]
+                at = 3 * slot[rows.rod_node[row, point]] + k
+                total += weight * rows.frame[row, axis, k] * moved[at]
     return total

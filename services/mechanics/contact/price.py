@@ -29,24 +29,19 @@ from services.mechanics.collision.pairs import (
     NO_TOOL,
     SHAFT,
     ContactPairs,
-    pairs_at,
     write_pair,
 )
 from services.mechanics.collision.pieces import N_TOOL_PIECES, owner_of, write_piece_pair
 from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Address
 from services.mechanics.compiled.vectors import Vector, dot, put_row, row, row_of, scaled, squared_distance, unit
 from services.mechanics.contact.clearance import jaw_surface, overlap_in_jaws, piece_can_touch
-from services.mechanics.contact.identity import PARTICLE, SEGMENT, TARGET, TARGET_KIND, pair_identity, part_of
-from services.mechanics.contact.laws import HAS_GAP
+from services.mechanics.contact.identity import PARTICLE, SEGMENT, pair_identity, part_of
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.state import ContactState
 from services.mechanics.contact.working_set import (
     WorkingSet,
-    age_members,
     has_chosen_near,
     place_at_rest,
-    renew_member,
     sort_by_key,
 )
 from services.mechanics.contact.writer import n_free_rows
@@ -68,17 +63,14 @@ Found = tuple[Candidates, Candidates]
 
 @kernel
 def write_violations(
-    given: tuple[CandidateList, Found, WorkingSet, ContactState],
-    start: Where,
-    tolerance_m: float,
-    pairs_address: Address[ContactPairs],
+    given: tuple[CandidateList, Found, WorkingSet, ContactState], start: Where, tolerance_m: float, pairs: ContactPairs
 ) -> int:
     """Write only pairs of the candidates that end too deep, the deepest at each place, and return their number.
 
     Candidates have been measured at the end of the step; ``start`` is its start. If there is no room for a row, return
     the number of violations.
     """
-    (listed, (all_found, found), working, state), pairs = given, pairs_at(pairs_address)
+    listed, (all_found, found), working, state = given
     pairs.count = pairs.dropped = 0
     working.wall_moved_m = _furthest_node(listed, all_found, start[1])
     most = min(MAX_NEW_ROWS, n_free_rows(state.rows))
@@ -258,16 +250,3 @@ def write_chosen(found: Candidates, working: WorkingSet, span: tuple[int, int], 
         if span[0] <= p < span[1]:
             w, normal = row(found.weight, i), row(found.normal, i)
             write_piece_pair(pairs, (p, found.triangle[i]), found.s[i], w, found.gap_m[i], normal)
-
-
-@kernel
-def renew_members(working: WorkingSet, rows: ContactRows) -> None:
-    """Age the working set by a step, and renew the features whose contacts carry a normal force."""
-    age_members(working)
-    for at in range(rows.n_contacts):
-        identity = rows.identity[at]
-        is_wall = identity >= 0 and HAS_GAP[rows.law[at]]
-        if is_wall and part_of(identity, TARGET_KIND) == DUCT_TRIANGLE and rows.force_n[at, 0] > 0.0:
-            p = piece_of(rows, at)
-            if 0 <= p < working.life.shape[0]:
-                renew_member(working, p, part_of(identity, TARGET))

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Annotated
 
 from services.mechanics.arrays import BoolArray, FloatArray, IntArray
-from services.mechanics.compiled.struct import Struct, reader
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.contact.geometry import ContactGeometry
 from services.mechanics.contact.passivity import Ledger
 from services.mechanics.contact.problem import ContactProblem
@@ -50,3 +51,10 @@ class ContactState(Struct):
 
 
 state_at = reader(ContactState)
+
+
+@kernel
+def begin_rows(address: Address[ContactState], dt_s: float) -> None:
+    """Remove all rows, and count the solves of a step of this length."""
+    state = state_at(address)
+    state.rows.n_contacts, state.rows.dt_s, state.ledger.n_solves = 0, dt_s, 0

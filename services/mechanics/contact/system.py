@@ -15,7 +15,7 @@ from services.mechanics.contact.pair_rows import append_pairs
 from services.mechanics.contact.passivity import START_UP_S
 from services.mechanics.contact.penalty import PenaltyStrategy
 from services.mechanics.contact.rows import add_rod_motion
-from services.mechanics.contact.state import ContactState
+from services.mechanics.contact.state import ContactState, begin_rows
 from services.mechanics.contact.tool_loads import load_tools
 from services.mechanics.scene import ContactSettings
 
@@ -84,10 +84,8 @@ class ContactSystem:
 
     def clear(self) -> None:
         """Remove the rows of the last step; the memory for the warm start keeps their forces."""
-        self.rows.put_zero("n_contacts")
-        self.rows.dt_s = self.bodies.duct.dt_s
+        begin_rows(self.address, self.bodies.duct.dt_s)
         self._first_new = 0
-        self._state.ledger.put_zero("n_solves")
 
     def step_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays that a step changes and the next step needs."""

@@ -28,14 +28,19 @@ def load_tools(state_address: Address[ContactState], out: FloatArray) -> None:
 
 
 @kernel
-def report(state_address: Address[ContactState], moment: FloatArray) -> float:
-    """Write the moment (2, 3), in N m, of the forces on each tool about its port.
+def report(state_address: Address[ContactState], tool_force: FloatArray, out: tuple[FloatArray, ...]) -> float:
+    """Write what each tool feels, with generalised forces ``tool_force`` (2, 4), and where its proxy is.
 
+    ``out`` is (force, moment about the port, torque of the jaws, proxy's position, its opening), as in `ToolResults`.
     Return the catheter's deepest overlap (m), with the wall or with itself, at the start of the step.
     """
-    state, deepest_m = state_at(state_address), 0.0
-    rows, port = state.rows, state.geometry.tools.port
-    moment[:] = 0.0
+    state, deepest_m, moment = state_at(state_address), 0.0, out[1]
+    rows, port, proxy = state.rows, state.geometry.tools.port, state.geometry.tools.proxy
+    for tool in range(moment.shape[0]):
+        for axis in range(3):
+            out[0][tool, axis], moment[tool, axis] = tool_force[tool, axis], 0.0
+            out[3][tool, axis] = proxy[tool, axis]
+        out[2][tool], out[4][tool] = tool_force[tool, 3], proxy[tool, 3]
     for row in range(rows.n_contacts):
         tool = rows.tool[row]
         if tool != NO_TOOL:

@@ -7,6 +7,7 @@ where it was.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import is_
 
 import numpy as np
 
@@ -21,17 +22,23 @@ _ARRAYS: dict[str, tuple[tuple[int, ...], type[np.generic]]] = {
 _INTEGERS, _FLOATS = ("hold_id", "tool", "target_kind", "target"), ("limit_n", "jaw_angle_rad")
 
 
-def check_arguments(tools: ToolInputs) -> None:
-    """Check the tools and their holds.
+class ArgumentChecks:
+    """Checks the tools and their holds in each call; arrays only if they are others than in the last call."""
 
-    Raises TypeError: something is of another type. Raises ValueError: an array is of another shape or dtype.
-    """
-    if not isinstance(tools, ToolInputs):
-        raise TypeError(f"tools must be ToolInputs, is {_kind(tools)}")
-    for name, (shape, dtype) in _ARRAYS.items():
-        _check_array(f"tools.{name}", getattr(tools, name), shape, dtype)
-    if tools.holds is not None:
-        _check_holds(tools.holds)
+    def __init__(self) -> None:
+        self._checked: tuple[object, ...] = (None,) * len(_ARRAYS)
+
+    def check(self, tools: ToolInputs) -> None:
+        """Raise TypeError: something is of another type. Raise ValueError: an array is of another shape or dtype."""
+        if not isinstance(tools, ToolInputs):
+            raise TypeError(f"tools must be ToolInputs, is {_kind(tools)}")
+        arrays = tools.present, tools.position_m, tools.roll_rad, tools.jaw_angle_rad
+        if not all(map(is_, arrays, self._checked)):
+            for (name, (shape, dtype)), array in zip(_ARRAYS.items(), arrays, strict=True):
+                _check_array(f"tools.{name}", array, shape, dtype)
+            self._checked = arrays
+        if tools.holds is not None:
+            _check_holds(tools.holds)
 
 
 def _check_array(place: str, array: object, shape: tuple[int, ...], dtype: type[np.generic]) -> None:

@@ -28,7 +28,7 @@ from services.mechanics.reduction import ReducedDuct
 from services.mechanics.rod.free_step import continue_sleep
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs, ToolResults
-from services.mechanics.simulation.argument_checks import check_arguments
+from services.mechanics.simulation.argument_checks import ArgumentChecks
 from services.mechanics.simulation.healing import Healer
 from services.mechanics.simulation.scene_catheter import place_catheter
 from services.mechanics.simulation.scene_world import build_world
@@ -78,12 +78,14 @@ class Simulation:
         )
         self.drive = build_drive(scene, self._moving[1:], self.holds.lost)
         self.wire_drive = build_wire_drive(scene, self._moving[1:])
-        self.tool_results = ToolResults()
+        self.tool_results = felt = ToolResults()
+        proxy = felt.proxy_position_m, felt.proxy_jaw_angle_rad
+        self._report = felt.force_n, felt.port_moment_nm, felt.grasp_torque_nm, *proxy
         self.max_penetration_m, self.is_felt = 0.0, True
         self._lumen = MovingLumen(duct, self.catheter.properties.n_particles)
         self._tool_force = np.zeros((N_TOOLS, N_COORDINATES))
         self._stiffness = LocalStiffness(self.system.bodies, self.system.address, self.tool_results)
-        self.cost_ns = [0] * len(STAGE_NAMES)
+        self.cost_ns, self._arguments = [0] * len(STAGE_NAMES), ArgumentChecks()
         self._marks_ns = [0] * (len(STAGE_NAMES) - 1)
         self.splitter, self._must_settle = StepSplitter(world), True
         self.watcher: Watcher | None = None
@@ -102,7 +104,7 @@ class Simulation:
         """Advance everything by one tick.
 
         Raises TypeError or ValueError if ``dt_s`` is not positive and finite, or too long, or if an array has the wrong
-        shape or dtype (`check_arguments`). The state is then unchanged.
+        shape or dtype (`ArgumentChecks`). The state is then unchanged.
 
         Args:
             tools: ToolInputs. The hands at the end of the tick.
@@ -113,7 +115,7 @@ class Simulation:
             raise ValueError(f"dt_s must be positive and finite, is {dt_s}")
         if dt_s > LONGEST_TICK_S:
             raise ValueError(f"dt_s must be at most {LONGEST_TICK_S:g} s, is {dt_s:g}")
-        check_arguments(tools)
+        self._arguments.check(tools)
         self._healer.begin()
         self.cost_ns[:] = [0] * len(STAGE_NAMES)
         steps = steps_of(dt_s, self.rung.ticks_per_step * LONGEST_STEP_S)
@@ -265,6 +267,7 @@ class Simulation:
     def _use_rung(self, level: int) -> None:
         """Activate the effects of a quality level, and keep active those that are still fading out."""
         self.quality_level, self.rung = level, self.scene.quality[level]
+        self._arguments = ArgumentChecks()
         self._fading = [self.effects[name] for name in self.rung.without if not self.effects[name].rests]
         acting = [e for name, e in self.effects.items() if e in self._fading or name not in self.rung.without]
         self._stages = by_stage(acting)
@@ -279,10 +282,8 @@ class Simulation:
         self.squeeze.append_rows()
         pairs = self.world.pairs
         pairs.clear()
-        search.begin(self._moving, system)
+        search.begin(system)
         search.write_pairs(system.address, pairs)
-        if self.tools.have_appeared:
-            search.engage(pairs, system.geometry.address)
         wanted = self._grasp(tools, pairs) if tools.holds is None else tools.holds
         self.holds.follow(wanted if self.drive is None else [*wanted, *self.drive.holds()])
         if self.holds.has_begun:
@@ -321,10 +322,7 @@ class Simulation:
 
     def write_report(self) -> None:
         """Write the forces on the tools at the end of a tick, whatever its number of substeps."""
-        felt, proxy = self.tool_results, self.tools.proxy
-        felt.force_n[:], felt.grasp_torque_nm[:] = self._tool_force[:, :3], self._tool_force[:, 3]
-        felt.proxy_position_m[:], felt.proxy_jaw_angle_rad[:] = proxy[:, :3], proxy[:, 3]
-        self.max_penetration_m = report(self.system.address, felt.port_moment_nm)
+        self.max_penetration_m = report(self.system.address, self._tool_force, self._report)
         if self.system.strategy.keeps_delassus and self.is_felt:
             self._stiffness.write()
         if self.wire_drive is not None:

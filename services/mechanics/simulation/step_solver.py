@@ -27,10 +27,11 @@ class Pricing:
 
     def __init__(self, world: World) -> None:
         self._world, self._search = world, world.search
-        duct, catheter, tools = self._bodies = world.duct, world.catheter, world.tools
+        duct, catheter, tools = world.duct, world.catheter, world.tools
+        # A candidate without a row may end as deep as a touching pair.
+        self._tolerance_m = SHARE_OF_WALL * world.scene.duct.thickness_m
         self._ends = SavedArrays([*duct.corrected_arrays(), *catheter.corrected_arrays(), *tools.corrected_arrays()])
         self._touched = catheter.touched
-        self._pose = SavedArrays([tools.segments, tools.frame, tools.length_m])
         self._pairs = ContactPairs.zeros(capacity=world.scene.contact.capacity)
         self._is_off = not world.system.strategy.keeps_delassus or catheter.plain_integrator is None
         self.new_rows = 0
@@ -43,19 +44,11 @@ class Pricing:
 
     def finds_violations(self) -> bool:
         """Return whether a candidate without a row ends too deep."""
-        return not self._is_off and self._price()
-
-    def _price(self) -> bool:
-        system = self._world.system
-        self._pose.save()
-        self._world.tools.update_pose()
-        # A candidate without a row may end as deep as a touching pair.
+        if self._is_off:
+            return False
         longer = max(1.0, self._world.duct.dt_s / LONGEST_STEP_S)
-        tolerance_m = min(longer * TOUCHING_M, SHARE_OF_WALL * self._world.scene.duct.thickness_m)
-        found = self._search.price(self._bodies, system.address, tolerance_m, self._pairs)
-        found += self._search.price_tools(system.address, tolerance_m, self._pairs)
-        self._pose.restore()
-        return found > 0
+        tolerance_m = min(longer * TOUCHING_M, self._tolerance_m)
+        return self._search.price(self._world.system, tolerance_m, self._pairs) > 0
 
     def restore(self) -> None:
         """Restore the bodies' state from before forces were applied."""
@@ -73,7 +66,7 @@ class Pricing:
         """Compile the kernels of a pricing now: the first candidate may appear only after the loop has started."""
         if not self._is_off:
             self._ends.save()
-            self._price()
+            self.finds_violations()
             self.restore()
             self.append_rows()
 

@@ -87,7 +87,7 @@ def test_only_its_sphere_touches(small_scene, small_duct):
     push(simulation, down(20e-3, 1e-3))
     pairs = simulation.world.pairs
     pairs.clear()
-    simulation.search.begin((simulation.duct, simulation.catheter, simulation.tools), simulation.system)
+    simulation.search.begin(simulation.system)
     simulation.search.write_pairs(simulation.system.address, pairs)
     of_probe = pairs.tool[: pairs.count] == 0
     assert of_probe.any()

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from wall_cases import N_MODES, coordinates, placed, wall
 
-from services.mechanics.collision.candidate_list import EARLY, REFERENCE_M, SKIN_M
 from services.mechanics.collision.candidate_list import REACH_M as REACHED_M
+from services.mechanics.collision.candidate_list import REFERENCE_M, SKIN_M
 from services.mechanics.collision.candidates import Candidates, candidates_at
 from services.mechanics.collision.placed_wall import NO_LOADS
 from services.mechanics.collision.wall_candidates import (
@@ -15,7 +15,6 @@ from services.mechanics.collision.wall_candidates import (
     follow_end,
     follow_wall,
     measure,
-    more_pieces,
     wall_candidates,
 )
 from services.mechanics.compiled import building_kernel
@@ -83,7 +82,8 @@ class Lists:
     """Lists of so many pieces that may want candidates up to `REACH_M`, and what is found."""
 
     def __init__(self, duct, n_pieces):
-        self.known, self.found = wall_candidates(duct, n_pieces, TOUCHING_M), Candidates.zeros(c=8192)
+        self.duct, self.known = duct, wall_candidates(duct, n_pieces, TOUCHING_M)
+        self.found = Candidates.zeros(c=8192)
         self.list.reach[:] = REACH_M
 
     @property
@@ -91,7 +91,7 @@ class Lists:
         return self.known.list
 
     def more(self, n_pieces):
-        self.known = more_pieces(self.known, n_pieces)
+        self.known = wall_candidates(self.duct, n_pieces, TOUCHING_M, self.known)
         self.list.reach[:] = REACH_M
 
     def follow(self, q, loads):
@@ -226,7 +226,7 @@ def test_a_list_is_rebuilt_when_its_skin_is_used_up_and_hardly_before():
         listed_m, was_m = lists.list.listed_ends.copy(), lists.list.slack_m.copy()
         lists.follow(q_m * mode, NO_LOADS)
         is_rebuilt = (lists.list.listed_ends != listed_m).any(axis=(1, 2)) | (lists.list.slack_m < was_m)
-        assert (moved_m[is_rebuilt] > EARLY * SKIN_M - 2.0 * REFERENCE_M).all()
+        assert (moved_m[is_rebuilt] > SKIN_M - 2.0 * (REFERENCE_M + step_m)).all()
         moved_m[is_rebuilt] = 0.0
         assert (moved_m <= SKIN_M).all()
 

@@ -40,9 +40,9 @@ def facet(simulation, angle_rad):
 
 def price(simulation, end_m):
     """Return the pairs of a step that has led the catheter to these places (n, 3)."""
-    bodies, pairs = (simulation.duct, simulation.catheter, simulation.tools), ContactPairs.zeros(capacity=64)
+    pairs = ContactPairs.zeros(capacity=64)
     simulation.catheter.state.position_m[:] = end_m
-    simulation.search.price(bodies, simulation.system.address, TOLERANCE_M, pairs)
+    simulation.search.price(simulation.system, TOLERANCE_M, pairs)
     return pairs
 
 
@@ -64,7 +64,7 @@ def test_who_goes_through_the_middle_surface_in_a_step_is_held_on_the_side_of_it
     line = middle + (reach_m + 1e-6 * gap_um) * side + np.outer(np.arange(31) - 15.5, 0.3e-3 * along)
     simulation.search.forget()
     simulation.catheter.state.position_m[:] = simulation.catheter.start_m[:] = line
-    simulation.search.begin((simulation.duct, simulation.catheter, simulation.tools), simulation.system)
+    simulation.search.begin(simulation.system)
     way_m = reach_m + 1e-6 * (gap_um + beyond_um)
     pairs = price(simulation, line - way_m * side)
     assert pairs.count > 0
@@ -86,14 +86,13 @@ def test_a_sphere_touches_what_is_nearest_of_all_triangles(small_scene, small_du
     spheres, pairs = simulation.system.geometry.spheres, ContactPairs.zeros(capacity=256)
     simulation.world.add_spheres(np.array([radius_m]))
     tools.present[:] = False
-    bodies = simulation.duct, simulation.catheter, simulation.tools
     corners = simulation.duct.surface_m()[small_duct.mesh.triangles]
     number = simulation.catheter.properties.n_segments
     for _ in range(6):
         angle, out_m = rng.uniform(0.0, 6.28), rng.uniform(0.0, 7e-3)
         spheres.start[0] = rng.uniform(2e-3, 42e-3), out_m * np.cos(angle), out_m * np.sin(angle)
         search.forget()
-        search.begin(bodies, simulation.system)
+        search.begin(simulation.system)
         pairs.clear()
         search.write_pairs(simulation.system.address, pairs)
         of_sphere = np.flatnonzero(pairs.particle[: pairs.count] == number)
@@ -145,15 +144,14 @@ def test_between_jaws_there_is_as_much_room_as_they_have_squeezed_away(simulatio
 
 
 def test_a_catheter_whose_axis_pierces_the_wall_is_not_sound(simulation):
-    bodies = simulation.duct, simulation.catheter, simulation.tools
-    simulation.search.begin(bodies, simulation.system)
+    simulation.search.begin(simulation.system)
     assert simulation.search.is_sound()
     middle, normal = facet(simulation, 0.3)
     line = simulation.catheter.start_m
     for end_m, is_sound in ((0.3e-3, False), (-0.3e-3, True)):  # the tip beyond the middle surface, or short of it
         line[:] = middle + np.outer(np.linspace(-3e-3, end_m, len(line)), -normal)
         simulation.search.forget()
-        simulation.search.begin(bodies, simulation.system)
+        simulation.search.begin(simulation.system)
         assert simulation.search.is_sound() == is_sound
 
 
@@ -172,7 +170,7 @@ def test_rows_of_a_film_are_seen_whoever_is_prepared_first(small_scene, small_du
     for step in steps if film_first else reversed(steps):
         step()
     pairs = ContactPairs.zeros(capacity=256)
-    simulation.search.begin((simulation.duct, simulation.catheter, simulation.tools), simulation.system)
+    simulation.search.begin(simulation.system)
     simulation.search.write_pairs(simulation.system.address, pairs)
     particles = pairs.particle[: pairs.count]
     assert ((particles >= 0) & (particles < 10)).any()

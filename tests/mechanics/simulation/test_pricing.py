@@ -38,18 +38,19 @@ class PriceJudge:
         assert not (is_accepted and self._missed), self._missed
         return is_accepted
 
-    def _look(self, bodies, state, tolerance_m, pairs):
-        found, self._missed = self._price(bodies, state, tolerance_m, pairs), []
+    def _look(self, system, tolerance_m, pairs):
+        found, self._missed = self._price(system, tolerance_m, pairs), []
         ends, thickness_m, corners = self._drawn()
-        written = [self._feature(pairs, k) for k in range(pairs.count)]
-        points = np.einsum("kc,kci->ki", pairs.target_weights[:found], corners[pairs.target[:found]])
+        on_wall = np.flatnonzero(pairs.target_kind[: pairs.count] == DUCT_TRIANGLE)
+        written = [self._feature(pairs, k) for k in on_wall]
+        points = np.einsum("kc,kci->ki", pairs.target_weights[on_wall], corners[pairs.target[on_wall]])
         if not self._simulation.contacts.has_room:
             return found
         assert found == pairs.count
         self.found, self.prices = self.found + found, self.prices + 1
         deep = self._too_deep(ends, thickness_m, corners, tolerance_m - SLACK_M)
         assert set(written) <= set(deep), "what is no deeper than the tolerance is a violation"
-        if found == MAX_NEW_ROWS:
+        if len(on_wall) == MAX_NEW_ROWS:
             return found
         known = self._features_of_rows()
         for (p, t), gap_m in deep.items():
@@ -65,10 +66,16 @@ class PriceJudge:
         """Return ends of pieces (p, 2, 3) with zero thickness where none is, and corners of triangles (m, 3, 3)."""
         simulation = self._simulation
         tools, line = simulation.tools, simulation.catheter.state.position_m
+        poses = tools.segments, tools.frame, tools.length_m
+        before = [each.copy() for each in poses]
+        tools.update_pose()
+        segments = tools.segments.reshape(-1, 2, 3).copy()
+        for pose, kept in zip(poses, before, strict=True):
+            pose[:] = kept
         radius_m = np.where((tools.present & ~tools.disengaged)[:, None], tools.radius_m, 0.0)
         thickness_m = np.concatenate([radius_m.ravel(), np.full(len(line) - 1, simulation.catheter.radius_m)])
         thickness_m[thickness_m > 0.0] += 0.5 * simulation.scene.duct.thickness_m
-        ends = np.concatenate([tools.segments.reshape(-1, 2, 3), np.stack([line[:-1], line[1:]], axis=1)])
+        ends = np.concatenate([segments, np.stack([line[:-1], line[1:]], axis=1)])
         return ends, thickness_m, simulation.duct.surface_m()[simulation.duct.reduced.mesh.triangles]
 
     def _stretch(self, corners, t):
@@ -145,8 +152,8 @@ class DepthJudge(PriceJudge):
         self._begin(*step)
         self._began = self._drawn()
 
-    def _look(self, bodies, state, tolerance_m, pairs):
-        found = self._price(bodies, state, tolerance_m, pairs)
+    def _look(self, system, tolerance_m, pairs):
+        found = self._price(system, tolerance_m, pairs)
         if found == 0:
             for (p, t), gap_m in self._too_deep(*self._drawn(), tolerance_m).items():
                 ends, thickness_m, corners = self._began
@@ -175,8 +182,8 @@ def test_a_longer_step_lets_pass_as_much_more_and_never_more_than_a_part_of_the_
     scene = replace(small_scene, duct=replace(small_scene.duct, thickness_m=thickness_m), quality=quality)
     simulation, tools, asked_m = Simulation(scene, ducts(thickness_m)), ToolInputs(), []
     price = simulation.search.price
-    simulation.search.price = lambda bodies, state, tolerance, pairs: (
-        asked_m.append(tolerance) or price(bodies, state, tolerance, pairs)
+    simulation.search.price = lambda system, tolerance, pairs: (
+        asked_m.append(tolerance) or price(system, tolerance, pairs)
     )
     tools.position_m[:] = (20e-3, 0.0, 21.5e-3), (30e-3, 3e-3, 21.5e-3)
     for _ in range(20):

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from services.mechanics.bodies.forceps.kinematics import N_SEGMENTS
-from services.mechanics.collision.candidates import Candidates
-from services.mechanics.collision.pairs import JAW_A, NO_TOOL, ContactPairs
+from services.mechanics.collision.candidates import Candidates, candidates_at
+from services.mechanics.collision.pairs import JAW_A, NO_TOOL, ContactPairs, pairs_at
+from services.mechanics.compiled import building_kernel
 from services.mechanics.contact.engagement import engage_tools
+from services.mechanics.contact.geometry import geometry_at
 from services.mechanics.contact.laws import HAS_GAP
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
@@ -60,6 +62,11 @@ def test_what_lies_beside_a_pressed_point_of_a_thin_wall_has_one_row_of_its_own(
     assert nearest_m > 10e-6
 
 
+@building_kernel
+def _engage(found, pairs, geometry):
+    engage_tools(candidates_at(found), pairs_at(pairs), geometry_at(geometry))
+
+
 @pytest.mark.parametrize(("depth_m", "waits"), [(5e-6, True), (0.5e-6, False)])
 def test_a_tool_that_comes_back_half_a_thin_wall_deep_goes_on_waiting(cache_dir, depth_m, waits):
     """Before, it touched what it was 10 um deep in: more than such a wall."""
@@ -68,5 +75,5 @@ def test_a_tool_that_comes_back_half_a_thin_wall_deep_goes_on_waiting(cache_dir,
     found.piece[:], found.gap_m[49], found.count = N_SEGMENTS + JAW_A, -depth_m, 50
     tools.present[:] = tools.disengaged[:] = True
     no_pairs = ContactPairs.zeros(capacity=1)
-    engage_tools(found.address, no_pairs.address, simulation.system.geometry.address)
+    _engage(found.address, no_pairs.address, simulation.system.geometry.address)
     assert tools.disengaged.tolist() == [False, waits]

@@ -21,8 +21,8 @@ LONGEST_UNSOUND_S = 20e-3
 MOST_TURNED_RAD = 1e3
 # Stiffness of the opening of a tool without jaws, which nothing loads: any number but zero.
 NO_JAWS_NM_RAD = 1.0
-# Flags of a tool in a step: it lags behind its hand; it has vanished since the last step; it has appeared and waits.
-LAGGING, VANISHED, APPEARED = 1, 2, 4
+# Flags of a tool in a step: it lags behind its hand; it has vanished since the last step.
+LAGGING, VANISHED = 1, 2
 
 
 class ToolArrays(Struct):
@@ -61,6 +61,14 @@ class ToolArrays(Struct):
 
 
 tools_at = reader(ToolArrays)
+
+
+class ToolPoses(Struct):
+    """Copies of the poses of both tools, see `ToolArrays`."""
+
+    frame: Annotated[FloatArray, N_TOOLS, 3, 3]
+    length: Annotated[FloatArray, N_TOOLS]
+    segments: Annotated[FloatArray, N_TOOLS, N_SEGMENTS, 2, 3]
 
 
 class ToolBody:
@@ -138,11 +146,6 @@ class ToolBody:
         """Whether a tool that was present in the last step is absent now."""
         return bool(self._flags & VANISHED)
 
-    @property
-    def have_appeared(self) -> bool:
-        """Whether a tool is present and waits."""
-        return bool(self._flags & APPEARED)
-
     def predict(self, inputs: ToolInputs, dt_s: float) -> None:
         """Move the hands and compute the proxies' motion without contact; poses remain those of the start.
 
@@ -192,7 +195,7 @@ def predict_proxies(
 ) -> int:
     """Follow the hands' positions (2, 3), openings (2,) and rolls (2,); see `ToolBody.predict`.
 
-    Return the union of the flags `LAGGING`, `VANISHED` and `APPEARED` of both tools.
+    Return the union of the flags `LAGGING` and `VANISHED` of both tools.
     """
     tools = tools_at(address)
     flags = 0
@@ -214,8 +217,6 @@ def predict_proxies(
         tools.rolled[tool] = tools.roll[tool] - roll_before if is_there and tools.present[tool] else 0.0
         if tools.present[tool] and not is_there:
             flags |= VANISHED
-        if is_there and tools.disengaged[tool]:
-            flags |= APPEARED
         tools.present[tool] = is_there
         for axis in range(tools.hand.shape[1]):
             rate = tools.damping[tool, axis] / dt_s
@@ -268,6 +269,32 @@ def correct_proxies(address: Address[ToolArrays], force: FloatArray) -> None:
             proxy = tools.free[tool, axis] + tools.compliance[tool, axis] * force[tool, axis]
             tools.proxy[tool, axis] = proxy
             tools.stretch[tool, axis] = proxy - tools.hand[tool, axis]
+
+
+@kernel
+def move_to_proxies(tools: ToolArrays, start: ToolPoses) -> None:
+    """Store the poses of both tools, and compute those of their proxies."""
+    _copy_poses(tools, start)
+    _update_poses(tools, False)
+
+
+@kernel
+def _copy_poses(source: ToolArrays | ToolPoses, target: ToolArrays | ToolPoses) -> None:
+    for tool in range(N_TOOLS):
+        target.length[tool] = source.length[tool]
+        for i in range(3):
+            for j in range(3):
+                target.frame[tool, i, j] = source.frame[tool, i, j]
+        for segment in range(N_SEGMENTS):
+            for end in range(2):
+                for i in range(3):
+                    target.segments[tool, segment, end, i] = source.segments[tool, segment, end, i]
+
+
+@kernel
+def move_back(tools: ToolArrays, start: ToolPoses) -> None:
+    """Restore the stored poses."""
+    _copy_poses(start, tools)
 
 
 @kernel
