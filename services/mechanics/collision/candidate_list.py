@@ -34,7 +34,7 @@ SKIN_M = 0.5e-3
 REFERENCE_M = 0.2e-3
 #: Spheres with more slack are computed anew.
 MAX_SLACK_M = 1e-3
-#: Maximum number of entries of a piece: twice as many as a shaft beside the finest shipped duct, of 9,900 triangles.
+#: Maximum number of entries of a piece: a shaft beside 9,940 triangles lists 540, and 2,500 if it moves by 2 mm.
 MAX_ENTRIES = 4096
 #: Travel of a piece and the wall until the piece's near entries are listed again: a few ticks of a moving hand.
 NEAR_M = 0.2e-3
@@ -58,22 +58,22 @@ class CandidateList(Struct):
     near: Annotated[IntArray, "p", MAX_ENTRIES]  # indices of the entries whose bound is at most ``near_bound``
     near_count: Annotated[LongArray, "p"]
     near_bound: Annotated[FloatArray, "p"]
-    slack_m: Annotated[FloatArray, "p"]  # bound on the wall's motion from a list's rebuild to the reference; infinite
+    slack_m: Annotated[FloatArray, "p"]  # bound on the wall's motion from rebuild to reference; infinite without list
     is_due: Annotated[BoolArray, "p"]  # whether the list is to be rebuilt
     listed_ends: Annotated[FloatArray, "p", 2, 3]
     last_ends: Annotated[FloatArray, "p", 2, 3]
     piece_travel: Annotated[FloatArray, "p"]  # sum of the longer motions of both ends
     first_position: Annotated[FloatArray, "n", 3]  # of the nodes when first placed after the reference, NaN before
     wanted: Annotated[FloatArray, "p"]  # gap up to which candidates are measured
-    reach: Annotated[FloatArray, "p"]  # largest value of `wanted` before the lists are rebuilt
+    reach: Annotated[FloatArray, "p"]  # value of `wanted` up to which lists are complete while the skin lasts
     encloses: Annotated[BoolArray, "c"]  # whether the spheres of a cluster are to be computed anew
     known: Annotated[FloatArray, "m"]  # bounds of a list's entries while it is rebuilt, -infinity for other triangles
     before: Annotated[IntArray, MAX_ENTRIES]
     skin_m: float
     along_m: float  # further minima are candidates up to this much farther than the closest pair; none if below 0
     wall_travel: float = 0.0
-    wall_moved_m: float = 0.0  # bound on the motion of any node from the reference to the start of the step
-    step_moved_m: float = 0.0  # and on that since then
+    wall_moved_m: float = 0.0  # bound on the motion of any node between reference and start of the step
+    step_moved_m: float = 0.0  # bound on its motion since then
     dropped: int = 0
 
 
