@@ -15,7 +15,7 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray, LongArray
 from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Struct, reader
+from services.mechanics.compiled.struct import Struct
 from services.mechanics.compiled.vectors import put_row, row, squared_distance
 from services.mechanics.reduction.large_rotations.warping import warped_tube
 from services.mechanics.reduction.large_rotations.warping_kernels import WarpedTube, string_axis
@@ -37,9 +37,6 @@ class WallBounds(Struct):
     turn: Annotated[FloatArray, "s", 3]  # of the stations in the reference
     centre: Annotated[FloatArray, "s", 3]
     longest_arm_m: float
-
-
-bounds_at = reader(WallBounds)
 
 
 def wall_bounds(duct: ReducedDuct, like: WallBounds | None = None) -> WallBounds:

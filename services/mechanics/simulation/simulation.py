@@ -138,8 +138,8 @@ class Simulation:
         self.splitter.compile_kernels()
         for effect in self.world.effects:
             effect.potential_energy_j(self.world)
-        catheter = self.catheter
-        continue_sleep(catheter.step_address, catheter.state.position_m, catheter.state.velocity_m_s)
+        state = self.catheter.state
+        continue_sleep(self.catheter.step_address, state.position_m, state.velocity_m_s)
 
     def _step_in_parts(self, tools: ToolInputs, dt_s: float) -> bool:
         """Advance by a step in substeps; return False as soon as one of them ends in an unsound state."""
@@ -161,6 +161,8 @@ class Simulation:
             self._start.restore()
             return all(self._take_part(tools, dt_s / 2) for _ in range(2))
         self._must_settle &= is_accepted
+        if not (self._must_settle or self.system.rows.has_room):
+            self.system.rows.dropped += 1
         self._correct(dt_s)
         if self.watcher is not None:
             self.watcher.end(dt_s)

@@ -7,8 +7,11 @@ from hypothesis import strategies as st
 from wall_cases import coordinates, placed, wall
 
 from services.mechanics.collision.placed_wall import NO_LOADS
-from services.mechanics.collision.wall_bounds import bound_motion, bounds_at, set_reference, wall_bounds
+from services.mechanics.collision.wall_bounds import WallBounds, bound_motion, set_reference, wall_bounds
 from services.mechanics.compiled import building_kernel
+from services.mechanics.compiled.struct import reader
+
+bounds_at = reader(WallBounds)
 
 
 @building_kernel

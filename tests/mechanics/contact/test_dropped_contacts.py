@@ -56,6 +56,18 @@ def test_rows_of_effects_beyond_the_capacity_are_counted(simulate):
     assert simulation.dropped_contacts.rows > 0
 
 
+@pytest.mark.parametrize(("capacity", "is_counted"), [(4, True), (96, False)])
+def test_a_step_that_ends_too_deep_for_want_of_rows_counts_that(simulate, capacity, is_counted):
+    """A thin wall that crumpled filled all rows, and what ended 20 times its thickness deep was counted nowhere."""
+    simulation, tools = simulate(capacity), ToolInputs()
+    assert simulation.contacts.n_contacts == 4
+    solve = simulation.solver.solve
+    simulation.solver.solve = lambda dt_s: solve(dt_s) and False
+    tools.position_m[:], tools.jaw_angle_rad[:] = simulation.tools.hand[:, :3], simulation.tools.hand[:, 3]
+    simulation.step(tools)
+    assert (simulation.dropped_contacts.rows > 0) == is_counted
+
+
 def test_holds_beyond_those_that_are_followed_are_counted(simulate):
     simulation = simulate(96, n_holds=20, ticks=3)
     assert len(simulation.holds.active) == 16
