@@ -51,7 +51,7 @@ def wall_m(simulation: Simulation) -> FloatArray:
     """Return the present positions (n, 3) of the duct's middle surface's nodes, in scene axes."""
     duct, n = simulation.duct.reduced, simulation.duct.n_loads
     loads = simulation.duct.load_nodes[:n], simulation.duct.load_force_n[:n]
-    moved_m: FloatArray = duct.mesh.vertices_m + duct.displacements(simulation.duct.state, *loads)
+    moved_m: FloatArray = duct.mesh.vertices_m + duct.displacements(simulation.duct.state.q, *loads)
     return moved_m
 
 

@@ -24,7 +24,7 @@ for tick in range(round(1000 * scenario.duration_s)):
     if tick % 50 == 0:
         n = simulation.duct.n_loads
         loads = simulation.duct.load_nodes[:n], simulation.duct.load_force_n[:n]
-        u = duct.displacements(simulation.duct.state, *loads)
+        u = duct.displacements(simulation.duct.state.q, *loads)
         moved = TriangleMesh(duct.mesh.vertices_m + u, duct.mesh.triangles)
         write_vtu(folder / f"duct-{tick:04d}.vtu", moved, {"displacement_m": u})
 

@@ -25,7 +25,6 @@ class DrawnSurface:
         self.duct = duct
         self.rest_m: FloatArray = duct.mesh.vertices_m
         self.points_m: Float32Array = self.rest_m.astype(np.float32)
-        self._modes = duct.basis.Phi.reshape(-1, duct.basis.n_modes)
         self._frame = None if duct.warp is None else SectionFrame(duct.warp)
         self._every_node = np.arange(duct.basis.n_nodes, dtype=np.int32)
 
@@ -45,18 +44,11 @@ class DrawnSurface:
         if len(nodes) and not 0 <= nodes.min() <= nodes.max() < basis.n_nodes:
             return False
         if self._frame is None:
-            points = self._straight(q, nodes, forces_n)
+            points = self.rest_m + self.duct.displacements(q, nodes, forces_n)
         else:
             points = self._turned(self._frame, q, nodes, forces_n)
         self.points_m = points.astype(np.float32)
         return True
-
-    def _straight(self, q: FloatArray, nodes: IntArray, forces_n: FloatArray) -> FloatArray:
-        modes = self._modes if len(q) == self._modes.shape[1] else self._modes[:, : len(q)]
-        displacement = (modes @ q).reshape(-1, 3)
-        self.duct.residual.apply(nodes, forces_n, self._every_node, displacement)
-        points: FloatArray = self.rest_m + displacement
-        return points
 
     def _turned(
         self,
@@ -65,7 +57,7 @@ class DrawnSurface:
         nodes: IntArray,
         forces_n: FloatArray,
     ) -> FloatArray:
-        frame.update(np.pad(q, (0, self._modes.shape[1] - len(q))))
+        frame.update(np.pad(q, (0, self.duct.basis.n_modes - len(q))))
         along_wall_n = np.empty((len(nodes), 3))
         carried, points = np.zeros_like(self.rest_m), np.empty_like(self.rest_m)
         frame.turn_back(nodes, forces_n, along_wall_n)

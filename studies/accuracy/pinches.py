@@ -80,7 +80,7 @@ def pinched(duct: ReducedDuct, pinch: Pinch) -> FloatArray:
     basis = duct.basis
     state = ModalState.at_rest(basis.n_modes)
     state.q[:] = np.einsum("nar,na->r", basis.Phi[pinch.nodes], pinch.forces_n) / basis.omega_rad_s**2
-    return duct.displacements(state, pinch.nodes, pinch.forces_n)
+    return duct.displacements(state.q, pinch.nodes, pinch.forces_n)
 
 
 def static_errors(duct: ReducedDuct, pinch: Pinch, closing_m: float, moved_m: FloatArray | None) -> dict[str, Error]:

@@ -48,7 +48,7 @@ class ModalBasis:
 
     def displacements(self, q: FloatArray) -> FloatArray:
         """Return the displacement of every node (n, 3) in m: eq. 22."""
-        field: FloatArray = self.Phi @ q
+        field: FloatArray = (self.Phi.reshape(-1, self.n_modes) @ q).reshape(-1, 3)
         return field
 
 

@@ -10,7 +10,6 @@ import numpy as np
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.reduction.basis import ModalBasis
 from services.mechanics.reduction.large_rotations.warping import TubeWarp
-from services.mechanics.reduction.modal_state import ModalState
 from services.mechanics.reduction.recipe import DuctRecipe
 from services.mechanics.reduction.residual.blocks import Residual
 from services.mechanics.reduction.residual.patch_error import PatchError
@@ -51,9 +50,12 @@ class ReducedDuct:
         if self.damping_ratio.shape != (self.basis.n_modes,):
             raise ValueError(f"{self.damping_ratio.size} damping ratios do not fit {self.basis.n_modes} modes")
 
-    def displacements(self, state: ModalState, load_nodes: IntArray, load_forces_n: FloatArray) -> FloatArray:
-        """Return the displacement of every node (n, 3) in m: for the viewer, not for the 1 kHz step."""
-        field = self.basis.displacements(state.q)
+    def displacements(self, q: FloatArray, load_nodes: IntArray, load_forces_n: FloatArray) -> FloatArray:
+        """Return the displacement of every node (n, 3) in m: for the viewer, not for the 1 kHz step.
+
+        ``q`` are the coordinates of all modes, or of the first ones.
+        """
+        field = self.basis.displacements(np.pad(q, (0, self.basis.n_modes - len(q))))
         every_node = np.arange(self.basis.n_nodes, dtype=np.int32)
         self.residual.apply(load_nodes, load_forces_n, every_node, field)
         return field

@@ -52,7 +52,7 @@ def histories(model, duct, load, observed, beta_s, substeps):
         reduced.predict(state, on * modal, DT_S)
         out[0, step] = full.displacements()[observed]
         out[1, step] = duct.basis.Phi[observed] @ state.q
-        out[2, step] = duct.displacements(state, load_nodes, on * forces)[observed]
+        out[2, step] = duct.displacements(state.q, load_nodes, on * forces)[observed]
     return out
 
 

@@ -27,7 +27,7 @@ def static_answer(duct: ReducedDuct, forces_n):
     modal_force = np.einsum("nir,ni->r", duct.basis.Phi, forces_n)
     state = ModalState.at_rest(duct.basis.n_modes)
     state.q[:] = modal_force / duct.basis.omega_rad_s**2
-    return duct.displacements(state, loaded, forces_n[loaded])
+    return duct.displacements(state.q, loaded, forces_n[loaded])
 
 
 def worst_errors(model, duct, load_cases):
