@@ -34,8 +34,8 @@ SKIN_M = 0.5e-3
 REFERENCE_M = 0.2e-3
 #: Spheres with more slack are computed anew.
 MAX_SLACK_M = 1e-3
-#: Maximum number of entries of a piece: a shaft beside 9,940 triangles lists 540, and 2,500 if it moves by 2 mm.
-MAX_ENTRIES = 4096
+#: Maximum number of entries of a piece: a shaft along all of a duct of 9,940 triangles lists 4,620 if it jumps by 2 mm.
+MAX_ENTRIES = 8192
 #: Travel of a piece and the wall until the piece's near entries are listed again: a few ticks of a moving hand.
 NEAR_M = 0.2e-3
 #: Motion of a piece in a step up to which its contacts are detected: 2 m/s, as fast as a catheter snaps.
