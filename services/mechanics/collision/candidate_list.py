@@ -24,7 +24,7 @@ import numpy as np
 from services.mechanics.arrays import BoolArray, FloatArray, IntArray, LongArray
 from services.mechanics.collision.clusters import Clusters, enclose, vector_from_segment
 from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Struct, reader
+from services.mechanics.compiled.struct import Struct
 from services.mechanics.compiled.vectors import dot, put_row, put_row_of, row, row_of, squared_distance
 
 #: A list is complete until piece and wall have moved by this. A thicker skin means longer lists, a thinner one more
@@ -77,9 +77,6 @@ class CandidateList(Struct):
     dropped: int = 0
 
 
-list_at = reader(CandidateList)
-
-
 @kernel
 def add_travel(found: CandidateList, wall_moved_m: float) -> bool:
     """Add the motion of pieces since the last call, and a bound of the wall's, to their travel; return if any moved."""
@@ -89,12 +86,13 @@ def add_travel(found: CandidateList, wall_moved_m: float) -> bool:
         moved_m = _furthest(found.ends, found.last_ends, p)
         any_moved = any_moved or moved_m > 0.0
         found.piece_travel[p] += moved_m
-        _copy_ends(found, p, found.last_ends)
+        copy_ends(found, p, found.last_ends)
     return bool(any_moved)
 
 
 @kernel
-def _copy_ends(found: CandidateList, p: int, out: FloatArray) -> None:
+def copy_ends(found: CandidateList, p: int, out: FloatArray) -> None:
+    """Copy the ends of a piece into ``out`` (p, 2, 3)."""
     for end in range(2):
         put_row_of(out, p, end, row_of(found.ends, p, end))
 
@@ -233,7 +231,7 @@ def _list_piece(found: CandidateList, p: int) -> None:
     for k in range(n_before):
         found.known[found.before[k]] = -math.inf
     found.count[p], found.slack_m[p], found.near_bound[p] = n, moved_m, -math.inf
-    _copy_ends(found, p, found.listed_ends)
+    copy_ends(found, p, found.listed_ends)
 
 
 @kernel

@@ -20,7 +20,7 @@ import numpy as np
 from services.mechanics.arrays import AnyArray, ByteArray, Float32Array, FloatArray, IntArray, LongArray
 from services.mechanics.collision.wall_bounds import WallBounds, bound_motion, set_reference, wall_bounds
 from services.mechanics.compiled import inlined_kernel, kernel, summing_kernel
-from services.mechanics.compiled.struct import Struct, reader
+from services.mechanics.compiled.struct import Struct
 from services.mechanics.compiled.vectors import along, dot, put_row, row
 from services.mechanics.reduction.large_rotations.warping_kernels import place_node, turn_vector
 from services.mechanics.reduction.reduced_duct import ReducedDuct
@@ -62,7 +62,6 @@ class PlacedWall(Struct):
     softest: float = 0.0  # largest entry of ``softness``
 
 
-wall_at = reader(PlacedWall)
 _SHARED = "blocks", "known", "row_of", "kept", "next_row", "softness"
 
 

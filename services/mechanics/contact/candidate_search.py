@@ -10,7 +10,7 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.duct_loads import DuctLoads, loads_at
 from services.mechanics.bodies.forceps.tool_body import ToolPoses, move_back, move_to_proxies
 from services.mechanics.bodies.sections import segment_radii
-from services.mechanics.collision.candidate_list import CandidateList, set_wanted_gaps
+from services.mechanics.collision.candidate_list import CandidateList, copy_ends, set_wanted_gaps
 from services.mechanics.collision.candidates import Candidates
 from services.mechanics.collision.capsules import CapsuleMemory, detect_capsules
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, ContactPairs, pairs_at
@@ -26,7 +26,7 @@ from services.mechanics.collision.wall_candidates import (
 )
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import along, put_row_of, row, row_of
+from services.mechanics.compiled.vectors import along, row
 from services.mechanics.contact.engagement import engage_tools
 from services.mechanics.contact.identity import TARGET, TARGET_KIND, part_of
 from services.mechanics.contact.laws import HAS_GAP
@@ -169,8 +169,7 @@ def begin_step(
     listed, count = known.list, duct.count[0]
     _write_bodies(listed, state, state.geometry.rod.position, 0.0)
     for p in range(search.start.shape[0]):
-        for end in range(2):
-            put_row_of(search.start, p, end, row_of(listed.ends, p, end))
+        copy_ends(listed, p, search.start)
     set_wanted_gaps(listed, search.start, search.ahead)
     if follow_wall(known, duct.free.start, (duct.node[:count], duct.force[:count])) or not search.is_measured:
         measure(known, search.found)
@@ -203,10 +202,10 @@ def price_end(
     place_requested(start_wall)
     search.is_measured = True
     start, candidates = (search.start, start_wall.position), (found, search.violations)
-    count = write_violations((known.list, candidates, search.working, state), start, tolerance_m, pairs)
-    count += write_capsule_violations((known.list, search.capsules, state, pairs), search.start, tolerance_m)
+    n_pairs = write_violations((known.list, candidates, search.working, state), start, tolerance_m, pairs)
+    n_pairs += write_capsule_violations((known.list, search.capsules, state, pairs), search.start, tolerance_m)
     move_back(tools, search.tools_at_start)
-    return int(count)
+    return int(n_pairs)
 
 
 @inlined_kernel

@@ -10,8 +10,8 @@ from services.mechanics.collision.candidate_list import (
     LOOK_AHEAD_M,
     REFERENCE_M,
     SKIN_M,
+    CandidateList,
     complete_lists,
-    list_at,
     new_list,
     rebuild_due,
     select_due,
@@ -29,6 +29,7 @@ from services.mechanics.collision.wall_candidates import (
     wall_candidates,
 )
 from services.mechanics.compiled import building_kernel
+from services.mechanics.compiled.struct import reader
 from services.mechanics.compiled.vectors import row, row_of
 from services.mechanics.contact.working_set import TOUCHING_M
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
@@ -38,6 +39,7 @@ N_PIECES, REACH_M, TICKS = 7, 0.5e-3, 12
 THICKNESS_M = np.array([2.5e-3, 1.5e-3, 1.5e-3, 1e-3, 1e-3, 1e-3, 2e-3])
 LENGTH_M = np.array([30e-3, 10e-3, 10e-3, 3e-3, 3e-3, 2e-3, 0.0])  # a shaft, jaws, pieces of a catheter, a stone
 CLOSE_M = 5e-9
+list_at = reader(CandidateList)
 
 
 @building_kernel

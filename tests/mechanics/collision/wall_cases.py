@@ -16,9 +16,9 @@ from services.mechanics.collision.placed_wall import (
     copy_configuration,
     place_requested,
     request_node,
-    wall_at,
 )
 from services.mechanics.compiled import building_kernel
+from services.mechanics.compiled.struct import reader
 from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
 from services.mechanics.reduction import ReducedDuct, Residual
 from services.mechanics.reduction.build import build_basis, fill_full_residual
@@ -29,6 +29,7 @@ from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 GEOMETRY = DuctGeometry(4e-3, 40e-3, 16, 26)
 N_MODES, DENSITY, DAMPING = 24, 1060.0, 0.05
+wall_at = reader(PlacedWall)
 KINDS = "straight", "cyclic", "turned"
 
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from services.mechanics.bodies.forceps.tool_body import ToolArrays
-from services.mechanics.collision.candidate_list import list_at, new_list
+from services.mechanics.collision.candidate_list import CandidateList, new_list
 from services.mechanics.collision.candidates import SAME_POINT, Candidates, candidates_at
 from services.mechanics.collision.clusters import cluster_triangles
 from services.mechanics.compiled import building_kernel
@@ -43,7 +43,7 @@ def tools_alone():
     return ContactGeometry(tools=tools, rod=rod, wall=wall, spheres=no_spheres())
 
 
-set_at = reader(WorkingSet)
+list_at, set_at = reader(CandidateList), reader(WorkingSet)
 
 
 @building_kernel
