@@ -150,7 +150,8 @@ for most in (1000, 6000, 1000, 6000):
     for k in range(most):
         places[k] = bytes(400)
     sizes.add(pages())
-    places[:] = [None] * len(places)
+    for k in range(most):  # one by one: the interpreter copies the list to empty all of it at once
+        places[k] = None
     sizes.add(pages())
 print(len(sizes))
 """
