@@ -35,7 +35,7 @@ from services.mechanics.collision.pieces import N_TOOL_PIECES, owner_of, write_p
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.vectors import Vector, dot, put_row, row, row_of, scaled, squared_distance, unit
 from services.mechanics.contact.clearance import jaw_surface, overlap_in_jaws, piece_can_touch
-from services.mechanics.contact.identity import PARTICLE, SEGMENT, pair_identity, part_of
+from services.mechanics.contact.identity import PARTICLE, SEGMENT, pair_identity, part_of, without_target
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.state import ContactState
 from services.mechanics.contact.working_set import (
@@ -144,14 +144,14 @@ def _find_violations(
 
 @inlined_kernel
 def _has_row(listed: CandidateList, found: Candidates, working: WorkingSet, state: ContactState, i: int) -> bool:
-    """Return whether a row at the same points and with the same normal exists for this violation."""
-    p, t, rows, corner = found.piece[i], found.triangle[i], state.rows, listed.clusters.triangles
-    identity = pair_identity(*owner_of(p), DUCT_TRIANGLE, t)
+    """Return whether a row at the same points, on whichever triangle, and with the same normal covers this violation."""
+    p, t, rows = found.piece[i], found.triangle[i], state.rows
+    identity = without_target(pair_identity(*owner_of(p), DUCT_TRIANGLE, t))
     normal = jaw_surface(state.geometry.tools, p, found.s[i], row(found.normal, i))[3]
     near, place = SAME_POINT * listed.thickness[p], row(working.at_rest, i)
     for at in range(rows.n_contacts):
-        if rows.identity[at] == identity and dot(row(rows.frame[at], 0), normal) > _SAME_ROW:
-            known = place_at_rest(working.rest, corner, t, row(rows.duct_weight, at))
+        if without_target(rows.identity[at]) == identity and dot(row(rows.frame[at], 0), normal) > _SAME_ROW:
+            known = place_at_rest(working.rest, rows.duct_node, at, row(rows.duct_weight, at))
             if squared_distance(place, known) < near * near:
                 return True
     return False

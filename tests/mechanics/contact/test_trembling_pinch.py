@@ -23,3 +23,17 @@ def test_no_solve_ends_because_its_sweeps_run_out(tmp_path):
         sweeps.append(simulation.system.sweeps)
     assert simulation.contacts.n_contacts > 10
     assert max(sweeps[700:]) < scene.quality[0].iterations
+
+
+def test_a_point_on_an_edge_is_one_contact_whichever_triangle_it_is_found_on(tmp_path):
+    """A grip on an edge got a second row for the other triangle by price: 143 times, each with a solve of its own."""
+    scene = load_scene("pinch")
+    duct = load_duct(scene, tmp_path, lambda *_: None)
+    simulation, tools = Simulation(scene, duct), ToolInputs()
+    hands = hands_of(simulation.scene, duct.mesh)
+    for tick in range(1200):
+        hands.write_inputs(1e-3 * (tick + 1), tools)
+        simulation.step(tools)
+    assert simulation.contacts.n_contacts > 10
+    assert simulation.solver.pricing.new_rows < 10
+    assert simulation.dropped_contacts == (0, 0, 0)

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
+from services.mechanics.collision.candidates import SAME_POINT
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL
 from services.mechanics.contact.identity import TARGET, TARGET_KIND, part_of
 from services.mechanics.contact.price import MAX_NEW_ROWS, VIOLATION_SPACING, piece_of
@@ -52,13 +53,14 @@ class PriceJudge:
         assert set(written) <= set(deep), "what is no deeper than the tolerance is a violation"
         if len(on_wall) == MAX_NEW_ROWS:
             return found
-        known = self._features_of_rows()
+        known, at_m = self._rows_on_wall(corners)
         for (p, t), gap_m in deep.items():
             if gap_m < -tolerance_m - SLACK_M and (p, t) not in known:
-                beside = points[[self._is_one_body(p, q) for q, _ in written]]
-                squares = [point_triangle(tuple(point), *map(tuple, corners[t])) for point in beside]
                 longer = max([1.5, *(self._stretch(corners, q) for _, q in written)])
-                if min(squares, default=np.inf) >= (VIOLATION_SPACING * thickness_m[p] * longer) ** 2:
+                beside_m = points[[self._is_one_body(p, q) for q, _ in written]]
+                near = _nearest_m(beside_m, corners[t]) < VIOLATION_SPACING * thickness_m[p] * longer
+                same = _nearest_m(at_m[[p == q for q, _ in known]], corners[t]) < SAME_POINT * thickness_m[p] * longer
+                if not (near or same):
                     self._missed.append(f"piece {p} ends {-1e6 * gap_m:.0f} um deep in triangle {t} and has no row")
         return found
 
@@ -106,11 +108,14 @@ class PriceJudge:
             return int(3 * pairs.tool[k] + pairs.tool_segment[k]), int(pairs.target[k])
         return int(N_TOOL_PIECES + pairs.particle[k]), int(pairs.target[k])
 
-    def _features_of_rows(self):
+    def _rows_on_wall(self, corners):
+        """Return pieces and triangles of the rows on the wall, and where their points (k, 3) are now."""
         rows = self._simulation.contacts
         on_wall = [k for k in range(rows.n_contacts) if rows.identity[k] >= 0]
         on_wall = [k for k in on_wall if part_of(rows.identity[k], TARGET_KIND) == DUCT_TRIANGLE]
-        return {(piece_of.py_func(rows, k), part_of(rows.identity[k], TARGET)) for k in on_wall}
+        features = [(piece_of.py_func(rows, k), part_of(rows.identity[k], TARGET)) for k in on_wall]
+        at_m = np.einsum("kc,kci->ki", rows.duct_weight[on_wall], corners[np.array([t for _, t in features], int)])
+        return features, at_m
 
     @staticmethod
     def _is_one_body(p, q):
@@ -138,6 +143,11 @@ def test_a_price_finds_all_that_brute_force_finds(small_scene, ducts, thickness_
         tools.position_m[:] = hand_m
         simulation.step(tools)
     assert judge.prices > TICKS // 6
+
+
+def _nearest_m(points_m, corners_m):
+    """Return the least distance of points (k, 3) from a triangle, infinite without any."""
+    return np.sqrt(min((point_triangle(tuple(x), *map(tuple, corners_m)) for x in points_m), default=np.inf))
 
 
 class DepthJudge(PriceJudge):
