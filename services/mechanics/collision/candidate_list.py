@@ -1,13 +1,14 @@
 """The candidate list (broad phase): for each piece, the triangles that it may touch before the next rebuild.
 
 It is a Verlet list (L. Verlet, "Computer experiments on classical fluids", 1967). The list of a piece has the triangles
-within its reach plus a skin, and is complete until piece and wall together have moved by the skin. It is built from
-bounding spheres, which are larger by their *slack*, a bound on the wall's motion since they were computed; those with
-too much slack are computed anew before a list is built from them. A list that does not reach far enough where a step
-ends, because piece or wall were fast, is rebuilt there from the spheres as they are.
+within its reach plus a skin. It is built from bounding spheres, which are larger by their *slack*, a bound on the
+wall's motion since they were computed; those with too much slack are computed anew before a list is built from them. A
+list that does not reach far enough where a step ends, because piece or wall were fast, is rebuilt there from the
+spheres as they are, and at the next start if those are outdated.
 
-Motion of the wall is measured from a reference configuration. When that is replaced, all slacks increase by the motion
-since the last one (triangle inequality).
+Motion of the wall is measured from a reference configuration. A list *covers* the motion for which it was built: it is
+complete until the piece's motion and what the wall's is beyond that are more than the skin. When the reference is
+replaced, all slacks increase by the motion since the last one, and what lists cover decreases (triangle inequality).
 
 Each entry also has a lower bound on its distance: the last measured distance minus the largest possible motion of piece
 and wall since. Only entries whose bound is within reach are measured again, and only their nodes are placed. Entries
@@ -58,8 +59,8 @@ class CandidateList(Struct):
     near: Annotated[IntArray, "p", MAX_ENTRIES]  # indices of the entries whose bound is at most ``near_bound``
     near_count: Annotated[LongArray, "p"]
     near_bound: Annotated[FloatArray, "p"]
-    slack_m: Annotated[FloatArray, "p"]  # bound on the wall's motion from rebuild to reference; infinite without list
-    is_due: Annotated[BoolArray, "p"]  # whether the list is to be rebuilt
+    covered_m: Annotated[FloatArray, "p"]  # motion of the wall from the reference that the list allows for
+    is_due: Annotated[BoolArray, "p"]  # whether the list is to be rebuilt at the start of a step
     listed_ends: Annotated[FloatArray, "p", 2, 3]
     last_ends: Annotated[FloatArray, "p", 2, 3]
     piece_travel: Annotated[FloatArray, "p"]  # sum of the longer motions of both ends
@@ -73,7 +74,8 @@ class CandidateList(Struct):
     along_m: float  # further minima are candidates up to this much farther than the closest pair; none if below 0
     wall_travel: float = 0.0
     wall_moved_m: float = 0.0  # bound on the motion of any node between reference and start of the step
-    step_moved_m: float = 0.0  # bound on its motion since then
+    start_moved_m: float = 0.0  # bound on its motion from the end of the last step to the start
+    step_moved_m: float = 0.0  # bound on its motion since the end of the last step
     dropped: int = 0
 
 
@@ -136,18 +138,22 @@ def select_due(found: CandidateList, modes_moved_m: float) -> int:
     ``modes_moved_m`` is a bound on the motion of any node by the modes from the reference.
     """
     report, found.wall_moved_m = 0, max(modes_moved_m, found.wall_moved_m)
-    if found.wall_moved_m > REFERENCE_M:
+    moved_m = found.wall_moved_m + found.start_moved_m
+    if moved_m > REFERENCE_M:
         report = NEW_REFERENCE
-        _increase(found.slack_m, found.wall_moved_m)
-        _increase(found.clusters.slack_m, found.wall_moved_m)
-        found.first_position[:], found.wall_moved_m = math.nan, 0.0
+        _increase(found.covered_m, -moved_m)
+        _increase(found.clusters.slack_m, moved_m)
+        found.first_position[:] = math.nan
+        found.wall_moved_m = found.start_moved_m = found.step_moved_m = 0.0
     for p in range(found.count.shape[0]):
-        found.is_due[p] = found.active[p] and not _used_m(found, p) <= found.skin_m  # also if it is no number
+        if not _used_m(found, p) <= found.skin_m:  # also if it is no number
+            found.is_due[p] = True
+        found.is_due[p] &= found.active[p]
         if found.is_due[p]:
-            report |= DUE | (APPEARED if found.slack_m[p] == math.inf else 0)
+            report |= DUE | (APPEARED if found.covered_m[p] == -math.inf else 0)
             _select_outdated(found, p)
         elif not found.active[p]:
-            found.slack_m[p] = math.inf
+            found.covered_m[p] = -math.inf
             found.count[p] = found.near_count[p] = 0
     return report
 
@@ -191,8 +197,8 @@ def rebuild_due(found: CandidateList) -> None:
 
 @kernel
 def complete_lists(found: CandidateList, wall_moved_m: float) -> None:
-    """Rebuild the lists that do not reach far enough at the end of a step, after the wall has moved once more."""
-    found.step_moved_m += wall_moved_m
+    """Rebuild the lists that do not reach far enough at the end of a step, in which the wall has moved so far."""
+    found.step_moved_m = found.start_moved_m + wall_moved_m
     for p in range(found.count.shape[0]):
         if found.active[p] and not _used_m(found, p) + found.wanted[p] <= found.skin_m + found.reach[p]:
             _list_piece(found, p)
@@ -200,22 +206,27 @@ def complete_lists(found: CandidateList, wall_moved_m: float) -> None:
 
 @kernel
 def _used_m(found: CandidateList, p: int) -> float:
-    """Return a bound on the motion of piece and wall since the list was rebuilt."""
-    moved_m = found.slack_m[p] + found.wall_moved_m + found.step_moved_m
+    """Return a bound on the motion of piece and wall beyond what the list allows for, infinite without a list."""
+    moved_m = found.wall_moved_m + found.step_moved_m - found.covered_m[p]
     return float(moved_m + _furthest(found.ends, found.listed_ends, p))
 
 
 @kernel
 def _list_piece(found: CandidateList, p: int) -> None:
-    """List the triangles within reach of a piece; bounds of those already listed are kept."""
+    """List the triangles within reach of a piece; bounds of those already listed are kept.
+
+    A list built from outdated spheres is due at the next start.
+    """
     a, b, clusters = row_of(found.ends, p, 0), row_of(found.ends, p, 1), found.clusters
     reach, n, n_before = max(found.reach[p], found.wanted[p]) + found.thickness[p] + found.skin_m, 0, found.count[p]
     travel, moved_m = found.wall_travel + found.piece_travel[p], found.wall_moved_m + found.step_moved_m
+    found.is_due[p] = False
     for k in range(n_before):
         found.before[k], found.known[found.entry[p, k]] = found.entry[p, k], found.bound[p, k]
     for c in range(clusters.cluster_radius.shape[0]):
         if _is_beyond(found, p, c, reach):
             continue
+        found.is_due[p] |= clusters.slack_m[c] > MAX_SLACK_M
         slack_m = clusters.slack_m[c] + moved_m
         for place in range(clusters.first[c], clusters.first[c + 1]):
             t = clusters.order[place]
@@ -230,7 +241,7 @@ def _list_piece(found: CandidateList, p: int) -> None:
             n += 1
     for k in range(n_before):
         found.known[found.before[k]] = -math.inf
-    found.count[p], found.slack_m[p], found.near_bound[p] = n, moved_m, -math.inf
+    found.count[p], found.covered_m[p], found.near_bound[p] = n, moved_m, -math.inf
     copy_ends(found, p, found.listed_ends)
 
 
@@ -266,7 +277,7 @@ def new_list(clusters: Clusters, position_m: FloatArray, n_pieces: int, along_m:
         n=len(position_m),
         c=len(clusters.slack_m),
         m=len(clusters.triangles),
-        slack_m=np.full(n_pieces, math.inf),
+        covered_m=np.full(n_pieces, -math.inf),
         known=np.full(len(clusters.triangles), -math.inf),
         first_position=np.full_like(position_m, math.nan),
         skin_m=SKIN_M,

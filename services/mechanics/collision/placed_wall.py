@@ -18,7 +18,7 @@ from typing import Annotated
 import numpy as np
 
 from services.mechanics.arrays import AnyArray, ByteArray, Float32Array, FloatArray, IntArray, LongArray
-from services.mechanics.collision.wall_bounds import WallBounds, bound_motion, set_reference, wall_bounds
+from services.mechanics.collision.wall_bounds import WallBounds, bound_between, bound_motion, set_reference, wall_bounds
 from services.mechanics.compiled import inlined_kernel, kernel, summing_kernel
 from services.mechanics.compiled.struct import Struct
 from services.mechanics.compiled.vectors import along, dot, put_row, row
@@ -101,13 +101,27 @@ def configure(wall: PlacedWall, q: FloatArray, loads: Loads, lasting: Loads) -> 
     """
     moved_m = bound_motion(wall.bounds, q, _reach_of_loads(wall))
     set_reference(wall.bounds, q)
-    wall.n_changed = 0
-    for load in range(wall.n_loads):
-        _note_change(wall, load, -1.0)
+    _note_loads(wall, wall, -1.0)
     wall.n_loads = 0
     _add_loads(wall, loads)
     _add_loads(wall, lasting)
-    return float(_bound_motion(wall, moved_m))
+    _note_loads(wall, wall, 1.0)
+    moved_m += _bound_by_loads(wall)
+    if moved_m != 0.0:  # all nodes are stale
+        wall.configuration += 1
+        wall.n_requested = wall.n_placed = 0
+    return float(moved_m)
+
+
+@kernel
+def bound_since(wall: PlacedWall, start: PlacedWall) -> float:
+    """Return a bound, in m, on the motion of any node from the configuration of another wall of the duct."""
+    _note_loads(wall, start, -1.0)
+    _note_loads(wall, wall, 1.0)
+    by_loads_m = _bound_by_loads(wall)
+    return float(
+        bound_between(wall.bounds, start.bounds, max(_reach_of_loads(wall), _reach_of_loads(start))) + by_loads_m
+    )
 
 
 @kernel
@@ -120,7 +134,6 @@ def _add_loads(wall: PlacedWall, loads: Loads) -> None:
             turn_vector(wall.bounds.tube, loads[0][load], True, loads[1][load], wall.load_force[at])
         else:
             put_row(wall.load_force, at, row(loads[1], load))
-        _note_change(wall, at, 1.0)
         wall.n_loads += 1
 
 
@@ -131,27 +144,26 @@ def rotates(wall: PlacedWall) -> bool:
 
 
 @kernel
-def _note_change(wall: PlacedWall, load: int, sign: float) -> None:
-    node = wall.load_node[load]
-    wall.changed[wall.n_changed] = node
-    wall.n_changed += 1
-    put_row(wall.change, node, along(row(wall.change, node), row(wall.load_force, load), sign))
+def _note_loads(wall: PlacedWall, of: PlacedWall, sign: float) -> None:
+    """Add the loads of a configuration to the change of loads."""
+    for load in range(of.n_loads):
+        node = of.load_node[load]
+        wall.changed[wall.n_changed] = node
+        wall.n_changed += 1
+        put_row(wall.change, node, along(row(wall.change, node), row(of.load_force, load), sign))
 
 
 @inlined_kernel
-def _bound_motion(wall: PlacedWall, moved_m: float) -> float:
-    """Return a bound (m) on any node's motion, with ``moved_m`` that of the modes; motion makes all nodes stale."""
+def _bound_by_loads(wall: PlacedWall) -> float:
+    """Return a bound (m) on any node's motion by the change of loads, beyond the modes, and clear the change."""
     total = 0.0
     for k in range(wall.n_changed):
         node = wall.changed[k]
         change = row(wall.change, node)
         wall.change[node] = 0.0
         total += wall.softness[node] * math.sqrt(dot(change, change))
-    moved_m += wall.softest * total
-    if moved_m != 0.0:
-        wall.configuration += 1
-        wall.n_requested = wall.n_placed = 0
-    return float(moved_m)
+    wall.n_changed = 0
+    return float(wall.softest * total)
 
 
 @inlined_kernel

@@ -14,7 +14,7 @@ from typing import Annotated
 import numpy as np
 
 from services.mechanics.arrays import FloatArray, LongArray
-from services.mechanics.compiled import inlined_kernel, kernel
+from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Struct
 from services.mechanics.compiled.vectors import put_row, row, squared_distance
 from services.mechanics.reduction.large_rotations.warping import warped_tube
@@ -65,19 +65,28 @@ def bound_motion(bounds: WallBounds, q: FloatArray, beyond_m: float) -> float:
 
     Sections move nodes by their arms, which loads lengthen by ``beyond_m``.
     """
-    moved_m = _bound_by_blocks(bounds, bounds.reference, q)
-    return moved_m + _bound_rotation(bounds, q, beyond_m) if bounds.turn.shape[0] > 0 else moved_m
+    if bounds.turn.shape[0] > 0:
+        string_axis(bounds.tube, q)
+    return _bound_motion(bounds, q, (bounds.tube.turn, bounds.tube.centre), beyond_m)
 
 
-@inlined_kernel
-def _bound_rotation(bounds: WallBounds, q: FloatArray, beyond_m: float) -> float:
-    tube, turned_2, carried_2 = bounds.tube, 0.0, 0.0
-    string_axis(tube, q)
+@kernel
+def bound_between(bounds: WallBounds, other: WallBounds, beyond_m: float) -> float:
+    """Return that bound between two references."""
+    return _bound_motion(bounds, other.reference, (other.turn, other.centre), beyond_m)
+
+
+@kernel
+def _bound_motion(bounds: WallBounds, q: FloatArray, axis: tuple[FloatArray, FloatArray], beyond_m: float) -> float:
+    """Return the bound for coordinates whose axis has turns and centres (s, 3) at the stations."""
+    moved_m, turned_2, carried_2 = _bound_by_blocks(bounds, bounds.reference, q), 0.0, 0.0
+    if bounds.turn.shape[0] == 0:
+        return moved_m
     for station in range(bounds.turn.shape[0]):
-        turned_2 = max(turned_2, squared_distance(row(tube.turn, station), row(bounds.turn, station)))
-        carried_2 = max(carried_2, squared_distance(row(tube.centre, station), row(bounds.centre, station)))
+        turned_2 = max(turned_2, squared_distance(row(axis[0], station), row(bounds.turn, station)))
+        carried_2 = max(carried_2, squared_distance(row(axis[1], station), row(bounds.centre, station)))
     arm_m = bounds.longest_arm_m + _bound_by_blocks(bounds, bounds.at_rest, q) + beyond_m
-    return math.sqrt(carried_2) + math.sqrt(turned_2) * arm_m
+    return moved_m + math.sqrt(carried_2) + math.sqrt(turned_2) * arm_m
 
 
 @kernel

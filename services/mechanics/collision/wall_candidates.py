@@ -27,6 +27,7 @@ from services.mechanics.collision.clusters import Clusters, cluster_triangles
 from services.mechanics.collision.placed_wall import (
     Loads,
     PlacedWall,
+    bound_since,
     configure,
     place_requested,
     place_wall,
@@ -72,9 +73,9 @@ def follow_wall(known: WallCandidates, q: FloatArray, loads: Loads) -> bool:
     is_elsewhere = add_travel(listed, moved_m)
     if known.is_new:  # remove all entries, and have all spheres computed anew; a bound may be no number
         listed.count[:], listed.piece_travel[:], listed.wall_travel = 0, 0.0, 0.0
-        listed.slack_m[:], listed.clusters.slack_m[:], listed.wall_moved_m = math.inf, math.inf, 0.0
+        listed.covered_m[:], listed.clusters.slack_m[:], listed.wall_moved_m = -math.inf, math.inf, 0.0
         moved_m = 0.0
-    listed.step_moved_m = moved_m
+    listed.start_moved_m = listed.step_moved_m = moved_m
     report = select_due(listed, modes_moved_m)
     if report & DUE:
         _request_enclosed(known)
@@ -98,16 +99,20 @@ def _request_enclosed(known: WallCandidates) -> None:
 
 @kernel
 def follow_end(
-    known: WallCandidates, q: FloatArray, loads: tuple[Loads, Loads], start: FloatArray, ahead: FloatArray
+    known: WallCandidates,
+    q: FloatArray,
+    loads: tuple[Loads, Loads],
+    start: tuple[PlacedWall, FloatArray],
+    ahead: FloatArray,
 ) -> None:
     """Set coordinates, loads and lasting loads at the end of a step, and what is wanted there.
 
-    ``start`` (p, 2, 3) and ``ahead`` (p,) are those of `set_wanted_gaps`. Only incomplete lists are rebuilt.
+    ``start`` is the wall at the start, and the ends (p, 2, 3) of the pieces, which `set_wanted_gaps` takes as ``ahead``
+    (p,). Only incomplete lists are rebuilt.
     """
-    moved_m = configure(known.wall, q, loads[0], loads[1])
-    add_travel(known.list, moved_m)
-    set_wanted_gaps(known.list, start, ahead)
-    complete_lists(known.list, moved_m)
+    add_travel(known.list, configure(known.wall, q, loads[0], loads[1]))
+    set_wanted_gaps(known.list, start[1], ahead)
+    complete_lists(known.list, bound_since(known.wall, start[0]))
 
 
 @kernel

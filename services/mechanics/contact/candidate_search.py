@@ -195,7 +195,7 @@ def price_end(
     move_to_proxies(tools, search.tools_at_start)
     _write_bodies(known.list, state, state.geometry.rod.position_now, 1.0)
     loads = (duct.node[:count], duct.force[:count]), lasting
-    follow_end(known, duct.free.q, loads, search.start, search.ahead)
+    follow_end(known, duct.free.q, loads, (start_wall, search.start), search.ahead)
     measure(known, found)
     for i in range(found.count):
         request_triangle(start_wall, known.list.clusters, found.triangle[i])

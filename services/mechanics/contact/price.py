@@ -144,7 +144,7 @@ def _find_violations(
 
 @inlined_kernel
 def _has_row(listed: CandidateList, found: Candidates, working: WorkingSet, state: ContactState, i: int) -> bool:
-    """Return whether a row at the same points, on whichever triangle, and with the same normal covers this violation."""
+    """Return whether a row at the same points, on any triangle, and with the same normal covers this violation."""
     p, t, rows = found.piece[i], found.triangle[i], state.rows
     identity = without_target(pair_identity(*owner_of(p), DUCT_TRIANGLE, t))
     normal = jaw_surface(state.geometry.tools, p, found.s[i], row(found.normal, i))[3]

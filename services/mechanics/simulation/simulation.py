@@ -27,8 +27,8 @@ from services.mechanics.effects import act, build_effects, by_stage
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.rod.free_step import continue_sleep
 from services.mechanics.scene import SceneModel
+from services.mechanics.scene.argument_checks import ArgumentChecks
 from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs, ToolResults
-from services.mechanics.simulation.argument_checks import ArgumentChecks
 from services.mechanics.simulation.healing import Healer
 from services.mechanics.simulation.scene_catheter import place_catheter
 from services.mechanics.simulation.scene_world import build_world
