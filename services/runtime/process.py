@@ -19,7 +19,7 @@ from services.runtime.errors import BusError, UserError
 from services.runtime.flight import SUFFIX, FlightRing, flight_directory
 from services.runtime.health import HealthReporter
 from services.runtime.loop import LoopMeter
-from services.runtime.reservation_keeper import ReservationKeeper
+from services.runtime.reservation_keeper import ReservationKeeper, ReservationPause
 from services.runtime.rig import Rig
 from services.runtime.scene_requirements import EVERYTHING, SceneRequirements, scene_requirements
 from services.runtime.scheduling import OFTEN_NS, SELDOM_NS, Scheduling
@@ -78,20 +78,28 @@ class Process(ProcessConfig):
                 _warn_of(had, self.log)
             self._tell(had)
             if meter is not None and self._scheduling.may_reserve:
-                self.health.before = self._keep(ReservationKeeper(self._scheduling, meter, self.log))
+                self._keep_reservation(self._scheduling, meter)
         self.facts.extend((realtime.freeze_garbage_collector(), realtime.read_back()))
         self.health.realtime = self.facts
         self.health.change("ready")
         if not starts_others:  # a supervisor reports for them
             self.log.info("ready")
 
-    def _keep(self, keeper: ReservationKeeper) -> Callable[[], None]:
+    def _keep_reservation(self, scheduling: Scheduling, meter: LoopMeter) -> None:
+        """Follow the loop's needs from now on, unless its rig has nowhere to agree on pauses."""
+        try:
+            pause = ReservationPause(flight_directory(endpoints.run_directory(self.rig.transport)))
+        except (BusError, OSError) as error:
+            self.log.warning("what it reserves is not adapted: %s", error)
+            return
+        keeper = ReservationKeeper(scheduling, meter, pause, self.log)
+
         def keep() -> None:
-            if keeper.keep() and self._scheduling is not None:
-                self._tell(realtime.scheduling_fact(self._scheduling))
+            if keeper.keep():
+                self._tell(realtime.scheduling_fact(scheduling))
                 self._tell(realtime.read_back())
 
-        return keep
+        self.health.before = keep
 
     def _tell(self, had: realtime.Fact) -> None:
         self.facts[:] = [had if fact.name == had.name else fact for fact in self.facts]

@@ -1,37 +1,71 @@
-"""Adapts a loop's reservation to its measured work, and reports shortages."""
+"""Adapts a loop's reservation to its measured work, reports shortages, and keeps to the pauses of its rig."""
 
 from __future__ import annotations
 
 import logging
 import os
+import struct
 import time
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from services.runtime.flight import COLUMNS, ROWS_AT, FlightRing
 from services.runtime.loop import CATCH_UP, LoopMeter
-from services.runtime.reservation import Need, Reservation, need_of
+from services.runtime.private_directory import open_private
+from services.runtime.reservation import LONGEST_PAUSE_S, Reservation, need_of, pause_s
 from services.runtime.scheduling import PERIOD_NS, Scheduling
 
 #: Periods of the adaptation, normally, and in the first seconds or while it is short; and the number of the first ones.
 _LOOK_EVERY_NS, _LOOK_SOON_NS, _FIRST_LOOKS = 1_000_000_000, 250_000_000, 20
 _TICK, _RAN = COLUMNS.index("tick"), COLUMNS.index("ran_ns")
-#: Time after which the same message is repeated.
+#: Time after which the message is repeated.
 _AGAIN_S = 60.0
 #: Fewest periods for an estimate of the 95th percentile.
 _LEAST_PERIODS = 50
 
 
+#: File of a rig's pause, beside its flight rings: its end and length in s, by the monotonic clock.
+PAUSE_FILE = "reservations.pause"
+_PAUSE = struct.Struct("<2d")
+
+
+class ReservationPause:
+    """The time for which no loop of a rig reserves anything, shared by its processes.
+
+    Raises BusError or OSError if the file cannot be created.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        self._file = open_private(directory / PAUSE_FILE, os.O_RDWR | os.O_CREAT)
+
+    def is_on(self, now_s: float) -> bool:
+        """Return whether there is a pause now; the end of one before the machine was started does not count."""
+        return now_s < self._read()[0] <= now_s + LONGEST_PAUSE_S
+
+    def begin(self, now_s: float) -> None:
+        """Begin a pause."""
+        length_s = pause_s(now_s, *self._read())
+        os.pwrite(self._file, _PAUSE.pack(now_s + length_s, length_s), 0)
+
+    def _read(self) -> tuple[float, float]:
+        data = os.pread(self._file, _PAUSE.size, 0)
+        until_s, length_s = _PAUSE.unpack(data) if len(data) == _PAUSE.size else (0.0, 0.0)
+        return until_s, length_s
+
+
 class ReservationKeeper:
     """Adapts the reservation of a loop that has SCHED_DEADLINE, or was refused it for lack of room."""
 
-    def __init__(self, scheduling: Scheduling, meter: LoopMeter, logger: logging.Logger) -> None:
-        self._scheduling, self._meter, self._log = scheduling, meter, logger
+    def __init__(
+        self, scheduling: Scheduling, meter: LoopMeter, pause: ReservationPause, logger: logging.Logger
+    ) -> None:
+        self._scheduling, self._meter, self._pause, self._log = scheduling, meter, pause, logger
         self._reservation = Reservation(scheduling.requested.share if scheduling.reserves else 0.0)
         self._due_ns = time.monotonic_ns() + _LOOK_SOON_NS
         self._looks = 0
-        self._said, self._again_s = "", 0.0
+        self._again_s = 0.0
 
     def keep(self) -> bool:
         """Set the reservation by the work of the last seconds, if due; return whether it changed."""
@@ -50,27 +84,30 @@ class ReservationKeeper:
         self._follow(now_ns * 1e-9, need_of(work_ns, max(PERIOD_NS, period_ns)), period_ns)
         return self._scheduling.had != before
 
-    def _follow(self, now_s: float, need: Need, period_ns: int) -> None:
+    def _follow(self, now_s: float, need: float, period_ns: int) -> None:
         held = self._reservation
-        held.follow(now_s, need, lambda share: self._scheduling.reserve(share, period_ns))
-        if held.gives_up(now_s, need):
-            self._scheduling.step_down()
-        if held.short:
-            self._tell(now_s, need)
+        if not self._pause.is_on(now_s):
+            held.follow(now_s, need, lambda share: self._scheduling.reserve(share, period_ns))
+            if held.is_left_out(now_s):
+                self._pause.begin(now_s)
+                self._tell(now_s, need)
+        if self._pause.is_on(now_s):
+            if self._scheduling.reserves:
+                self._scheduling.step_down()
+            held.drop()
 
-    def _tell(self, now_s: float, need: Need) -> None:
-        """Report a shortage, once for each class, and again after a while."""
-        had = self._scheduling.had
-        if had.split()[0] != self._said or now_s >= self._again_s:
-            self._log.warning("scheduling: %s", shortage(need, had))
-            self._said, self._again_s = had.split()[0], now_s + _AGAIN_S
+    def _tell(self, now_s: float, need: float) -> None:
+        """Report a shortage, and again after a while."""
+        if now_s >= self._again_s:
+            self._log.warning("scheduling: %s", shortage(need))
+            self._again_s = now_s + _AGAIN_S
 
 
-def shortage(need: Need, had: str) -> str:
-    """Return a message on a shortage, the present class, and the remedy."""
+def shortage(need: float) -> str:
+    """Return a message on a shortage, its effect, and the remedy."""
     return (
-        f"no room for {100 * need.share:.0f} % of a core beside what others reserve on {os.cpu_count()} cores: "
-        f"has {had}; give the rig more cores, or choose a lower rung of the scene's quality"
+        f"no room for {100 * need:.0f} % of a core beside what others reserve on {os.cpu_count()} cores: for now no "
+        "loop of the rig reserves any; give the rig more cores, or choose a lower rung of the scene's quality"
     )
 
 

@@ -8,15 +8,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from services.runtime.reservation import (
-    LEAST_MARGIN,
+    LONGEST_PAUSE_S,
     MARGIN,
+    MEAN_MARGIN,
     MOST,
+    PATIENCE_S,
+    PAUSE_S,
     QUANTILE,
-    SPARE,
     STEP,
-    Need,
     Reservation,
     need_of,
+    pause_s,
 )
 
 LITTLE = 1e-9
@@ -29,45 +31,36 @@ class Kernel:
     """Admits a loop's share up to what others leave; `now` is what it has admitted."""
 
     def __init__(self, now: float = 0.0, others: float = 0.0) -> None:
-        self.now, self.others, self.asked = now, others, 0
+        self.now, self.others = now, others
 
     def ask(self, share: float) -> bool:
-        self.asked += 1
         if share > ROOM - self.others + LITTLE:
             return False
         self.now = share
         return True
 
 
-def need(share: float, least: float | None = None) -> Need:
-    """Return a need whose mean is a little below the least."""
-    least = share if least is None else least
-    return Need(share, least, least / 1.05)
-
-
 def changes(shares: list[float]) -> int:
     return int(np.count_nonzero(np.diff(shares)))
 
 
-needs = st.tuples(st.integers(2, round(TOP / STEP)), st.integers(1, round(TOP / STEP))).map(
-    lambda pair: need(STEP * max(pair), STEP * min(pair))
-)
+needs = st.integers(1, round(TOP / STEP)).map(lambda steps: steps * STEP)
 
 
 @given(st.lists(st.integers(10_000, 3_000_000), min_size=1, max_size=300))
 def test_what_is_needed_covers_the_work_of_nearly_all_periods_and_its_mean(work_ns: list[int]) -> None:
     found = need_of(np.array(work_ns), 1_000_000)
-    assert STEP - LITTLE <= found.least <= found.share <= MOST
-    assert round(found.share / STEP) * STEP == pytest.approx(found.share)
-    if found.share < MOST - LITTLE:
-        assert sum(each > found.share * 1_000_000 + 1 for each in work_ns) <= 1 + (1 - QUANTILE) * len(work_ns)
-        assert found.usual <= found.least
-        assert found.share < STEP + max(MARGIN, LEAST_MARGIN) * max(work_ns) / 1_000_000
+    assert STEP - LITTLE <= found <= MOST
+    assert round(found / STEP) * STEP == pytest.approx(found)
+    if found < MOST - LITTLE:
+        assert sum(each > found * 1_000_000 + 1 for each in work_ns) <= 1 + (1 - QUANTILE) * len(work_ns)
+        assert np.mean(work_ns) <= found * 1_000_000
+        assert found < STEP + max(MARGIN, MEAN_MARGIN) * max(work_ns) / 1_000_000
 
 
 @given(st.integers(1, round(TOP / STEP)), st.lists(st.tuples(needs, st.floats(0.0, 1.0)), min_size=1, max_size=200))
 def test_never_more_than_is_admitted_and_never_less_than_the_need_where_that_fits(
-    guess: int, seconds: list[tuple[Need, float]]
+    guess: int, seconds: list[tuple[float, float]]
 ) -> None:
     """What others reserve comes and goes; what this loop has is its own until it gives it back."""
     kernel = Kernel(guess * STEP)
@@ -77,13 +70,11 @@ def test_never_more_than_is_admitted_and_never_less_than_the_need_where_that_fit
         held.follow(float(second), each, kernel.ask)
         assert held.share == pytest.approx(kernel.now), "what the kernel has is what the loop believes"
         assert held.share <= ROOM - kernel.others + LITTLE
-        if held.short:
-            assert held.share < each.share
-        if each.least <= ROOM - kernel.others - SPARE and held._again_s < second:
-            assert held.share >= each.least - LITTLE
+        assert held.short == (each if each > held.share + LITTLE else 0.0)
+        assert not held.short or each > ROOM - kernel.others
     kernel.others = 0.0
     held.follow(1e6, each, kernel.ask)
-    assert held.share >= each.share - LITTLE
+    assert held.share >= each - LITTLE
     assert not held.short
 
 
@@ -92,38 +83,49 @@ def test_a_need_that_wavers_by_a_step_does_not_move_what_is_reserved(base: int, 
     kernel = Kernel(0.3)
     held, shares = Reservation(0.3), []
     for second, up in enumerate(noise):
-        held.follow(float(second), need(STEP * (base + up), STEP), kernel.ask)
+        held.follow(float(second), STEP * (base + up), kernel.ask)
         shares.append(held.share)
     assert changes(shares) <= 2, "the guess, and a step up"
 
 
 @given(st.floats(0.0, 1.0), st.lists(needs, min_size=4, max_size=4))
-def test_loops_beside_each_other_come_to_rest_and_share_what_there_is(free: float, wanted: list[Need]) -> None:
-    """Of loops of constant need none moves any more after a few minutes, and who fits is not left out."""
-    total = 0.5 + 1.3 * free
-    loops = [Reservation(0.0) for _ in wanted]
-    kernels = [Kernel() for _ in wanted]
-    told = []
+def test_either_all_loops_of_a_rig_have_what_they_need_or_mostly_none_has_anything(
+    free: float, wanted: list[float]
+) -> None:
+    """One that has none runs only when the others leave it time. They try again, ever more seldom."""
+    total, until_s, last_s, mixed = 0.5 + 1.3 * free, 0.0, 0.0, []
+    loops, kernels = [Reservation(0.0) for _ in wanted], [Kernel() for _ in wanted]
     for second in range(1200):
         for held, kernel, each in zip(loops, kernels, wanted, strict=True):
             kernel.others = ROOM - (total - sum(other.now for other in kernels if other is not kernel))
-            held.follow(float(second), each, kernel.ask)
-            if held.gives_up(float(second), each):
+            if second >= until_s:
+                held.follow(float(second), each, kernel.ask)
+                if held.is_left_out(float(second)):
+                    last_s = pause_s(float(second), until_s, last_s)
+                    until_s = second + last_s
+            if second < until_s:
+                held.drop()
                 kernel.now = 0.0
-        told.append([held.share for held in loops])
-        assert sum(told[-1]) <= total + LITTLE
-    moved = np.count_nonzero(np.diff(np.array(told[600:]), axis=0), axis=0)
-    if sum(each.share for each in wanted) <= total - SPARE:
-        assert all(held.share >= each.least - LITTLE for held, each in zip(loops, wanted, strict=True))
-        assert not moved.any()
-    assert moved.max() <= 24, "who has no room comes to see, and lets others try, ever more seldom"
+        assert sum(held.share for held in loops) <= total + LITTLE
+        mixed.append(len({held.share > 0.0 for held in loops}) == 2)
+    fits = sum(wanted) <= total - 4 * LITTLE
+    assert sum(mixed) <= 12
+    assert all((held.share > 0.0) == fits for held in loops) or abs(sum(wanted) - total) < 8 * LITTLE or mixed[-1]
+    assert last_s == 0.0 if fits else last_s == LONGEST_PAUSE_S
+
+
+def test_a_pause_lasts_twice_as_long_as_the_last_one_unless_that_was_long_ago() -> None:
+    assert pause_s(5.0, 0.0, 0.0) == PAUSE_S
+    assert pause_s(101.0, 100.0, PAUSE_S) == 2.0 * PAUSE_S
+    assert pause_s(1000.0, 999.0, LONGEST_PAUSE_S) == LONGEST_PAUSE_S
+    assert pause_s(1000.0, 999.0 - LONGEST_PAUSE_S, LONGEST_PAUSE_S) == PAUSE_S
 
 
 def test_a_need_that_comes_and_goes_is_held_longer_and_longer() -> None:
     kernel = Kernel(0.5)
     held, shares = Reservation(0.5), []
     for second in range(3600):
-        held.follow(float(second), need(0.6 if second % 30 < 5 else 0.3), kernel.ask)
+        held.follow(float(second), 0.6 if second % 30 < 5 else 0.3, kernel.ask)
         shares.append(held.share)
     assert changes(shares) <= 12
     assert changes(shares[600:]) == 0
@@ -133,48 +135,21 @@ def test_a_need_that_comes_and_goes_is_held_longer_and_longer() -> None:
 def test_a_guess_is_given_back_at_once_and_more_is_had_at_once() -> None:
     kernel, held = Kernel(0.7), Reservation(0.7)
     for second, (wanted, had) in enumerate([(0.3, 0.3), (0.6, 0.6), *[(0.3, 0.6)] * 3, (0.3, 0.3)]):
-        held.follow(float(second), need(wanted), kernel.ask)
+        held.follow(float(second), wanted, kernel.ask)
         assert held.share == had
 
 
-def test_where_room_is_scarce_it_falls_back_to_its_mean_and_tries_for_more_ever_more_seldom() -> None:
-    kernel, held = Kernel(0.5, others=0.3), Reservation(0.5)
-    wanted, shares = need(0.5, 0.3), []
-    held.follow(0.0, wanted, kernel.ask)
-    assert held.share == 0.5
-    kernel.others = 0.48  # 0.02 are left
-    for second in range(1, 1000):
-        held.follow(float(second), wanted, kernel.ask)
-        shares.append(held.share)
-    assert shares[0] == shares[-1] == 0.3
-    assert held.short == 0.5
-    assert kernel.asked <= 1100
-    kernel.others = 0.3
-    held.follow(1000.0, wanted, kernel.ask)
-    assert held.share == 0.5
-    assert not held.short
-
-
-def test_a_loop_whose_mean_work_does_not_fit_waits_for_others_gives_up_and_comes_back() -> None:
-    """A loop that stands still in most of its periods is better off in the next class."""
+def test_a_loop_waits_for_others_to_give_back_their_guesses_but_only_once() -> None:
     kernel, held = Kernel(0.2, others=0.8), Reservation(0.2)
-    wanted, shares = need(0.8, 0.52), list[float]()
-    for second in range(4):
-        held.follow(float(second), wanted, kernel.ask)
-        held.gives_up(float(second), wanted)
-        shares.append(held.share)
-    assert shares == [0.2, 0.0, 0.0, 0.0], "for a second others may fall back"
-    for second, others, share in ((6, 0.75, 0.0), (30, 0.65, 0.52), (100, 0.1, 0.8)):
-        kernel.others = others
-        held.follow(float(second), wanted, kernel.ask)
-        assert held.share == pytest.approx(share)
-        assert not held.gives_up(second + 0.5, wanted)
-
-
-def test_a_smaller_need_is_asked_for_at_once() -> None:
-    """As where the scene has taken a lower rung of its quality."""
-    kernel, held = Kernel(0.2, others=0.8), Reservation(0.2)
-    held.follow(0.0, need(0.8), kernel.ask)
-    assert held.gives_up(1.0, need(0.8))
-    held.follow(1.5, need(0.3), kernel.ask)
-    assert held.share == pytest.approx(0.3)
+    for second in range(3):
+        held.follow(float(second), 0.8, kernel.ask)
+        assert (held.share, held.short) == (0.2, 0.8)
+        assert held.is_left_out(float(second)) == (second >= PATIENCE_S)
+    held.drop()
+    assert not held.is_left_out(4.0)
+    held.follow(20.0, 0.8, kernel.ask)
+    assert held.is_left_out(20.0)
+    kernel.others = 0.1
+    held.follow(40.0, 0.8, kernel.ask)
+    assert held.share == 0.8
+    assert not held.is_left_out(40.0)

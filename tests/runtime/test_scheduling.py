@@ -154,17 +154,18 @@ def test_where_nothing_is_left_to_reserve_the_next_rung_is_taken() -> None:
 
 #: A loop whose ticks take 0.3 ms of a core, of which 0.7 are reserved at first; then what it reserves.
 _LOOP = """
-import json, logging, time
+import json, logging, tempfile, time
+from pathlib import Path
 from services.runtime import scheduling
 from services.runtime.loop import LoopMeter, ticks
-from services.runtime.reservation_keeper import ReservationKeeper
+from services.runtime.reservation_keeper import ReservationKeeper, ReservationPause
 from services.runtime.scheduling import Scheduling, SchedulingRequest, get_attributes
 
 asked = Scheduling.request(SchedulingRequest(80, {share}, rungs=("deadline", "nice")))
 meter = LoopMeter(1000.0)
 asked.resume(period_ns=meter.period_ns)
 had = [asked.had]
-keeper = ReservationKeeper(asked, meter, logging.getLogger())
+keeper = ReservationKeeper(asked, meter, ReservationPause(Path(tempfile.mkdtemp())), logging.getLogger())
 for tick in ticks(meter, lambda: meter.ticks + meter.skipped > 2500):
     until_ns = time.thread_time_ns() + 300_000
     while time.thread_time_ns() < until_ns:
