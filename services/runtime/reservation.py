@@ -4,8 +4,9 @@ A loop that uses up its reservation is not run for the rest of the period; one t
 others. So a loop reserves the work of nearly all recent periods: it raises its share at once, and lowers it after a
 calm time, which doubles whenever the lowered share had to be raised again.
 
-A loop without a reservation runs only when those with one leave it time. So where one loop of a rig does not get its
-share, none reserves for a while (`pause_s`), and all take the next class of the ladder, in which they are equal.
+A loop without a reservation runs only when those with one leave it time. So where there is no room for all, the most
+important loops have theirs: one that is left out has those of the lowest priority reserve nothing for a while
+(`pause_s`), then those above them, and at last itself. They take the next class of the ladder.
 """
 
 from __future__ import annotations
@@ -23,10 +24,9 @@ STEP, MOST = 0.02, 0.9
 QUANTILE, MARGIN = 0.95, 1.1
 #: Margin of the mean; with 1.05 a gateway ran at 919 Hz, as its ticks differ.
 MEAN_MARGIN = 1.25
-#: Time for which a loop may be short before the rig reserves nothing: others first lower what they reserved as a guess.
-#: After a pause nothing is a guess.
-PATIENCE_S = 2.0
-#: Time for which a rig reserves nothing, initially and at most.
+#: Time for which a loop may be short before others, or it, reserve nothing: first they lower what they had as a guess.
+PATIENCE_S = 4.0
+#: Time for which loops reserve nothing, initially and at most.
 PAUSE_S, LONGEST_PAUSE_S = 10.0, 320.0
 #: Calm time before the share is lowered, initially and at most.
 _CALM_S, _LONGEST_CALM_S = 2.0, 320.0
@@ -46,7 +46,7 @@ def need_of(work_ns: NDArray[np.float64], period_ns: int) -> float:
 def pause_s(now_s: float, until_s: float, last_s: float) -> float:
     """Return the length of a pause that begins now, after one that lasted ``last_s`` until ``until_s``.
 
-    It doubles as long as the loops did without a pause for less time than the last one took.
+    It doubles as long as there was none for less time than the last one took.
     """
     return min(2.0 * last_s, LONGEST_PAUSE_S) if last_s and now_s - until_s < last_s else PAUSE_S
 
@@ -62,7 +62,7 @@ class Reservation:
     def __init__(self, share: float) -> None:
         self.share = share
         self.short = 0.0
-        self._short_since_s, self._patience_s = math.inf, PATIENCE_S
+        self._short_since_s = math.inf
         self._highest = 0.0  # largest need since the calm began
         self._calm_since_s, self._calm_s = -math.inf, _CALM_S  # the share is a guess until the first need is known
         self._lowered = False
@@ -77,12 +77,15 @@ class Reservation:
         self._short_since_s = min(self._short_since_s, now_s) if self.short else math.inf
 
     def is_left_out(self, now_s: float) -> bool:
-        """Return whether the need has not been admitted for a while."""
-        return now_s - self._short_since_s >= self._patience_s
+        """Return whether the need has not been admitted for a while, since when it last was or this was True."""
+        is_left_out = now_s - self._short_since_s >= PATIENCE_S
+        if is_left_out:
+            self._short_since_s = now_s
+        return is_left_out
 
     def drop(self) -> None:
         """Count as without a reservation, for a pause."""
-        self.share = self.short = self._patience_s = 0.0
+        self.share = self.short = 0.0
         self._short_since_s = math.inf
 
     def _raise(self, now_s: float, need: float, ask: Ask) -> None:

@@ -24,15 +24,15 @@ _TICK, _RAN = COLUMNS.index("tick"), COLUMNS.index("ran_ns")
 _AGAIN_S = 60.0
 #: Fewest periods for an estimate of the 95th percentile.
 _LEAST_PERIODS = 50
-
-
-#: File of a rig's pause, beside its flight rings: its end and length in s, by the monotonic clock.
+#: Distance of the priorities of a rig's loops: so much more gives way each time.
+TIER = 10
+#: File of a rig's pause, beside its flight rings: its end and length in s, by the monotonic clock, and the priority.
 PAUSE_FILE = "reservations.pause"
-_PAUSE = struct.Struct("<2d")
+_PAUSE = struct.Struct("<3d")
 
 
 class ReservationPause:
-    """The time for which no loop of a rig reserves anything, shared by its processes.
+    """The time for which loops of a rig below a priority reserve nothing, shared by its processes.
 
     Raises BusError or OSError if the file cannot be created.
     """
@@ -40,19 +40,25 @@ class ReservationPause:
     def __init__(self, directory: Path) -> None:
         self._file = open_private(directory / PAUSE_FILE, os.O_RDWR | os.O_CREAT)
 
-    def is_on(self, now_s: float) -> bool:
-        """Return whether there is a pause now; the end of one before the machine was started does not count."""
-        return now_s < self._read()[0] <= now_s + LONGEST_PAUSE_S
+    def below(self, now_s: float) -> int:
+        """Return the priority below which loops reserve nothing now, 0 for none.
 
-    def begin(self, now_s: float) -> None:
-        """Begin a pause."""
-        length_s = pause_s(now_s, *self._read())
-        os.pwrite(self._file, _PAUSE.pack(now_s + length_s, length_s), 0)
+        The end of a pause from before the machine's start does not count.
+        """
+        until_s, _, below = self._read()
+        return int(below) if now_s < until_s <= now_s + LONGEST_PAUSE_S else 0
 
-    def _read(self) -> tuple[float, float]:
+    def begin(self, below: int, now_s: float) -> None:
+        """Begin a pause of the loops below a priority, or include more of them in the present one."""
+        until_s, length_s, _ = self._read()
+        if not self.below(now_s):
+            length_s = pause_s(now_s, until_s, length_s)
+        os.pwrite(self._file, _PAUSE.pack(now_s + length_s, length_s, below), 0)
+
+    def _read(self) -> tuple[float, float, float]:
         data = os.pread(self._file, _PAUSE.size, 0)
-        until_s, length_s = _PAUSE.unpack(data) if len(data) == _PAUSE.size else (0.0, 0.0)
-        return until_s, length_s
+        until_s, length_s, below = _PAUSE.unpack(data) if len(data) == _PAUSE.size else (0.0, 0.0, 0.0)
+        return until_s, length_s, below
 
 
 class ReservationKeeper:
@@ -85,13 +91,13 @@ class ReservationKeeper:
         return self._scheduling.had != before
 
     def _follow(self, now_s: float, need: float, period_ns: int) -> None:
-        held = self._reservation
-        if not self._pause.is_on(now_s):
+        held, pause, priority = self._reservation, self._pause, self._scheduling.requested.priority
+        if priority >= pause.below(now_s):
             held.follow(now_s, need, lambda share: self._scheduling.reserve(share, period_ns))
             if held.is_left_out(now_s):
-                self._pause.begin(now_s)
+                pause.begin(min(max(pause.below(now_s), priority - 2 * TIER) + TIER, priority + 1), now_s)
                 self._tell(now_s, need)
-        if self._pause.is_on(now_s):
+        if priority < pause.below(now_s):
             if self._scheduling.reserves:
                 self._scheduling.step_down()
             held.drop()
@@ -106,8 +112,9 @@ class ReservationKeeper:
 def shortage(need: float) -> str:
     """Return a message on a shortage, its effect, and the remedy."""
     return (
-        f"no room for {100 * need:.0f} % of a core beside what others reserve on {os.cpu_count()} cores: for now no "
-        "loop of the rig reserves any; give the rig more cores, or choose a lower rung of the scene's quality"
+        f"no room for {100 * need:.0f} % of a core beside what others reserve on {os.cpu_count()} cores: for now "
+        "loops of lower priority, or this one, reserve none; give the rig more cores, or choose a lower rung of the "
+        "scene's quality"
     )
 
 

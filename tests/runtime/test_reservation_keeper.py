@@ -6,10 +6,14 @@ import logging
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from services.runtime import reservation_keeper
 from services.runtime.loop import LoopMeter, TickClock
+from services.runtime.reservation import need_of
 from services.runtime.reservation_keeper import ReservationKeeper, ReservationPause, work_per_period
 from services.runtime.scheduling import Scheduling, SchedulingRequest
 
@@ -48,8 +52,8 @@ Keeper = Callable[..., tuple[ReservationKeeper, Granting]]
 def keeper(tmp_path: Path) -> Keeper:
     tmp_path.chmod(0o700)
 
-    def build(meter: LoopMeter, free: float = 0.9) -> tuple[ReservationKeeper, Granting]:
-        place = Granting(SchedulingRequest(80, 0.5), had="DEADLINE 50 %", _rung=1)
+    def build(meter: LoopMeter, free: float = 0.9, priority: int = 80) -> tuple[ReservationKeeper, Granting]:
+        place = Granting(SchedulingRequest(priority, 0.5), had="DEADLINE 50 %", _rung=1)
         place.free = free
         return ReservationKeeper(place, meter, ReservationPause(tmp_path), logging.getLogger("loop")), place
 
@@ -114,36 +118,93 @@ def test_ticks_that_were_skipped_are_nobodys_work() -> None:
     assert set(work_per_period(meter.flight, 1)) == {240_000}
 
 
-def test_where_one_loop_does_not_fit_none_reserves_and_that_is_said_once(
+PRIORITIES = (10, 60, 70, 80)
+
+
+@given(
+    needs_ns=st.lists(st.integers(20_000, 600_000), min_size=4, max_size=4),
+    room=st.floats(0.3, 1.8),
+    order=st.permutations(range(4)),
+)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=40)
+def test_where_not_all_loops_of_a_rig_have_room_the_most_important_have_it(
+    needs_ns: list[int], room: float, order: list[int], tmp_path: Path
+) -> None:
+    """Whoever came last had none before, also the gateway, and ran only when the others left it time."""
+    tmp_path.chmod(0o700)
+    (tmp_path / reservation_keeper.PAUSE_FILE).unlink(missing_ok=True)
+    now_ns, places, had = [1], list[Sharing](), []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(reservation_keeper.time, "monotonic_ns", lambda: now_ns[0])
+        meters = [LoopMeter(1000.0) for _ in PRIORITIES]
+        keepers = []
+        for priority, meter in zip(PRIORITIES, meters, strict=True):
+            place = Sharing(SchedulingRequest(priority, 0.02), had="nice -20", _rung=2)
+            place.room, place.places = room, places
+            places.append(place)
+            keepers.append(ReservationKeeper(place, meter, ReservationPause(tmp_path), logging.getLogger("loop")))
+        for _ in range(300):
+            now_ns[0] += 1_000_000_000
+            for which in order:
+                run(meters[which], [needs_ns[which]] * 60)
+                keepers[which].keep()
+            had.append([place.share > 0.0 for place in places])
+    wanted = [need_of(np.array([each]), 1_000_000) for each in needs_ns]
+    most = [sum(wanted[k:]) <= room - 1e-6 for k in range(4)]  # whether those from k on fit together
+    rates = np.mean(had, axis=0)
+    for k in range(4):
+        if most[k]:
+            assert rates[k] > 0.8, (wanted, rates)
+    assert sum(place.share for place in places) <= room + 1e-9
+
+
+class Sharing(Granting):
+    """One of several loops, which have a room together."""
+
+    room, share = 0.0, 0.0
+    places: list[Sharing]
+
+    def reserve(self, share: float, period_ns: int) -> bool:
+        if sum(each.share for each in self.places if each is not self) + share > self.room + 1e-9:
+            return False
+        self._rung, self.share = 1, share
+        return True
+
+    def step_down(self) -> None:
+        super().step_down()
+        self.share = 0.0
+
+
+def test_who_is_left_out_says_so_once_with_what_to_do(
     clock: list[int], keeper: Keeper, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """A loop without a reservation would run only when the others leave it time."""
     meters = LoopMeter(1000.0), LoopMeter(1000.0)
-    (large, place), (small, beside) = keeper(meters[0], free=0.6), keeper(meters[1])
+    (first, place), (second, beside) = keeper(meters[0], free=0.6), keeper(meters[1], priority=60)
     had = []
-    for second in range(90):
+    for number in range(40):
         for meter, work_ns in zip(meters, (650_000, 240_000), strict=True):
             run(meter, [work_ns] * 1000)
         clock[0] += 1_000_000_000
-        large.keep()
-        small.keep()
+        first.keep()
+        second.keep()
         had.append((place.had, beside.had))
-        place.free = 0.6 if second < 40 else 0.9
-    assert had[0] == ("DEADLINE 50 %", "DEADLINE 30 %")
-    assert had[2] == ("nice -20", "nice -20")
-    assert set(had[2:12]) == {("nice -20", "nice -20")}
-    assert had[-1] == ("DEADLINE 82 %", "DEADLINE 30 %"), "once there is room, and the pause is over"
+        place.free = 0.6 if number < 6 else 0.9
+    assert had[3] == ("DEADLINE 50 %", "DEADLINE 30 %")
+    assert had[5] == ("DEADLINE 50 %", "nice -20")
+    assert had[8] == ("DEADLINE 82 %", "nice -20")
+    assert had[-1] == ("DEADLINE 82 %", "DEADLINE 30 %"), "once the pause is over"
     (said,) = [record.getMessage() for record in caplog.records]
-    for words in ("no room for 82 % of a core", "no loop of the rig reserves any", "more cores", "lower rung"):
+    for words in ("no room for 82 % of a core", "reserve none", "more cores", "lower rung"):
         assert words in said
 
 
 def test_a_pause_of_another_uptime_does_not_count(clock: list[int], tmp_path: Path) -> None:
     """The file may outlive the machine's clock, which begins anew at every start."""
     tmp_path.chmod(0o700)
-    ReservationPause(tmp_path).begin(1e6)
-    assert ReservationPause(tmp_path).is_on(1e6 + 5.0)
-    assert not ReservationPause(tmp_path).is_on(5.0)
+    ReservationPause(tmp_path).begin(70, 1e6)
+    assert ReservationPause(tmp_path).below(1e6 + 5.0) == 70
+    assert ReservationPause(tmp_path).below(1e6 + 15.0) == 0
+    assert ReservationPause(tmp_path).below(5.0) == 0
 
 
 def test_a_loop_that_has_hardly_run_says_nothing_yet(clock: list[int], keeper: Keeper) -> None:
