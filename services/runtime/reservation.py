@@ -77,7 +77,7 @@ class Reservation:
         self._short_since_s = min(self._short_since_s, now_s) if self.short else math.inf
 
     def is_left_out(self, now_s: float) -> bool:
-        """Return whether the need has not been admitted for a while, since when it last was or this was True."""
+        """Return whether the need has not been admitted for a while; once True, only after as long again."""
         is_left_out = now_s - self._short_since_s >= PATIENCE_S
         if is_left_out:
             self._short_since_s = now_s
