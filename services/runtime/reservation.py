@@ -77,11 +77,12 @@ class Reservation:
         self._short_since_s = min(self._short_since_s, now_s) if self.short else math.inf
 
     def is_left_out(self, now_s: float) -> bool:
-        """Return whether the need has not been admitted for a while; once True, only after as long again."""
-        is_left_out = now_s - self._short_since_s >= PATIENCE_S
-        if is_left_out:
-            self._short_since_s = now_s
-        return is_left_out
+        """Return whether the need has not been admitted for a while."""
+        return now_s - self._short_since_s >= PATIENCE_S
+
+    def wait_again(self, now_s: float) -> None:
+        """Count the shortage from now on, as others give way."""
+        self._short_since_s = now_s
 
     def drop(self) -> None:
         """Count as without a reservation, for a pause."""

@@ -95,6 +95,7 @@ class ReservationKeeper:
         if priority >= pause.below(now_s):
             held.follow(now_s, need, lambda share: self._scheduling.reserve(share, period_ns))
             if held.is_left_out(now_s):
+                held.wait_again(now_s)
                 pause.begin(min(max(pause.below(now_s), priority - 2 * TIER) + TIER, priority + 1), now_s)
                 self._tell(now_s, need)
         if priority < pause.below(now_s):

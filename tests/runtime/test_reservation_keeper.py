@@ -150,10 +150,10 @@ def test_where_not_all_loops_of_a_rig_have_room_the_most_important_have_it(
                 keepers[which].keep()
             had.append([place.share > 0.0 for place in places])
     wanted = [need_of(np.array([each]), 1_000_000) for each in needs_ns]
-    most = [sum(wanted[k:]) <= room - 1e-6 for k in range(4)]  # whether those from k on fit together
+    fits = [sum(wanted[k:]) <= room - 1e-6 for k in range(4)]  # those from k on together
     rates = np.mean(had, axis=0)
     for k in range(4):
-        if most[k]:
+        if fits[k]:
             assert rates[k] > 0.8, (wanted, rates)
     assert sum(place.share for place in places) <= room + 1e-9
 

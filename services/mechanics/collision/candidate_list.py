@@ -146,9 +146,8 @@ def select_due(found: CandidateList, modes_moved_m: float) -> int:
         found.first_position[:] = math.nan
         found.wall_moved_m = found.start_moved_m = found.step_moved_m = 0.0
     for p in range(found.count.shape[0]):
-        if not _used_m(found, p) <= found.skin_m:  # also if it is no number
-            found.is_due[p] = True
-        found.is_due[p] &= found.active[p]
+        is_used_up = not _used_m(found, p) <= found.skin_m  # also if it is no number
+        found.is_due[p] = found.active[p] and (found.is_due[p] or is_used_up)
         if found.is_due[p]:
             report |= DUE | (APPEARED if found.covered_m[p] == -math.inf else 0)
             _select_outdated(found, p)

@@ -33,7 +33,7 @@ from services.mechanics.collision.placed_wall import (
     place_wall,
     request_node,
 )
-from services.mechanics.collision.wall_bounds import WallBounds, bound_motion, set_reference, wall_bounds
+from services.mechanics.collision.wall_bounds import WallBounds, bound_between, set_reference, wall_bounds
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Struct, reader
 from services.mechanics.reduction.reduced_duct import ReducedDuct
@@ -68,8 +68,8 @@ def follow_wall(known: WallCandidates, q: FloatArray, loads: Loads) -> bool:
     Return whether anything has changed since the last measurement; if not, its candidates are still valid.
     """
     listed, wall = known.list, known.wall
-    modes_moved_m = math.inf if known.is_new else bound_motion(known.bounds, q, 0.0)
     moved_m = configure(wall, q, loads, (wall.load_node[:0], wall.load_force[:0]))
+    modes_moved_m = math.inf if known.is_new else bound_between(known.bounds, wall.bounds, 0.0)
     is_elsewhere = add_travel(listed, moved_m)
     if known.is_new:  # remove all entries, and have all spheres computed anew; a bound may be no number
         listed.count[:], listed.piece_travel[:], listed.wall_travel = 0, 0.0, 0.0
