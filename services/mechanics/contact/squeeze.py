@@ -20,6 +20,15 @@ from typing import Annotated
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.bodies.forceps.kinematics import N_CELLS
+from services.mechanics.bodies.forceps.solid_wall import (
+    SolidWall,
+    cell_m,
+    equilibrium_opening,
+    jaw_gap_m,
+    stored_energy_j,
+    wall_reaction,
+    write_indentation,
+)
 from services.mechanics.bodies.forceps.tool_body import ToolArrays
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, JAW_B
 from services.mechanics.compiled import inlined_kernel, kernel
@@ -30,15 +39,6 @@ from services.mechanics.contact.geometry import WallGeometry
 from services.mechanics.contact.identity import SEGMENT, TARGET, TARGET_KIND, pair_identity, part_of, with_law
 from services.mechanics.contact.laws import HAS_GAP, number_of
 from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.solid_wall import (
-    SolidWall,
-    cell_m,
-    equilibrium_opening,
-    jaw_gap_m,
-    stored_energy_j,
-    wall_reaction,
-    write_indentation,
-)
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.system import ContactSystem
 from services.mechanics.contact.writer import NO_ROOM, append_row

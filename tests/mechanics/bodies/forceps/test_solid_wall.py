@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 from services.mechanics.bodies.forceps.kinematics import N_CELLS
-from services.mechanics.contact.solid_wall import (
+from services.mechanics.bodies.forceps.solid_wall import (
     SolidWall,
     cell_m,
     equilibrium_opening,
