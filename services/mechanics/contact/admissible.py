@@ -131,29 +131,32 @@ def add_unknowns(problem: ContactProblem, block: int, n: int) -> int:
 
 
 @kernel
-def project(rows: ContactRows, row: int) -> None:
-    """Project a force into the admissible set: clamp the normal force, then scale the tangential force down."""
+def project(rows: ContactRows, row: int, is_sliding: bool) -> None:
+    """Project a force into the admissible set: clamp the normal force, then scale the tangential force down.
+
+    That of a sliding contact is scaled to the edge of the disk from inside, too.
+    """
     force, (low, high) = rows.force_n[row], normal_range(rows, row)
     force[0] = min(max(force[0], low), high)
     tangential, limit = math.hypot(force[1], force[2]), tangential_limit(rows, row)
-    if tangential > limit:
+    if tangential > limit or (is_sliding and tangential > 0.0):
         force[1] *= limit / tangential
         force[2] *= limit / tangential
 
 
 @inlined_kernel
-def step_to_bounds(rows: ContactRows, row: int, change: tuple[float, float, float]) -> float:
+def step_to_bounds(rows: ContactRows, row: int, change: tuple[float, float, float], is_sliding: bool) -> float:
     """Return the largest fraction, at most 1, of a change of force (N) at which the contact neither opens nor slips.
 
     Opening means that the normal force reaches an end of its interval, slipping that the tangential force reaches the
-    edge of the disk. A contact that slides already does not limit the fraction.
+    edge of the disk, unless it slides already.
     """
     force, (d_0, d_1, d_2), (low, high) = rows.force_n[row], change, normal_range(rows, row)
     fraction, end = 1.0, force[0] + d_0
     if end < low or end > high:
         fraction = max(((low if end < low else high) - force[0]) / d_0, 0.0)
     limit = tangential_limit(rows, row)
-    if limit < math.inf and math.hypot(force[1], force[2]) < ON_THE_LIMIT * limit:
+    if not is_sliding and 0.0 < limit < math.inf:
         grows = rows.friction[row] * d_0 if HAS_FRICTION[rows.law[row]] else 0.0
         a = d_1 * d_1 + d_2 * d_2 - grows * grows
         b = force[1] * d_1 + force[2] * d_2 - limit * grows

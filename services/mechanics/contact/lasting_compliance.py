@@ -18,8 +18,8 @@ from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.bodies.catheter import CatheterTouch, touch_at
 from services.mechanics.bodies.duct_loads import DuctLoads, loads_at
 from services.mechanics.compiled import inlined_kernel, kernel
+from services.mechanics.compiled.dense import sum_of_products
 from services.mechanics.compiled.struct import Address, Struct
-from services.mechanics.contact.dense import sum_of_products
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.rod.contact_response import compliance, factor_for_contacts
 from services.mechanics.rod.model import RodModel, RodWork, work_at

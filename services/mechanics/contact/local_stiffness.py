@@ -9,9 +9,9 @@ from services.mechanics.arrays import BoolArray, FloatArray, IntArray
 from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
 from services.mechanics.bodies.forceps.tool_body import ToolArrays
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.dense import sum_of_products
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.contact.admissible import closed_axes
-from services.mechanics.contact.dense import sum_of_products
 from services.mechanics.contact.geometry import Bodies
 from services.mechanics.contact.lasting_compliance import (
     LastingArrays,

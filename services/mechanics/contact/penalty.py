@@ -77,7 +77,7 @@ def write_penalties(rows: ContactRows, gains: PenaltyGains) -> None:
             _write_surface_force(rows, row, motion, gains)
         else:
             _write_holding_force(rows, row, motion, gains)
-        project(rows, row)
+        project(rows, row, False)
 
 
 @kernel

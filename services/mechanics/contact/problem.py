@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Struct
 from services.mechanics.contact.rows import ContactRows
@@ -21,15 +21,26 @@ class ContactProblem(Struct):
     motion: Annotated[FloatArray, "m"]  # gaps and slips at the end of the step with the present forces, in m
     change: Annotated[FloatArray, 3]  # of a contact's force in the last relaxation, in N
     free: Annotated[FloatArray, "m"]  # motion without contact forces
-    saved_n: Annotated[FloatArray, "c", 3]  # forces to return to
-    force_change: Annotated[FloatArray, "c", 3]  # over a full Newton step, in N
     block: Annotated[IntArray, "m"]  # contact of each unknown
     test: Annotated[FloatArray, "m", 3]
     column: Annotated[FloatArray, "m", 3]
     shift: Annotated[FloatArray, "m"]  # lambda, added to the diagonal
-    matrix: Annotated[FloatArray, "m * m"]
-    step: Annotated[FloatArray, "m"]  # change of each unknown, N
+    matrix: Annotated[FloatArray, "m * m"]  # by columns, or its factors
+    pivots: Annotated[IntArray, "m"]
     along: Annotated[FloatArray, "m"]  # scratch
+    full: Annotated[FloatArray, "m"]  # Newton step of each unknown, N
+    moved: Annotated[FloatArray, "m"]  # the part of it that has been taken
+    step: Annotated[FloatArray, "m"]  # the rest, see `active_set`
+    force_change: Annotated[FloatArray, "c", 3]  # over the rest, in N
+    bound: Annotated[ByteArray, "c"]  # what bounds the force of each contact in the rest
+    response: Annotated[FloatArray, "m * m"]  # step per unit of each equation's residual
+    has_response: Annotated[BoolArray, "m"]
+    first: Annotated[IntArray, "m"]  # of the three unknowns that a constraint has weights on
+    constraint: Annotated[FloatArray, "m", 3]  # these weights
+    replaced: Annotated[FloatArray, "m", 3]  # weights on the equations that it replaces
+    residual: Annotated[FloatArray, "m"]  # of these
+    schur: Annotated[FloatArray, "m * m"]
+    schur_pivots: Annotated[IntArray, "m"]
 
     @classmethod
     def of(cls, rows: ContactRows) -> ContactProblem:

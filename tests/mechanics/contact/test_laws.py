@@ -90,7 +90,7 @@ def test_every_law_admits_its_set(law):
 @pytest.mark.parametrize("law", ["grip", "seal"])
 def test_what_is_limited_to_nothing_bears_nothing(law):
     rows = row_of(law, force_limit_n=0.0, force_n=[0.2, 0.1, 0.0])
-    project(rows, 0)
+    project(rows, 0, False)
     assert not rows.force_n.any()
     assert slides(rows, 0)
     assert closed_axes(rows, 0, False) == 0
@@ -182,20 +182,29 @@ def test_a_change_of_force_goes_as_far_as_the_law_admits_it_and_no_further(law):
     for _ in range(300):
         rows = row_of(law, friction=0.3, force_limit_n=0.5)
         rows.force_n[0] = random.normal(0.0, 0.5, 3)
-        project(rows, 0)
+        project(rows, 0, False)
         start = rows.force_n[0] * (0.99, 0.9, 0.9)
         axes = {"seal": 1, "squeeze": 1}.get(law, 3)
         change = np.where(np.arange(3) < axes, random.normal(0.0, 1.0, 3), 0.0)
         rows.force_n[0] = start
         if start[0] == 0.0 or slides(rows, 0):
             continue
-        share = step_to_bounds(rows, 0, tuple(change))
+        share = step_to_bounds(rows, 0, tuple(change), False)
         assert 0.0 < share <= 1.0
         for part, is_admitted in ((0.999 * share, True), (1.001 * share, share == 1.0)):
             rows.force_n[0] = start + part * change
             wanted = rows.force_n[0].copy()
-            project(rows, 0)
+            project(rows, 0, False)
             if part <= 1.0:
                 assert (np.abs(rows.force_n[0] - wanted).max() < 1e-12) == is_admitted
         short += share < 1.0
     assert short > 30
+
+
+def test_a_sliding_force_stays_on_the_edge_of_its_disk_and_does_not_limit_a_change():
+    rows = row_of("unilateral", friction=0.3, force_n=[1.0, 0.2, 0.1])
+    project(rows, 0, True)
+    assert np.hypot(*rows.force_n[0, 1:]) == pytest.approx(0.3)
+    assert rows.force_n[0, 1] == pytest.approx(2.0 * rows.force_n[0, 2])
+    assert step_to_bounds(rows, 0, (0.5, 0.4, 0.0), True) == 1.0
+    assert step_to_bounds(rows, 0, (-4.0, 0.0, 0.0), True) == pytest.approx(0.25)

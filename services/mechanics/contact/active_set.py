@@ -1,0 +1,187 @@
+r"""The primal active-set method (Nocedal and Wright, "Numerical Optimization", 16.5), with one factorisation.
+
+A Newton step is valid up to the point where a contact opens, or slips. There the forces stop, and the others go on.
+Sweeps between such sequences close the contacts that are missing; they would also close again what a single step opens.
+
+The rest of a step need not be solved anew. With A x = b the full step, a contact that opens or slips adds *constraints*
+g . x = c, which *replace* equations: these get residuals y, along e. So :math:`x = A^{-1} (b - E y)` with
+:math:`(G A^{-1} E)\, y = G A^{-1} b - c` (a Schur complement), at the cost of a substitution for each constraint.
+"""
+
+from __future__ import annotations
+
+import math
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.dense import factorise, solve_factorised
+from services.mechanics.compiled.vectors import along, put_row
+from services.mechanics.compiled.vectors import row as vector
+from services.mechanics.contact.admissible import normal_range, project, slides, step_to_bounds
+from services.mechanics.contact.laws import HAS_FRICTION
+from services.mechanics.contact.newton import (
+    complete_response,
+    cost_in_sweeps,
+    list_unknowns,
+    n_unknowns_of,
+    solve_newton_step,
+)
+from services.mechanics.contact.problem import ContactProblem
+from services.mechanics.contact.sweeps import update_motion
+
+# Cost in sweeps after which a sequence ends, and sweeps look for missing contacts.
+MAX_COST = 30
+# A step goes beyond the point where a contact opens or slips by this fraction, so that it does so in spite of rounding.
+OVERSHOOT = 1e-9
+# What bounds a force in the rest of a step: nothing, the edge of its disk from the start or since it slips, an end of
+# its interval.
+NO_BOUND, SLIDES, AT_EDGE, AT_END = 0, 1, 2, 3
+
+
+@kernel
+def take_newton_steps(problem: ContactProblem, W: FloatArray) -> int:
+    """Take Newton steps until a full one is feasible and none of its contacts has begun to slip; return the cost.
+
+    One that slips rotates its friction, which the constraint does not know: the next step does.
+    """
+    cost, k, goes_on = 0, problem.rows.n_contacts, True
+    while goes_on and cost < MAX_COST:
+        n, goes_on = list_unknowns(problem), False
+        if n == 0 or not solve_newton_step(problem, W, n):
+            return cost
+        cost = _take_step(problem, n, cost + cost_in_sweeps(n, k))
+        update_motion(problem, W)
+        for block in range(k):
+            goes_on |= problem.bound[block] == AT_EDGE
+    return cost
+
+
+@kernel
+def _take_step(problem: ContactProblem, n: int, cost: int) -> int:
+    """Take a Newton step of n unknowns up to where a contact opens or slips, and so on; return the increased cost."""
+    for block in range(problem.rows.n_contacts):
+        problem.bound[block] = SLIDES if slides(problem.rows, block) else NO_BOUND
+    while True:
+        fraction = _feasible_fraction(problem, n)
+        _add_step(problem, n, min(fraction * (1.0 + OVERSHOOT), 1.0))
+        if fraction >= 1.0 or cost >= MAX_COST or not _note_bounds(problem, n):
+            return cost
+        if not _solve_constrained_step(problem, n, _list_constraints(problem, n)):
+            return cost
+        cost += 1
+
+
+@kernel
+def _feasible_fraction(problem: ContactProblem, n: int) -> float:
+    """Return the largest fraction of the step, at most 1, at which no contact opens or slips."""
+    rows, change, fraction = problem.rows, problem.force_change, 1.0
+    change[: rows.n_contacts] = 0.0
+    for i in range(n):
+        block = problem.block[i]
+        put_row(change, block, along(vector(change, block), vector(problem.column, i), problem.step[i]))
+    for block in range(rows.n_contacts):
+        bound = problem.bound[block]
+        if bound != AT_END:
+            fraction = min(fraction, step_to_bounds(rows, block, vector(change, block), bound != NO_BOUND))
+    return fraction
+
+
+@kernel
+def _add_step(problem: ContactProblem, n: int, fraction: float) -> None:
+    """Add a fraction of the step to the forces, and project the force of every contact into the set of its law."""
+    rows = problem.rows
+    for i in range(n):
+        force = vector(rows.force_n, problem.block[i])
+        put_row(rows.force_n, problem.block[i], along(force, vector(problem.column, i), fraction * problem.step[i]))
+        problem.moved[i] += fraction * problem.step[i]
+    for block in range(rows.n_contacts):
+        project(rows, block, problem.bound[block] != NO_BOUND)
+
+
+@kernel
+def _note_bounds(problem: ContactProblem, n: int) -> bool:
+    """Note contacts whose force has come to an end of its interval or begun to slip; return if there are any."""
+    rows, bound, i, is_new = problem.rows, problem.bound, 0, False
+    while i < n:
+        block, count = problem.block[i], n_unknowns_of(problem, i, n)
+        low, high = normal_range(rows, block)
+        if bound[block] != AT_END and problem.test[i, 0] != 0.0 and not low < rows.force_n[block, 0] < high:
+            bound[block], is_new = AT_END, True
+        elif bound[block] == NO_BOUND and slides(rows, block):
+            bound[block], is_new = AT_EDGE, True
+        i += count
+    return is_new
+
+
+@kernel
+def _list_constraints(problem: ContactProblem, n: int) -> int:
+    r"""List the constraints on the rest of the step, with weights on three unknowns each, and return their number.
+
+    A force at an end of its interval stays. One on the edge of the disk stays there: :math:`\hat t \cdot x_t = \mu x_n`
+    in place of the equation along :math:`\hat t`.
+    """
+    m, i, rows = 0, 0, problem.rows
+    while i < n:
+        block, count = problem.block[i], n_unknowns_of(problem, i, n)
+        if problem.bound[block] == AT_END:
+            for unknown in range(i, i + count):
+                problem.first[m] = unknown
+                put_row(problem.constraint, m, (1.0, 0.0, 0.0))
+                put_row(problem.replaced, m, (1.0, 0.0, 0.0))
+                m += 1
+        elif problem.bound[block] == AT_EDGE:
+            size = math.hypot(rows.force_n[block, 1], rows.force_n[block, 2])
+            t_1, t_2 = rows.force_n[block, 1] / size, rows.force_n[block, 2] / size
+            mu = rows.friction[block] if HAS_FRICTION[rows.law[block]] and count == 3 else 0.0
+            problem.first[m] = i + count - 3
+            put_row(problem.constraint, m, (-mu, t_1, t_2))
+            put_row(problem.replaced, m, (0.0, t_1, t_2))
+            m += 1
+        i += count
+    return m
+
+
+@kernel
+def _solve_constrained_step(problem: ContactProblem, n: int, m: int) -> bool:
+    """Write the rest of the step with m constraints; return False if they depend on each other."""
+    first, step, replaced = problem.first, problem.step, problem.replaced
+    response, residual = problem.response[: n * n].reshape(n, n), problem.residual[:m]
+    for i in range(n):
+        step[i] = problem.full[i] - problem.moved[i]
+    for b in range(m):
+        for j in range(3):
+            if replaced[b, j] != 0.0:
+                complete_response(problem, n, first[b] + j)
+    M = problem.schur[: m * m].reshape(m, m)
+    _fill_schur_complement(problem, response, M, residual)
+    if not factorise(M, problem.schur_pivots):
+        return False
+    solve_factorised(M, problem.schur_pivots, residual)
+    for b in range(m):
+        for j in range(3):
+            weight = residual[b] * replaced[b, j]
+            if weight != 0.0:
+                for i in range(n):
+                    step[i] -= weight * response[first[b] + j, i]
+    for b in range(m):
+        if problem.bound[problem.block[first[b]]] == AT_END:
+            step[first[b]] = 0.0  # in spite of rounding
+    return True
+
+
+@kernel
+def _fill_schur_complement(problem: ContactProblem, response: FloatArray, M: FloatArray, out: FloatArray) -> None:
+    """Fill M (m, m), by columns, and the right-hand side ``out`` (m,) for constraints that keep their value."""
+    first, constraint, replaced = problem.first, problem.constraint, problem.replaced
+    for a in range(M.shape[0]):
+        out[a] = 0.0
+        M[:, a] = 0.0
+        for i in range(3):
+            if constraint[a, i] == 0.0:
+                continue
+            unknown = first[a] + i
+            out[a] += constraint[a, i] * problem.step[unknown]
+            for b in range(M.shape[0]):
+                for j in range(3):
+                    if replaced[b, j] != 0.0:
+                        M[b, a] += constraint[a, i] * replaced[b, j] * response[first[b] + j, unknown]
