@@ -14,6 +14,7 @@ from services.mechanics.contact.delassus import add_rod_compliance, add_tool_com
 from services.mechanics.contact.free_motion import free_motion
 from services.mechanics.contact.geometry import Bodies
 from services.mechanics.contact.passivity import solve_passively
+from services.mechanics.contact.solver import NEAR
 from services.mechanics.contact.spheres import add_sphere_compliance
 from services.mechanics.contact.stages import finish
 from services.mechanics.contact.state import ContactState, state_at
@@ -48,6 +49,7 @@ class ImplicitStrategy:
         softness_m_n = float(own_softness(bodies.duct.reduced.residual).max(initial=0.0))
         tolerance_m = WALL_TOLERANCE_SHARE * 2.0 * bodies.half_thickness_m
         self._tolerance_n = min(settings.tolerance_n, tolerance_m / softness_m_n if softness_m_n > 0.0 else math.inf)
+        state.memory.least_change_n = NEAR * self._tolerance_n
 
     def assemble(self, *, anew: bool = False) -> None:
         """Write the Delassus operator W: in one kernel, if there is one for the bodies and it has all blocks.

@@ -43,7 +43,7 @@ def complete_new_rows(
     """Complete the rows from ``first`` on as `complete_rows` does, but leave their forces at zero."""
     state = state_at(state_address)
     subtract_duct_motion(state.rows, displacement, motion, first)
-    state.slides[first : state.rows.n_contacts] = False
+    state.slides[first : state.rows.n_contacts] = state.memory.found[first : state.rows.n_contacts] = False
 
 
 @kernel

@@ -12,7 +12,7 @@ from typing import Annotated
 from services.mechanics.arrays import BoolArray, FloatArray, LongArray
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Struct
-from services.mechanics.compiled.vectors import along, put_row, row_of, squared_distance
+from services.mechanics.compiled.vectors import along, put_row, row_of, squared_distance, subtract
 from services.mechanics.compiled.vectors import row as vector
 from services.mechanics.contact.identity import without_target
 from services.mechanics.contact.laws import HAS_FRICTION
@@ -26,16 +26,24 @@ class ForceMemory(Struct):
 
     identity: Annotated[LongArray, "c"]
     force_n: Annotated[FloatArray, "c", 3]
+    change_n: Annotated[FloatArray, "c", 3]  # from the tick before
     elastic_m: Annotated[FloatArray, "c", 3]
     place_m: Annotated[FloatArray, "c", 3]  # on the undeformed wall; zero for contacts without the wall
     slides: Annotated[BoolArray, "c"]
     taken: Annotated[BoolArray, "c"]
     found: Annotated[BoolArray, "c"]
+    last_n: Annotated[FloatArray, "c", 3]  # of the rows that were found
+    expected_n: Annotated[FloatArray, "c", 3]  # if they go on changing as in the last tick
+    is_smooth: bool = False  # whether that was right in the last tick
+    least_change_n: float = math.inf  # changes that are all smaller are not foretold: solves would keep them going
     n_contacts: int = 0
 
 
 #: A sticking contact moves on the wall by less than this in a step.
 SAME_PLACE_M = 50e-6
+#: Rows begin with expected forces if the squares of their errors were this much smaller than those of the changes.
+SMOOTH = 0.25
+NO_CHANGE = (0.0, 0.0, 0.0)
 
 
 @inlined_kernel
@@ -82,9 +90,14 @@ def _recall(memory: ForceMemory, rows: ContactRows, row: int, old: int, slides: 
     memory.taken[old] = True
     slides[row] = memory.slides[old]
     put_row(rows.elastic_m, row, vector(memory.elastic_m, old))
-    put_row(rows.force_n, row, in_frame(rows, row, vector(memory.force_n, old)))
+    last = vector(memory.force_n, old)
+    put_row(memory.last_n, row, last)
+    put_row(memory.expected_n, row, along(last, vector(memory.change_n, old), 1.0))
+    put_row(rows.force_n, row, in_frame(rows, row, last))
     for axis in range(1, 3 if HAS_FRICTION[rows.law[row]] else 1):
         rows.friction_energy_j[row] += 0.5 * rows.softness_m_n[row, axis] * rows.force_n[row, axis] ** 2
+    if memory.is_smooth:
+        put_row(rows.force_n, row, in_frame(rows, row, vector(memory.expected_n, row)))
     return True
 
 
@@ -93,12 +106,18 @@ def store_forces(
     memory: ForceMemory, rows: ContactRows, forces: FloatArray, slides: BoolArray, vertices_m: FloatArray
 ) -> None:
     """Store the solved ``forces`` (C, 3) along world axes, their places on the undeformed wall, and sliding flags."""
-    memory.n_contacts = rows.n_contacts
+    memory.n_contacts, change_2, error_2 = rows.n_contacts, 0.0, 0.0
     for row in range(rows.n_contacts):
+        force = vector(forces, row)
+        put_row(memory.change_n, row, subtract(force, vector(memory.last_n, row)) if memory.found[row] else NO_CHANGE)
+        if memory.found[row]:
+            change_2 += squared_distance(force, vector(memory.last_n, row))
+            error_2 += squared_distance(force, vector(memory.expected_n, row))
         at_rest = place_at_rest(vertices_m, rows.duct_node, row, vector(rows.duct_weight, row))
         put_row(memory.place_m, row, at_rest)
-        put_row(memory.force_n, row, vector(forces, row))
+        put_row(memory.force_n, row, force)
         memory.identity[row], memory.slides[row] = rows.identity[row], slides[row]
+    memory.is_smooth = error_2 < SMOOTH * change_2 and change_2 > memory.least_change_n**2
 
 
 @inlined_kernel
