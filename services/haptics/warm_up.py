@@ -11,8 +11,8 @@ from services.haptics.local_model import LocalModels
 from services.haptics.reactions import Reactions
 from services.kernel_progress import told
 from services.mechanics.bodies.catheter import CatheterBody
-from services.mechanics.bodies.forceps.grasp import deepest_touch, rest_distance_m
-from services.mechanics.collision.pairs import DUCT_TRIANGLE, JAW_A
+from services.mechanics.bodies.forceps.grasp import deepest_touches, rest_distance_m
+from services.mechanics.collision.pairs import DUCT_TRIANGLE
 from services.mechanics.effects import build_effects, by_stage
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.scene import SceneModel
@@ -41,7 +41,7 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
         for _ in range(2):
             touches.find((0,), tools.segments_m, deformed)
             tools.segments_m[:, :, 1] += 1e-5
-        deepest_touch(touches.pairs, 0, JAW_A, DUCT_TRIANGLE)
+        deepest_touches(touches.pairs, 0, DUCT_TRIANGLE)
         rest_distance_m(touches.pairs, duct.mesh, 0, 0)
         grasping.begin_again()
         kernels.begin("the catheter")

@@ -10,7 +10,7 @@ from protocol.bodies import Catheter, Duct
 from services.haptics.deformed_scene import DeformedScene
 from services.haptics.jaw_touches import JawTouches
 from services.mechanics.arrays import FloatArray
-from services.mechanics.bodies.forceps.grasp import GRASP_GAP_M, deepest_touch
+from services.mechanics.bodies.forceps.grasp import GRASP_GAP_M, deepest_touches
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, JAW_B
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.scene import CatheterScene, DuctScene, SceneModel
@@ -122,7 +122,7 @@ def test_jaws_touch_exactly_what_is_within_the_gap_of_a_grasp(kind: str) -> None
         world.touches.find(looks, world.segments_m, world.scene)
         pairs = world.touches.pairs
         for (tool, jaw, target_kind), gap_m in world.gaps_m().items():
-            found = deepest_touch(pairs, tool, jaw, target_kind)
+            found = deepest_touches(pairs, tool, target_kind)[jaw - JAW_A]
             if abs(gap_m - GRASP_GAP_M) < CLOSE_M:
                 continue
             touches = tool in looks and gap_m < GRASP_GAP_M

@@ -87,8 +87,7 @@ class Grasp:
 
     def _try_to_close(self, pairs: ContactPairs, jaws: JawState) -> None:
         for kind in (CATHETER_SEGMENT, DUCT_TRIANGLE):
-            a = deepest_touch(pairs, self.tool, JAW_A, kind)
-            b = deepest_touch(pairs, self.tool, JAW_B, kind)
+            a, b = deepest_touches(pairs, self.tool, kind)
             if a < 0 or b < 0:
                 continue
             points = self._catheter_points(pairs, a, b) if kind == CATHETER_SEGMENT else self._wall_points(pairs, a, b)
@@ -132,9 +131,9 @@ class Grasp:
         return [(int(pairs.target[i]), pairs.target_weights[i].copy()) for i in (a, b)]
 
 
-def deepest_touch(pairs: ContactPairs, tool: int, segment: int, target_kind: int) -> int:
-    """Return the index of a jaw's deepest pair with this kind of target, -1 if none touches."""
-    found: int = find_deepest_touch(pairs.address, tool, segment, target_kind)
+def deepest_touches(pairs: ContactPairs, tool: int, target_kind: int) -> tuple[int, int]:
+    """Return the index of each jaw's deepest pair with this kind of target, -1 if none touches."""
+    found: tuple[int, int] = find_deepest_touches(pairs.address, tool, target_kind)
     return found
 
 
@@ -160,12 +159,15 @@ def find_rest_distance(
 
 
 @kernel
-def find_deepest_touch(pairs_address: Address[ContactPairs], tool: int, segment: int, target_kind: int) -> int:
-    """Kernel of `deepest_touch`."""
-    pairs, best = pairs_at(pairs_address), -1
+def find_deepest_touches(pairs_address: Address[ContactPairs], tool: int, target_kind: int) -> tuple[int, int]:
+    """Kernel of `deepest_touches`."""
+    pairs, a, b = pairs_at(pairs_address), -1, -1
     for i in range(pairs.count):
-        is_it = pairs.tool[i] == tool and pairs.tool_segment[i] == segment and pairs.target_kind[i] == target_kind
         gap_m = pairs.gap_m[i]
-        if is_it and gap_m < GRASP_GAP_M and (best < 0 or gap_m < pairs.gap_m[best]):
-            best = i
-    return best
+        if pairs.tool[i] != tool or pairs.target_kind[i] != target_kind or gap_m >= GRASP_GAP_M:
+            continue
+        if pairs.tool_segment[i] == JAW_A and (a < 0 or gap_m < pairs.gap_m[a]):
+            a = i
+        elif pairs.tool_segment[i] == JAW_B and (b < 0 or gap_m < pairs.gap_m[b]):
+            b = i
+    return a, b
