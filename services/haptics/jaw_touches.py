@@ -10,7 +10,7 @@ from services.haptics.deformed_scene import DeformedScene
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.grasp import GRASP_GAP_M
 from services.mechanics.bodies.sections import segment_radii
-from services.mechanics.collision.candidate_list import MAX_ENTRIES
+from services.mechanics.collision.candidate_list import MAX_ENTRIES, TOUCHING_M
 from services.mechanics.collision.candidates import Candidates, candidates_at
 from services.mechanics.collision.capsules import CapsuleMemory, Tools, capsules_at, detect_capsules
 from services.mechanics.collision.pairs import SHAFT, ContactPairs, pairs_at
@@ -26,7 +26,6 @@ from services.mechanics.collision.wall_candidates import (
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.compiled.vectors import row
-from services.mechanics.contact.working_set import TOUCHING_M
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS

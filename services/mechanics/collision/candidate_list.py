@@ -23,7 +23,13 @@ from typing import Annotated
 import numpy as np
 
 from services.mechanics.arrays import BoolArray, FloatArray, IntArray, LongArray
-from services.mechanics.collision.clusters import Clusters, enclose, vector_from_segment
+from services.mechanics.collision.clusters import (
+    GROUP_CLUSTERS,
+    Clusters,
+    enclose,
+    enclose_group,
+    vector_from_segment,
+)
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Struct
 from services.mechanics.compiled.vectors import dot, put_row, put_row_of, row, row_of, squared_distance
@@ -39,6 +45,9 @@ MAX_SLACK_M = 1e-3
 MAX_ENTRIES = 8192
 #: Travel of a piece and the wall until the piece's near entries are listed again: a few ticks of a moving hand.
 NEAR_M = 0.2e-3
+#: Largest gap that counts as touching: gaps and overlaps of surfaces at rest are smaller. Candidates without a row may
+#: end a step no deeper than this, see `simulation.step_solver`.
+TOUCHING_M = 30e-6
 #: Motion of a piece in a step up to which its contacts are detected: 2 m/s, as fast as a catheter snaps.
 LOOK_AHEAD_M = 2e-3
 #: Motion of piece and wall in a step that lists allow for: 0.25 m/s, as fast as hands are.
@@ -100,10 +109,15 @@ def copy_ends(found: CandidateList, p: int, out: FloatArray) -> None:
 
 
 @kernel
-def set_wanted_gaps(found: CandidateList, start: FloatArray, ahead: FloatArray) -> None:
-    """Request candidates up to a gap of ``ahead`` (p,) plus each piece's motion since ``start`` (p, 2, 3), in m."""
+def set_wanted_gaps(found: CandidateList, start: FloatArray, ahead: FloatArray, wall_moved_m: float) -> None:
+    """Request candidates up to a gap of ``ahead`` (p,), and further where something moves.
+
+    That is each piece's motion since ``start`` (p, 2, 3), through which it may have come to the other side, and, up to
+    `TOUCHING_M`, that of the wall too, at most ``wall_moved_m``: what would touch if all moved on as in this step.
+    """
     for p in range(found.count.shape[0]):
-        found.wanted[p] = ahead[p] + min(_furthest(found.ends, start, p), LOOK_AHEAD_M)
+        moved_m = _furthest(found.ends, start, p)
+        found.wanted[p] = ahead[p] + max(min(moved_m, LOOK_AHEAD_M), min(moved_m + wall_moved_m, TOUCHING_M))
         found.reach[p] = ahead[p] + REACH_M
 
 
@@ -166,18 +180,34 @@ def _increase(values: FloatArray, by: float) -> None:
 @inlined_kernel
 def _select_outdated(found: CandidateList, p: int) -> None:
     """Select the clusters within reach of a piece whose nodes may have moved too far since they were enclosed."""
-    clusters, reach = found.clusters, found.thickness[p] + found.reach[p] + found.skin_m
-    for c in range(found.encloses.shape[0]):
-        is_outdated = not clusters.slack_m[c] + found.wall_moved_m <= MAX_SLACK_M  # also if it is no number
-        if is_outdated and not found.encloses[c]:
-            found.encloses[c] = not _is_beyond(found, p, c, reach)
+    reach = found.thickness[p] + found.reach[p] + found.skin_m
+    c = _next_within(found, p, 0, reach)
+    while c < found.encloses.shape[0]:
+        is_sound = found.clusters.slack_m[c] + found.wall_moved_m <= MAX_SLACK_M
+        found.encloses[c] |= not is_sound  # also if it is no number
+        c = _next_within(found, p, c + 1, reach)
 
 
 @kernel
-def _is_beyond(found: CandidateList, p: int, c: int, reach: float) -> bool:
-    """Return whether all triangles of a cluster are further than ``reach`` from the axis of a piece."""
-    clusters, middle = found.clusters, row(found.clusters.cluster_middle, c)
-    far_m = reach + clusters.cluster_radius[c] + clusters.slack_m[c] + found.wall_moved_m + found.step_moved_m
+def _next_within(found: CandidateList, p: int, c: int, reach: float) -> int:
+    """Return the first cluster from c on that may be within ``reach`` of the axis of a piece, or their number."""
+    n: int = found.encloses.shape[0]
+    while c < n:
+        if c % GROUP_CLUSTERS == 0 and _is_beyond(found, p, n + c // GROUP_CLUSTERS, reach):
+            c += GROUP_CLUSTERS
+        elif _is_beyond(found, p, c, reach):
+            c += 1
+        else:
+            return c
+    return n
+
+
+@kernel
+def _is_beyond(found: CandidateList, p: int, sphere: int, reach: float) -> bool:
+    """Return whether all triangles of a cluster or group are further than ``reach`` from the axis of a piece."""
+    clusters, middle = found.clusters, row(found.clusters.sphere_middle, sphere)
+    slack_m = clusters.slack_m[sphere] + found.wall_moved_m + found.step_moved_m
+    far_m = reach + clusters.sphere_radius[sphere] + slack_m
     offset = vector_from_segment(row_of(found.ends, p, 0), row_of(found.ends, p, 1), middle)
     return bool(dot(offset, offset) > far_m * far_m)
 
@@ -188,7 +218,11 @@ def rebuild_due(found: CandidateList) -> None:
     for c in range(found.encloses.shape[0]):
         if found.encloses[c]:
             enclose(found.clusters, c, found.position)
-            found.encloses[c], found.clusters.slack_m[c] = False, found.wall_moved_m
+            found.clusters.slack_m[c] = found.wall_moved_m
+    for c in range(found.encloses.shape[0]):
+        if found.encloses[c]:
+            enclose_group(found.clusters, c // GROUP_CLUSTERS)
+            found.encloses[c - c % GROUP_CLUSTERS : c - c % GROUP_CLUSTERS + GROUP_CLUSTERS] = False
     for p in range(found.count.shape[0]):
         if found.is_due[p]:
             _list_piece(found, p)
@@ -222,9 +256,8 @@ def _list_piece(found: CandidateList, p: int) -> None:
     found.is_due[p] = False
     for k in range(n_before):
         found.before[k], found.known[found.entry[p, k]] = found.entry[p, k], found.bound[p, k]
-    for c in range(clusters.cluster_radius.shape[0]):
-        if _is_beyond(found, p, c, reach):
-            continue
+    c = _next_within(found, p, 0, reach)
+    while c < found.encloses.shape[0]:
         found.is_due[p] |= clusters.slack_m[c] > MAX_SLACK_M
         slack_m = clusters.slack_m[c] + moved_m
         for place in range(clusters.first[c], clusters.first[c + 1]):
@@ -238,6 +271,7 @@ def _list_piece(found: CandidateList, p: int) -> None:
                 continue
             found.entry[p, n], found.bound[p, n] = t, max(distance + travel, found.known[t])
             n += 1
+        c = _next_within(found, p, c + 1, reach)
     for k in range(n_before):
         found.known[found.before[k]] = -math.inf
     found.count[p], found.covered_m[p], found.near_bound[p] = n, moved_m, -math.inf
@@ -274,7 +308,7 @@ def new_list(clusters: Clusters, position_m: FloatArray, n_pieces: int, along_m:
         position=position_m,
         p=n_pieces,
         n=len(position_m),
-        c=len(clusters.slack_m),
+        c=len(clusters.first) - 1,
         m=len(clusters.triangles),
         covered_m=np.full(n_pieces, -math.inf),
         known=np.full(len(clusters.triangles), -math.inf),

@@ -1,6 +1,6 @@
-"""A hierarchy of bounding spheres for candidate lists: one for each triangle, and one for each cluster of neighbours.
+"""Bounding spheres for candidate lists: of triangles, of clusters of neighbours, and of groups of clusters.
 
-Two levels are enough: a thousand triangles make forty clusters, and a capsule is near two or three of them.
+Three levels are enough: ten thousand triangles make 512 clusters in 32 groups, and a capsule is near two or three.
 """
 
 from __future__ import annotations
@@ -18,19 +18,24 @@ from services.mechanics.compiled.vectors import Vector, along, put_row, row, sca
 
 #: Maximum number of triangles of a cluster: their sphere is hardly larger than that of a triangle and its neighbours.
 CLUSTER_TRIANGLES = 24
+#: Number of clusters of a group: with the square root of the number of clusters, a search tests the fewest spheres.
+GROUP_CLUSTERS = 16
 
 
 class Clusters(Struct):
-    """m triangles in c clusters; middles and radii (m) are those of the last `enclose` of each cluster."""
+    """m triangles in c clusters; middles and radii (m) are those of the last `enclose` of each cluster.
+
+    There are s spheres of clusters and, behind them, of groups.
+    """
 
     triangles: Annotated[IntArray, "m", 3]
     order: Annotated[IntArray, "m"]  # triangles sorted by cluster
     first: Annotated[IntArray, "c + 1"]  # index in ``order`` at which each cluster begins
     middle: Annotated[FloatArray, "m", 3]
     radius: Annotated[FloatArray, "m"]
-    cluster_middle: Annotated[FloatArray, "c", 3]
-    cluster_radius: Annotated[FloatArray, "c"]
-    slack_m: Annotated[FloatArray, "c"]  # bound on the motion of the triangles since then
+    sphere_middle: Annotated[FloatArray, "s", 3]
+    sphere_radius: Annotated[FloatArray, "s"]
+    slack_m: Annotated[FloatArray, "s"]  # bound on the motion of what a sphere encloses since then
 
 
 def cluster_triangles(vertices_m: FloatArray, triangles: IntArray) -> Clusters:
@@ -47,7 +52,7 @@ def cluster_triangles(vertices_m: FloatArray, triangles: IntArray) -> Clusters:
         pending += [by_side[: len(piece) // 2], by_side[len(piece) // 2 :]]
     first = np.concatenate([[0], np.cumsum([len(piece) for piece in pieces])]).astype(np.int32)
     corners = np.ascontiguousarray(triangles, np.int32)
-    extents = {"m": len(triangles), "c": len(pieces), "c + 1": len(first)}
+    extents = {"m": len(triangles), "s": len(pieces) + -(-len(pieces) // GROUP_CLUSTERS), "c + 1": len(first)}
     return Clusters.zeros(triangles=corners, order=np.concatenate(pieces), first=first, **extents)
 
 
@@ -80,8 +85,23 @@ def _enclose_cluster(clusters: Clusters, c: int) -> None:
     for entry in range(first, end):
         t = clusters.order[entry]
         radius = max(radius, math.sqrt(squared_distance(row(clusters.middle, t), middle)) + clusters.radius[t])
-    put_row(clusters.cluster_middle, c, middle)
-    clusters.cluster_radius[c] = radius
+    put_row(clusters.sphere_middle, c, middle)
+    clusters.sphere_radius[c] = radius
+
+
+@kernel
+def enclose_group(clusters: Clusters, group: int) -> None:
+    """Compute the bounding sphere of a group from the spheres of its clusters and their slack."""
+    n = clusters.first.shape[0] - 1
+    first, end = group * GROUP_CLUSTERS, min((group + 1) * GROUP_CLUSTERS, n)
+    middle, radius = (0.0, 0.0, 0.0), 0.0
+    for c in range(first, end):
+        middle = along(middle, row(clusters.sphere_middle, c), 1.0 / (end - first))
+    for c in range(first, end):
+        distance = math.sqrt(squared_distance(row(clusters.sphere_middle, c), middle))
+        radius = max(radius, distance + clusters.sphere_radius[c] + clusters.slack_m[c])
+    put_row(clusters.sphere_middle, n + group, middle)
+    clusters.sphere_radius[n + group], clusters.slack_m[n + group] = radius, 0.0
 
 
 @kernel

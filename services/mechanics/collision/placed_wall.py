@@ -5,9 +5,9 @@ and loads. The cost per node is proportional to the number of modes and loads: 1
 50,000 products. So a *configuration* (coordinates and loads) is set first, which bounds the motion of every node, and
 then only requested nodes are computed.
 
-The bound: beyond the modes, loads f move node i by sum_l R_il f_l, with R the residual compliance, and |R_il| is at
-most sqrt(|R_ii| |R_ll|), because R is symmetric and positive semidefinite (Cauchy-Schwarz). For the modes see
-`wall_bounds`.
+The bound: beyond the modes, loads f move node i by sum_l R_il f_l, with R the residual compliance. That is at most
+sqrt(|R_ii| f . R f), because R is symmetric and positive semidefinite (Cauchy-Schwarz). For small changes the simpler
+sum of sqrt(|R_ll|) |f_l| takes the place of sqrt(f . R f), which it bounds. For the modes see `wall_bounds`.
 """
 
 from __future__ import annotations
@@ -28,6 +28,10 @@ from services.mechanics.reduction.residual.blocks import BlockStore, block_betwe
 
 #: Maximum size of the cache of residual blocks (65 MB), and of cached rows, one for each loaded node.
 MAX_BLOCKS, MAX_ROWS = 1_800_000, 128
+#: Up to here the simpler bound does: lists allow for ten times as much.
+COARSE_M = 25e-6
+#: Relative error of f . R f with blocks in single precision, to the square of the simpler sum.
+FLOAT32_ERROR = 1e-6
 Loads = tuple[IntArray, FloatArray]
 """Nodes (l,) and forces (l, 3) in N, along world axes."""
 NO_LOADS: Loads = (np.zeros(0, np.int32), np.zeros((0, 3)))
@@ -46,6 +50,7 @@ class PlacedWall(Struct):
     softness: Annotated[FloatArray, "n"]  # square root of |R_ii|
     change: Annotated[FloatArray, "n", 3]  # of the loads on each node; zero between uses
     changed: Annotated[IntArray, "c"]  # nodes whose loads change
+    changed_by: Annotated[FloatArray, "c", 3]
     requested: Annotated[IntArray, "n"]  # nodes requested in this configuration
     extra: Annotated[FloatArray, "n", 3]  # their displacement beyond the modes
     position: Annotated[FloatArray, "n", 3]  # of nodes not placed in this configuration, that in an earlier one
@@ -153,17 +158,40 @@ def _note_loads(wall: PlacedWall, of: PlacedWall, sign: float) -> None:
         put_row(wall.change, node, along(row(wall.change, node), row(of.load_force, load), sign))
 
 
-@inlined_kernel
+@kernel
 def _bound_by_loads(wall: PlacedWall) -> float:
     """Return a bound (m) on any node's motion by the change of loads, beyond the modes, and clear the change."""
-    total = 0.0
+    n_nodes, total = 0, 0.0
     for k in range(wall.n_changed):
         node = wall.changed[k]
         change = row(wall.change, node)
         wall.change[node] = 0.0
-        total += wall.softness[node] * math.sqrt(dot(change, change))
+        if change != (0.0, 0.0, 0.0):
+            total += wall.softness[node] * math.sqrt(dot(change, change))
+            wall.changed[n_nodes] = node
+            put_row(wall.changed_by, n_nodes, change)
+            n_nodes += 1
     wall.n_changed = 0
+    if wall.softest * total > COARSE_M:
+        total = math.sqrt(max(_energy_of_change(wall, n_nodes), 0.0) + FLOAT32_ERROR * total * total)
     return float(wall.softest * total)
+
+
+@inlined_kernel
+def _energy_of_change(wall: PlacedWall, n_nodes: int) -> float:
+    """Return f . R f (J, twice the energy) of the change of loads f on the first nodes that are listed."""
+    total, n, node, force = 0.0, wall.rest.shape[0], wall.changed, wall.changed_by
+    for a in range(n_nodes):
+        first = n * _row_of(wall, node[a])
+        for b in range(a + 1):
+            at = first + node[b]
+            if wall.known[at] == 0:
+                _read_block(wall, node[a], node[b], at)
+            product = 0.0
+            for i in range(3):
+                product += force[a, i] * dot(row(wall.blocks[at], i), row(force, b))
+            total += product if b == a else 2.0 * product
+    return total
 
 
 @inlined_kernel
@@ -240,7 +268,7 @@ def _displace(wall: PlacedWall, first: int, load: int) -> None:
         extra[node, 2] += blocks[b, 0, 2] * x + blocks[b, 1, 2] * y + blocks[b, 2, 2] * z
 
 
-@inlined_kernel
+@kernel
 def _row_of(wall: PlacedWall, node: int) -> int:
     """Return the cached row of a node; if there is none, replace the oldest one."""
     place = wall.row_of[node]

@@ -111,8 +111,9 @@ def follow_end(
     (p,). Only incomplete lists are rebuilt.
     """
     add_travel(known.list, configure(known.wall, q, loads[0], loads[1]))
-    set_wanted_gaps(known.list, start[1], ahead)
-    complete_lists(known.list, bound_since(known.wall, start[0]))
+    moved_m = bound_since(known.wall, start[0])
+    set_wanted_gaps(known.list, start[1], ahead, moved_m)
+    complete_lists(known.list, moved_m)
 
 
 @kernel

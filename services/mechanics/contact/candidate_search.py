@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 import numpy as np
@@ -10,7 +11,7 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.duct_loads import DuctLoads, loads_at
 from services.mechanics.bodies.forceps.tool_body import ToolPoses, move_back, move_to_proxies
 from services.mechanics.bodies.sections import segment_radii
-from services.mechanics.collision.candidate_list import CandidateList, copy_ends, set_wanted_gaps
+from services.mechanics.collision.candidate_list import TOUCHING_M, CandidateList, copy_ends, set_wanted_gaps
 from services.mechanics.collision.candidates import Candidates
 from services.mechanics.collision.capsules import CapsuleMemory, detect_capsules
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, ContactPairs, pairs_at
@@ -34,7 +35,7 @@ from services.mechanics.contact.price import piece_of, write_capsule_violations,
 from services.mechanics.contact.spheres import Spheres
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.system import STRATEGIES, ContactSystem
-from services.mechanics.contact.working_set import TOUCHING_M, WorkingSet, age_members, choose, renew_member
+from services.mechanics.contact.working_set import IMPLIED_M, WorkingSet, age_members, choose, renew_member
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.scene import SceneModel
 
@@ -48,7 +49,7 @@ class SearchArrays(Struct):
     known: WallCandidates
     start_wall: PlacedWall
     start: Annotated[FloatArray, "p", 2, 3]  # ends of the pieces at the start
-    ahead: Annotated[FloatArray, "p"]  # gap (m) up to which a piece gets rows
+    ahead: Annotated[FloatArray, "p"]  # gap (m) up to which a piece gets rows even if nothing moves
     found: Candidates
     violations: Candidates
     working: WorkingSet
@@ -72,7 +73,7 @@ class CandidateSearch:
         self._along_m = TOUCHING_M if shares_load else -1.0
         # Contacts that are not priced at the end of a step have rows before they touch.
         is_priced = shares_load and scene.catheter.integrator == "implicit"
-        self._row_gap_m = self._catheter_ahead_m = TOUCHING_M if is_priced else max(TOUCHING_M, margin_m)
+        self._row_gap_m = self._catheter_ahead_m = IMPLIED_M if is_priced else max(TOUCHING_M, margin_m)
         self._capsules = CapsuleMemory.zeros(m=N_TOOL_PIECES, n=n_segments)
         self._make_room(wall_candidates(duct, self._end, self._along_m))
 
@@ -170,7 +171,8 @@ def begin_step(
     _write_bodies(listed, state, state.geometry.rod.position, 0.0)
     for p in range(search.start.shape[0]):
         copy_ends(listed, p, search.start)
-    set_wanted_gaps(listed, search.start, search.ahead)
+    if not search.is_measured:
+        set_wanted_gaps(listed, search.start, search.ahead, math.inf)
     if follow_wall(known, duct.free.start, (duct.node[:count], duct.force[:count])) or not search.is_measured:
         measure(known, search.found)
     search.is_measured = False

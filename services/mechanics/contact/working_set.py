@@ -1,9 +1,10 @@
 """The working set: the rule that selects the candidates which become contact rows.
 
-A candidate gets a row if it touches; pricing finds those that come to touch within the step. Candidates are chosen by
-increasing clearance (the gap plus the indentation by jaws), members of the set first. A candidate whose position on the
-undeformed wall and normal are near those of a chosen one of the same body, and that is no deeper, is a duplicate and
-gets no row. Members are the features (piece and triangle) whose contacts carried a force within `LIFE_STEPS` steps.
+A candidate gets a row if it touches or soon may; pricing finds those that come to touch within the step. Candidates are
+chosen by increasing clearance (the gap plus the indentation by jaws), members of the set first. A candidate whose
+position on the undeformed wall and normal are near those of a chosen one of the same body, and that is no deeper, is a
+duplicate and gets no row. Members are the features (piece and triangle) whose contacts carried a force within
+`LIFE_STEPS` steps.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import Annotated
 
 from services.mechanics.arrays import ByteArray, FloatArray, IntArray, LongArray
 from services.mechanics.bodies.forceps.tool_body import ToolArrays
-from services.mechanics.collision.candidate_list import CandidateList
+from services.mechanics.collision.candidate_list import TOUCHING_M, CandidateList
 from services.mechanics.collision.candidates import SAME_POINT, Candidates
 from services.mechanics.collision.pieces import N_TOOL_PIECES
 from services.mechanics.compiled import inlined_kernel, kernel
@@ -23,9 +24,6 @@ from services.mechanics.contact.clearance import overlap_in_jaws, piece_can_touc
 
 #: Smallest cosine between the normals of duplicates, 26 degrees.
 SAME_NORMAL = 0.9
-#: Largest gap that counts as touching: gaps and overlaps of surfaces at rest are smaller. Candidates without a row may
-#: end no deeper than this, see `simulation.step_solver`.
-TOUCHING_M = 30e-6
 #: On thin walls tolerances are at most this fraction of the thickness: four of them leave half of it.
 SHARE_OF_WALL = 0.125
 #: A contact is left out only if its clearance is at most this below that of the chosen one: a tenth of what touches. A
@@ -68,18 +66,17 @@ def merge_distance_m(thickness_m: float, wall_m: float) -> float:
 
 
 @kernel
-def choose(
-    listed: CandidateList, found: Candidates, working: WorkingSet, row_gap: FloatArray, tools: ToolArrays
-) -> None:
+def choose(listed: CandidateList, found: Candidates, working: WorkingSet, ahead: FloatArray, tools: ToolArrays) -> None:
     """Choose candidates for rows, and write their indices into ``chosen``, nearest first.
 
-    A candidate is chosen if its clearance is at most ``row_gap`` (p,) of its piece. Absent and disengaged tools get no
-    rows.
+    A candidate is chosen if its clearance is at most the gap wanted of its piece, and at most `TOUCHING_M` more than
+    ``ahead`` (p,). Absent and disengaged tools get no rows.
     """
     n = 0
     for i in range(found.count):
         p = found.piece[i]
-        if piece_can_touch(tools, p) and _clearance(found, working, tools, i) <= row_gap[p]:
+        most_m = min(listed.wanted[p], ahead[p] + TOUCHING_M)
+        if piece_can_touch(tools, p) and _clearance(found, working, tools, i) <= most_m:
             _rate_candidate(found, working, listed, i)
             working.order[n] = i
             n += 1

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from services.mechanics.arrays import FloatArray
+from services.mechanics.collision.candidate_list import TOUCHING_M
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.compiled.memory import SavedArrays
-from services.mechanics.contact.working_set import SHARE_OF_WALL, TOUCHING_M
+from services.mechanics.contact.working_set import SHARE_OF_WALL
 from services.mechanics.effects import Effect, act
 from services.mechanics.simulation.step_splitting import LONGEST_STEP_S
 from services.mechanics.world import World

@@ -10,6 +10,7 @@ from services.mechanics.collision.candidate_list import (
     LOOK_AHEAD_M,
     REFERENCE_M,
     SKIN_M,
+    TOUCHING_M,
     CandidateList,
     complete_lists,
     new_list,
@@ -31,7 +32,6 @@ from services.mechanics.collision.wall_candidates import (
 from services.mechanics.compiled import building_kernel
 from services.mechanics.compiled.struct import reader
 from services.mechanics.compiled.vectors import row, row_of
-from services.mechanics.contact.working_set import TOUCHING_M
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 from studies.judge.closest import segment_triangle
 
@@ -335,7 +335,7 @@ def _list_and_jump(address, jump_m, ahead):
     rebuild_due(found)
     start, before = found.ends.copy(), found.count[0]
     found.ends[:] += jump_m
-    set_wanted_gaps(found, start, ahead)
+    set_wanted_gaps(found, start, ahead, 0.0)
     complete_lists(found, 0.0)
     return before, found.count[0]
 

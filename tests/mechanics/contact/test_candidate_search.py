@@ -8,9 +8,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from services.mechanics.bodies.forceps.kinematics import N_CELLS
+from services.mechanics.collision.candidate_list import TOUCHING_M
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, JAW_A, JAW_B, NO_TOOL, SHAFT, ContactPairs
 from services.mechanics.contact.clearance import jaw_surface, overlap_in_jaws
-from services.mechanics.contact.working_set import TOUCHING_M
+from services.mechanics.contact.working_set import IMPLIED_M
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from studies.judge.closest import segment_triangle
@@ -99,7 +100,7 @@ def test_a_sphere_touches_what_is_nearest_of_all_triangles(small_scene, small_du
         p = tuple(spheres.start[0])
         gaps_m = np.array([np.sqrt(segment_triangle(p, p, *map(tuple, c))[0]) for c in corners])
         gaps_m -= radius_m + 0.5 * small_scene.duct.thickness_m
-        assert (len(of_sphere) > 0) == (gaps_m.min() <= TOUCHING_M)
+        assert (len(of_sphere) > 0) == (gaps_m.min() <= IMPLIED_M + TOUCHING_M)
         for k in of_sphere:
             assert pairs.gap_m[k] == pytest.approx(gaps_m[pairs.target[k]], abs=1e-12)
             assert pairs.tool[k] == NO_TOOL

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from services.mechanics.bodies.forceps.tool_body import ToolArrays
-from services.mechanics.collision.candidate_list import CandidateList, new_list
+from services.mechanics.collision.candidate_list import TOUCHING_M, CandidateList, new_list, set_wanted_gaps
 from services.mechanics.collision.candidates import SAME_POINT, Candidates, candidates_at
 from services.mechanics.collision.clusters import cluster_triangles
 from services.mechanics.compiled import building_kernel
@@ -19,7 +19,6 @@ from services.mechanics.contact.working_set import (
     MAX_CHOSEN,
     N_TOOL_PIECES,
     SAME_NORMAL,
-    TOUCHING_M,
     WorkingSet,
     age_members,
     choose,
@@ -52,6 +51,11 @@ def _choose(addresses, ahead_m, geometry):
     choose(listed, found, working, ahead_m, geometry_at(geometry).tools)
 
 
+@building_kernel
+def _want(address, start, ahead_m, wall_moved_m):
+    set_wanted_gaps(list_at(address), start, ahead_m, wall_moved_m)
+
+
 class Chooser:
     """Candidates of pieces with the triangles of a small tube, and a working set for them."""
 
@@ -63,7 +67,7 @@ class Chooser:
         self.geometry = tools_alone()
         sizes = {"p": N_PIECES, "m": len(MESH.triangles), "c": 512}
         self.set = WorkingSet.zeros(rest=MESH.vertices_m, first_sphere=N_PIECES, **sizes)
-        self.list.thickness[:] = THICKNESS_M
+        self.list.thickness[:], self.list.wanted[:] = THICKNESS_M, np.inf
 
     def choose(self, candidates):
         """Return which of the candidates, (piece, triangle, weights, normal, gap) each, are chosen, nearest first."""
@@ -125,6 +129,22 @@ def test_who_is_left_out_is_stood_for_by_one_nearby_that_is_nearer(seed, n, n_me
         else:
             is_too_many = len(chosen) == MAX_CHOSEN and all(rank[one] <= rank[k] for one in chosen)
             assert is_too_many or any(stands_for(one, k) and rank[one] <= rank[k] for one in chosen)
+
+
+@pytest.mark.parametrize(
+    ("piece_um", "wall_um", "rows_up_to_um"),
+    [(0.0, 0.0, 3.0), (5.0, 0.0, 8.0), (0.0, 10.0, 13.0), (20.0, 50.0, 33.0), (1500.0, 0.0, 33.0)],
+)
+def test_rows_are_made_for_what_would_touch_if_all_moved_on(piece_um, wall_um, rows_up_to_um):
+    """At rest for a tenth of what counts as touching only; candidates are looked for as far as a piece has moved."""
+    chooser, gaps_um = Chooser(), np.arange(0.5, 60.0)
+    chooser.ahead_m[:] = IMPLIED_M
+    start = chooser.list.ends + np.array([0.0, 1e-6 * piece_um, 0.0])
+    _want(chooser.list.address, start, chooser.ahead_m, 1e-6 * wall_um)
+    assert chooser.list.wanted == pytest.approx(IMPLIED_M + max(1e-6 * piece_um, 1e-6 * (rows_up_to_um - 3.0)))
+    far = 3 * np.arange(len(gaps_um))
+    candidates = [one(piece=k % 6, triangle=int(t), gap_m=1e-6 * gaps_um[k]) for k, t in enumerate(far)]
+    assert len(chooser.choose(candidates)) == min((gaps_um < rows_up_to_um).sum(), MAX_CHOSEN)
 
 
 @pytest.mark.parametrize("n_members", [0, 10, 40])

@@ -193,7 +193,7 @@ def test_holds_have_their_row_where_rows_run_out_and_leave_the_friction_of_other
     catheter = replace(
         scene.catheter, anchor="free", length_m=20e-3, n_segments=10, tip_position_m=(10e-3, 0.0, -2.6e-3)
     )
-    scene = replace(scene, catheter=catheter, contact=replace(scene.contact, capacity=8))
+    scene = replace(scene, catheter=catheter, contact=replace(scene.contact, capacity=7))
     simulation, tools = Simulation(scene, small_duct), ToolInputs()
     tools.present[0] = False
     tools.position_m[1] = 60e-3, 0.0, 30e-3
