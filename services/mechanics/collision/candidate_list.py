@@ -45,8 +45,8 @@ MAX_SLACK_M = 1e-3
 MAX_ENTRIES = 8192
 #: Travel of a piece and the wall until the piece's near entries are listed again: a few ticks of a moving hand.
 NEAR_M = 0.2e-3
-#: Largest gap that counts as touching: gaps and overlaps of surfaces at rest are smaller. Candidates without a row may
-#: end a step no deeper than this, see `simulation.step_solver`.
+#: Gaps and overlaps of surfaces at rest are smaller. Candidates without a row may end a step no deeper than this, see
+#: `simulation.step_solver`, and have none if they are further away.
 TOUCHING_M = 30e-6
 #: Motion of a piece in a step up to which its contacts are detected: 2 m/s, as fast as a catheter snaps.
 LOOK_AHEAD_M = 2e-3
@@ -112,8 +112,9 @@ def copy_ends(found: CandidateList, p: int, out: FloatArray) -> None:
 def set_wanted_gaps(found: CandidateList, start: FloatArray, ahead: FloatArray, wall_moved_m: float) -> None:
     """Request candidates up to a gap of ``ahead`` (p,), and further where something moves.
 
-    That is each piece's motion since ``start`` (p, 2, 3), through which it may have come to the other side, and, up to
-    `TOUCHING_M`, that of the wall too, at most ``wall_moved_m``: what would touch if all moved on as in this step.
+    Added is the piece's motion since ``start`` (p, 2, 3), through which it may have come to the other side. If that is
+    more, added is what piece and wall approach by if they move on, at most `TOUCHING_M`. The wall has moved by at most
+    ``wall_moved_m``.
     """
     for p in range(found.count.shape[0]):
         moved_m = _furthest(found.ends, start, p)

@@ -1,6 +1,7 @@
 """Bounding spheres for candidate lists: of triangles, of clusters of neighbours, and of groups of clusters.
 
-Three levels are enough: ten thousand triangles make 512 clusters in 32 groups, and a capsule is near two or three.
+Three levels are enough: ten thousand triangles make 512 clusters in 32 groups, and a capsule is near two or three
+groups.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from services.mechanics.compiled.vectors import Vector, along, put_row, row, sca
 
 #: Maximum number of triangles of a cluster: their sphere is hardly larger than that of a triangle and its neighbours.
 CLUSTER_TRIANGLES = 24
-#: Number of clusters of a group: with the square root of the number of clusters, a search tests the fewest spheres.
+#: Number of clusters of a group. A search tests the fewest spheres if it is about the square root of their number.
 GROUP_CLUSTERS = 16
 
 

@@ -6,8 +6,9 @@ and loads. The cost per node is proportional to the number of modes and loads: 1
 then only requested nodes are computed.
 
 The bound: beyond the modes, loads f move node i by sum_l R_il f_l, with R the residual compliance. That is at most
-sqrt(|R_ii| f . R f), because R is symmetric and positive semidefinite (Cauchy-Schwarz). For small changes the simpler
-sum of sqrt(|R_ll|) |f_l| takes the place of sqrt(f . R f), which it bounds. For the modes see `wall_bounds`.
+sqrt(|R_ii| f . R f), because R is symmetric and positive semidefinite (Cauchy-Schwarz). For small changes, for many
+loads and where R is cut into patches the simpler sum of sqrt(|R_ll|) |f_l| takes the place of sqrt(f . R f), which it
+bounds. For the modes see `wall_bounds`.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from services.mechanics.arrays import AnyArray, ByteArray, Float32Array, FloatAr
 from services.mechanics.collision.wall_bounds import WallBounds, bound_between, bound_motion, set_reference, wall_bounds
 from services.mechanics.compiled import inlined_kernel, kernel, summing_kernel
 from services.mechanics.compiled.struct import Struct
-from services.mechanics.compiled.vectors import along, dot, put_row, row
+from services.mechanics.compiled.vectors import along, dot, put_row, row, row_of
 from services.mechanics.reduction.large_rotations.warping_kernels import place_node, turn_vector
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.reduction.residual.blocks import BlockStore, block_between, own_softness
@@ -30,7 +31,7 @@ from services.mechanics.reduction.residual.blocks import BlockStore, block_betwe
 MAX_BLOCKS, MAX_ROWS = 1_800_000, 128
 #: Up to here the simpler bound does: lists allow for ten times as much.
 COARSE_M = 25e-6
-#: Relative error of f . R f with blocks in single precision, to the square of the simpler sum.
+#: Error of f . R f with blocks in single precision, relative to the square of the simpler sum.
 FLOAT32_ERROR = 1e-6
 Loads = tuple[IntArray, FloatArray]
 """Nodes (l,) and forces (l, 3) in N, along world axes."""
@@ -65,6 +66,7 @@ class PlacedWall(Struct):
     n_placed: int = 0  # of the requested ones
     configuration: int = 1  # number of the present configuration, increased by every change
     softest: float = 0.0  # largest entry of ``softness``
+    is_definite: bool = True  # whether R is positive semidefinite: cut into patches it is not
 
 
 _SHARED = "blocks", "known", "row_of", "kept", "next_row", "softness"
@@ -78,7 +80,7 @@ def place_wall(duct: ReducedDuct, like: PlacedWall | None = None) -> PlacedWall:
     bounds = wall_bounds(duct, None if like is None else like.bounds)
     given = {"rest": rest, "Phi": Phi, "position": rest.copy(), "bounds": bounds, "store": duct.residual.store}
     wall: PlacedWall = PlacedWall.zeros(n=n, r=Phi.shape[2], l=2 * n, c=4 * n, **given, **shared)
-    wall.softest = float(wall.softness.max(initial=0.0))
+    wall.softest, wall.is_definite = float(wall.softness.max(initial=0.0)), not len(duct.residual.store.starts)
     return wall
 
 
@@ -172,7 +174,7 @@ def _bound_by_loads(wall: PlacedWall) -> float:
             put_row(wall.changed_by, n_nodes, change)
             n_nodes += 1
     wall.n_changed = 0
-    if wall.softest * total > COARSE_M:
+    if wall.is_definite and n_nodes <= MAX_ROWS // 2 and wall.softest * total > COARSE_M:
         total = math.sqrt(max(_energy_of_change(wall, n_nodes), 0.0) + FLOAT32_ERROR * total * total)
     return float(wall.softest * total)
 
@@ -189,7 +191,7 @@ def _energy_of_change(wall: PlacedWall, n_nodes: int) -> float:
                 _read_block(wall, node[a], node[b], at)
             product = 0.0
             for i in range(3):
-                product += force[a, i] * dot(row(wall.blocks[at], i), row(force, b))
+                product += force[a, i] * dot(row_of(wall.blocks, at, i), row(force, b))
             total += product if b == a else 2.0 * product
     return total
 

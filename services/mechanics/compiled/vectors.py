@@ -77,7 +77,7 @@ def row(array: FloatArray | Float32Array, i: int) -> Vector:
 
 
 @kernel
-def row_of(array: FloatArray, i: int, k: int) -> Vector:
+def row_of(array: FloatArray | Float32Array, i: int, k: int) -> Vector:
     """Return entry k of row i of an (n, m, 3) array as a tuple."""
     return (array[i, k, 0], array[i, k, 1], array[i, k, 2])
 

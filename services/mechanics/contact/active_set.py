@@ -40,7 +40,7 @@ NO_BOUND, SLIDES, AT_EDGE, AT_END = 0, 1, 2, 3
 
 @kernel
 def take_newton_steps(problem: ContactProblem, W: FloatArray) -> int:
-    """Take Newton steps until a full one is feasible and none of its contacts has begun to slip; return the cost.
+    """Take Newton steps until one has been taken in which no contact began to slip; return the cost in sweeps.
 
     One that slips rotates its friction, which the constraint does not know: the next step does.
     """
@@ -58,7 +58,7 @@ def take_newton_steps(problem: ContactProblem, W: FloatArray) -> int:
 
 @kernel
 def _take_step(problem: ContactProblem, n: int, cost: int) -> int:
-    """Take a Newton step of n unknowns up to where a contact opens or slips, and so on; return the increased cost."""
+    """Take a Newton step of n unknowns to where a contact opens or slips, then its rest; return the increased cost."""
     for block in range(problem.rows.n_contacts):
         problem.bound[block] = SLIDES if slides(problem.rows, block) else NO_BOUND
     while True:
@@ -95,7 +95,7 @@ def _add_step(problem: ContactProblem, n: int, fraction: float) -> None:
         put_row(rows.force_n, problem.block[i], along(force, vector(problem.column, i), fraction * problem.step[i]))
         problem.moved[i] += fraction * problem.step[i]
     for block in range(rows.n_contacts):
-        project(rows, block, problem.bound[block] != NO_BOUND)
+        project(rows, block, problem.bound[block] == SLIDES or problem.bound[block] == AT_EDGE)
 
 
 @kernel
@@ -107,7 +107,7 @@ def _note_bounds(problem: ContactProblem, n: int) -> bool:
         low, high = normal_range(rows, block)
         if bound[block] != AT_END and problem.test[i, 0] != 0.0 and not low < rows.force_n[block, 0] < high:
             bound[block], is_new = AT_END, True
-        elif bound[block] == NO_BOUND and slides(rows, block):
+        elif bound[block] == NO_BOUND and count == 3 and slides(rows, block):
             bound[block], is_new = AT_EDGE, True
         i += count
     return is_new
@@ -132,8 +132,8 @@ def _list_constraints(problem: ContactProblem, n: int) -> int:
         elif problem.bound[block] == AT_EDGE:
             size = math.hypot(rows.force_n[block, 1], rows.force_n[block, 2])
             t_1, t_2 = rows.force_n[block, 1] / size, rows.force_n[block, 2] / size
-            mu = rows.friction[block] if HAS_FRICTION[rows.law[block]] and count == 3 else 0.0
-            problem.first[m] = i + count - 3
+            mu = rows.friction[block] if HAS_FRICTION[rows.law[block]] else 0.0
+            problem.first[m] = i
             put_row(problem.constraint, m, (-mu, t_1, t_2))
             put_row(problem.replaced, m, (0.0, t_1, t_2))
             m += 1

@@ -174,7 +174,7 @@ def _step_to_edge(a: float, b: float, c: float) -> float:
     return min(-c / below, 1.0) if below > 0.0 else 1.0
 
 
-@inlined_kernel
+@kernel
 def slides(rows: ContactRows, row: int) -> bool:
     """Return whether a force is on the edge of its disk or, without a disk, at an end of its interval."""
     law, force = rows.law[row], rows.force_n[row]

@@ -73,7 +73,7 @@ class CandidateSearch:
         self._along_m = TOUCHING_M if shares_load else -1.0
         # Contacts that are not priced at the end of a step have rows before they touch.
         is_priced = shares_load and scene.catheter.integrator == "implicit"
-        self._row_gap_m = self._catheter_ahead_m = IMPLIED_M if is_priced else max(TOUCHING_M, margin_m)
+        self._row_gap_m = self._catheter_ahead_m = IMPLIED_M if is_priced else max(margin_m - TOUCHING_M, 0.0)
         self._capsules = CapsuleMemory.zeros(m=N_TOOL_PIECES, n=n_segments)
         self._make_room(wall_candidates(duct, self._end, self._along_m))
 

@@ -1,5 +1,8 @@
 """Warm start of a solve: rows begin with the forces of the last tick, matched by bodies and by place on the wall.
 
+If the change of all forces in the last tick was as expected, rows begin with the forces expected now: a steady motion
+changes them by nearly as much again.
+
 The elastic slip of friction is carried over with the force, also to the next triangle, and is reset when the surfaces
 separate. A triangle alone does not identify a contact, because a contact on an edge alternates between two.
 """
@@ -35,13 +38,14 @@ class ForceMemory(Struct):
     last_n: Annotated[FloatArray, "c", 3]  # of the rows that were found
     expected_n: Annotated[FloatArray, "c", 3]  # if they go on changing as in the last tick
     is_smooth: bool = False  # whether that was right in the last tick
+    dt_s: float = 0.0  # length of the last step
     least_change_n: float = math.inf  # changes that are all smaller are not foretold: solves would keep them going
     n_contacts: int = 0
 
 
 #: A sticking contact moves on the wall by less than this in a step.
 SAME_PLACE_M = 50e-6
-#: Rows begin with expected forces if the squares of their errors were this much smaller than those of the changes.
+#: Rows begin with expected forces if the squares of the last errors were below this fraction of those of the changes.
 SMOOTH = 0.25
 NO_CHANGE = (0.0, 0.0, 0.0)
 
@@ -59,6 +63,8 @@ def recall_forces(memory: ForceMemory, rows: ContactRows, slides: BoolArray, ver
     for row in range(rows.n_contacts):
         slides[row] = False
         memory.found[row] = _recall(memory, rows, row, _nearest(memory, rows, row, vertices_m, False), slides)
+        if memory.found[row] and memory.is_smooth and rows.dt_s == memory.dt_s:
+            put_row(rows.force_n, row, in_frame(rows, row, vector(memory.expected_n, row)))
     for row in range(rows.n_contacts):
         if not memory.found[row]:
             _recall(memory, rows, row, _nearest(memory, rows, row, vertices_m, True), slides)
@@ -96,8 +102,6 @@ def _recall(memory: ForceMemory, rows: ContactRows, row: int, old: int, slides: 
     put_row(rows.force_n, row, in_frame(rows, row, last))
     for axis in range(1, 3 if HAS_FRICTION[rows.law[row]] else 1):
         rows.friction_energy_j[row] += 0.5 * rows.softness_m_n[row, axis] * rows.force_n[row, axis] ** 2
-    if memory.is_smooth:
-        put_row(rows.force_n, row, in_frame(rows, row, vector(memory.expected_n, row)))
     return True
 
 
@@ -106,18 +110,20 @@ def store_forces(
     memory: ForceMemory, rows: ContactRows, forces: FloatArray, slides: BoolArray, vertices_m: FloatArray
 ) -> None:
     """Store the solved ``forces`` (C, 3) along world axes, their places on the undeformed wall, and sliding flags."""
-    memory.n_contacts, change_2, error_2 = rows.n_contacts, 0.0, 0.0
+    memory.n_contacts, memory.dt_s = rows.n_contacts, rows.dt_s
+    change_2, error_2, largest_2 = 0.0, 0.0, 0.0
     for row in range(rows.n_contacts):
         force = vector(forces, row)
         put_row(memory.change_n, row, subtract(force, vector(memory.last_n, row)) if memory.found[row] else NO_CHANGE)
         if memory.found[row]:
-            change_2 += squared_distance(force, vector(memory.last_n, row))
+            row_2 = squared_distance(force, vector(memory.last_n, row))
+            change_2, largest_2 = change_2 + row_2, max(largest_2, row_2)
             error_2 += squared_distance(force, vector(memory.expected_n, row))
         at_rest = place_at_rest(vertices_m, rows.duct_node, row, vector(rows.duct_weight, row))
         put_row(memory.place_m, row, at_rest)
         put_row(memory.force_n, row, force)
         memory.identity[row], memory.slides[row] = rows.identity[row], slides[row]
-    memory.is_smooth = error_2 < SMOOTH * change_2 and change_2 > memory.least_change_n**2
+    memory.is_smooth = error_2 < SMOOTH * change_2 and largest_2 > memory.least_change_n**2
 
 
 @inlined_kernel

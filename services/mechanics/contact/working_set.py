@@ -27,7 +27,7 @@ SAME_NORMAL = 0.9
 #: On thin walls tolerances are at most this fraction of the thickness: four of them leave half of it.
 SHARE_OF_WALL = 0.125
 #: A contact is left out only if its clearance is at most this below that of the chosen one: a tenth of what touches. A
-#: body would roll into the wall there, and be pushed out again.
+#: body would roll into the wall there, and be pushed out again. So near, there is a row even if nothing moves.
 IMPLIED_M = 3e-6
 #: A step begins with rows for all members, and for the nearest other candidates up to this total; pricing finds the
 #: rest. Assembling and solving so many rows costs about as much as pricing.

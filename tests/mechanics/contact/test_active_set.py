@@ -99,3 +99,18 @@ def test_forces_stay_in_their_cones_where_contacts_slip_or_open_on_the_way():
 def sticks(problem):
     force = problem.rows.force_n
     return (force[:, 0] > 0.0) & (np.hypot(force[:, 1], force[:, 2]) < 0.3 * force[:, 0] * (1.0 - 1e-9))
+
+
+def test_a_seal_that_stops_just_below_its_limit_leaves_all_forces_finite():
+    """A law without a disk counts as sliding there; as a contact on the edge of its disk it had no direction."""
+    rows, limit_n = ContactRows.zeros(c=3), 0.5
+    for law in ("unilateral", "seal", "unilateral"):
+        append_row(rows, number_of(law), 0)
+    rows.force_limit_n[1], rows.force_n[:, 0] = limit_n, (1.0, 0.0, 1.0)
+    problem = ContactProblem.of(rows)
+    W = np.eye(9)
+    step = np.array([-2.0, limit_n / (0.5 * (1.0 + 1.5e-9)), 0.5])
+    problem.free[::3] = -(rows.force_n[:, 0] + step)
+    update_motion(problem, W)
+    take_newton_steps(problem, W)
+    np.testing.assert_allclose(rows.force_n[:, 0], [0.0, limit_n, 1.5], atol=1e-8)

@@ -89,6 +89,30 @@ def test_what_is_remembered_goes_with_the_place_on_the_wall_not_with_the_triangl
     assert slid.force_n[:, 0] == pytest.approx([2.0, 1.0, 0.0]), "the nearest, and each once"
 
 
+@pytest.mark.parametrize(("least_n", "dt_s", "goes_on"), [(1e-3, 1e-3, True), (0.5, 1e-3, False), (1e-3, 5e-4, False)])
+def test_a_row_begins_with_the_force_to_be_expected_after_steady_changes_only(least_n, dt_s, goes_on):
+    """Not where changes are as small as errors of a solve, and not in a step of another length."""
+    memory, slides, change_n = ForceMemory.zeros(c=1), np.zeros(1, np.bool_), np.array([0.1, 0.0, -0.02])
+    memory.least_change_n = least_n
+
+    def begin(length_s):
+        rows = ContactRows.zeros(c=1)
+        rows.dt_s = length_s
+        append_row(rows, number_of("unilateral"), pair_identity(-1, 0, 0, 0, 0))
+        rows.frame[0] = np.eye(3)
+        recall_forces(memory, rows, slides, _NO_WALL)
+        return rows
+
+    for tick in range(4):
+        rows, force_n = begin(1e-3), np.array([[1.0, 0.0, 0.0]]) + tick * change_n
+        store_forces(memory, rows, force_n, slides, _NO_WALL)
+    rows = begin(dt_s)
+    assert rows.force_n[0] == pytest.approx(force_n[0] + (change_n if goes_on else 0.0))
+    assert rows.friction_energy_j[0] == pytest.approx(0.5 * SURFACE_SOFTNESS_M_N * force_n[0, 2] ** 2)
+    store_forces(memory, rows, force_n - 0.5, slides, _NO_WALL)
+    assert begin(dt_s).force_n[0] == pytest.approx(force_n[0] - 0.5), "it was wrong"
+
+
 @pytest.mark.parametrize("dt_s", STEPS_S)
 def test_a_block_on_an_incline_below_the_angle_of_friction_rests_on_the_stiffness_of_the_surfaces(dt_s):
     block = Block(0.3, 0.7, dt_s)
