@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.vectors import put_row
+from services.mechanics.compiled.vectors import row as vector
 from services.mechanics.contact.active_set import take_newton_steps
 from services.mechanics.contact.newton import cost_in_sweeps
 from services.mechanics.contact.problem import ContactProblem
@@ -33,7 +37,8 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
       slowly where a stiff catheter couples contacts.
     - So Newton steps between sweeps solve for all active force components together, each up to where a contact opens
       or slips (`active_set`), as in PGS with subspace minimisation (Silcowitz-Hansen, Niebe and Erleben, 2010).
-    - After `MAX_SWEEPS`, if bodies still overlap, surfaces have no friction in this step.
+    - After `MAX_SWEEPS` the forces are taken whose sweep moved surfaces least, if that was less than the overlap that
+      the problem tolerates. Otherwise surfaces have no friction in this step.
 
     A solve ends with a sweep that changes no force component by more than the tolerance; after the first sweep the
     residual must be small too (`has_small_residual`). Forces are inside their cones, converged or not.
@@ -48,7 +53,7 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
     for row in range(W.shape[0]):
         problem.free[row] = problem.motion[row]
     update_motion(problem, W)
-    sweeps, last_n = 0, 0.0
+    sweeps, last_n, least_m = 0, 0.0, math.inf
     has_friction, most_sweeps = True, max(MAX_SWEEPS, iterations)
     k = problem.rows.n_contacts
     while True:
@@ -59,8 +64,14 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
             return sweeps
         if sweeps >= iterations and change_m <= MOTION_TOLERANCE_M:
             return sweeps
+        if sweeps >= iterations and change_m < least_m:
+            least_m = change_m
+            _copy_forces(problem.rows.force_n, problem.saved_n, k)
         if sweeps >= most_sweeps:
-            if not has_friction:
+            if least_m <= problem.tolerated_m:
+                _copy_forces(problem.saved_n, problem.rows.force_n, k)
+                update_motion(problem, W)
+            if not has_friction or least_m <= problem.tolerated_m:
                 return sweeps
             problem.rows.friction[:k] = 0.0
             has_friction = False
@@ -73,3 +84,9 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
         if ends_next or is_cheaper:
             continue
         sweeps, last_n = sweeps + take_newton_steps(problem, W), 0.0
+
+
+@kernel
+def _copy_forces(source: FloatArray, target: FloatArray, count: int) -> None:
+    for row in range(count):
+        put_row(target, row, vector(source, row))
