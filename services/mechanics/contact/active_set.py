@@ -27,7 +27,7 @@ from services.mechanics.contact.newton import (
     solve_newton_step,
 )
 from services.mechanics.contact.problem import ContactProblem
-from services.mechanics.contact.sweeps import update_motion
+from services.mechanics.contact.sweeps import sweep, update_motion
 
 # Cost in sweeps after which a sequence ends, and sweeps look for missing contacts.
 MAX_COST = 30
@@ -36,24 +36,73 @@ OVERSHOOT = 1e-9
 # What bounds a force in the rest of a step: nothing, the edge of its disk from the start or since it slips, an end of
 # its interval.
 NO_BOUND, SLIDES, AT_EDGE, AT_END = 0, 1, 2, 3
+REJECTED, DESCENDED, SOLVED = 0, 1, 2
 
 
 @kernel
-def take_newton_steps(problem: ContactProblem, W: FloatArray) -> int:
-    """Take Newton steps until one has been taken in which no contact began to slip; return the cost in sweeps.
+def take_newton_steps(problem: ContactProblem, W: FloatArray, tolerance_n: float) -> tuple[int, bool]:
+    """Take a full Newton step and a sweep if these descend, otherwise steps cut where contacts open or slip.
 
-    One that slips rotates its friction, which the constraint does not know: the next step does.
+    Descending means that the potential 1/2 f W f + f u_free falls below ``lowest_j``, the lowest of this solve;
+    otherwise both would alternate for ever. Where forces grow a thousandfold from one sweep to the next, as when jaws
+    close, only a sweep knows the new directions of friction. Cut steps are taken until one in which no contact began to
+    slip: that rotates friction, which the constraint does not know. Return the cost in sweeps, and whether the sweep
+    changed no force by more than the tolerance.
     """
     cost, k, goes_on = 0, problem.rows.n_contacts, True
     while goes_on and cost < MAX_COST:
         n, goes_on = list_unknowns(problem), False
         if n == 0 or not solve_newton_step(problem, W, n):
-            return cost
-        cost = _take_step(problem, n, cost + cost_in_sweeps(n, k))
+            return cost, False
+        is_first, cost = cost == 0, cost + cost_in_sweeps(n, k)
+        if is_first:
+            cost += 1
+            outcome = _try_full_step(problem, W, n, tolerance_n)
+            if outcome != REJECTED:
+                return cost, outcome == SOLVED
+        cost = _take_step(problem, n, cost)
         update_motion(problem, W)
         for block in range(k):
             goes_on |= problem.bound[block] == AT_EDGE
-    return cost
+    return cost, False
+
+
+@kernel
+def _try_full_step(problem: ContactProblem, W: FloatArray, n: int, tolerance_n: float) -> int:
+    """Take the full step and a sweep, and return to the forces before if the potential is not the lowest then."""
+    k = problem.rows.n_contacts
+    problem.lowest_j = min(problem.lowest_j, _potential_j(problem))
+    copy_forces(problem.rows.force_n, problem.begun_n, k)
+    problem.bound[:k] = NO_BOUND
+    _add_step(problem, n, 1.0)
+    update_motion(problem, W)
+    if sweep(problem, W)[0] <= tolerance_n:
+        return SOLVED
+    reached_j = _potential_j(problem)
+    if reached_j < problem.lowest_j:
+        problem.lowest_j = reached_j
+        return DESCENDED
+    copy_forces(problem.begun_n, problem.rows.force_n, k)
+    problem.moved[:n] = 0.0
+    update_motion(problem, W)
+    return REJECTED
+
+
+@kernel
+def _potential_j(problem: ContactProblem) -> float:
+    """Return 1/2 f W f + f u_free in J."""
+    total, force, motion, free = 0.0, problem.rows.force_n, problem.motion, problem.free
+    for block in range(problem.rows.n_contacts):
+        for axis in range(3):
+            total += 0.5 * force[block, axis] * (motion[3 * block + axis] + free[3 * block + axis])
+    return total
+
+
+@kernel
+def copy_forces(source: FloatArray, target: FloatArray, count: int) -> None:
+    """Copy the first ``count`` forces."""
+    for block in range(count):
+        put_row(target, block, vector(source, block))
 
 
 @kernel

@@ -21,6 +21,7 @@ class ContactProblem(Struct):
     motion: Annotated[FloatArray, "m"]  # gaps and slips at the end of the step with the present forces, in m
     change: Annotated[FloatArray, 3]  # of a contact's force in the last relaxation, in N
     free: Annotated[FloatArray, "m"]  # motion without contact forces
+    begun_n: Annotated[FloatArray, "c", 3]  # forces before a step
     saved_n: Annotated[FloatArray, "c", 3]  # forces to return to
     block: Annotated[IntArray, "m"]  # contact of each unknown
     test: Annotated[FloatArray, "m", 3]
@@ -42,6 +43,7 @@ class ContactProblem(Struct):
     residual: Annotated[FloatArray, "m"]  # of these
     schur: Annotated[FloatArray, "m * m"]
     schur_pivots: Annotated[IntArray, "m"]
+    lowest_j: float = 0.0  # lowest potential of this solve
     tolerated_m: float = 0.0  # overlap that a solve may leave where it does not end
 
     @classmethod

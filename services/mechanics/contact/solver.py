@@ -6,9 +6,7 @@ import math
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
-from services.mechanics.compiled.vectors import put_row
-from services.mechanics.compiled.vectors import row as vector
-from services.mechanics.contact.active_set import take_newton_steps
+from services.mechanics.contact.active_set import copy_forces, take_newton_steps
 from services.mechanics.contact.newton import cost_in_sweeps
 from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.sweeps import has_small_residual, sweep, update_motion
@@ -53,7 +51,7 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
     for row in range(W.shape[0]):
         problem.free[row] = problem.motion[row]
     update_motion(problem, W)
-    sweeps, last_n, least_m = 0, 0.0, math.inf
+    sweeps, last_n, least_m, problem.lowest_j = 0, 0.0, math.inf, math.inf
     has_friction, most_sweeps = True, max(MAX_SWEEPS, iterations)
     k = problem.rows.n_contacts
     while True:
@@ -66,15 +64,15 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
             return sweeps
         if sweeps >= iterations and change_m < least_m:
             least_m = change_m
-            _copy_forces(problem.rows.force_n, problem.saved_n, k)
+            copy_forces(problem.rows.force_n, problem.saved_n, k)
         if sweeps >= most_sweeps:
             if least_m <= problem.tolerated_m:
-                _copy_forces(problem.saved_n, problem.rows.force_n, k)
+                copy_forces(problem.saved_n, problem.rows.force_n, k)
                 update_motion(problem, W)
             if not has_friction or least_m <= problem.tolerated_m:
                 return sweeps
             problem.rows.friction[:k] = 0.0
-            has_friction = False
+            has_friction, problem.lowest_j = False, math.inf
             # Every contact may leave in a step of its own.
             most_sweeps = sweeps + MAX_SWEEPS + k * cost_in_sweeps(k, k)
         # If the changes go on falling at this rate, the next sweep converges: it is cheaper than a Newton step.
@@ -83,10 +81,7 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
         is_cheaper = not is_small and sweeps == 1 and change_n <= NEAR * tolerance_n
         if ends_next or is_cheaper:
             continue
-        sweeps, last_n = sweeps + take_newton_steps(problem, W), 0.0
-
-
-@kernel
-def _copy_forces(source: FloatArray, target: FloatArray, count: int) -> None:
-    for row in range(count):
-        put_row(target, row, vector(source, row))
+        cost, is_solved = take_newton_steps(problem, W, tolerance_n)
+        sweeps, last_n = sweeps + cost, 0.0
+        if is_solved:
+            return sweeps
