@@ -60,7 +60,8 @@ def test_a_third_host_shows_the_picture_and_knows_how_old_it_is(rig: FarRig) -> 
     rig.hosts.set(5.0, 1.0, 0.01)
     with rig.hosts.inside(0), connect(f"ws://{address(2)}:8081/ws", compression=None) as client:
         seen, end_s = [_picture(client)], time.monotonic() + PATIENCE_S
-        while len(seen) < 20 or seen[-1][0] <= seen[0][0]:  # a lost packet is sent again after 0.2 s, twice lost 0.4
+        # A lost packet is sent again after 0.2 s, twice lost 0.4. Some pictures show nothing new, and have no age.
+        while len(seen) < 20 or seen[-1][0] <= seen[0][0] or not any(age_s for _, age_s in seen):
             assert time.monotonic() < end_s, "the picture does not advance"
             seen.append(_picture(client))
     assert 0.005 < statistics.median(age_s for _, age_s in seen if age_s) < 1.0
