@@ -45,26 +45,38 @@ def take_newton_steps(problem: ContactProblem, W: FloatArray, tolerance_n: float
 
     Descending means that the potential 1/2 f W f + f u_free falls below ``lowest_j``, the lowest of this solve;
     otherwise both would alternate for ever. Where forces grow a thousandfold from one sweep to the next, as when jaws
-    close, only a sweep knows the new directions of friction. Cut steps are taken until one in which no contact began to
-    slip: that rotates friction, which the constraint does not know. Return the cost in sweeps, and whether the sweep
-    changed no force by more than the tolerance.
+    close, only a sweep knows the new directions of friction. Return the cost in sweeps, and whether the sweep changed
+    no force by more than the tolerance.
     """
-    cost, k, goes_on = 0, problem.rows.n_contacts, True
-    while goes_on and cost < MAX_COST:
-        n, goes_on = list_unknowns(problem), False
-        if n == 0 or not solve_newton_step(problem, W, n):
-            return cost, False
-        is_first, cost = cost == 0, cost + cost_in_sweeps(n, k)
-        if is_first:
-            cost += 1
-            outcome = _try_full_step(problem, W, n, tolerance_n)
-            if outcome != REJECTED:
-                return cost, outcome == SOLVED
+    n = list_unknowns(problem)
+    if n == 0 or not solve_newton_step(problem, W, n):
+        return 0, False
+    cost = cost_in_sweeps(n, problem.rows.n_contacts) + 1
+    outcome = _try_full_step(problem, W, n, tolerance_n)
+    if outcome == REJECTED:
+        cost = _take_cut_steps(problem, W, n, cost)
+    return cost, outcome == SOLVED
+
+
+@kernel
+def _take_cut_steps(problem: ContactProblem, W: FloatArray, n: int, cost: int) -> int:
+    """Take cut steps until one in which no contact began to slip, the first one solved; return the increased cost.
+
+    A contact that slips rotates its friction, which its constraint does not know.
+    """
+    k = problem.rows.n_contacts
+    while True:
         cost = _take_step(problem, n, cost)
         update_motion(problem, W)
+        has_slipped = False
         for block in range(k):
-            goes_on |= problem.bound[block] == AT_EDGE
-    return cost, False
+            has_slipped |= problem.bound[block] == AT_EDGE
+        if cost >= MAX_COST or not has_slipped:
+            return cost
+        n = list_unknowns(problem)
+        if n == 0 or not solve_newton_step(problem, W, n):
+            return cost
+        cost += cost_in_sweeps(n, k)
 
 
 @kernel

@@ -69,7 +69,8 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
             if least_m <= problem.tolerated_m:
                 copy_forces(problem.saved_n, problem.rows.force_n, k)
                 update_motion(problem, W)
-            if not has_friction or least_m <= problem.tolerated_m:
+                return sweeps
+            if not has_friction:
                 return sweeps
             problem.rows.friction[:k] = 0.0
             has_friction, problem.lowest_j = False, math.inf

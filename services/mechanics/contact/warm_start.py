@@ -15,7 +15,7 @@ from typing import Annotated
 from services.mechanics.arrays import BoolArray, FloatArray, LongArray
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Struct
-from services.mechanics.compiled.vectors import along, put_row, row_of, squared_distance, subtract
+from services.mechanics.compiled.vectors import along, dot, put_row, row_of, squared_distance, subtract
 from services.mechanics.compiled.vectors import row as vector
 from services.mechanics.contact.identity import without_target
 from services.mechanics.contact.laws import HAS_FRICTION
@@ -47,7 +47,6 @@ class ForceMemory(Struct):
 SAME_PLACE_M = 50e-6
 #: Rows begin with expected forces if the squares of the last errors were below this fraction of those of the changes.
 SMOOTH = 0.25
-NO_CHANGE = (0.0, 0.0, 0.0)
 
 
 @inlined_kernel
@@ -114,9 +113,11 @@ def store_forces(
     change_2, error_2, largest_2 = 0.0, 0.0, 0.0
     for row in range(rows.n_contacts):
         force = vector(forces, row)
-        put_row(memory.change_n, row, subtract(force, vector(memory.last_n, row)) if memory.found[row] else NO_CHANGE)
+        memory.change_n[row] = 0.0
         if memory.found[row]:
-            row_2 = squared_distance(force, vector(memory.last_n, row))
+            change = subtract(force, vector(memory.last_n, row))
+            put_row(memory.change_n, row, change)
+            row_2 = dot(change, change)
             change_2, largest_2 = change_2 + row_2, max(largest_2, row_2)
             error_2 += squared_distance(force, vector(memory.expected_n, row))
         at_rest = place_at_rest(vertices_m, rows.duct_node, row, vector(rows.duct_weight, row))
