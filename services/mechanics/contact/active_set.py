@@ -31,6 +31,8 @@ from services.mechanics.contact.sweeps import sweep, update_motion
 
 # Cost in sweeps after which a sequence ends, and sweeps look for missing contacts.
 MAX_COST = 30
+# After so many sweeps, or Newton steps that cost as much, a solve is taken to cycle: few others end later.
+CYCLING = 125
 # A step goes beyond the point where a contact opens or slips by this fraction, so that it does so in spite of rounding.
 OVERSHOOT = 1e-9
 # What bounds a force in the rest of a step: nothing, the edge of its disk from the start or since it slips, an end of
@@ -40,26 +42,31 @@ REJECTED, DESCENDED, SOLVED = 0, 1, 2
 
 
 @kernel
-def take_newton_steps(problem: ContactProblem, W: FloatArray, tolerance_n: float) -> tuple[int, bool]:
-    """Take a full Newton step and a sweep if these descend, otherwise steps cut where contacts open or slip.
+def take_newton_steps(problem: ContactProblem, W: FloatArray, tolerance_n: float, sweeps: int) -> tuple[int, bool]:
+    """Take steps cut where contacts open or slip or, but for the first time, a full one if that descends.
 
-    Descending means that the potential 1/2 f W f + f u_free falls below ``lowest_j``, the lowest of this solve;
-    otherwise both would alternate for ever. Where forces grow a thousandfold from one sweep to the next, as when jaws
-    close, only a sweep knows the new directions of friction. Return the cost in sweeps, and whether the sweep changed
-    no force by more than the tolerance.
+    Descending means that after a sweep the potential 1/2 f W f + f u_free is below ``lowest_j``, the lowest of this
+    solve; otherwise both would alternate for ever. Where forces grow a thousandfold from one sweep to the next, as when
+    jaws close, only a sweep knows the new directions of friction. Once a solve cycles (``sweeps`` so far), steps from a
+    potential that is not the lowest have associated friction, see `newton`. Return the cost in sweeps, and whether a
+    sweep changed no force by more than the tolerance.
     """
-    n = list_unknowns(problem)
+    n = list_unknowns(problem, False)
     if n == 0 or not solve_newton_step(problem, W, n):
         return 0, False
-    cost = cost_in_sweeps(n, problem.rows.n_contacts) + 1
-    outcome = _try_full_step(problem, W, n, tolerance_n)
+    cost, outcome = cost_in_sweeps(n, problem.rows.n_contacts), REJECTED
+    is_associated = sweeps >= CYCLING and _potential_j(problem) >= problem.lowest_j
+    if sweeps > 1:
+        cost, outcome = cost + 1, _try_full_step(problem, W, n, tolerance_n)
     if outcome == REJECTED:
-        cost = _take_cut_steps(problem, W, n, cost)
+        if is_associated and not solve_newton_step(problem, W, list_unknowns(problem, True)):
+            return cost, False
+        cost = _take_cut_steps(problem, W, n, cost, is_associated)
     return cost, outcome == SOLVED
 
 
 @kernel
-def _take_cut_steps(problem: ContactProblem, W: FloatArray, n: int, cost: int) -> int:
+def _take_cut_steps(problem: ContactProblem, W: FloatArray, n: int, cost: int, is_associated: bool) -> int:
     """Take cut steps until one in which no contact began to slip, the first one solved; return the increased cost.
 
     A contact that slips rotates its friction, which its constraint does not know.
@@ -73,7 +80,7 @@ def _take_cut_steps(problem: ContactProblem, W: FloatArray, n: int, cost: int) -
             has_slipped |= problem.bound[block] == AT_EDGE
         if cost >= MAX_COST or not has_slipped:
             return cost
-        n = list_unknowns(problem)
+        n = list_unknowns(problem, is_associated)
         if n == 0 or not solve_newton_step(problem, W, n):
             return cost
         cost += cost_in_sweeps(n, k)

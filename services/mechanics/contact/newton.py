@@ -10,7 +10,10 @@ directions: along *test* the motion has to vanish, along *column* the force chan
   this adds :math:`\lambda` to the diagonal.
 
 The matrix is the exact derivative of the laws while no contact changes its state, so the step converges quadratically
-near the solution. `active_set` takes it.
+near the solution. `active_set` takes it. Where friction wedges bodies it may point away from the solution: pressing and
+sliding together push surfaces apart, and contacts open that sweeps close again. With *associated* friction, as if
+sliding lifted surfaces by :math:`\mu` times the slip (Anitescu, Math. Program. 105, 2006), test directions are the
+columns. Then the matrix is symmetric and positive definite, and the step descends.
 """
 
 from __future__ import annotations
@@ -25,11 +28,13 @@ from services.mechanics.contact.problem import ContactProblem
 
 
 @kernel
-def list_unknowns(problem: ContactProblem) -> int:
-    """Write the unknowns of all contacts in their present states, and return their number."""
+def list_unknowns(problem: ContactProblem, is_associated: bool) -> int:
+    """Write the unknowns of all contacts in their present states, with associated friction if so, and count them."""
     n = 0
     for block in range(problem.rows.n_contacts):
         n = add_unknowns(problem, block, n)
+    if is_associated:
+        problem.test[:n] = problem.column[:n]
     return n
 
 

@@ -6,7 +6,7 @@ import math
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
-from services.mechanics.contact.active_set import copy_forces, take_newton_steps
+from services.mechanics.contact.active_set import CYCLING, copy_forces, take_newton_steps
 from services.mechanics.contact.newton import cost_in_sweeps
 from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.sweeps import has_small_residual, sweep, update_motion
@@ -18,9 +18,10 @@ NEAR = 10.0
 # overlap by at least as much, because a contact relaxed early in a sweep does not see the changes after it. In a hard
 # case one tick of fifty needs more than thirty sweeps; if such solves were cut short, the bodies would gain energy.
 MOTION_TOLERANCE_M = 1e-6
-# After so many, or Newton steps that cost as much, the solve counts as cycling. Coulomb's law has no potential, because
-# the bound on friction changes with the normal force; without friction the solution is the minimum of a convex one.
-MAX_SWEEPS = 150
+# After so many, or Newton steps that cost as much, friction is given up: recorded solves that end with associated
+# friction do so within 40. Coulomb's law has no potential, because the bound on friction changes with the normal force;
+# without friction the solution is the minimum of a convex one.
+MAX_SWEEPS = CYCLING + 50
 
 
 @kernel
@@ -35,6 +36,7 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
       slowly where a stiff catheter couples contacts.
     - So Newton steps between sweeps solve for all active force components together, each up to where a contact opens
       or slips (`active_set`), as in PGS with subspace minimisation (Silcowitz-Hansen, Niebe and Erleben, 2010).
+      Once a solve cycles, some of them take friction as associated, which descends.
     - After `MAX_SWEEPS` the forces are taken whose sweep moved surfaces least, if that was less than the overlap that
       the problem tolerates. Otherwise surfaces have no friction in this step.
 
@@ -82,7 +84,7 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
         is_cheaper = not is_small and sweeps == 1 and change_n <= NEAR * tolerance_n
         if ends_next or is_cheaper:
             continue
-        cost, is_solved = take_newton_steps(problem, W, tolerance_n)
+        cost, is_solved = take_newton_steps(problem, W, tolerance_n, sweeps)
         sweeps, last_n = sweeps + cost, 0.0
         if is_solved:
             return sweeps
