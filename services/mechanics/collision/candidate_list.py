@@ -23,13 +23,7 @@ from typing import Annotated
 import numpy as np
 
 from services.mechanics.arrays import BoolArray, FloatArray, IntArray, LongArray
-from services.mechanics.collision.clusters import (
-    GROUP_CLUSTERS,
-    Clusters,
-    enclose,
-    enclose_group,
-    vector_from_segment,
-)
+from services.mechanics.collision.clusters import GROUP_CLUSTERS, Clusters, enclose, enclose_group, vector_from_segment
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Struct
 from services.mechanics.compiled.vectors import dot, put_row, put_row_of, row, row_of, squared_distance

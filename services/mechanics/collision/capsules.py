@@ -103,11 +103,7 @@ def vector_between(first: Segment, second: Segment, s: float, t: float) -> Vecto
 
 @kernel
 def detect_capsules(
-    memory: CapsuleMemory,
-    pairs: ContactPairs,
-    tools: Tools,
-    particles: FloatArray,
-    sizes: tuple[FloatArray, float],
+    memory: CapsuleMemory, pairs: ContactPairs, tools: Tools, particles: FloatArray, sizes: tuple[FloatArray, float]
 ) -> None:
     """Append pairs of tool segments with catheter segments; ``sizes`` is (radii of catheter segments, margin) in m.
 

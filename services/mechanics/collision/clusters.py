@@ -13,7 +13,7 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.collision.primitives import parameter_on_segment
-from services.mechanics.compiled import inlined_kernel, kernel
+from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Struct
 from services.mechanics.compiled.vectors import Vector, along, put_row, row, scaled, squared_distance, subtract
 
@@ -60,34 +60,27 @@ def cluster_triangles(vertices_m: FloatArray, triangles: IntArray) -> Clusters:
 @kernel
 def enclose(clusters: Clusters, c: int, position: FloatArray) -> None:
     """Compute the bounding spheres of a cluster and its triangles, with the nodes at ``position`` (n, 3)."""
-    corner = clusters.triangles
-    for entry in range(clusters.first[c], clusters.first[c + 1]):
+    corner, first, end = clusters.triangles, clusters.first[c], clusters.first[c + 1]
+    sphere_middle, radius = (0.0, 0.0, 0.0), 0.0
+    for entry in range(first, end):
         t = clusters.order[entry]
         u, v, w = row(position, corner[t, 0]), row(position, corner[t, 1]), row(position, corner[t, 2])
         middle = centroid(u, v, w)
         longest_2 = max(squared_distance(u, middle), squared_distance(v, middle), squared_distance(w, middle))
         put_row(clusters.middle, t, middle)
         clusters.radius[t] = math.sqrt(longest_2)
-    _enclose_cluster(clusters, c)
+        sphere_middle = along(sphere_middle, middle, 1.0 / (end - first))
+    for entry in range(first, end):
+        t = clusters.order[entry]
+        radius = max(radius, math.sqrt(squared_distance(row(clusters.middle, t), sphere_middle)) + clusters.radius[t])
+    put_row(clusters.sphere_middle, c, sphere_middle)
+    clusters.sphere_radius[c] = radius
 
 
 @kernel
 def centroid(a: Vector, b: Vector, c: Vector) -> Vector:
     """Return the centroid of a triangle."""
     return scaled((a[0] + b[0] + c[0], a[1] + b[1] + c[1], a[2] + b[2] + c[2]), 1.0 / 3.0)
-
-
-@inlined_kernel
-def _enclose_cluster(clusters: Clusters, c: int) -> None:
-    middle, first, end = (0.0, 0.0, 0.0), clusters.first[c], clusters.first[c + 1]
-    for entry in range(first, end):
-        middle = along(middle, row(clusters.middle, clusters.order[entry]), 1.0 / (end - first))
-    radius = 0.0
-    for entry in range(first, end):
-        t = clusters.order[entry]
-        radius = max(radius, math.sqrt(squared_distance(row(clusters.middle, t), middle)) + clusters.radius[t])
-    put_row(clusters.sphere_middle, c, middle)
-    clusters.sphere_radius[c] = radius
 
 
 @kernel

@@ -246,28 +246,22 @@ def place_requested(wall: PlacedWall) -> None:
 @inlined_kernel
 def _displace_requested(wall: PlacedWall) -> None:
     """Write the displacement beyond the modes; blocks that are not cached are read from the store once."""
-    n = wall.rest.shape[0]
+    blocks, extra, requested = wall.blocks, wall.extra, wall.requested
     for k in range(wall.n_placed, wall.n_requested):
-        wall.extra[wall.requested[k]] = 0.0
+        extra[requested[k]] = 0.0
     for load in range(wall.n_loads):
-        _displace(wall, n * _row_of(wall, wall.load_node[load]), load)
-
-
-@inlined_kernel
-def _displace(wall: PlacedWall, first: int, load: int) -> None:
-    """Add a load's displacement of the nodes to be placed; ``first`` is the first block of the row of its node."""
-    force, blocks, extra, requested = wall.load_force, wall.blocks, wall.extra, wall.requested
-    x, y, z = force[load, 0], force[load, 1], force[load, 2]
-    if x == 0.0 and y == 0.0 and z == 0.0:
-        return
-    for k in range(wall.n_placed, wall.n_requested):
-        node, b = requested[k], first + requested[k]
-        if wall.known[b] == 0:
-            _read_block(wall, wall.load_node[load], node, b)
-        # R is symmetric: the row of the load holds the transposed block.
-        extra[node, 0] += blocks[b, 0, 0] * x + blocks[b, 1, 0] * y + blocks[b, 2, 0] * z
-        extra[node, 1] += blocks[b, 0, 1] * x + blocks[b, 1, 1] * y + blocks[b, 2, 1] * z
-        extra[node, 2] += blocks[b, 0, 2] * x + blocks[b, 1, 2] * y + blocks[b, 2, 2] * z
+        first = wall.rest.shape[0] * _row_of(wall, wall.load_node[load])
+        x, y, z = row(wall.load_force, load)
+        if x == 0.0 and y == 0.0 and z == 0.0:
+            continue
+        for k in range(wall.n_placed, wall.n_requested):
+            node, b = requested[k], first + requested[k]
+            if wall.known[b] == 0:
+                _read_block(wall, wall.load_node[load], node, b)
+            # R is symmetric: the row of the load holds the transposed block.
+            extra[node, 0] += blocks[b, 0, 0] * x + blocks[b, 1, 0] * y + blocks[b, 2, 0] * z
+            extra[node, 1] += blocks[b, 0, 1] * x + blocks[b, 1, 1] * y + blocks[b, 2, 1] * z
+            extra[node, 2] += blocks[b, 0, 2] * x + blocks[b, 1, 2] * y + blocks[b, 2, 2] * z
 
 
 @kernel

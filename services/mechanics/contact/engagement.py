@@ -13,7 +13,7 @@ from __future__ import annotations
 from services.mechanics.bodies.forceps.kinematics import N_SEGMENTS
 from services.mechanics.collision.candidates import Candidates
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, SHAFT, ContactPairs, pairs_at
-from services.mechanics.compiled import inlined_kernel, kernel
+from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.geometry import ContactGeometry, geometry_at
 from services.mechanics.contact.working_set import SHARE_OF_WALL
@@ -27,21 +27,16 @@ def engage_tools(found: Candidates, pairs: ContactPairs, geometry: ContactGeomet
     """Engage the disengaged tools that overlap neither the wall (candidates) nor the catheter (pairs)."""
     tools, clear_m = geometry.tools, min(CLEAR_M, 2.0 * SHARE_OF_WALL * geometry.wall.half_thickness)
     for tool in range(tools.disengaged.shape[0]):
-        if tools.disengaged[tool] and tools.present[tool]:
-            tools.disengaged[tool] = _is_inside(found, pairs, tool, clear_m)
-
-
-@inlined_kernel
-def _is_inside(found: Candidates, pairs: ContactPairs, tool: int, clear_m: float) -> bool:
-    """Return whether a tool overlaps the wall or the catheter by more than ``clear_m``."""
-    deepest_m = 0.0
-    for i in range(found.count):
-        if found.piece[i] // N_SEGMENTS == tool:
-            deepest_m = max(deepest_m, -found.gap_m[i])
-    for index in range(pairs.count):
-        if pairs.tool[index] == tool:
-            deepest_m = max(deepest_m, -pairs.gap_m[index])
-    return bool(deepest_m > clear_m)
+        if not tools.disengaged[tool] or not tools.present[tool]:
+            continue
+        deepest_m = 0.0
+        for i in range(found.count):
+            if found.piece[i] // N_SEGMENTS == tool:
+                deepest_m = max(deepest_m, -found.gap_m[i])
+        for index in range(pairs.count):
+            if pairs.tool[index] == tool:
+                deepest_m = max(deepest_m, -pairs.gap_m[index])
+        tools.disengaged[tool] = deepest_m > clear_m
 
 
 @kernel

@@ -89,7 +89,7 @@ def solve_implicitly(
     state = state_at(state_address)
     size = 3 * state.rows.n_contacts
     W = state.delassus[: size * size].reshape(size, size)
-    free_motion(state.rows, recovery[0], recovery[1], state.problem.motion)
+    free_motion(state.rows, recovery[0], recovery[1], state.problem.free)
     sweeps = solve_passively(state.problem, W, effort, state.ledger, (state.geometry.tools, recovery[1]))
     finish(state)
     store_anchors(state.problem, state.slides, state.memory.elastic_m)

@@ -78,7 +78,7 @@ def solve_passively(
         return solve_contacts(problem, W, effort)
     touches_tool = rows.tool[: rows.n_contacts].max() != NO_TOOL
     credit_j = max(CREDIT * ledger.max_hand_work_j - ledger.debt_j, SLACK_J) if touches_tool else SLACK_J
-    is_limited = limit_recovery(rows, ledger.budget_j + credit_j, problem.motion)
+    is_limited = limit_recovery(rows, ledger.budget_j + credit_j, problem.free)
     sweeps = solve_contacts(problem, W, effort)
     excess_j = _excess_j(problem, tools_and_step)
     for attempt in range(2):
@@ -86,8 +86,6 @@ def solve_passively(
         if excess_j <= credit_j or not limit_recovery(rows, budget_j, problem.free):
             break
         is_limited = True
-        for place in range(W.shape[0]):
-            problem.motion[place] = problem.free[place]
         sweeps += solve_contacts(problem, W, effort)
         excess_j = _excess_j(problem, tools_and_step)
     ledger.budget_j = BUDGET_SHARE * max(recovery_work_j(rows) - excess_j, 0.0) if is_limited else math.inf

@@ -13,37 +13,17 @@ import math
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.tool_body import ToolArrays
 from services.mechanics.collision.candidate_list import CandidateList
-from services.mechanics.collision.candidates import (
-    SAME_POINT,
-    Candidates,
-    Where,
-    closest_pair,
-    nearest_to,
-    offset,
-    put,
-)
+from services.mechanics.collision.candidates import SAME_POINT, Candidates, Where, closest_pair, nearest_to, offset, put
 from services.mechanics.collision.capsules import CapsuleMemory, ends_of, measure_pair, vector_between
-from services.mechanics.collision.pairs import (
-    CATHETER_SEGMENT,
-    DUCT_TRIANGLE,
-    NO_TOOL,
-    SHAFT,
-    ContactPairs,
-    write_pair,
-)
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, NO_TOOL, SHAFT, ContactPairs, write_pair
 from services.mechanics.collision.pieces import N_TOOL_PIECES, owner_of, write_piece_pair
 from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.vectors import Vector, dot, put_row, row, row_of, scaled, squared_distance, unit
+from services.mechanics.compiled.vectors import Vector, dot, row, row_of, scaled, squared_distance, unit
 from services.mechanics.contact.clearance import jaw_surface, overlap_in_jaws, piece_can_touch
 from services.mechanics.contact.identity import PARTICLE, SEGMENT, pair_identity, part_of, without_target
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.state import ContactState
-from services.mechanics.contact.working_set import (
-    WorkingSet,
-    has_chosen_near,
-    place_at_rest,
-    sort_by_key,
-)
+from services.mechanics.contact.working_set import WorkingSet, has_chosen_near, place_at_rest, rate, sort_by_key
 from services.mechanics.contact.writer import n_free_rows
 
 #: Least cosine between the normals of a violation and of a row at the same points that covers it.
@@ -76,10 +56,7 @@ def write_violations(
     most = min(MAX_NEW_ROWS, n_free_rows(state.rows))
     n = _find_violations(listed, (all_found, found), state, start, tolerance_m)
     for i in range(n):
-        corner = listed.clusters.triangles
-        put_row(working.at_rest, i, place_at_rest(working.rest, corner, found.triangle[i], row(found.weight, i)))
-        working.key[i] = working.clearance_m[i] = found.gap_m[i]
-        working.order[i] = i
+        rate(found, working, listed.clusters.triangles, (i, i), (found.gap_m[i], found.gap_m[i]))
     sort_by_key(working, n)
     working.n_chosen = 0
     for place in range(n):
@@ -107,11 +84,7 @@ def _furthest_node(listed: CandidateList, found: Candidates, start: FloatArray) 
 
 @inlined_kernel
 def _find_violations(
-    listed: CandidateList,
-    candidates: tuple[Candidates, Candidates],
-    state: ContactState,
-    start: Where,
-    tolerance_m: float,
+    listed: CandidateList, candidates: Found, state: ContactState, start: Where, tolerance_m: float
 ) -> int:
     """Copy the candidates that end too deep; ``gap_m`` becomes the gap at the end plus the allowed overlap."""
     (found, out), tools = candidates, state.geometry.tools

@@ -44,14 +44,12 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
     residual must be small too (`has_small_residual`). Forces are inside their cones, converged or not.
 
     Args:
-        problem: ContactProblem. In: ``motion`` without contact forces, and forces to start from. Out: the solution.
+        problem: ContactProblem. In: ``free``, and forces to start from. Out: ``motion`` and forces.
         W: (3 k, 3 k) float64. Delassus operator, in m/N.
         effort: (iterations, tolerance_n). Maximum number of sweeps, exceeded only while bodies overlap
             (`MOTION_TOLERANCE_M`), and tolerance of the forces in N.
     """
     iterations, tolerance_n = effort
-    for row in range(W.shape[0]):
-        problem.free[row] = problem.motion[row]
     update_motion(problem, W)
     sweeps, last_n, least_m, problem.lowest_j = 0, 0.0, math.inf, math.inf
     has_friction, most_sweeps = True, max(MAX_SWEEPS, iterations)

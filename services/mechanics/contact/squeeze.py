@@ -138,16 +138,13 @@ def append_squeeze_rows(state_address: Address[ContactState], squeeze_address: A
 def _append_catheter(rows: ContactRows, tools: ToolArrays, squeeze: SqueezeArrays, tool: int) -> None:
     stop = tools.jaw_stop[tool]
     if tools.free[tool, 3] < stop:
-        row = _append_pair(rows, tools, tool, (CATHETER_SEGMENT, tools.stop_arm[tool], stop))
-        squeeze.row[tool, CATHETER_SEGMENT] = row
-        if row != NO_ROOM:
-            _soften_tangents(rows, tools, row)
+        _append_pair(rows, tools, squeeze, tool, (CATHETER_SEGMENT, tools.stop_arm[tool], stop, math.inf))
 
 
 @inlined_kernel
 def _append_wall(rows: ContactRows, tools: ToolArrays, squeeze: SqueezeArrays, tool: int) -> None:
     wall, start, free = squeeze.wall, tools.proxy[tool, 3], tools.free[tool, 3]
-    torque, stiffness, force = wall_reaction(wall, tool, start)
+    torque, stiffness, _ = wall_reaction(wall, tool, start)
     if not torque < math.inf or (torque == 0.0 and wall_reaction(wall, tool, free)[0] == 0.0):
         return
     end = equilibrium_opening(wall, tool, free, tools.compliance[tool, 3])
@@ -157,21 +154,8 @@ def _append_wall(rows: ContactRows, tools: ToolArrays, squeeze: SqueezeArrays, t
     if not stiffness > 0.0:
         return
     at_place, _, force = wall_reaction(wall, tool, place)
-    arm = at_place / force
-    row = _append_pair(rows, tools, tool, (DUCT_TRIANGLE, arm / math.cos(0.5 * place), start + torque / stiffness))
-    squeeze.row[tool, DUCT_TRIANGLE] = row
-    if row != NO_ROOM:
-        lever = _lever_m(rows, row)
-        rows.softness_m_n[row, 0] = lever * lever / stiffness
-        _soften_tangents(rows, tools, row)
-
-
-@kernel
-def _soften_tangents(rows: ContactRows, tools: ToolArrays, row: int) -> None:
-    """Write the sum of the squeezed body's and the coupling's compliance on the tangents, where penalty reads it."""
-    lever = _lever_m(rows, row)
-    for axis in range(1, 3):
-        rows.softness_m_n[row, axis] = rows.softness_m_n[row, 0] + lever * lever * tools.compliance[rows.tool[row], 3]
+    arm = at_place / force / math.cos(0.5 * place)
+    _append_pair(rows, tools, squeeze, tool, (DUCT_TRIANGLE, arm, start + torque / stiffness, stiffness))
 
 
 @kernel
@@ -182,15 +166,18 @@ def _lever_m(rows: ContactRows, row: int) -> float:
 
 
 @kernel
-def _append_pair(rows: ContactRows, tools: ToolArrays, tool: int, spring: tuple[int, float, float]) -> int:
-    """Append the row of a force on jaw A and that of its reaction on jaw B; return the first row, or `NO_ROOM`.
+def _append_pair(
+    rows: ContactRows, tools: ToolArrays, squeeze: SqueezeArrays, tool: int, spring: tuple[int, float, float, float]
+) -> None:
+    """Append the row of a force on jaw A and that of its reaction on jaw B, if there is room.
 
-    ``spring`` is (target kind, distance along the jaws in m, opening in rad at which the spring is unloaded).
+    ``spring`` is (target kind, distance along the jaws in m, opening in rad at which the spring is unloaded, its
+    stiffness in N m/rad, infinite for a stop).
     """
-    kind, arm, opening = spring
+    kind, arm, opening, stiffness = spring
     if rows.n_contacts + 2 > rows.gap_m.shape[0]:
         rows.dropped += 2
-        return NO_ROOM
+        return
     half, first = 0.5 * tools.proxy[tool, 3], rows.n_contacts
     lever, gap = arm * math.cos(half), arm * math.sin(half) - tools.jaw_radius[tool]
     outwards = row_of(tools.frame, tool, 0)
@@ -206,7 +193,12 @@ def _append_pair(rows: ContactRows, tools: ToolArrays, tool: int, spring: tuple[
         rows.lever[first, axis, 3] = lever * outwards[axis]
         rows.slip_m[first, axis] = lever * (tools.free[tool, 3] - opening) * outwards[axis]
     rows.force_limit_n[first + 1] = 0.0
-    return first
+    squeeze.row[tool, kind] = first
+    lever = _lever_m(rows, first)
+    if stiffness < math.inf:
+        rows.softness_m_n[first, 0] = lever * lever / stiffness
+    for axis in range(1, 3):  # the sum of the squeezed body's and the coupling's compliance, where penalty reads it
+        rows.softness_m_n[first, axis] = rows.softness_m_n[first, 0] + lever * lever * tools.compliance[tool, 3]
 
 
 @kernel

@@ -75,35 +75,36 @@ def choose(listed: CandidateList, found: Candidates, working: WorkingSet, ahead:
     n = 0
     for i in range(found.count):
         p = found.piece[i]
-        most_m = min(listed.wanted[p], ahead[p] + TOUCHING_M)
-        if piece_can_touch(tools, p) and _clearance(found, working, tools, i) <= most_m:
-            _rate_candidate(found, working, listed, i)
-            working.order[n] = i
+        if not piece_can_touch(tools, p):
+            continue
+        clearance_m = found.gap_m[i] + overlap_in_jaws(tools, p, found.s[i], row(found.normal, i))
+        if clearance_m <= min(listed.wanted[p], ahead[p] + TOUCHING_M):
+            key = clearance_m - (1.0 if _is_member(found, working, i) else 0.0)
+            rate(found, working, listed.clusters.triangles, (n, i), (clearance_m, key))
             n += 1
     sort_by_key(working, n)
     working.n_chosen, working.wall_moved_m = 0, 0.0
     for k in range(n):
         i = working.order[k]
-        if working.n_chosen >= MAX_CHOSEN and not _is_member(found, working, i):
+        is_member = _is_member(found, working, i)
+        if working.n_chosen >= MAX_CHOSEN and not is_member:
             break
+        # A duplicate is nearer than contacts merge or, for a member, at the same place.
         near = merge_distance_m(listed.thickness[found.piece[i]], tools.wall_thickness)
-        if not _is_duplicate(found, working, i, near):
+        if not has_chosen_near(found, working, i, 2.0 * SAME_POINT * near if is_member else near):
             working.chosen[working.n_chosen] = i
             working.n_chosen += 1
 
 
-@inlined_kernel
-def _clearance(found: Candidates, working: WorkingSet, tools: ToolArrays, i: int) -> float:
-    indentation_m = overlap_in_jaws(tools, found.piece[i], found.s[i], row(found.normal, i))
-    working.clearance_m[i] = found.gap_m[i] + indentation_m
-    return float(working.clearance_m[i])
-
-
-@inlined_kernel
-def _rate_candidate(found: Candidates, working: WorkingSet, listed: CandidateList, i: int) -> None:
-    t, corner = found.triangle[i], listed.clusters.triangles
-    put_row(working.at_rest, i, place_at_rest(working.rest, corner, t, row(found.weight, i)))
-    working.key[i] = working.clearance_m[i] - (1.0 if _is_member(found, working, i) else 0.0)
+@kernel
+def rate(
+    found: Candidates, working: WorkingSet, corner: IntArray, place: tuple[int, int], rating: tuple[float, float]
+) -> None:
+    """Enter a candidate before sorting: ``place`` is (number, index), ``rating`` (clearance in m, key)."""
+    n, i = place
+    working.order[n] = i
+    working.clearance_m[i], working.key[i] = rating
+    put_row(working.at_rest, i, place_at_rest(working.rest, corner, found.triangle[i], row(found.weight, i)))
 
 
 @kernel
@@ -115,14 +116,6 @@ def _is_member(found: Candidates, working: WorkingSet, i: int) -> bool:
 def place_at_rest(rest: FloatArray, corner: IntArray, t: int, w: Vector) -> Vector:
     """Return the position of a point of a triangle on the undeformed wall."""
     return combine(w, row(rest, corner[t, 0]), row(rest, corner[t, 1]), row(rest, corner[t, 2]))
-
-
-@inlined_kernel
-def _is_duplicate(found: Candidates, working: WorkingSet, i: int, near: float) -> bool:
-    """Return whether a chosen candidate represents this one, nearer than ``near`` or, for a member, at its place."""
-    if _is_member(found, working, i):
-        near = 2.0 * SAME_POINT * near
-    return has_chosen_near(found, working, i, near)
 
 
 @kernel

@@ -11,7 +11,6 @@ from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.vectors import Vector, cross, subtract
 from services.mechanics.compiled.vectors import row as vector
-from services.mechanics.compiled.vectors import row_of as vector_of
 from services.mechanics.contact.identity import with_law
 from services.mechanics.contact.laws import CREEP, SOFTNESS_M_N
 from services.mechanics.contact.rows import NO_STONE, ContactRows
@@ -67,11 +66,10 @@ def append_copy(rows: ContactRows, source: int, law: int) -> int:
     if row == NO_ROOM:
         return row
     rows.tool[row], rows.stone[row] = rows.tool[source], rows.stone[source]
+    put_on_duct(rows, row, rows.duct_node[source], rows.duct_weight[source])
     for axis in range(3):
         rows.point_m[row, axis] = rows.point_m[source, axis]
         rows.slip_m[row, axis] = rows.slip_m[source, axis]
-        rows.duct_node[row, axis] = rows.duct_node[source, axis]
-        rows.duct_weight[row, axis] = rows.duct_weight[source, axis]
         for other in range(3):
             rows.frame[row, axis, other] = rows.frame[source, axis, other]
         for coordinate in range(rows.lever.shape[2]):
@@ -96,8 +94,8 @@ def put_on_tool(rows: ContactRows, row: int, tools: ToolArrays, tool: int, segme
 def add_tool_motion(rows: ContactRows, row: int, tools: ToolArrays) -> None:
     """Add the motion of the tool's point over the step to the slip; roll is positive about minus the shaft's axis."""
     lever, tool = rows.lever[row], rows.tool[row]
-    arm = subtract(vector(rows.point_m, row), vector_of(tools.segments[tool], 1, 0))
-    turn = cross(arm, vector_of(tools.frame, tool, 2))
+    arm = subtract(vector(rows.point_m, row), vector(tools.segments[tool, 1], 0))
+    turn = cross(arm, vector(tools.frame[tool], 2))
     for axis in range(3):
         rows.slip_m[row, axis] += tools.rolled[tool] * turn[axis]
         for coordinate in range(lever.shape[1]):

@@ -18,6 +18,7 @@ from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.memory import SavedArrays
 from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.compiled.vectors import dot, row, squared_distance
 from services.mechanics.scene.tools import N_TOOLS
 from services.mechanics.simulation.step_splitting import LONGEST_STEP_S, SHORTEST_STEP_S
 from services.mechanics.simulation.step_start import StepStart
@@ -122,15 +123,11 @@ class Healer:
 def state_is_sound(live_address: Address[LiveState]) -> bool:
     """Return whether all numbers are finite, and segment lengths and speeds of the catheter within their limits."""
     live = live_at(live_address)
-    position, velocity = live.position, live.velocity
-    for i in range(position.shape[0]):
-        length_2, speed_2 = 0.0, 0.0
-        for axis in range(3):
-            speed_2 += velocity[i, axis] ** 2
-            if i > 0:
-                length_2 += (position[i, axis] - position[i - 1, axis]) ** 2
+    for i in range(live.position.shape[0]):
+        velocity = row(live.velocity, i)
+        length_2 = squared_distance(row(live.position, i), row(live.position, max(i - 1, 0)))
         # Written so that a NaN is unsound.
-        if not (length_2 <= live.longest_m**2 and speed_2 <= live.fastest_m_s**2):
+        if not (length_2 <= live.longest_m**2 and dot(velocity, velocity) <= live.fastest_m_s**2):
             return False
     return bool(numbers_are_finite(live_address))
 

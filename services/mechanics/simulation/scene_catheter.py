@@ -67,24 +67,19 @@ def place_catheter(scene: SceneModel, mesh: TriangleMesh) -> SceneModel:
 
     A drive is placed behind the catheter's proximal end, on its axis.
     """
-    before_m = scene.catheter.before_mouth_m
-    if before_m is None:
-        return _with_drive(scene)
-    mouth = mouth_opening(mesh, scene.catheter.opening)
-    (x, y, z), (a, b, c) = (mouth.centre_m - before_m * mouth.inward).tolist(), mouth.inward.tolist()
-    placed = replace(scene.catheter, tip_position_m=(x, y, z), direction=(a, b, c), before_mouth_m=None)
-    return _with_drive(replace(scene, catheter=placed))
-
-
-def _with_drive(scene: SceneModel) -> SceneModel:
     catheter = scene.catheter
+    if catheter.before_mouth_m is not None:
+        mouth = mouth_opening(mesh, catheter.opening)
+        tip_m = mouth.centre_m - catheter.before_mouth_m * mouth.inward
+        (x, y, z), (a, b, c) = tip_m.tolist(), mouth.inward.tolist()
+        catheter = replace(catheter, tip_position_m=(x, y, z), direction=(a, b, c), before_mouth_m=None)
     behind = np.array(catheter.direction) / -float(np.linalg.norm(catheter.direction))
     end_m = np.array(catheter.tip_position_m) + catheter.length_m * behind
     tools = tuple(
         replace(tool, port_position_m=tuple((end_m + tool.behind_m * behind).tolist()))
         if isinstance(tool, FromBehind) else tool for tool in scene.forceps
     )  # fmt: skip
-    return replace(scene, forceps=tools) if tools != scene.forceps else scene
+    return replace(scene, catheter=catheter, forceps=tools)
 
 
 def check_catheter(scene: SceneModel) -> None:

@@ -51,13 +51,10 @@ class Pricing:
         tolerance_m = min(longer * TOUCHING_M, self._tolerance_m)
         return self._search.price(self._world.system, tolerance_m, self._pairs) > 0
 
-    def restore(self) -> None:
-        """Restore the bodies' state from before forces were applied."""
+    def add_rows(self) -> None:
+        """Restore the bodies' state from before forces were applied, and append rows for the violations."""
         self._ends.restore()
         self._world.catheter.touched = self._touched
-
-    def append_rows(self) -> None:
-        """Append rows for the candidates that ended too deep."""
         rows = self._world.system.rows
         before = rows.n_contacts
         self._world.system.append_new_pairs(self._pairs)
@@ -68,8 +65,7 @@ class Pricing:
         if not self._is_off:
             self._ends.save()
             self.finds_violations()
-            self.restore()
-            self.append_rows()
+            self.add_rows()
 
 
 class StepSolver:
@@ -118,19 +114,15 @@ class StepSolver:
             system.solve(self._iterations, dt_s)
         else:
             system.clear_forces()
-        self._relinearise(dt_s)
-        pricing.save()
-        self._apply_forces()
+        self._finish(dt_s)
         for _ in range(MAX_PRICINGS):
             if not pricing.finds_violations():
                 return True
             if not system.rows.has_room:  # the step is then repeated in halves
                 return False
-            pricing.restore()
-            pricing.append_rows()
+            pricing.add_rows()
             self._solve_with_new_rows(dt_s)
-            pricing.save()  # a relinearised catheter ends elsewhere without forces
-            self._apply_forces()
+            self._finish(dt_s)
         return not pricing.finds_violations()
 
     def _relinearise(self, dt_s: float) -> None:
@@ -164,7 +156,10 @@ class StepSolver:
             self._system.solve(self._iterations, dt_s)
         return self._system.nonlinear_error_j()
 
-    def _apply_forces(self) -> None:
+    def _finish(self, dt_s: float) -> None:
+        """Linearise the catheter's step again where that is necessary, and apply the forces to the bodies."""
+        self._relinearise(dt_s)
+        self.pricing.save()  # after it, because a relinearised catheter ends elsewhere without forces
         self._world.squeeze.write_reactions()
         self._system.apply(self.tool_force)
 
@@ -175,4 +170,3 @@ class StepSolver:
         self._system.old_friction()[:] = old_friction  # which changes only in the rows appended last
         self._system.strategy.assemble()
         self._system.solve(self._iterations, dt_s)
-        self._relinearise(dt_s)

@@ -50,7 +50,7 @@ class Block:
         motion = self.dt_s * self.v + gain * self.load_n
         rows.slip_m[0], rows.friction[0], rows.softness_m_n[0, 0] = motion, self.mu, 0.0
         recall_forces(self.memory, rows, self.slides, _NO_WALL)
-        free_motion(rows, 0.2, self.dt_s, self.problem.motion)
+        free_motion(rows, 0.2, self.dt_s, self.problem.free)
         W = np.diag(gain + rows.softness_m_n[0])
         solve_contacts(self.problem, W, (30, 1e-12))
         force = np.zeros((1, 3))

@@ -95,7 +95,7 @@ def solve(rows, rod, n):
     add_rod_compliance(rows, slot, compliance, np.zeros((4 * rows.capacity, 2), np.int32), W)
     rotate_to_contact_frames(rows, W)
     problem = ContactProblem.of(rows)
-    free_motion(rows, 0.2, 1e-3, problem.motion)
+    free_motion(rows, 0.2, 1e-3, problem.free)
     solve_contacts(problem, W, (60, 1e-8))
     world, out = np.zeros((k, 3)), np.zeros((n, 3))
     write_results(rows, np.zeros(k, np.bool_), world)

@@ -41,7 +41,7 @@ class Pressed:
         self.bodies_m_n = 1e-3 * half @ half.T / 8.0
         self.W = self.bodies_m_n + np.diag(rows.softness_m_n.ravel())
         self.ledger = Ledger.zeros(contact_time_s=START_UP_S)
-        free_motion(rows, RECOVERY, DT_S, self.problem.motion)
+        free_motion(rows, RECOVERY, DT_S, self.problem.free)
 
     def solve(self, how, sweeps=30):
         more = (self.ledger, (ToolArrays.zeros(), DT_S)) if how is solve_passively else ()
@@ -78,7 +78,7 @@ def test_what_is_paid_for_is_taken_back():
         rows.slip_m[0] = -1e-3 * rows.frame[0, 0] + (1e-6 + slip_m) * rows.frame[0, 1]
         pressed.bodies_m_n = np.diag([1e-3, 1e-9, 1e-9])
         pressed.W = pressed.bodies_m_n + np.diag(rows.softness_m_n[0])
-        free_motion(rows, RECOVERY, DT_S, pressed.problem.motion)
+        free_motion(rows, RECOVERY, DT_S, pressed.problem.free)
         pressed.solve(solve_passively)
         assert rows.force_n[0, 0] == pytest.approx(1.0, rel=0.03)
         # What the surfaces' own softness takes, 1 uJ, pays for another micrometre.
@@ -94,7 +94,7 @@ def test_a_shallow_overlap_is_taken_back_beside_a_deep_one():
     rows.slip_m[0] += 20e-6 * rows.frame[0, 1]
     pressed.bodies_m_n = np.diag([1e-3, 1e-9, 1e-9] * 2)
     pressed.W = pressed.bodies_m_n + np.diag(rows.softness_m_n.ravel())
-    free_motion(rows, RECOVERY, DT_S, pressed.problem.motion)
+    free_motion(rows, RECOVERY, DT_S, pressed.problem.free)
     asked_m = rows.effective_gap_m.copy()
     pressed.solve(solve_passively)
     assert rows.effective_gap_m[0] == asked_m[0]
@@ -107,11 +107,11 @@ def test_a_row_without_a_gap_has_nothing_to_take_back():
     pressed = Pressed(0, k=2)
     pressed.rows.effective_gap_m[1] = -1e-3
     pressed.rows.law[1] = number_of("grip")
-    free_motion(pressed.rows, RECOVERY, DT_S, pressed.problem.motion)
-    free_m = pressed.problem.motion.copy()
-    assert limit_recovery(pressed.rows, 0.0, pressed.problem.motion)
-    assert pressed.problem.motion[0] > free_m[0]
-    np.testing.assert_array_equal(pressed.problem.motion[3:], free_m[3:])
+    free_motion(pressed.rows, RECOVERY, DT_S, pressed.problem.free)
+    free_m = pressed.problem.free.copy()
+    assert limit_recovery(pressed.rows, 0.0, pressed.problem.free)
+    assert pressed.problem.free[0] > free_m[0]
+    np.testing.assert_array_equal(pressed.problem.free[3:], free_m[3:])
 
 
 def test_a_step_that_is_solved_again_is_entered_once():
@@ -123,7 +123,7 @@ def test_a_step_that_is_solved_again_is_entered_once():
     for step in range(1, 3):
         pressed.ledger.n_solves = 0
         for _ in range(4):
-            free_motion(pressed.rows, RECOVERY, DT_S, pressed.problem.motion)
+            free_motion(pressed.rows, RECOVERY, DT_S, pressed.problem.free)
             solve_passively(pressed.problem, pressed.W, (30, 1e-10), pressed.ledger, (tools, DT_S))
             ledger = pressed.ledger
             entered.append((ledger.hand_work_j, ledger.max_hand_work_j, ledger.contact_time_s))
@@ -147,7 +147,7 @@ def test_what_a_step_may_give_is_not_owed(tool, gap_m, gives_j):
     rows.slip_m[0] = -1e-3 * rows.frame[0, 0]
     pressed.bodies_m_n = np.diag([1e-3, 1e-9, 1e-9])
     pressed.W = pressed.bodies_m_n + np.diag(rows.softness_m_n[0])
-    free_motion(rows, RECOVERY, DT_S, pressed.problem.motion)
+    free_motion(rows, RECOVERY, DT_S, pressed.problem.free)
     pressed.ledger.max_hand_work_j = 1.0
     contact_work_j = pressed.solve(solve_passively).contact_work_j()
     assert contact_work_j == pytest.approx(gives_j, rel=0.02, abs=0.0)

@@ -28,7 +28,7 @@ class Wedged:
             append_row(self.rows, number_of("unilateral"), 0)
         self.rows.friction[:] = mu
         problem = ContactProblem.of(self.rows)
-        problem.motion[:], problem.tolerated_m = self.free, tolerated_m
+        problem.free[:], problem.tolerated_m = self.free, tolerated_m
         self.sweeps = solve_contacts(problem, self.W, (30, TOLERANCE_N))
         write_results(self.rows, self.slides, np.zeros_like(self.rows.force_n))
         self.force, self.motion = self.rows.force_n, problem.motion.reshape(-1, 3)

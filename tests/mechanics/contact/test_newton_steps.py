@@ -21,7 +21,7 @@ def tied_pair(laws, friction, force_limit_n, free):
         append_row(rows, law, 0)
     rows.friction[:], rows.force_limit_n[:] = friction, force_limit_n
     problem = ContactProblem.of(rows)
-    problem.motion[:] = free
+    problem.free[:] = free
     sweeps = solve_contacts(problem, W, (200, 1e-10))
     return W, problem.motion, rows.force_n.ravel(), sweeps
 

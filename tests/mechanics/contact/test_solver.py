@@ -18,7 +18,7 @@ def solve(W, free, law, limit, force=None, effort=(200, 1e-12)):
     if force is not None:
         rows.force_n[:] = force.reshape(-1, 3)
     problem = ContactProblem.of(rows)
-    problem.motion[:] = free
+    problem.free[:] = free
     sweeps = solve_contacts(problem, W, effort)
     return rows.force_n.ravel(), problem.motion, sweeps
 
