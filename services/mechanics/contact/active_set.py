@@ -26,7 +26,7 @@ from services.mechanics.contact.newton import (
     n_unknowns_of,
     solve_newton_step,
 )
-from services.mechanics.contact.problem import ContactProblem
+from services.mechanics.contact.problem import ContactProblem, copy_rows
 from services.mechanics.contact.sweeps import sweep, update_motion
 
 # Cost in sweeps after which a sequence ends, and sweeps look for missing contacts.
@@ -91,7 +91,7 @@ def _try_full_step(problem: ContactProblem, W: FloatArray, n: int, tolerance_n: 
     """Take the full step and a sweep, and return to the forces before if the potential is not the lowest then."""
     k = problem.rows.n_contacts
     problem.lowest_j = min(problem.lowest_j, _potential_j(problem))
-    copy_forces(problem.rows.force_n, problem.begun_n, k)
+    copy_rows(problem.rows.force_n, problem.begun_n, k)
     problem.bound[:k] = NO_BOUND
     _add_step(problem, n, 1.0)
     update_motion(problem, W)
@@ -101,7 +101,7 @@ def _try_full_step(problem: ContactProblem, W: FloatArray, n: int, tolerance_n: 
     if reached_j < problem.lowest_j:
         problem.lowest_j = reached_j
         return DESCENDED
-    copy_forces(problem.begun_n, problem.rows.force_n, k)
+    copy_rows(problem.begun_n, problem.rows.force_n, k)
     problem.moved[:n] = 0.0
     update_motion(problem, W)
     return REJECTED
@@ -115,13 +115,6 @@ def _potential_j(problem: ContactProblem) -> float:
         for axis in range(3):
             total += 0.5 * force[block, axis] * (motion[3 * block + axis] + free[3 * block + axis])
     return total
-
-
-@kernel
-def copy_forces(source: FloatArray, target: FloatArray, count: int) -> None:
-    """Copy the first ``count`` forces."""
-    for block in range(count):
-        put_row(target, block, vector(source, block))
 
 
 @kernel

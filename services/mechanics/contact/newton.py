@@ -24,7 +24,7 @@ from services.mechanics.compiled.dense import factorise, solve_factorised
 from services.mechanics.compiled.vectors import dot
 from services.mechanics.compiled.vectors import row as vector
 from services.mechanics.contact.admissible import add_unknowns
-from services.mechanics.contact.problem import ContactProblem
+from services.mechanics.contact.problem import ContactProblem, copy_rows
 
 
 @kernel
@@ -34,7 +34,7 @@ def list_unknowns(problem: ContactProblem, is_associated: bool) -> int:
     for block in range(problem.rows.n_contacts):
         n = add_unknowns(problem, block, n)
     if is_associated:
-        problem.test[:n] = problem.column[:n]
+        copy_rows(problem.column, problem.test, n)
     return n
 
 

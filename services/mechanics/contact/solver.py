@@ -6,9 +6,9 @@ import math
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
-from services.mechanics.contact.active_set import CYCLING, copy_forces, take_newton_steps
+from services.mechanics.contact.active_set import CYCLING, take_newton_steps
 from services.mechanics.contact.newton import cost_in_sweeps
-from services.mechanics.contact.problem import ContactProblem
+from services.mechanics.contact.problem import ContactProblem, copy_rows
 from services.mechanics.contact.sweeps import has_small_residual, sweep, update_motion
 
 # If the first sweep changes forces by less than this multiple of the tolerance, another one follows instead of a Newton
@@ -64,10 +64,10 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
             return sweeps
         if sweeps >= iterations and change_m < least_m:
             least_m = change_m
-            copy_forces(problem.rows.force_n, problem.saved_n, k)
+            copy_rows(problem.rows.force_n, problem.saved_n, k)
         if sweeps >= most_sweeps:
             if least_m <= problem.tolerated_m:
-                copy_forces(problem.saved_n, problem.rows.force_n, k)
+                copy_rows(problem.saved_n, problem.rows.force_n, k)
                 update_motion(problem, W)
                 return sweeps
             if not has_friction:
