@@ -249,4 +249,4 @@ def update_working_set(address: Address[SearchArrays], state_address: Address[Co
         if is_wall and part_of(identity, TARGET_KIND) == DUCT_TRIANGLE and rows.force_n[at, 0] > 0.0:
             p = piece_of(rows, at)
             if 0 <= p < working.life.shape[0]:
-                renew_member(working, p, part_of(identity, TARGET))
+                renew_member(working, p, part_of(identity, TARGET), rows.dt_s)
