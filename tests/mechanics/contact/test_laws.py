@@ -142,9 +142,10 @@ def test_penalty_throws_a_particle_back_no_faster_than_it_came(share):
     assert max(speeds) <= 0.02 * 1.001
 
 
-def test_penalty_damper_of_a_particle_does_not_turn_it_round():
-    """c dt is thirty times its mass."""
-    rows = row_of("unilateral", gap_m=-1e-9, slip_m=[-2e-5, 0.0, 0.0], rod_weight=[1.0, 0.0, 0.0, 0.0])
+@pytest.mark.parametrize("point", range(4))
+def test_penalty_damper_of_a_particle_does_not_turn_it_round(point):
+    """c dt is thirty times its mass. A contact at the end of a segment has its weight on the second particle."""
+    rows = row_of("unilateral", gap_m=-1e-9, slip_m=[-2e-5, 0.0, 0.0], rod_weight=np.eye(4)[point])
     assert penalty(rows, (0.0, 0.06, 1e-3, 2e-6))[0] * 1e-3 == pytest.approx(0.5 * 2e-6 * 0.02)
 
 
