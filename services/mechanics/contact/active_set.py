@@ -31,7 +31,7 @@ from services.mechanics.contact.sweeps import sweep, update_motion
 
 # Cost in sweeps after which a sequence ends, and sweeps look for missing contacts.
 MAX_COST = 30
-# After so many sweeps, or Newton steps that cost as much, a solve is taken to cycle: few others end later.
+# After so many sweeps, or Newton steps that cost as much, a solve is taken to cycle: few of the others need more.
 CYCLING = 125
 # A step goes beyond the point where a contact opens or slips by this fraction, so that it does so in spite of rounding.
 OVERSHOOT = 1e-9
@@ -43,24 +43,23 @@ REJECTED, DESCENDED, SOLVED = 0, 1, 2
 
 @kernel
 def take_newton_steps(problem: ContactProblem, W: FloatArray, tolerance_n: float, sweeps: int) -> tuple[int, bool]:
-    """Take steps cut where contacts open or slip or, but for the first time, a full one if that descends.
+    """Try a full step and a sweep, or take steps that are cut where contacts open or slip.
 
-    Descending means that after a sweep the potential 1/2 f W f + f u_free is below ``lowest_j``, the lowest of this
-    solve; otherwise both would alternate for ever. Where forces grow a thousandfold from one sweep to the next, as when
-    jaws close, only a sweep knows the new directions of friction. Once a solve cycles (``sweeps`` so far), steps from a
-    potential that is not the lowest have associated friction, see `newton`. Return the cost in sweeps, and whether a
-    sweep changed no force by more than the tolerance.
+    The full step is kept if the potential 1/2 f W f + f u_free falls below ``lowest_j``, the lowest of this solve;
+    otherwise step and sweep could alternate for ever. Where forces grow a thousandfold from one sweep to the next, as
+    when jaws close, only a sweep knows the new directions of friction. Directly after the first sweep it is not tried.
+    Once a solve cycles, steps that start no lower than ``lowest_j`` take friction as associated, see `newton`, and are
+    cut. ``sweeps`` is the cost so far. Return the cost in sweeps, and whether a sweep changed no force by more than the
+    tolerance.
     """
-    n = list_unknowns(problem, False)
+    is_associated = sweeps >= CYCLING and _potential_j(problem) >= problem.lowest_j
+    n = list_unknowns(problem, is_associated)
     if n == 0 or not solve_newton_step(problem, W, n):
         return 0, False
     cost, outcome = cost_in_sweeps(n, problem.rows.n_contacts), REJECTED
-    is_associated = sweeps >= CYCLING and _potential_j(problem) >= problem.lowest_j
-    if sweeps > 1:
+    if sweeps > 1 and not is_associated:
         cost, outcome = cost + 1, _try_full_step(problem, W, n, tolerance_n)
     if outcome == REJECTED:
-        if is_associated and not solve_newton_step(problem, W, list_unknowns(problem, True)):
-            return cost, False
         cost = _take_cut_steps(problem, W, n, cost, is_associated)
     return cost, outcome == SOLVED
 

@@ -242,11 +242,11 @@ def write_pairs(
 def update_working_set(address: Address[SearchArrays], state_address: Address[ContactState]) -> None:
     """Age the working set by a step, and renew the features whose contacts carry a normal force."""
     working, rows = search_at(address).working, state_at(state_address).rows
-    age_members(working)
+    age_members(working, rows.dt_s)
     for at in range(rows.n_contacts):
         identity = rows.identity[at]
         is_wall = identity >= 0 and HAS_GAP[rows.law[at]]
         if is_wall and part_of(identity, TARGET_KIND) == DUCT_TRIANGLE and rows.force_n[at, 0] > 0.0:
             p = piece_of(rows, at)
             if 0 <= p < working.life.shape[0]:
-                renew_member(working, p, part_of(identity, TARGET), rows.dt_s)
+                renew_member(working, p, part_of(identity, TARGET))

@@ -13,7 +13,7 @@ The matrix is the exact derivative of the laws while no contact changes its stat
 near the solution. `active_set` takes it. Where friction wedges bodies it may point away from the solution: pressing and
 sliding together push surfaces apart, and contacts open that sweeps close again. With *associated* friction, as if
 sliding lifted surfaces by :math:`\mu` times the slip (Anitescu, Math. Program. 105, 2006), test directions are the
-columns. Then the matrix is symmetric and positive definite, and the step descends.
+columns. Then the matrix is symmetric and positive definite, and the potential falls until a contact opens or slips.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from services.mechanics.contact.problem import ContactProblem, copy_rows
 
 @kernel
 def list_unknowns(problem: ContactProblem, is_associated: bool) -> int:
-    """Write the unknowns of all contacts in their present states, with associated friction if so, and count them."""
+    """Write the unknowns of all contacts in their present states, and return their number."""
     n = 0
     for block in range(problem.rows.n_contacts):
         n = add_unknowns(problem, block, n)

@@ -120,7 +120,7 @@ def _write_holding_force(rows: ContactRows, row: int, motion: Vector, gains: Pen
 @kernel
 def _touches_rod(rows: ContactRows, row: int) -> bool:
     """Return whether the catheter is one of the bodies of a row."""
+    n = 0
     for point in range(rows.rod_weight.shape[1]):
-        if rows.rod_weight[row, point] != 0.0:
-            return True
-    return False
+        n += rows.rod_weight[row, point] != 0.0
+    return n > 0

@@ -23,7 +23,7 @@ from services.mechanics.contact.clearance import jaw_surface, overlap_in_jaws, p
 from services.mechanics.contact.identity import PARTICLE, SEGMENT, pair_identity, part_of, without_target
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.state import ContactState
-from services.mechanics.contact.working_set import WorkingSet, has_chosen_near, place_at_rest, rate, sort_by_key
+from services.mechanics.contact.working_set import WorkingSet, enter, has_chosen_near, place_at_rest, sort_by_key
 from services.mechanics.contact.writer import n_free_rows
 
 #: Least cosine between the normals of a violation and of a row at the same points that covers it.
@@ -56,7 +56,7 @@ def write_violations(
     most = min(MAX_NEW_ROWS, n_free_rows(state.rows))
     n = _find_violations(listed, (all_found, found), state, start, tolerance_m)
     for i in range(n):
-        rate(found, working, listed.clusters.triangles, (i, i), (found.gap_m[i], found.gap_m[i]))
+        enter(found, working, listed.clusters.triangles, (i, i), (found.gap_m[i], found.gap_m[i]))
     sort_by_key(working, n)
     working.n_chosen = 0
     for place in range(n):

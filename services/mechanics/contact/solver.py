@@ -18,9 +18,9 @@ NEAR = 10.0
 # overlap by at least as much, because a contact relaxed early in a sweep does not see the changes after it. In a hard
 # case one tick of fifty needs more than thirty sweeps; if such solves were cut short, the bodies would gain energy.
 MOTION_TOLERANCE_M = 1e-6
-# After so many, or Newton steps that cost as much, friction is given up: recorded solves that end with associated
-# friction do so within 40. Coulomb's law has no potential, because the bound on friction changes with the normal force;
-# without friction the solution is the minimum of a convex one.
+# After so many, or Newton steps that cost as much, a solve that cycles is ended: those that associated friction mended,
+# of up to 30 contacts, took 40 more. Coulomb's law has no potential, because the bound on friction changes with the
+# normal force; without friction the solution is the minimum of a convex one.
 MAX_SWEEPS = CYCLING + 50
 
 
@@ -34,9 +34,8 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
     - A block Gauss-Seidel sweep solves each block exactly with the others fixed: first the normal, then the tangents
       within the friction cone. Sweeps find the active set (which contacts are pressed, and which stick), but converge
       slowly where a stiff catheter couples contacts.
-    - So Newton steps between sweeps solve for all active force components together, each up to where a contact opens
-      or slips (`active_set`), as in PGS with subspace minimisation (Silcowitz-Hansen, Niebe and Erleben, 2010).
-      Once a solve cycles, some of them take friction as associated, which descends.
+    - So Newton steps between sweeps solve for all active force components together (`active_set`), as in PGS with
+      subspace minimisation (Silcowitz-Hansen, Niebe and Erleben, 2010).
     - After `MAX_SWEEPS` the forces are taken whose sweep moved surfaces least, if that was less than the overlap that
       the problem tolerates. Otherwise surfaces have no friction in this step.
 

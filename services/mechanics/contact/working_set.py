@@ -4,7 +4,7 @@ A candidate gets a row if it touches or soon may; pricing finds those that come 
 chosen by increasing clearance (the gap plus the indentation by jaws), members of the set first. A candidate whose
 position on the undeformed wall and normal are near those of a chosen one of the same body, and that is no deeper, is a
 duplicate and gets no row. Members are the features (piece and triangle) whose contacts carried a force within
-`LIFE_STEPS` steps or `LIFE_S`.
+`LIFE_STEPS` steps.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-from services.mechanics.arrays import ByteArray, FloatArray, IntArray, LongArray
+from services.mechanics.arrays import Float32Array, FloatArray, IntArray, LongArray
 from services.mechanics.bodies.forceps.tool_body import ToolArrays
 from services.mechanics.collision.candidate_list import TOUCHING_M, CandidateList
 from services.mechanics.collision.candidates import SAME_POINT, Candidates
@@ -32,17 +32,17 @@ IMPLIED_M = 3e-6
 #: A step begins with rows for all members, and for the nearest other candidates up to this total; pricing finds the
 #: rest. Assembling and solving so many rows costs about as much as pricing.
 MAX_CHOSEN = 32
-#: Steps for which a feature that bears no more force stays a member, and the time, if that is more. With one step, a
-#: body that rocks on two features bears on each in turn, because each is left out as a duplicate while the other bears.
-#: Three, because in a corner a body may rock on three. In shorter steps it rocks as slowly: with three of 0.25 ms a
-#: wall under a jaw went on trembling by 10 um.
-LIFE_STEPS, LIFE_S, MAX_LIFE_STEPS = 3, 3e-3, 127
+#: Steps for which a feature that bears no more force stays a member. With one, a body that rocks on two features bears
+#: on each in turn, because each is left out as a duplicate while the other bears. Three, because in a corner a body
+#: may rock on three. Steps shorter than `FULL_STEP_S` count in part, because a body does not rock faster in them: a
+#: wall under a jaw went on trembling by 10 um, in steps of 0.25 ms.
+LIFE_STEPS, FULL_STEP_S = 3, 1e-3
 
 
 class WorkingSet(Struct):
     """The members, which are features of p pieces and m triangles, and scratch for c candidates."""
 
-    life: Annotated[ByteArray, "p", "m"]  # remaining steps of each member, 0 for other features
+    life: Annotated[Float32Array, "p", "m"]  # remaining steps of each member, 0 for other features
     member: Annotated[LongArray, "c", 2]  # the members: piece and triangle
     clearance_m: Annotated[FloatArray, "c"]  # gap plus the wall's indentation
     key: Annotated[FloatArray, "c"]
@@ -81,7 +81,7 @@ def choose(listed: CandidateList, found: Candidates, working: WorkingSet, ahead:
         clearance_m = found.gap_m[i] + overlap_in_jaws(tools, p, found.s[i], row(found.normal, i))
         if clearance_m <= min(listed.wanted[p], ahead[p] + TOUCHING_M):
             key = clearance_m - (1.0 if _is_member(found, working, i) else 0.0)
-            rate(found, working, listed.clusters.triangles, (n, i), (clearance_m, key))
+            enter(found, working, listed.clusters.triangles, (n, i), (clearance_m, key))
             n += 1
     sort_by_key(working, n)
     working.n_chosen, working.wall_moved_m = 0, 0.0
@@ -98,13 +98,13 @@ def choose(listed: CandidateList, found: Candidates, working: WorkingSet, ahead:
 
 
 @kernel
-def rate(
-    found: Candidates, working: WorkingSet, corner: IntArray, place: tuple[int, int], rating: tuple[float, float]
+def enter(
+    found: Candidates, working: WorkingSet, corner: IntArray, entry: tuple[int, int], given: tuple[float, float]
 ) -> None:
-    """Enter a candidate before sorting: ``place`` is (number, index), ``rating`` (clearance in m, key)."""
-    n, i = place
-    working.order[n] = i
-    working.clearance_m[i], working.key[i] = rating
+    """Write a candidate before sorting: ``entry`` is (slot in ``order``, candidate), ``given`` (clearance, key)."""
+    slot, i = entry
+    working.order[slot] = i
+    working.clearance_m[i], working.key[i] = given
     put_row(working.at_rest, i, place_at_rest(working.rest, corner, found.triangle[i], row(found.weight, i)))
 
 
@@ -161,12 +161,12 @@ def sort_by_key(working: WorkingSet, count: int) -> None:
 
 
 @inlined_kernel
-def age_members(working: WorkingSet) -> None:
-    """Age all members by a step, and remove those whose life is over."""
-    n_left = 0
+def age_members(working: WorkingSet, dt_s: float) -> None:
+    """Age all members by a step of ``dt_s``, and remove those whose life is over."""
+    n_left, age = 0, min(dt_s / FULL_STEP_S, 1.0)
     for k in range(working.n_members):
         p, t = working.member[k, 0], working.member[k, 1]
-        working.life[p, t] -= 1
+        working.life[p, t] = max(working.life[p, t] - age, 0.0)
         if working.life[p, t] > 0:
             working.member[n_left, 0], working.member[n_left, 1] = p, t
             n_left += 1
@@ -174,11 +174,11 @@ def age_members(working: WorkingSet) -> None:
 
 
 @inlined_kernel
-def renew_member(working: WorkingSet, p: int, t: int, dt_s: float) -> None:
-    """Make a feature a member with its full life in steps of ``dt_s``, if there is room for more."""
+def renew_member(working: WorkingSet, p: int, t: int) -> None:
+    """Make a feature a member with its full life, if there is room for more."""
     if working.life[p, t] == 0:
         if working.n_members == working.member.shape[0]:
             return
         working.member[working.n_members, 0], working.member[working.n_members, 1] = p, t
         working.n_members += 1
-    working.life[p, t] = max(LIFE_STEPS, round(min(LIFE_S / dt_s, MAX_LIFE_STEPS)))
+    working.life[p, t] = LIFE_STEPS

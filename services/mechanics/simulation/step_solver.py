@@ -51,7 +51,7 @@ class Pricing:
         tolerance_m = min(longer * TOUCHING_M, self._tolerance_m)
         return self._search.price(self._world.system, tolerance_m, self._pairs) > 0
 
-    def add_rows(self) -> None:
+    def return_with_new_rows(self) -> None:
         """Restore the bodies' state from before forces were applied, and append rows for the violations."""
         self._ends.restore()
         self._world.catheter.touched = self._touched
@@ -65,7 +65,7 @@ class Pricing:
         if not self._is_off:
             self._ends.save()
             self.finds_violations()
-            self.add_rows()
+            self.return_with_new_rows()
 
 
 class StepSolver:
@@ -114,15 +114,15 @@ class StepSolver:
             system.solve(self._iterations, dt_s)
         else:
             system.clear_forces()
-        self._finish(dt_s)
+        self._relinearise_and_apply(dt_s)
         for _ in range(MAX_PRICINGS):
             if not pricing.finds_violations():
                 return True
             if not system.rows.has_room:  # the step is then repeated in halves
                 return False
-            pricing.add_rows()
+            pricing.return_with_new_rows()
             self._solve_with_new_rows(dt_s)
-            self._finish(dt_s)
+            self._relinearise_and_apply(dt_s)
         return not pricing.finds_violations()
 
     def _relinearise(self, dt_s: float) -> None:
@@ -156,8 +156,8 @@ class StepSolver:
             self._system.solve(self._iterations, dt_s)
         return self._system.nonlinear_error_j()
 
-    def _finish(self, dt_s: float) -> None:
-        """Linearise the catheter's step again where that is necessary, and apply the forces to the bodies."""
+    def _relinearise_and_apply(self, dt_s: float) -> None:
+        """Linearise the catheter's step again if necessary, save the bodies' state, and apply the forces to them."""
         self._relinearise(dt_s)
         self.pricing.save()  # after it, because a relinearised catheter ends elsewhere without forces
         self._world.squeeze.write_reactions()

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from services.mechanics.contact.active_set import take_newton_steps
+from services.mechanics.contact.active_set import CYCLING, take_newton_steps
 from services.mechanics.contact.laws import number_of
+from services.mechanics.contact.newton import list_unknowns, solve_newton_step
 from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.sweeps import sweep, update_motion
@@ -101,6 +102,31 @@ def test_forces_stay_in_their_cones_where_contacts_slip_or_open_on_the_way():
 def sticks(problem):
     force = problem.rows.force_n
     return (force[:, 0] > 0.0) & (np.hypot(force[:, 1], force[:, 2]) < 0.3 * force[:, 0] * (1.0 - 1e-9))
+
+
+def slope_j(problem, W, is_associated):
+    """Return the change of the potential along the full step, to first order."""
+    n = list_unknowns(problem, is_associated)
+    assert solve_newton_step(problem, W, n)
+    change = np.zeros_like(problem.rows.force_n)
+    np.add.at(change, problem.block[:n], problem.column[:n] * problem.step[:n, None])
+    return change.ravel() @ problem.motion
+
+
+def test_the_potential_falls_along_a_step_with_associated_friction_but_may_rise_with_that_of_coulomb():
+    slopes = {kind: [slope_j(*pressed_body(seed, 12, 2.0), kind) for seed in range(40)] for kind in (True, False)}
+    assert max(slopes[True]) < 0.0 < max(slopes[False])
+
+
+@pytest.mark.parametrize(("lowest_j", "is_associated"), [(-1.0, True), (1.0, False)])
+def test_only_a_solve_that_cycles_above_its_lowest_potential_takes_friction_as_associated(lowest_j, is_associated):
+    force = []
+    for sweeps in (CYCLING - 1, CYCLING):
+        problem, W = pressed_body(0, 12, 1.0)
+        problem.lowest_j = lowest_j
+        take_newton_steps(problem, W, 1e-12, sweeps)
+        force.append(problem.rows.force_n.copy())
+    assert np.array_equal(*force) != is_associated
 
 
 def test_a_seal_that_stops_just_below_its_limit_leaves_all_forces_finite():
