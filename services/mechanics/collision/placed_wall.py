@@ -66,7 +66,6 @@ class PlacedWall(Struct):
     n_placed: int = 0  # of the requested ones
     configuration: int = 1  # number of the present configuration, increased by every change
     softest: float = 0.0  # largest entry of ``softness``
-    is_definite: bool = True  # whether R is positive semidefinite: cut into patches it is not
 
 
 _SHARED = "blocks", "known", "row_of", "kept", "next_row", "softness"
@@ -80,7 +79,7 @@ def place_wall(duct: ReducedDuct, like: PlacedWall | None = None) -> PlacedWall:
     bounds = wall_bounds(duct, None if like is None else like.bounds)
     given = {"rest": rest, "Phi": Phi, "position": rest.copy(), "bounds": bounds, "store": duct.residual.store}
     wall: PlacedWall = PlacedWall.zeros(n=n, r=Phi.shape[2], l=2 * n, c=4 * n, **given, **shared)
-    wall.softest, wall.is_definite = float(wall.softness.max(initial=0.0)), not len(duct.residual.store.starts)
+    wall.softest = float(wall.softness.max(initial=0.0))
     return wall
 
 
@@ -174,7 +173,8 @@ def _bound_by_loads(wall: PlacedWall) -> float:
             put_row(wall.changed_by, n_nodes, change)
             n_nodes += 1
     wall.n_changed = 0
-    if wall.is_definite and n_nodes <= MAX_ROWS // 2 and wall.softest * total > COARSE_M:
+    is_definite = wall.store.starts.shape[0] == 0  # cut into patches it is not
+    if is_definite and n_nodes <= MAX_ROWS // 2 and wall.softest * total > COARSE_M:
         total = math.sqrt(max(_energy_of_change(wall, n_nodes), 0.0) + FLOAT32_ERROR * total * total)
     return float(wall.softest * total)
 

@@ -16,7 +16,7 @@ import numpy as np
 from services.mechanics.arrays import FloatArray, LongArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Struct
-from services.mechanics.compiled.vectors import put_row, row, squared_distance
+from services.mechanics.compiled.vectors import copy_rows, row, squared_distance
 from services.mechanics.reduction.large_rotations.warping import warped_tube
 from services.mechanics.reduction.large_rotations.warping_kernels import WarpedTube, string_axis
 from services.mechanics.reduction.reduced_duct import ReducedDuct
@@ -108,9 +108,8 @@ def set_reference(bounds: WallBounds, q: FloatArray) -> None:
         bounds.reference[mode] = q[mode]
     if bounds.turn.shape[0] > 0:
         string_axis(bounds.tube, q)
-    for station in range(bounds.turn.shape[0]):
-        put_row(bounds.turn, station, row(bounds.tube.turn, station))
-        put_row(bounds.centre, station, row(bounds.tube.centre, station))
+    copy_rows(bounds.tube.turn, bounds.turn, bounds.turn.shape[0])
+    copy_rows(bounds.tube.centre, bounds.centre, bounds.turn.shape[0])
 
 
 def largest_gain(modes: FloatArray) -> FloatArray:

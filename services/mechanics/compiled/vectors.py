@@ -90,6 +90,13 @@ def put_row(array: FloatArray, i: int, v: Vector) -> None:
 
 
 @kernel
+def copy_rows(source: FloatArray, target: FloatArray, count: int) -> None:
+    """Copy the first ``count`` rows of an (n, 3) array, without the memory that an assignment of slices takes."""
+    for i in range(count):
+        put_row(target, i, row(source, i))
+
+
+@kernel
 def put_row_of(array: FloatArray, i: int, k: int, v: Vector) -> None:
     """Write v into entry k of row i of an (n, m, 3) array."""
     for axis in range(3):

@@ -15,7 +15,7 @@ import math
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.dense import factorise, solve_factorised
-from services.mechanics.compiled.vectors import along, put_row
+from services.mechanics.compiled.vectors import along, copy_rows, put_row
 from services.mechanics.compiled.vectors import row as vector
 from services.mechanics.contact.admissible import normal_range, project, slides, step_to_bounds
 from services.mechanics.contact.laws import HAS_FRICTION
@@ -26,12 +26,13 @@ from services.mechanics.contact.newton import (
     n_unknowns_of,
     solve_newton_step,
 )
-from services.mechanics.contact.problem import ContactProblem, copy_rows
+from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.sweeps import sweep, update_motion
 
 # Cost in sweeps after which a sequence ends, and sweeps look for missing contacts.
 MAX_COST = 30
-# After so many sweeps, or Newton steps that cost as much, a solve is taken to cycle: few of the others need more.
+# After so many sweeps, or Newton steps that cost as much, a solve is taken to cycle. Of recorded solves that end 99 %
+# take less than 70; with 100, more of the bodies that friction wedges at random lose it.
 CYCLING = 125
 # A step goes beyond the point where a contact opens or slips by this fraction, so that it does so in spite of rounding.
 OVERSHOOT = 1e-9

@@ -10,7 +10,18 @@ from services.mechanics.bodies.forceps.tool_body import ToolArrays
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, SHAFT
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import Vector, along, combine, cross, dot, put_row, row_of, tangents, unit
+from services.mechanics.compiled.vectors import (
+    Vector,
+    along,
+    combine,
+    cross,
+    dot,
+    put_row,
+    put_row_of,
+    row_of,
+    tangents,
+    unit,
+)
 from services.mechanics.compiled.vectors import row as vector
 from services.mechanics.contact.geometry import ContactGeometry
 from services.mechanics.contact.identity import hold_identity
@@ -105,9 +116,9 @@ def _catheter_side(holds: HoldArrays, slot: int, geometry: ContactGeometry, rows
     if dot(across, across) < MIN_SINE_ACROSS**2:  # the catheter lies along the opening direction: any normal will do
         across, _ = tangents(tangent[0], tangent[1], tangent[2])
     across = unit(across)
-    put_row(rows.frame[row], 0, across)
-    put_row(rows.frame[row], _ALONG, tangent)
-    put_row(rows.frame[row], 2, cross(across, tangent))
+    put_row_of(rows.frame, row, 0, across)
+    put_row_of(rows.frame, row, _ALONG, tangent)
+    put_row_of(rows.frame, row, 2, cross(across, tangent))
 
 
 @kernel
@@ -123,7 +134,7 @@ def _wall_side(holds: HoldArrays, slot: int, geometry: ContactGeometry, rows: Co
         for axis in range(3):
             rows.slip_m[row, axis] -= weights[corner] * wall.vertices[corners[corner], axis]
     for axis in range(3):
-        put_row(rows.frame[row], axis, row_of(geometry.tools.frame, holds.tool[slot], axis))
+        put_row_of(rows.frame, row, axis, row_of(geometry.tools.frame, holds.tool[slot], axis))
 
 
 @kernel

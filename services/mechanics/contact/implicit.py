@@ -8,7 +8,6 @@ from typing import ClassVar
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.bodies.catheter import CatheterTouch, list_particles, touch_at
 from services.mechanics.bodies.duct_loads import DuctLoads, loads_at
-from services.mechanics.collision.candidate_list import TOUCHING_M
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.delassus import add_rod_compliance, add_tool_compliance, rotate_to_contact_frames
@@ -20,7 +19,7 @@ from services.mechanics.contact.spheres import add_sphere_compliance
 from services.mechanics.contact.stages import finish
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.warm_start import store_anchors
-from services.mechanics.contact.working_set import SHARE_OF_WALL
+from services.mechanics.contact.working_set import tolerated_overlap_m
 from services.mechanics.reduction.node_compliance import NodeArrays, weigh_blocks
 from services.mechanics.reduction.residual.blocks import own_softness
 from services.mechanics.rod.contact_response import compliance, factor_for_contacts
@@ -52,8 +51,8 @@ class ImplicitStrategy:
         tolerance_m = WALL_TOLERANCE_SHARE * 2.0 * bodies.half_thickness_m
         self._tolerance_n = min(settings.tolerance_n, tolerance_m / softness_m_n if softness_m_n > 0.0 else math.inf)
         state.memory.least_change_n = NEAR * self._tolerance_n
-        # As much as candidates without a row may overlap. Without friction, which is the last resort, grips slip.
-        state.problem.tolerated_m = min(TOUCHING_M, SHARE_OF_WALL * 2.0 * bodies.half_thickness_m)
+        # Without friction, which is the last resort, grips slip: rather surfaces overlap as if they had no row.
+        state.problem.tolerated_m = tolerated_overlap_m(2.0 * bodies.half_thickness_m)
 
     def assemble(self, *, anew: bool = False) -> None:
         """Write the Delassus operator W: in one kernel, if there is one for the bodies and it has all blocks.

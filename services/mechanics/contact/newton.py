@@ -21,10 +21,10 @@ from __future__ import annotations
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.dense import factorise, solve_factorised
-from services.mechanics.compiled.vectors import dot
+from services.mechanics.compiled.vectors import copy_rows, dot
 from services.mechanics.compiled.vectors import row as vector
 from services.mechanics.contact.admissible import add_unknowns
-from services.mechanics.contact.problem import ContactProblem, copy_rows
+from services.mechanics.contact.problem import ContactProblem
 
 
 @kernel

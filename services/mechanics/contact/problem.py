@@ -7,7 +7,6 @@ from typing import Annotated
 from services.mechanics.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Struct
-from services.mechanics.compiled.vectors import put_row, row
 from services.mechanics.contact.rows import ContactRows
 
 
@@ -60,19 +59,12 @@ def set_force(problem: ContactProblem, W: FloatArray, block: int, axis: int, for
 
     W is symmetric, so a row is used in place of a column: this loop vectorises.
     """
-    first, motion = 3 * block + axis, problem.motion
+    row, motion = 3 * block + axis, problem.motion
     change = force_n - problem.rows.force_n[block, axis]
     problem.rows.force_n[block, axis], problem.change[axis] = force_n, change
     if change != 0.0:
         for column in range(W.shape[0]):
-            motion[column] += W[first, column] * change
-
-
-@kernel
-def copy_rows(source: FloatArray, target: FloatArray, count: int) -> None:
-    """Copy the first ``count`` rows of an (n, 3) array, without memory for a copy as an assignment of slices takes."""
-    for i in range(count):
-        put_row(target, i, row(source, i))
+            motion[column] += W[row, column] * change
 
 
 @kernel

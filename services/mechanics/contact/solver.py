@@ -6,9 +6,10 @@ import math
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.vectors import copy_rows
 from services.mechanics.contact.active_set import CYCLING, take_newton_steps
 from services.mechanics.contact.newton import cost_in_sweeps
-from services.mechanics.contact.problem import ContactProblem, copy_rows
+from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.sweeps import has_small_residual, sweep, update_motion
 
 # If the first sweep changes forces by less than this multiple of the tolerance, another one follows instead of a Newton
@@ -59,11 +60,12 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
         is_small = change_n <= tolerance_n
         if is_small and (sweeps > 1 or has_small_residual(problem, tolerance_n)):
             return sweeps
-        if sweeps >= iterations and change_m <= MOTION_TOLERANCE_M:
-            return sweeps
-        if sweeps >= iterations and change_m < least_m:
-            least_m = change_m
-            copy_rows(problem.rows.force_n, problem.saved_n, k)
+        if sweeps >= iterations:
+            if change_m <= MOTION_TOLERANCE_M:
+                return sweeps
+            if change_m < least_m:
+                least_m = change_m
+                copy_rows(problem.rows.force_n, problem.saved_n, k)
         if sweeps >= most_sweeps:
             if least_m <= problem.tolerated_m:
                 copy_rows(problem.saved_n, problem.rows.force_n, k)

@@ -56,6 +56,11 @@ class WorkingSet(Struct):
     first_sphere: int = 0  # pieces from here on are spheres
 
 
+def tolerated_overlap_m(wall_m: float, n_steps: float = 1.0) -> float:
+    """Return the overlap (m) that needs no row, with a wall this thick, at the end of a step as long as ``n_steps``."""
+    return min(n_steps * TOUCHING_M, SHARE_OF_WALL * wall_m)
+
+
 @kernel
 def merge_distance_m(thickness_m: float, wall_m: float) -> float:
     """Return the distance, in m, within which two contacts of a piece are merged.

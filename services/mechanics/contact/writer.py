@@ -11,6 +11,7 @@ from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.vectors import Vector, cross, subtract
 from services.mechanics.compiled.vectors import row as vector
+from services.mechanics.compiled.vectors import row_of as vector_of
 from services.mechanics.contact.identity import with_law
 from services.mechanics.contact.laws import CREEP, SOFTNESS_M_N
 from services.mechanics.contact.rows import NO_STONE, ContactRows
@@ -94,8 +95,8 @@ def put_on_tool(rows: ContactRows, row: int, tools: ToolArrays, tool: int, segme
 def add_tool_motion(rows: ContactRows, row: int, tools: ToolArrays) -> None:
     """Add the motion of the tool's point over the step to the slip; roll is positive about minus the shaft's axis."""
     lever, tool = rows.lever[row], rows.tool[row]
-    arm = subtract(vector(rows.point_m, row), vector(tools.segments[tool, 1], 0))
-    turn = cross(arm, vector(tools.frame[tool], 2))
+    arm = subtract(vector(rows.point_m, row), vector_of(tools.segments[tool], 1, 0))
+    turn = cross(arm, vector_of(tools.frame, tool, 2))
     for axis in range(3):
         rows.slip_m[row, axis] += tools.rolled[tool] * turn[axis]
         for coordinate in range(lever.shape[1]):

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.collision.candidate_list import TOUCHING_M
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.compiled.memory import SavedArrays
-from services.mechanics.contact.working_set import SHARE_OF_WALL
+from services.mechanics.contact.working_set import tolerated_overlap_m
 from services.mechanics.effects import Effect, act
 from services.mechanics.simulation.step_splitting import LONGEST_STEP_S
 from services.mechanics.world import World
@@ -29,8 +28,6 @@ class Pricing:
     def __init__(self, world: World) -> None:
         self._world, self._search = world, world.search
         duct, catheter, tools = world.duct, world.catheter, world.tools
-        # A candidate without a row may end as deep as a touching pair.
-        self._tolerance_m = SHARE_OF_WALL * world.scene.duct.thickness_m
         self._ends = SavedArrays([*duct.corrected_arrays(), *catheter.corrected_arrays(), *tools.corrected_arrays()])
         self._touched = catheter.touched
         self._pairs = ContactPairs.zeros(capacity=world.scene.contact.capacity)
@@ -48,7 +45,7 @@ class Pricing:
         if self._is_off:
             return False
         longer = max(1.0, self._world.duct.dt_s / LONGEST_STEP_S)
-        tolerance_m = min(longer * TOUCHING_M, self._tolerance_m)
+        tolerance_m = tolerated_overlap_m(self._world.scene.duct.thickness_m, longer)
         return self._search.price(self._world.system, tolerance_m, self._pairs) > 0
 
     def return_with_new_rows(self) -> None:

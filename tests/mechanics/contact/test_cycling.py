@@ -7,11 +7,11 @@ from services.mechanics.contact.active_set import MAX_COST
 from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.problem import ContactProblem
 from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.solver import MAX_SWEEPS, MOTION_TOLERANCE_M, solve_contacts
+from services.mechanics.contact.solver import MAX_SWEEPS, solve_contacts
 from services.mechanics.contact.stages import write_results
 from services.mechanics.contact.writer import append_row
 
-TOLERANCE_N = 1e-8
+TOLERANCE_N, TOLERANCE_M = 1e-8, 1e-9
 
 
 class Wedged:
@@ -38,16 +38,16 @@ class Wedged:
         force, motion, mu = self.force, self.motion, self.rows.friction
         assert np.allclose(motion.ravel(), self.W @ force.ravel() + self.free, atol=1e-13)
         assert force[:, 0].min() >= 0.0
-        assert motion[:, 0].min() > -MOTION_TOLERANCE_M
-        assert np.abs(motion[force[:, 0] > 0.0, 0]).max() < MOTION_TOLERANCE_M
+        assert motion[:, 0].min() > -TOLERANCE_M
+        assert np.abs(motion[force[:, 0] > 0.0, 0]).max() < TOLERANCE_M
         rubs = np.hypot(force[:, 1], force[:, 2])
         assert np.all(rubs <= most_mu * force[:, 0] * (1.0 + 1e-9))
         sliding = self.slides & (rubs > 0.0)
         assert np.allclose(rubs[sliding], (mu * force[:, 0])[sliding], rtol=1e-8)
         slip = np.hypot(motion[:, 1], motion[:, 2])
-        assert slip[~self.slides & (force[:, 0] > 0.0)].max(initial=0.0) < MOTION_TOLERANCE_M
+        assert slip[~self.slides & (force[:, 0] > 0.0)].max(initial=0.0) < TOLERANCE_M
         against = force[:, 1] * motion[:, 1] + force[:, 2] * motion[:, 2]
-        assert np.all(np.abs(against + rubs * slip)[sliding] < MOTION_TOLERANCE_M * rubs[sliding])
+        assert np.all(np.abs(against + rubs * slip)[sliding] < TOLERANCE_M * rubs[sliding])
 
 
 WIDE, NARROW = (50, np.geomspace(1.0, 0.03, 80)), (30, np.geomspace(1.0, 0.02, 60))
