@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import sys
 import time
-from dataclasses import replace
 
 from protocol.bodies import GatewayState
 from services.gateway import scene_hands
@@ -263,8 +262,8 @@ def run(process: Process, hands: SceneHands) -> None:
         if first == 0:
             process.ready(gateway.meter)
         gateway.begin_at(first)
-        for tick in ticks(gateway.meter, gateway.ended, gateway.serve):
-            gateway.tick(replace(tick, index=first + tick.index))
+        for tick in ticks(gateway.meter, gateway.ended, gateway.serve, first):
+            gateway.tick(tick)
     finally:
         gateway.close()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
 from typing import Annotated
 
 import numpy as np
@@ -10,7 +11,6 @@ from protocol.arrays import Array
 from protocol.bodies import GraspHold as HoldBody
 from protocol.bodies import ToolContacts
 from protocol.bodies.haptics import TOOL_COLUMNS, TOOL_OPENING, TOOL_PORT, TOOL_POSITION, TOOL_ROLL, tool_table
-from protocol.vectors import Vec3
 from services.mechanics.arrays import BoolArray, FloatArray
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE
 from services.mechanics.compiled import kernel
@@ -50,7 +50,7 @@ class ContactsReader:
         n_triangles = simulation.duct.reduced.mesh.triangles.shape[0]
         n_segments = simulation.catheter.state.position_m.shape[0] - 1
         self._most = {DUCT_TRIANGLE: n_triangles, CATHETER_SEGMENT: n_segments}
-        self._weights: dict[int, tuple[Vec3, FloatArray]] = {}
+        self._holds: dict[int, tuple[HoldBody, GraspHold]] = {}
         self._table = ToolTable.zeros(
             present=self.tools.present,
             port=simulation.tools.port_m,
@@ -84,16 +84,18 @@ class ContactsReader:
 
     def _take_holds(self, holds: tuple[HoldBody, ...]) -> None:
         self.tools.holds = [self._hold(hold) for hold in holds] if holds else []
-        if len(self._weights) > len(holds):
-            self._weights = {hold.hold_id: self._weights[hold.hold_id] for hold in holds}
+        if len(self._holds) > len(holds):
+            self._holds = {hold.hold_id: self._holds[hold.hold_id] for hold in holds}
 
     def _hold(self, body: HoldBody) -> GraspHold:
-        known = self._weights.get(body.hold_id)
-        if known is None or known[0] != body.target_weights:
-            known = self._weights[body.hold_id] = body.target_weights, _weights(body)
-        return GraspHold(
-            body.hold_id, body.tool, body.target_kind, body.target, known[1], body.limit_n, body.jaw_angle_rad
-        )
+        """Return the hold of this number, the same object as before unless it holds something else."""
+        known = self._holds.get(body.hold_id)
+        if known is None or _held_by(known[0]) != _held_by(body):
+            hold = GraspHold(body.hold_id, body.tool, body.target_kind, body.target, _weights(body), 0.0, 0.0)
+            known = self._holds[body.hold_id] = body, hold
+        hold = known[1]
+        hold.limit_n, hold.jaw_angle_rad = body.limit_n, body.jaw_angle_rad
+        return hold
 
 
 @kernel
@@ -108,6 +110,9 @@ def copy_tools(address: Address[ToolTable], n_tools: int) -> None:
                 table.position[tool, axis] = rows[tool, TOOL_POSITION + axis]
                 table.port[tool, axis] = rows[tool, TOOL_PORT + axis]
             table.roll[tool], table.opening[tool] = rows[tool, TOOL_ROLL], rows[tool, TOOL_OPENING]
+
+
+_held_by = attrgetter("tool", "target_kind", "target", "target_weights")
 
 
 def _weights(body: HoldBody) -> FloatArray:

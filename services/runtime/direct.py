@@ -57,10 +57,12 @@ class _Peer:
             self._send_rest()
             if self._rest:
                 return
-        with suppress(BlockingIOError):
+        try:  # cheaper than `suppress`
             n_sent = self.connection.send(message)
-            if n_sent < len(message):
-                self._rest = message[n_sent:]
+        except BlockingIOError:
+            return
+        if n_sent < len(message):
+            self._rest = message[n_sent:]
 
     def _send_rest(self) -> None:
         if self._rest:
@@ -117,10 +119,11 @@ class DirectSender:
         self._subscribed = [peer for peer in self._peers.values() if peer.subscriptions]
 
     def send(self, data: bytes) -> None:
-        """Send a frame; subscribers with a full buffer lose it."""
-        self.look()
+        """Send a frame; subscribers with a full buffer lose it. Further subscribers are found by `look`."""
         if not self._subscribed:
-            return
+            self.look()
+            if not self._subscribed:
+                return
         self.sends += len(self._subscribed)
         message = zmtp.framed(data)
         for peer in self._subscribed:

@@ -28,6 +28,9 @@ _LATE_NS = 2 * _GAP_NS
 #: How long a process waits for its last batches to be sent at its end.
 _LINGER_MS = 20
 
+#: As a plain number: an operation of an enumeration costs a microsecond.
+_POLLIN = int(zmq.POLLIN)
+
 Socket = zmq.Socket[bytes]
 
 
@@ -65,7 +68,7 @@ def lengths_and_frames(parts: list[bytes]) -> tuple[bytes, bytes]:
 
 def is_readable(socket: Socket) -> bool:
     """Return whether `socket` has a message; this costs a third of an exception."""
-    return bool(int(socket.getsockopt(zmq.EVENTS)) & zmq.POLLIN)
+    return bool(int(socket.getsockopt(zmq.EVENTS)) & _POLLIN)
 
 
 def count_readers(socket: Socket, before: int) -> int:

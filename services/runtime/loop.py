@@ -149,7 +149,7 @@ def sleep_until(deadline_ns: int) -> None:
 
 
 def ticks(
-    meter: LoopMeter, stop: Callable[[], bool], wait_until: Callable[[int], None] = sleep_until
+    meter: LoopMeter, stop: Callable[[], bool], wait_until: Callable[[int], None] = sleep_until, first: int = 0
 ) -> Iterator[Tick]:
     """Yield a tick per period on an absolute grid until `stop` returns True.
 
@@ -161,8 +161,9 @@ def ticks(
         stop: Called before every tick.
         wait_until: Called to wait for the next point of the grid; it must return at that time (a bus may listen
         meanwhile).
+        first: Index of the first tick.
     """
-    index = 0
+    index = first
     scheduled = time.monotonic_ns() + meter.period_ns
     while not stop():
         wait_until(scheduled)
@@ -268,4 +269,5 @@ def follow(
         yield frame
         ended_ns = time.monotonic_ns()
         meter.finish(ended_ns)
-        sleep_until(ended_ns + limiter.rest_ns(last_ns, ended_ns))
+        if rest_ns := limiter.rest_ns(last_ns, ended_ns):
+            sleep_until(ended_ns + rest_ns)

@@ -86,6 +86,8 @@ class Incoming:
             elif self._view[begin : begin + 6] == _READY:
                 self.is_ready = True
             start = end
+            if start == self._end:  # nearly always, as a peer sends a message at a time
+                break
         self._keep(start)
         return found
 

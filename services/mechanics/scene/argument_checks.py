@@ -7,7 +7,7 @@ where it was.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from operator import is_
+from operator import attrgetter, is_
 
 import numpy as np
 
@@ -20,6 +20,7 @@ _ARRAYS: dict[str, tuple[tuple[int, ...], type[np.generic]]] = {
     "jaw_angle_rad": ((N_TOOLS,), np.float64),
 }
 _INTEGERS, _FLOATS = ("hold_id", "tool", "target_kind", "target"), ("limit_n", "jaw_angle_rad")
+_numbers, _usual = attrgetter(*_INTEGERS, *_FLOATS), [int] * len(_INTEGERS) + [float] * len(_FLOATS)
 
 
 class ArgumentChecks:
@@ -57,15 +58,20 @@ def _check_holds(holds: Sequence[GraspHold]) -> None:
         place = f"tools.holds[{index}]"
         if not isinstance(hold, GraspHold):
             raise TypeError(f"{place} must be a GraspHold, is {_kind(hold)}")
-        for name in _INTEGERS:
-            if not isinstance(value := getattr(hold, name), int | np.integer):
-                raise TypeError(f"{place}.{name} must be a whole number, is {value!r}")
-        for name in _FLOATS:
-            if not isinstance(value := getattr(hold, name), float | int | np.number):
-                raise TypeError(f"{place}.{name} must be a number, is {value!r}")
+        if list(map(type, _numbers(hold))) != _usual:
+            _check_numbers(hold, place)
         weights = hold.target_weights
         if not isinstance(weights, np.ndarray) or weights.shape != (3,) or weights.dtype != np.float64:
             raise ValueError(f"{place}.target_weights must be an array (3,) of float64")
+
+
+def _check_numbers(hold: GraspHold, place: str) -> None:
+    for name in _INTEGERS:
+        if not isinstance(value := getattr(hold, name), int | np.integer):
+            raise TypeError(f"{place}.{name} must be a whole number, is {value!r}")
+    for name in _FLOATS:
+        if not isinstance(value := getattr(hold, name), float | int | np.number):
+            raise TypeError(f"{place}.{name} must be a number, is {value!r}")
 
 
 def _kind(value: object) -> str:
