@@ -5,6 +5,10 @@ and its age (Hannaford and Ryu, IEEE Trans. Robotics and Automation 18(1), 2002)
 in counts fully, energy returned less the share dissipated by the arm's own friction. As one hand may push another
 through tissue, the sum over all servos counts.
 
+A reading may flicker by a count in each coordinate while the tip stands still and nothing is dissipated. So the work is
+accounted for twice, step by step and directly from an *anchor*, the last position that was further than a flicker from
+the anchor before. The smaller energy counts; on one way both agree.
+
 The next force is held before its displacement is known. If the hand moves by :math:`s` along it, it receives
 :math:`(f - F)\,s` beyond the friction :math:`F`, so
 
@@ -24,6 +28,9 @@ import math
 from services.gateway.servo_arrays import (
     LIMIT_COUNT,
     LIMIT_FRICTION,
+    MEMORY_ANCHOR,
+    MEMORY_AT_ANCHOR,
+    MEMORY_BY_STEPS,
     MEMORY_ENERGY,
     MEMORY_FORCE,
     MEMORY_POSITION,
@@ -37,6 +44,8 @@ from services.mechanics.compiled.vectors import Vector, dot, scaled
 
 #: Time constant by which a common debt is forgiven, so that no hand stays limp; the arms' friction dissipates more.
 FORGIVEN_S = 1.0
+#: Square of a displacement in counts that needs a moving tip: between three coordinates of one count, and one of two.
+FLICKER = 3.5
 #: Limit of stored energy, so that long friction does not pay for a later burst.
 MAX_STORED_J = 0.05
 
@@ -44,18 +53,20 @@ MAX_STORED_J = 0.05
 @kernel
 def book_work(motion: FloatArray, limits: FloatArray, memory: FloatArray) -> Vector:
     """Account for the work of the held force up to the pose of `motion`; return the displacement, m."""
-    way = (
-        motion[0] - memory[MEMORY_POSITION],
-        motion[1] - memory[MEMORY_POSITION + 1],
-        motion[2] - memory[MEMORY_POSITION + 2],
-    )
-    given = dot(_held(memory), way)
-    if given > 0.0:
-        given = max(0.0, given - limits[LIMIT_FRICTION] * math.sqrt(dot(way, way)))
-    energy = memory[MEMORY_ENERGY] - given
-    memory[MEMORY_ENERGY] = min(energy, MAX_STORED_J) if math.isfinite(energy) else 0.0
+    way, apart = _way_from(memory, MEMORY_POSITION, motion), _way_from(memory, MEMORY_ANCHOR, motion)
+    force, friction = _held(memory), limits[LIMIT_FRICTION]
+    by_steps = min(memory[MEMORY_BY_STEPS] - _given(force, way, friction), MAX_STORED_J)
+    energy = min(by_steps, memory[MEMORY_AT_ANCHOR] - _given(force, apart, friction))
+    if not math.isfinite(energy):
+        energy = by_steps = 0.0
+    has_moved = dot(apart, apart) > FLICKER * limits[LIMIT_COUNT] ** 2
+    memory[MEMORY_ENERGY], memory[MEMORY_BY_STEPS] = energy, energy if has_moved else by_steps
+    if has_moved:
+        memory[MEMORY_AT_ANCHOR] = energy
     for axis in range(3):
         memory[MEMORY_POSITION + axis] = motion[axis]
+        if has_moved:
+            memory[MEMORY_ANCHOR + axis] = motion[axis]
     return way
 
 
@@ -71,7 +82,10 @@ def settle(now: FloatArray, free: bool, memory: FloatArray) -> None:
     owed = min(-energy, -energy - others)
     if owed > 0.0:
         energy += owed * min(1.0, now[NOW_DT] / FORGIVEN_S)
+    change = energy - memory[MEMORY_ENERGY]
     memory[MEMORY_ENERGY] = energy
+    memory[MEMORY_BY_STEPS] += change
+    memory[MEMORY_AT_ANCHOR] += change
 
 
 @kernel
@@ -91,6 +105,19 @@ def bound_force(way: Vector, limits: FloatArray, now: FloatArray, memory: FloatA
         force = scaled(force, largest / held)
         for axis in range(3):
             memory[MEMORY_FORCE + axis] = force[axis]
+
+
+@kernel
+def _given(force: Vector, way: Vector, friction: float) -> float:
+    """Return the energy that the hand receives from a force over a displacement, J, negative if it puts some in."""
+    given = dot(force, way)
+    return max(0.0, given - friction * math.sqrt(dot(way, way))) if given > 0.0 else given
+
+
+@kernel
+def _way_from(memory: FloatArray, first: int, motion: FloatArray) -> Vector:
+    """Return the displacement from a stored position to that of `motion`, m."""
+    return (motion[0] - memory[first], motion[1] - memory[first + 1], motion[2] - memory[first + 2])
 
 
 @kernel

@@ -44,6 +44,10 @@ class EventSource(Protocol):
         """Return codes by type, those of axes with their ranges."""
         ...
 
+    def absinfo(self, axis_num: int) -> Any:
+        """Ask the device for the range and the present value of an axis."""
+        ...
+
     def upload_effect(self, effect: Any) -> int:
         """Upload an effect and return its number."""
         ...
@@ -117,7 +121,8 @@ class Inputs:
     def _synchronise(self) -> None:
         """Read the present values of all axes and buttons, as events may have been lost."""
         self._values = {(ecodes.EV_KEY, code): 1.0 for code in self.source.active_keys()}
-        for code, info in self.source.capabilities(absinfo=True).get(ecodes.EV_ABS, ()):
+        for code, _ in self.source.capabilities(absinfo=True).get(ecodes.EV_ABS, ()):
+            info = self.source.absinfo(code)  # those of the capabilities are from when it was opened
             self._ranges[code] = _range_of(code, float(info.min), float(info.max))
             self._values[ecodes.EV_ABS, code] = self._scaled(code, float(info.value))
 

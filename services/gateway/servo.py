@@ -132,7 +132,7 @@ class Servo:
             law: Computes the force, in an arm's own thread where it has one.
         """
         now = self._now
-        dt_s = (now_ns - self._last_ns) * 1e-9 if self._last_ns else 1e-3
+        dt_s = max(0.0, (now_ns - self._last_ns) * 1e-9) if self._last_ns else 1e-3  # a clock may go back
         self._last_ns = now_ns
         self.age_s = self._age_s(now_ns)
         self._trip(motion, dt_s)
@@ -158,8 +158,9 @@ class Servo:
         The torque of a drive that has returned is ramped up like a force that begins.
         """
         now = self._now
-        now[servo_arrays.NOW_DT] = dt_s = (now_ns - self._last_grasp_ns) * 1e-9 if self._last_grasp_ns else 1e-3
+        dt_s = max(0.0, (now_ns - self._last_grasp_ns) * 1e-9) if self._last_grasp_ns else 1e-3
         self._last_grasp_ns = now_ns
+        now[servo_arrays.NOW_DT] = dt_s
         now[servo_arrays.NOW_AGE] = self._age_s(now_ns)
         rise = dt_s / self._ramp_s if self._ramp_s > 0.0 else 1.0
         self._grasp_gain = min(self._grasp_gain + rise, self.engagement.gain) if self.grasp_on else 0.0
@@ -172,7 +173,8 @@ class Servo:
         self._last_grasp_ns = 0
 
     def _age_s(self, now_ns: int) -> float:
-        return min((now_ns - self._answers_ns) * 1e-9, _MAX_AGE_S) if self._answers_ns else _MAX_AGE_S
+        is_known = 0 < self._answers_ns <= now_ns  # the time of one from the future has gone back
+        return min((now_ns - self._answers_ns) * 1e-9, _MAX_AGE_S) if is_known else _MAX_AGE_S
 
     def _trip(self, motion: FloatArray, dt_s: float) -> None:
         x, y, z, vx, vy, vz = motion.tolist()

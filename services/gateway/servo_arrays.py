@@ -22,12 +22,12 @@ HANDLE_ANGLE, HANDLE_RATE, HANDLE_SIZE = 0, 1, 2
 # and the energy that the hands of all other instruments have put in.
 NOW_DT, NOW_AGE, NOW_TTL, NOW_GAIN, NOW_GRASP_GAIN, NOW_TEMPERATURE, NOW_OTHERS, NOW_SIZE = range(8)
 
-# State of the servo between ticks.
-MEMORY_FORCE, MEMORY_POSITION, MEMORY_WAY = 0, 3, 6
+# State of the servo between ticks; `energy_bound` defines the three energies and the anchor.
+MEMORY_FORCE, MEMORY_POSITION, MEMORY_WAY, MEMORY_ANCHOR = 0, 3, 6, 9
 (
-    MEMORY_ENERGY, MEMORY_HOT, MEMORY_DEMAND, MEMORY_REFUSED, MEMORY_SCALE, MEMORY_STIFFNESS, MEMORY_TORQUE,
-    MEMORY_SIZE,
-) = range(9, 17)  # fmt: skip
+    MEMORY_ENERGY, MEMORY_BY_STEPS, MEMORY_AT_ANCHOR, MEMORY_HOT, MEMORY_DEMAND, MEMORY_REFUSED, MEMORY_SCALE,
+    MEMORY_STIFFNESS, MEMORY_TORQUE, MEMORY_SIZE,
+) = range(12, 22)  # fmt: skip
 
 
 @kernel

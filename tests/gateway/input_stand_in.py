@@ -24,6 +24,7 @@ class InputStandIn:
     def __init__(self, path: str, name: str, capabilities: dict[int, Any]) -> None:
         self.path, self.name = path, name
         self._capabilities = capabilities
+        self._axes = dict(capabilities.get(ecodes.EV_ABS, ()))
         self._events: deque[InputEvent] = deque()
         self._unplugged = False
         self._last_effect = 0
@@ -38,8 +39,7 @@ class InputStandIn:
     def run_over(self, axis: str, value: int, pressed: list[str]) -> None:
         """Lose events as the kernel does where nobody reads: the axis and buttons stand so when it tells of that."""
         code = ecodes.ecodes[axis]
-        axes = self._capabilities[ecodes.EV_ABS]
-        self._capabilities[ecodes.EV_ABS] = [(c, i._replace(value=value) if c == code else i) for c, i in axes]
+        self._axes[code] = self._axes[code]._replace(value=value)
         self.pressed = [ecodes.ecodes[name] for name in pressed]
         self._events.append(InputEvent(0, 0, ecodes.EV_SYN, ecodes.SYN_DROPPED, 0))
         self._events.append(InputEvent(0, 0, ecodes.EV_ABS, code, -value))  # half of a report
@@ -61,12 +61,16 @@ class InputStandIn:
         return self._events.popleft() if self._events else None
 
     def capabilities(self, absinfo: bool = True) -> dict[int, Any]:
-        """Return what it can do, in the shape of `evdev.InputDevice.capabilities`."""
+        """Return what it can do, in the shape of `evdev.InputDevice.capabilities`: values are those of the opening."""
         if absinfo:
             return self._capabilities
         return {
             kind: [c[0] if isinstance(c, tuple) else c for c in codes] for kind, codes in self._capabilities.items()
         }
+
+    def absinfo(self, axis_num: int) -> AbsInfo:
+        """Return an axis as it stands now."""
+        return self._axes[axis_num]
 
     def upload_effect(self, effect: Any) -> int:
         """Remember a rumble."""

@@ -194,6 +194,39 @@ def test_a_drive_that_tells_no_position_is_a_fault_that_says_what_to_do(odrive: 
     assert "node 1) sends no position" in odrive.grasp.fault
 
 
+@pytest.mark.parametrize("period_ms", [8, 10, 20, 100, 250])
+def test_a_drive_that_tells_its_position_too_seldom_is_a_fault_too(odrive: Odrive, period_ms: int) -> None:
+    """It was ready for the half of the time, without a word."""
+    link = odrive.grasp._link
+    assert link is not None
+    odrive.grasp.enable()
+    odrive.run(0.3)
+    assert odrive.grasp.ready
+    take, ready = link._take_estimates, []
+    for k in range(1000):
+        link._take_estimates = take if k % period_ms == 0 else lambda _data: None  # type: ignore[method-assign]
+        odrive.run(0.001)
+        ready.append(odrive.grasp.ready)
+    assert not any(ready[30:])
+    assert "less often than every 5 ms" in odrive.grasp.fault
+    link._take_estimates = take  # type: ignore[method-assign]
+    odrive.run(0.3)
+    assert odrive.grasp.ready
+
+
+@pytest.mark.parametrize("turns_s", [50.0, -1e30])
+def test_a_speed_that_no_handle_has_is_a_fault(odrive: Odrive, turns_s: float) -> None:
+    odrive.grasp.enable()
+    odrive.run(0.3)
+    assert odrive.grasp._link is not None
+    odrive.grasp._link.rate_turns_s = turns_s
+    handle = np.ones(2)
+    odrive.grasp.read(0, handle)
+    assert "which no hand can make" in odrive.grasp.fault
+    assert handle[1] == 0.0
+    assert not odrive.grasp.ready
+
+
 @pytest.mark.parametrize("turns", [0.5, 9.0, -0.4, 1e30])
 def test_an_angle_that_no_hand_can_make_is_a_fault_with_a_sentence_and_no_angle(odrive: Odrive, turns: float) -> None:
     """A wrong zero, a gear that is not as the file says, an encoder that slipped: jaws would turn through."""

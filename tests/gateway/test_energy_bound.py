@@ -7,7 +7,7 @@ import pytest
 
 from services.gateway.energy_bound import FORGIVEN_S, MAX_STORED_J
 from services.gateway.premium_model import COUNT_M, FRICTION_N
-from services.gateway.servo_arrays import MEMORY_ENERGY, NOW_OTHERS
+from services.gateway.servo_arrays import MEMORY_AT_ANCHOR, MEMORY_BY_STEPS, MEMORY_ENERGY, NOW_OTHERS
 from tests.gateway.test_servo_law import DT_S, Law
 
 WALL_N_M = 500.0
@@ -28,6 +28,10 @@ def press(law: Law, to_m: float, speed_m_s: float = 0.01) -> float:
     return float(force[0])
 
 
+def own(law: Law, energy_j: float) -> None:
+    law.memory[[MEMORY_ENERGY, MEMORY_BY_STEPS, MEMORY_AT_ANCHOR]] = energy_j
+
+
 @pytest.mark.parametrize("stiffness_n_m", [50.0, 600.0, 1300.0])
 def test_a_slow_hand_feels_the_wall_and_nothing_of_the_bound(stiffness_n_m: float) -> None:
     law = at_a_wall(stiffness_n_m)
@@ -43,6 +47,19 @@ def test_a_hand_that_rests_on_the_edge_of_a_count_keeps_its_force() -> None:
     for tick in range(10_000):
         law.motion[0] = -1e-3 + COUNT_M * (tick % 2)
         assert law.force()[0] == pytest.approx(-WALL_N_M * law.motion[0])
+
+
+@pytest.mark.parametrize("stiffness_n_m", [50.0, WALL_N_M, 1300.0])
+@pytest.mark.parametrize("axes", [1, 3])
+def test_a_tip_that_stands_on_the_edge_of_a_count_earns_nothing(stiffness_n_m: float, axes: int) -> None:
+    """Its friction dissipates nothing: so much earned would pay for a fast withdrawal."""
+    law = at_a_wall(stiffness_n_m)
+    press(law, -1e-3)
+    stored_j, edge_m = law.memory[MEMORY_ENERGY], law.motion[:3].copy()
+    for tick in range(10_000):
+        law.motion[:axes] = edge_m[:axes] + COUNT_M * (tick % 2)
+        law.force()
+        assert law.memory[MEMORY_ENERGY] <= stored_j + 2.0 * stiffness_n_m * COUNT_M**2, "what the last step may hold"
 
 
 def test_a_force_that_nobody_paid_for_is_no_more_than_the_arms_friction() -> None:
@@ -89,13 +106,16 @@ def test_a_free_hand_has_no_savings_but_for_what_others_have_drawn_on_and_debts_
     law.load()
     law.settle()
     assert law.memory[MEMORY_ENERGY] == 0.0
-    law.memory[MEMORY_ENERGY], law.now[NOW_OTHERS] = 0.004, -0.003
+    own(law, 0.004)
+    law.now[NOW_OTHERS] = -0.003
     law.force()
     assert law.memory[MEMORY_ENERGY] == pytest.approx(0.003), "it pays for what another was given"
-    law.memory[MEMORY_ENERGY], law.now[NOW_OTHERS] = -0.002, 0.002
+    own(law, -0.002)
+    law.now[NOW_OTHERS] = 0.002
     law.force()
     assert law.memory[MEMORY_ENERGY] == pytest.approx(-0.002), "that is paid for"
-    law.memory[MEMORY_ENERGY], law.now[NOW_OTHERS] = -0.002, 0.0
+    own(law, -0.002)
+    law.now[NOW_OTHERS] = 0.0
     for _ in range(round(FORGIVEN_S / DT_S)):
         law.force()
     assert law.memory[MEMORY_ENERGY] == pytest.approx(-0.002 / np.e, rel=0.01)

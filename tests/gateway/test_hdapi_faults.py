@@ -9,8 +9,10 @@ import pytest
 
 from services.gateway import servo_arrays
 from services.gateway.engagement import SMALL_FORCE_N
+from services.gateway.hdapi import native
 from services.gateway.hdapi.constants import ERRORS, Style
 from services.gateway.hdapi.library import Library
+from services.mechanics.compiled import kernel
 from tests.gateway.hdapi_bench import FREE, LEFT, RATE_N_S, RIGHT, STEP_N, TTL_MS, HdapiBench
 
 REFUSALS, SCHEDULER, WARM = (0x0201, 0x0202, 0x0203, 0x0204), (0x0304, 0x0500, 0x0501), 0x0200
@@ -188,6 +190,21 @@ def test_a_pose_that_is_no_number_is_not_passed_on(pushing: HdapiBench) -> None:
     np.testing.assert_array_equal(pushing.forces[-1], [FREE, RIGHT])
 
 
+@pytest.mark.parametrize("frames", [6, 19])
+def test_a_hand_is_told_why_it_bears_no_force_after_some_poses_that_were_no_numbers(
+    pushing: HdapiBench, frames: int
+) -> None:
+    pushing.c.standin_not_a_number(1, 1)
+    pushing.run(frames, LEFT, RIGHT)
+    pushing.c.standin_not_a_number(1, 0)
+    pushing.run(100, LEFT, RIGHT)
+    np.testing.assert_array_equal(pushing.forces[-1], [FREE, RIGHT])
+    assert pushing.left.prompt.endswith("bears no force: move out of the contact")
+    assert pushing.left.fault == pushing.right.prompt == ""
+    pushing.begin(LEFT, RIGHT)
+    assert pushing.left.prompt == ""
+
+
 def test_a_scheduler_that_stalls_for_a_moment_is_survived_and_earns_no_step(pushing: HdapiBench) -> None:
     pushing.run(50, LEFT, RIGHT)
     pushing.c.standin_stall(10)
@@ -272,14 +289,36 @@ def test_a_clock_that_goes_back_moves_no_force_by_more_than_its_rate(arms: Hdapi
     assert taken_j < 1e-4
 
 
+@pytest.mark.parametrize("by_law", [False, True])
+def test_a_clock_that_goes_back_does_not_keep_the_force_of_a_gateway_that_falls_silent(
+    arms: HdapiBench, by_law: bool
+) -> None:
+    arms.by_law = by_law
+    arms.open()
+    arms.begin(LEFT, RIGHT)
+    arms.standin.clock._now_ns -= 2_000_000_000
+    arms.wait(2 * TTL_MS)
+    np.testing.assert_array_equal(arms.forces[-1], [FREE, FREE])
+
+
+def test_of_two_threads_only_one_serves_the_arms() -> None:
+    busy = np.zeros(1, np.int64)
+    assert [bool(_claims(busy.ctypes.data)) for _ in range(2)] == [True, False]
+
+
+@kernel
+def _claims(address: int) -> bool:
+    return native.claim(address)
+
+
 def test_a_call_from_a_second_thread_while_one_is_served_does_nothing(pushing: HdapiBench) -> None:
     assert pushing.left._session is not None
     servo = pushing.left._session._servo
     assert servo is not None
-    servo.busy = True
+    servo.busy[0] = 1
     calls = servo.calls
     pushing.wait(3)
     assert servo.calls == calls
-    servo.busy = False
+    servo.busy[0] = 0
     pushing.wait(3)
     assert servo.calls == calls + 3

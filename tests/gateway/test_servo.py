@@ -139,6 +139,25 @@ def test_grasp_torque_goes_to_zero_when_its_drive_is_off() -> None:
     assert np.abs(np.diff(torques)).max() <= 0.02 + 1e-9
 
 
+@pytest.mark.parametrize("back_ms", [50, 1000])
+def test_a_clock_that_goes_back_moves_neither_force_nor_torque(back_ms: int) -> None:
+    bench = Bench()
+    bench.engage()
+    bench.model = LocalModel(grasp_torque_nm=0.1, in_contact=True)
+    for _ in range(150):
+        bench.run(1)
+        bench.servo.step_grasp(bench.now_ns, np.zeros(2))
+    bench.model = None
+    bench.now_ns -= back_ms * TICK_NS
+    for _ in range(3):
+        bench.servo.step_grasp(bench.now_ns, np.zeros(2))
+        assert 0.0 <= bench.servo.torque_nm <= 0.1
+        bench.run(1)
+    bench.servo.engagement.let_go()
+    assert 0.0 <= bench.servo.engagement.gain <= 1.0
+    assert bench.largest_step() <= 0.2 + 1e-9
+
+
 STEP_NM = LIMITS.torque_nm * LIMITS.force_rate_n_s / LIMITS.force_n * 1e-3
 
 

@@ -28,6 +28,10 @@ from services.runtime.rig import DriverSettings, Settings
 _ARM_TIMEOUT_S = 0.5
 #: How far below zero a handle pressed shut may be, as a share of its largest angle.
 _BELOW_SHUT = 0.25
+#: Speeds beyond this multiple of the drive's own limit are none: it lets go at 1.2 times that.
+_FASTEST = 2.0
+#: Time without a late estimate until a handle is ready, in timeouts: one of a slow series is young for one of them.
+_STEADY = 4.0
 
 
 class OdriveSettings(Settings):
@@ -68,7 +72,7 @@ class OdriveGrasp(GraspHandle, ABC):
         self._link: OdriveLink | None = None
         sign = 1.0 if file.opens_with_positive_motor else -1.0
         self._rad_per_turn = sign * 2 * math.pi / file.motor_turns_per_handle_turn
-        self._arming_until_ns = 0
+        self._arming_until_ns = self._late_ns = self._steady_ns = 0  # late: newest tick without a young estimate
         self._wanted = False
         self._opening: BackgroundOpen[can.BusABC] | None = None
         self._not_opened = ""
@@ -190,8 +194,10 @@ class OdriveGrasp(GraspHandle, ABC):
 
     @property
     def _is_possible(self) -> bool:
-        """Whether the newest angle is plausible; it is not if zero or gear differ from the device file."""
-        return -_BELOW_SHUT * self.file.widest_rad <= self._said_rad <= self.file.widest_rad
+        """Whether the newest estimates are plausible; angles are not if zero or gear differ from the device file."""
+        link, file = self._link, self.file
+        is_slow = link is not None and abs(link.rate_turns_s) <= _FASTEST * file.max_motor_turns_s
+        return is_slow and -_BELOW_SHUT * file.widest_rad <= self._said_rad <= file.widest_rad
 
     def _listen(self, link: OdriveLink) -> None:
         """Receive frames; a drive that answers soon after its bus was reopened by a person is armed."""
@@ -210,24 +216,33 @@ class OdriveGrasp(GraspHandle, ABC):
         return self._not_opened or (f"{self._name} has been silent for {self.file.heartbeat_timeout_s} s")
 
     def _judge(self, link: OdriveLink, now_ns: int) -> None:
-        young = now_ns - link.estimated_ns < self.file.feedback_timeout_s * 1e9
+        timeout_ns = self.file.feedback_timeout_s * 1e9
         closed = link.state == AxisState.CLOSED_LOOP
+        if now_ns - link.estimated_ns >= timeout_ns:
+            self._late_ns = now_ns
+        steady = now_ns - self._late_ns >= _STEADY * timeout_ns
+        if steady or not (self._wanted and closed):
+            self._steady_ns = now_ns
         if self._opening is not None or self._is_silent(link, now_ns):
             self.fault = self._silence()
         elif link.errors:
             self.fault = f"{self._name} let go: {cansimple.error_names(link.errors)}"
         elif not self._is_possible:
             self.fault = (
-                f"{self._name} says that its handle is at {self._said_rad:.3g} rad, which no "
-                "hand can make: look at shut_at_motor_turns and motor_turns_per_handle_turn in its device file"
+                f"{self._name} says that its handle is at {self._said_rad:.3g} rad and turns at "
+                f"{self._rad_per_turn * link.rate_turns_s:.3g} rad/s, which no hand can make: look at "
+                "shut_at_motor_turns and motor_turns_per_handle_turn in its device file"
             )
         elif self._wanted and not closed and now_ns > self._arming_until_ns:
             self.fault = f"{self._name} did not close its loop"
-        elif self._wanted and closed and now_ns - link.estimated_ns > self.file.heartbeat_timeout_s * 1e9:
-            self.fault = f"{self._name} sends no position: set its encoder messages to 1 or 2 ms"
+        elif now_ns - self._steady_ns > self.file.heartbeat_timeout_s * 1e9:
+            self.fault = (
+                f"{self._name} sends no position, or less often than every {1e3 * self.file.feedback_timeout_s:g} ms: "
+                "set its encoder messages to 1 or 2 ms"
+            )
         else:
             self.fault = ""
-        self.ready = self._wanted and closed and young and not self.fault
+        self.ready = self._wanted and closed and steady and not self.fault
 
     def gauges(self) -> dict[str, float]:
         """Return the load of the bus, 0 to 1, by all frames seen on it."""

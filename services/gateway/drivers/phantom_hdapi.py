@@ -11,6 +11,7 @@ from protocol.bodies.haptics import MODEL_COLUMNS
 from services.gateway import driver
 from services.gateway.device_files import ArmFile
 from services.gateway.driver import Arm, Place
+from services.gateway.engagement import SMALL_FORCE_N
 from services.gateway.hdapi import cells, exchange, host_checks, session
 from services.gateway.hdapi.constants import Calibration, Style, describe
 from services.gateway.hdapi.error_stack import unreachable
@@ -18,7 +19,15 @@ from services.gateway.hdapi.library import DEFAULT
 from services.gateway.hdapi.open_arm import OpenArm, Terms
 from services.gateway.hdapi.reopening import Reopening
 from services.gateway.host_check import HostCheck
-from services.gateway.servo_arrays import LIMIT_SIZE, MEMORY_SIZE, NOW_SIZE, NOW_TTL, READ_SIZE, READ_TEMPERATURE
+from services.gateway.servo_arrays import (
+    LIMIT_SIZE,
+    MEMORY_DEMAND,
+    MEMORY_SIZE,
+    NOW_SIZE,
+    NOW_TTL,
+    READ_SIZE,
+    READ_TEMPERATURE,
+)
 from services.mechanics.arrays import FloatArray
 from services.runtime import config
 from services.runtime.errors import DeviceError
@@ -241,6 +250,9 @@ class Driver(Arm):
         if self._enabled and seen[cells.SEEN_TRUST] == 0.0 and seen[cells.SEEN_REFUSAL]:
             why = describe(int(seen[cells.SEEN_REFUSAL]))
             return f"{self._shown} has refused force, {why}: move out of the contact"
+        wants_force = seen[cells.SEEN_MEMORY + MEMORY_DEMAND] >= SMALL_FORCE_N
+        if self._enabled and seen[cells.SEEN_TRUST] == 0.0 and wants_force:
+            return f"{self._shown} was not heard for a moment and bears no force: move out of the contact"
         return ""
 
     def _problem(self, seen: list[float]) -> str:

@@ -50,8 +50,8 @@ from services.gateway.slew import slew_vector
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 
-#: An ordered force, or a pose, older than this is not trusted. As a force of 3 N then falls to zero in 15 ms, the hand
-#: is free before a model's life of 20 ms.
+#: An ordered force, or a pose, older than this is not trusted, nor one from as far in the future: a clock may go back.
+#: As a force of 3 N then falls to zero in 15 ms, the hand is free before a model's life of 20 ms.
 STALE_NS = 4_000_000
 TRUST_S = 0.1
 _FORCE, _CALIBRATED = int(Parameter.CURRENT_FORCE), int(Calibration.OK)
@@ -90,14 +90,14 @@ def _want(arm: ArmCell, now_ns: int, dt_s: float) -> bool:
     for axis in range(3):
         arm.wanted_n[axis] = arm.order[ORDER_FORCE + axis]
     arm.memory[MEMORY_DEMAND] = _norm(arm.wanted_n)
-    return bool(now_ns - arm.order[ORDER_TIME] <= STALE_NS)
+    return bool(abs(now_ns - arm.order[ORDER_TIME]) <= STALE_NS)
 
 
 @kernel
 def _is_believable(arm: ArmCell, now_ns: int) -> bool:
     refused = arm.refused_now or arm.refused > 0
     may_begin = arm.trust > 0.0 or arm.memory[MEMORY_DEMAND] < SMALL_FORCE_N
-    return not refused and may_begin and math.isfinite(_norm(arm.wanted_n)) and now_ns - arm.read_ns <= STALE_NS
+    return not refused and may_begin and math.isfinite(_norm(arm.wanted_n)) and abs(now_ns - arm.read_ns) <= STALE_NS
 
 
 @kernel
@@ -125,7 +125,7 @@ def _evaluate(arm: ArmCell, now_ns: int, dt_s: float) -> bool:
         motion[axis] += mount[2 + axis]
     servo_force(arm.model, motion, arm.limits, now, arm.memory)
     force_to_arm(arm.memory[MEMORY_FORCE : MEMORY_FORCE + 3], mount, arm.wanted_n)
-    return bool(now[NOW_AGE] < now[NOW_TTL])
+    return bool(-1e-9 * STALE_NS <= now[NOW_AGE] < now[NOW_TTL])
 
 
 @kernel

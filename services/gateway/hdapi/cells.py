@@ -115,7 +115,8 @@ class ServoCell(Struct):
     stopped_by: int = 0
     pausing: bool = False  # all forces are to end, because the scheduler will be stopped
     calls: int = 0
-    busy: bool = False
+    busy: Annotated[LongArray, 1]  # 1 while a thread serves the arms
+    busy_at: int
 
 
 class Port(Struct):

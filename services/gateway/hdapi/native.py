@@ -66,6 +66,15 @@ def _fence(_context: Any) -> Any:
     return types.void(), generate
 
 
+def _claim(_context: Any, address: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        flag = builder.inttoptr(values[0], _LONG.as_pointer())
+        before = builder.atomic_rmw("xchg", flag, _LONG(1), "seq_cst")
+        return builder.icmp_signed("==", before, _LONG(0))
+
+    return types.boolean(types.int64), generate
+
+
 #: ``void f(unsigned)`` at an address.
 call_unsigned = cast(Callable[[int, int], None], intrinsic(_call_unsigned))
 #: ``void f(unsigned, T *)``; the pointer is an address too. Also ``clock_gettime``, whose result is ignored.
@@ -76,3 +85,5 @@ ask_unsigned = cast(Callable[[int], int], intrinsic(_ask_unsigned))
 take_error = cast(Callable[[int], tuple[int, int]], intrinsic(_take_error))
 #: Full memory fence: other threads see earlier writes before later ones.
 fence = cast(Callable[[], None], intrinsic(_fence))
+#: Set the integer at an address to 1; return whether it was 0: of several threads only one gets True.
+claim = cast(Callable[[int], bool], intrinsic(_claim))

@@ -81,9 +81,8 @@ _ENCODER_RESET = int(Style.ENCODER_RESET)
 def servo_tick(address: Address[ServoCell]) -> int:
     """Serve every arm once; return whether the scheduler is to continue the callback, as its code."""
     servo = servo_at(address)
-    if servo.busy:  # a second thread of the library; an arm's memory is for one
+    if not native.claim(servo.busy_at):  # a second thread of the library; an arm's memory is for one
         return CALLBACK_CONTINUE
-    servo.busy = True
     native.call_unsigned_pointer(servo.functions.clock_gettime, 1, servo.time_at)  # CLOCK_MONOTONIC
     now_ns = 1_000_000_000 * servo.time[0] + servo.time[1]
     servo.calls += 1
@@ -92,7 +91,8 @@ def servo_tick(address: Address[ServoCell]) -> int:
         arm = arm_at(servo.arms[k])
         _serve(servo, arm, now_ns)
         limp = limp and not arm.motors_on
-    servo.busy = False
+    native.fence()
+    servo.busy[0] = 0
     return CALLBACK_DONE if servo.stopped_by != 0 and limp else CALLBACK_CONTINUE
 
 
@@ -101,7 +101,7 @@ def _serve(servo: ServoCell, arm: ArmCell, now_ns: int) -> None:
     _take_order(arm)
     dt_ns = now_ns - arm.last_ns if arm.last_ns != 0 else TICK_NS
     arm.last_ns = now_ns
-    if dt_ns > LATE_PERIODS * arm.period_ns:
+    if dt_ns < 0 or dt_ns > LATE_PERIODS * arm.period_ns:
         arm.late += 1
     _measure_rate(arm, now_ns)
     if not (unreachable(arm.error) and not arm.motors_on):

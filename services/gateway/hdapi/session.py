@@ -177,12 +177,14 @@ def find_session(path: str, clock: Clock, where: str) -> Session:
 
 
 def _servo(functions: Functions, arms: list[ArmCell]) -> ServoCell:
-    time = np.zeros(2, np.int64)
+    time, busy = np.zeros(2, np.int64), np.zeros(1, np.int64)
     return ServoCell(
         functions=functions,
         arms=np.array([arm.address for arm in arms], np.int64),
         time=time,
         time_at=time.ctypes.data,
+        busy=busy,
+        busy_at=busy.ctypes.data,
     )
 
 
