@@ -27,9 +27,10 @@ from studies.commands.running_insertion import SCENE, run_insertion
 from studies.feel.compare import compare
 from studies.feel.figures import draw_borders, draw_energies, draw_transparency
 from studies.feel.late import answer_late, solve
-from studies.feel.measure import energies, hunts, passive_borders, slow_rows, stable_borders, transparency
+from studies.feel.measure import energies, hunts, passive_borders, slow_rows, stable_borders, told_rows, transparency
 from studies.feel.report import Felt, write_page
 from studies.feel.tracking import Running, find_running
+from studies.feel.z_width import z_widths
 from studies.pool import open_pool
 from studies.provenance import code_version
 
@@ -64,8 +65,11 @@ def run_haptics(request: Request) -> None:
         won = energies(request.hands, executor, tell)
         hunted, slow = hunts(request.hands, executor, tell), slow_rows(request.hands // 2)
     compared = compare(max(40, request.hands // 4))
+    widths, told = z_widths(max(40, request.hands // 4)), told_rows(request.hands // 2)
     running = read_running(figures / RUNNING)
-    felt = Felt(passive_borders(), stable_borders(), transparency(), won, late, hunted, slow, running, compared)
+    felt = Felt(
+        passive_borders(), stable_borders(), transparency(), won, late, hunted, slow, running, compared, widths, told
+    )
     if request.json:
         print(json.dumps({"page": str(request.out), **_data(felt)}))
     with targets.writing("--out", request.out):
@@ -104,6 +108,8 @@ def _data(felt: Felt) -> dict[str, object]:
         "hunted": [asdict(each) for each in felt.hunted],
         "slow": [asdict(each) for each in felt.slow],
         "compared": [asdict(each) for each in felt.compared],
+        "z_widths": [asdict(each) for each in felt.z_widths],
+        "told": [{"factor": factor, **asdict(each)} for factor, each in felt.told],
         "running": None if felt.running is None else msgspec.to_builtins(felt.running),
         "energies": [
             {

@@ -62,6 +62,16 @@ class Run:
 
 
 @dataclass(frozen=True)
+class Device:
+    """An arm on one axis: its file, its mass and viscous friction, and whether its velocity is filtered."""
+
+    file: ArmFile
+    mass_kg: float
+    viscous_n_s_m: float = VISCOUS_N_S_M
+    is_filtered: bool = True
+
+
+@dataclass(frozen=True)
 class Compared:
     """One law on one arm.
 
@@ -87,6 +97,11 @@ def arm_file(name: str) -> ArmFile:
     return config.load(ArmFile, config.find("device", name))[0]
 
 
+def device_of(arm: str) -> Device:
+    """Return the arm of a device file."""
+    return Device(arm_file(arm), MASSES_KG[arm])
+
+
 def compare(hands: int, seed: int = 0, arms: Sequence[str] = tuple(MASSES_KG)) -> list[Compared]:
     """Return every law on every arm, against `hands` hands that try to get energy out."""
     return [_compared(law, arm, drawn_hands(hands, seed)) for law in LAWS for arm in arms]
@@ -100,10 +115,15 @@ def _compared(law: str, arm: str, hands: Hands) -> Compared:
 
 def stiffest_passive(law: str, arm: str, hands: Hands) -> float:
     """Return the stiffest wall tried, N/m, up to which none of the hands gained; 0 where each lets one gain."""
+    return stiffest_of(LAWS[law], device_of(arm), hands)
+
+
+def stiffest_of(make: Make, device: Device, hands: Hands) -> float:
+    """Return that of any law on any device."""
     n = len(hands.target_m)
     target, stiff = (np.tile(each, (len(TRIED_N_M), 1)) for each in (hands.target_m, hands.stiffness_n_m))
     lanes = Hands(target, stiff, np.tile(hands.damping_n_s_m, len(TRIED_N_M)))
-    run = move(law, arm, np.repeat(TRIED_N_M, n), lanes)
+    run = move_at(make, device, np.repeat(TRIED_N_M, n), lanes)
     gains = (run.gained_j.reshape(len(TRIED_N_M), n) > GAIN_J).any(axis=1)
     first = int(np.argmax(gains)) if gains.any() else len(TRIED_N_M)
     return float(TRIED_N_M[first - 1]) if first else 0.0
@@ -184,8 +204,13 @@ def drawn_hands(count: int, seed: int, ticks: int = 900, leaving: int = 150) -> 
 
 def move(law: str, arm: str, stiffness_n_m: FloatArray, hands: Hands) -> Run:
     """Run lanes, each a hand at a wall of its stiffness, and book what each has got out past all friction."""
-    file, mass_kg = arm_file(arm), MASSES_KG[arm]
-    servo = LAWS[law](Walls(file, stiffness_n_m, TICK_S))
+    return move_at(LAWS[law], device_of(arm), stiffness_n_m, hands)
+
+
+def move_at(make: Make, device: Device, stiffness_n_m: FloatArray, hands: Hands) -> Run:
+    """Run lanes with any law on any device."""
+    file = device.file
+    servo = make(Walls(file, stiffness_n_m, TICK_S))
     n, ticks = hands.target_m.shape
     x, v, seen_before = hands.target_m[:, 0].copy(), np.zeros(n), hands.target_m[:, 0].copy()
     coefficients, filtered = butterworth(file.velocity_filter_hz), np.zeros((2, n))
@@ -197,7 +222,7 @@ def move(law: str, arm: str, stiffness_n_m: FloatArray, hands: Hands) -> Run:
         seen = np.floor((x + place) / file.count_m) * file.count_m - place
         raw = (seen - seen_before) / TICK_S if k else np.zeros(n)
         seen_before = seen
-        force = servo.force(seen, _filtered(raw, filtered, coefficients))
+        force = servo.force(seen, _filtered(raw, filtered, coefficients) if device.is_filtered else raw)
         free = force == 0.0
         gained[free] = np.maximum(gained, given - lost)[free]
         xs[:, k], forces[:, k] = x, force
@@ -207,18 +232,18 @@ def move(law: str, arm: str, stiffness_n_m: FloatArray, hands: Hands) -> Run:
         before = x.copy()
         for _ in range(_SUBSTEPS):
             hand = hands.stiffness_n_m[:, k] * (wanted - x) + hands.damping_n_s_m * (speed - v)
-            v, taken = _pushed(v, force + np.clip(hand, -_GRIP_N, _GRIP_N), mass_kg, file.friction_n)
+            v, taken = _pushed(v, force + np.clip(hand, -_GRIP_N, _GRIP_N), device)
             lost += taken
             x = x + TICK_S / _SUBSTEPS * v
         given += force * (x - before)
     return Run(xs, forces, np.maximum(gained, given - lost))
 
 
-def _pushed(v: FloatArray, push_n: FloatArray, mass_kg: float, dry_n: float) -> tuple[FloatArray, FloatArray]:
+def _pushed(v: FloatArray, push_n: FloatArray, device: Device) -> tuple[FloatArray, FloatArray]:
     """Return speeds a part of a tick later, and what friction has taken of the energy, J."""
-    dt = TICK_S / _SUBSTEPS
+    dt, mass_kg = TICK_S / _SUBSTEPS, device.mass_kg
     v = v + dt / mass_kg * push_n
-    slower = np.abs(v) * (1.0 - dt / mass_kg * VISCOUS_N_S_M) - dt / mass_kg * dry_n
+    slower = np.abs(v) * (1.0 - dt / mass_kg * device.viscous_n_s_m) - dt / mass_kg * device.file.friction_n
     after = np.sign(v) * np.maximum(0.0, slower)
     return after, mass_kg * (np.abs(v) - np.abs(after)) * np.abs(after)
 

@@ -11,7 +11,7 @@ from functools import partial
 
 from studies.feel.hands import Attack, Book, attack_servo, random_attack
 from studies.feel.hunt import MASSES_KG, Hunted, hunt, hunt_pairs
-from studies.feel.slow_hands import WALLS_N_M, Slow, feel_walls
+from studies.feel.slow_hands import TOLD, WALLS_N_M, Slow, feel_walls
 from studies.feel.virtual_wall import (
     VirtualWall,
     measured_passive_friction,
@@ -163,6 +163,11 @@ def hunts(count: int, executor: Executor, tell: Tell) -> list[Hunted]:
 def slow_rows(count: int) -> list[Slow]:
     """Return what `count` slow hands at each arm feel of walls."""
     return [feel_walls(name, walls, max(1, count)) for name in MASSES_KG for walls in WALLS_N_M]
+
+
+def told_rows(count: int) -> list[tuple[float, Slow]]:
+    """Return what they feel of the softest walls where models have another local stiffness, with its factor."""
+    return [(each, feel_walls(name, WALLS_N_M[0], max(1, count), told=each)) for name in MASSES_KG for each in TOLD]
 
 
 def _told(books: Iterable[Book], kind: str, count: int, tell: Tell) -> Iterable[Book]:

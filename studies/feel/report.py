@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,13 +11,15 @@ from pathlib import Path
 import numpy as np
 
 from services.atomic_file import atomic_file
-from studies.feel.compare import NOTICED, TRIED_N_M, Compared
-from studies.feel.hunt import Hunted
+from studies.feel.compare import Compared
+from studies.feel.hunt import MASSES_KG, Hunted
 from studies.feel.late import TOOLS, WITHIN, Late
 from studies.feel.measure import TABLE_HZ, WAYS, Border, Energies, Rendered
+from studies.feel.report_tables import compared_lines, slow_lines, told_lines, words, z_widths_lines
 from studies.feel.slow_hands import Slow
 from studies.feel.tracking import WITHIN as TRACKED_WITHIN
 from studies.feel.tracking import Running
+from studies.feel.z_width import ZWidth, felt_shares
 
 _MOST_LISTED = 12
 
@@ -36,6 +37,8 @@ class Felt:
     slow: Sequence[Slow]
     running: Running | None = None
     compared: Sequence[Compared] = ()
+    z_widths: Sequence[ZWidth] = ()
+    told: Sequence[tuple[float, Slow]] = ()
 
     def worst_border(self) -> float:
         """Return the largest relative distance of a measured border from theory."""
@@ -56,7 +59,7 @@ def _tight(line: str) -> str:
 def _lines(felt: Felt, made_with: Sequence[str], figures: str) -> Iterator[str]:
     yield "# What is felt"
     yield ""
-    yield from _words(
+    yield from words(
         "Written by `trocar haptics`; do not edit by hand. All tests run the law that writes to the devices "
         "(`services/gateway/servo_law.py`). Most run it alone; a pinch and an insertion run through all processes"
         " of a rig."
@@ -69,20 +72,18 @@ def _lines(felt: Felt, made_with: Sequence[str], figures: str) -> Iterator[str]:
     yield from _late(felt.late)
     yield from _energies(felt.energies, figures)
     yield from _hunted(felt.hunted)
-    yield from _slow(felt.slow)
-    yield from _compared(felt.compared)
+    yield from slow_lines(felt.slow)
+    yield from told_lines(felt.told)
+    yield from z_widths_lines(felt.z_widths)
+    yield from compared_lines(felt.compared)
     yield ""
-
-
-def _words(text: str) -> Iterator[str]:
-    yield from textwrap.wrap(text, width=118)
 
 
 def _borders(felt: Felt, figures: str) -> Iterator[str]:
     yield ""
     yield "## How stiff a wall may be"
     yield ""
-    yield from _words(
+    yield from words(
         "A wall that is computed once every T and held in between gives energy to the hand that touches it; the "
         "friction of the device has to absorb that energy. The wall (stiffness K, damping B, with a delay t of "
         "the loop) is passive with any hand if the friction is b > K(T/2 + t) + |B| (Colgate and Schenkel). It is"
@@ -92,7 +93,7 @@ def _borders(felt: Felt, figures: str) -> Iterator[str]:
     yield ""
     yield f"![Borders]({figures}/borders.svg)"
     yield ""
-    yield from _words(
+    yield from words(
         "They differ most at long delays, where K (T/2 + t)^2 is not small compared with the mass. Here nothing "
         "bounds the energy; with the bound, a wall that is too stiff gives back at most what was put in."
     )
@@ -104,12 +105,12 @@ def _borders(felt: Felt, figures: str) -> Iterator[str]:
             way = f"over the bus, {row.wall.delay} ms late" if row.wall.delay else "by a local model, however late"
             yield f"| {way} | {row.theory:.2f} | {row.measured:.2f} |"
     yield ""
-    yield from _words(
+    yield from words(
         "The table has B = 0. A Phantom Premium has a friction of about 0.05 N s/m and 0.04 N; a hand adds 1 to "
         "10 N s/m."
     )
     yield ""
-    yield from _words(
+    yield from words(
         "A local model is evaluated at the present position of the hand. If it arrives late, the wall is where "
         "the tissue was then; that puts no energy into the loop. This is why the servo gets a model and not a "
         "force."
@@ -121,7 +122,7 @@ def _transparency(rendered: Sequence[Rendered], figures: str) -> Iterator[str]:
     yield ""
     yield "## What a moving hand feels"
     yield ""
-    yield from _words(
+    yield from words(
         "A hand moves in a wall of 500 N/m sinusoidally at 1 to 100 Hz. The table gives the phase lag of the force "
         "behind the position, in degrees. A spring has 0. Between 0 and 180 the wall gives energy in every cycle; at "
         "180 it attracts the hand."
@@ -136,6 +137,17 @@ def _transparency(rendered: Sequence[Rendered], figures: str) -> Iterator[str]:
     yield "The force over the bus with 1 ms is the paper's way: one loop computes a penalty force and sends it."
     yield ""
     yield f"![Transparency]({figures}/transparency.svg)"
+    yield ""
+    yield from words(
+        "A moving hand also moves the arm. With the arm's mass m it feels K - m (2 pi f)^2 of the wall's stiffness K. "
+        "The table gives this as a share of 500 N/m; below zero the hand feels the mass and not the wall."
+    )
+    yield ""
+    yield "| arm | " + " | ".join(f"{each:g} Hz" for each in hertz) + " |"
+    yield "| --- |" + " --- |" * len(hertz)
+    for arm, mass_kg in MASSES_KG.items():
+        cells = [f"{share:.0%}" for share in felt_shares(arm, 500.0, hertz)]
+        yield f"| {arm}, {mass_kg:g} kg | " + " | ".join(cells) + " |"
 
 
 def _running(running: Running | None, made_with: Sequence[str]) -> Iterator[str]:
@@ -146,7 +158,7 @@ def _running(running: Running | None, made_with: Sequence[str]) -> Iterator[str]
         yield "Not measured: `trocar haptics --running` starts a rig of its own for it."
         return
     pinch = running.pinch
-    yield from _words(
+    yield from words(
         "In a rig with simulated arms, drives and encoders, one hand pinches the duct's wall and the other slides the "
         "catheter 20 mm into it."
     )
@@ -154,7 +166,7 @@ def _running(running: Running | None, made_with: Sequence[str]) -> Iterator[str]
     yield from (f"- {line}" for line in running.made_with if line not in made_with)
     yield f"- {running.ticks:,} ticks, {running.lost} of them lost by the rig or by its observer"
     yield ""
-    yield from _words(
+    yield from words(
         "**The pinch**, at rest, before the catheter touches the duct: the force on the forceps is "
         f"{1e3 * pinch.force_n:.1f} mN. Under the same loads the displacement of the unreduced finite elements differs "
         f"by **{100.0 * pinch.wall:+.1f} %** from that of the rig's wall, measured by the work of the loads (limit: "
@@ -166,7 +178,7 @@ def _running(running: Running | None, made_with: Sequence[str]) -> Iterator[str]
 
 
 def _insertion_beside(running: Running) -> Iterator[str]:
-    yield from _words(
+    yield from words(
         "**The insertion**, compared tick by tick with the mechanics alone at the same poses. Errors are in per cent "
         "of each tool's largest force. The force that the arm applies is compared two ticks later, because it passes "
         "through haptics and physics and is applied in the next tick."
@@ -177,7 +189,7 @@ def _insertion_beside(running: Running) -> Iterator[str]:
     for row in running.apart:
         yield f"| {row.tool}, {row.what} | {row.within:.1%} | {row.worst:.1%} |"
     yield ""
-    yield from _words(
+    yield from words(
         "Two runs do not agree where the jaws slip on the duct, because the slip depends on rounding. Along the wall, "
         "where friction holds, each count of the arm's encoder is felt. After lost ticks the hand has moved on, and "
         "meets the model's stiffness at once."
@@ -188,7 +200,7 @@ def _late(rows: Sequence[Late]) -> Iterator[str]:
     yield ""
     yield "## An insertion with delayed force models"
     yield ""
-    yield from _words(
+    yield from words(
         "The same motions without encoders. Normally a tick's model reaches the servo in the next tick; the first "
         "column is the additional delay, equal for all models or random for each. Each other cell gives the share of "
         f"ticks in which the error of the force is below {WITHIN:.0%}, and the largest error, both relative to the "
@@ -211,7 +223,7 @@ def _late(rows: Sequence[Late]) -> Iterator[str]:
         ]
         yield f"| {f'0 to {jitter}' if jitter else added} | " + " | ".join(cells) + " |"
     yield ""
-    yield from _words(
+    yield from words(
         "With hands as slow as these, a held force has the smaller error. But it feeds energy into the arm (see the "
         "sections above and below), and never ends."
     )
@@ -222,7 +234,7 @@ def _energies(found: Sequence[Energies], figures: str) -> Iterator[str]:
     yield ""
     yield "## Hands that try to gain energy"
     yield ""
-    yield from _words(
+    yield from words(
         f"{count} hands at one wall each, the same for every row. Walls have 30 to 5,000 N/m; force models are 1 to 19 "
         "ms late, and up to half of them are lost; hands move 0.1 to 6 mm at 0.5 to 100 Hz. Half of the hands are "
         "stiff while the wall pushes and soft while it is pushed. Between hand and wall is the simulated Premium with "
@@ -236,7 +248,7 @@ def _energies(found: Sequence[Energies], figures: str) -> Iterator[str]:
         worst = f"{1e3 * each.worst_j:.2f} mJ" if each.worst_j > 0.0 else "nothing"
         yield f"| {each.kind} | **{each.gaining}** of {count} | {worst} | {each.servo_gaining} times |"
     yield ""
-    yield from _words(
+    yield from words(
         "The last column leaves out the arm's own friction. Encoders and the held force give a little energy, which "
         "this friction absorbs. A bound that removed it, too, would add more noise than it removes."
     )
@@ -247,7 +259,7 @@ def _energies(found: Sequence[Energies], figures: str) -> Iterator[str]:
 
 def _hunted(found: Sequence[Hunted]) -> Iterator[str]:
     yield ""
-    yield from _words(
+    yield from words(
         "An optimiser (CMA-ES) searches for hands that gain energy. The arms of the device files are modelled as "
         "masses with encoders and friction; walls have up to 2,500 N/m, and force models are 1 to 20 ms late. Two "
         "linked Premiums touch one piece of tissue."
@@ -258,54 +270,13 @@ def _hunted(found: Sequence[Hunted]) -> Iterator[str]:
     yield from (each.row() for each in found)
 
 
-def _slow(found: Sequence[Slow]) -> Iterator[str]:
-    yield ""
-    yield "## What slow hands lose by the bound"
-    yield ""
-    yield from _words(
-        "Mean error of the felt force, against the wall's force at the true position of the hand, and in brackets the "
-        "error without the bound. Hands press with 0.1 to 2 N at 5 to 50 mm/s; force models are 1 to 4 ms late. A "
-        "person can distinguish forces that differ by 7 %."
-    )
-    yield ""
-    walls = list(dict.fromkeys(each.walls_n_m for each in found))
-    yield "| arm | " + " | ".join(f"{low:,.0f} to {high:,.0f} N/m" for low, high in walls) + " |"
-    yield "| --- |" + " --- |" * len(walls)
-    for arm in dict.fromkeys(each.arm for each in found):
-        cells = [f"{each.law:.1%} ({each.model:.1%})" for each in found if each.arm == arm]
-        yield f"| {arm} | " + " | ".join(cells) + " |"
-
-
-def _compared(found: Sequence[Compared]) -> Iterator[str]:
-    if not found:
-        return
-    arms, laws = (list(dict.fromkeys(getattr(each, name) for each in found)) for name in ("arm", "law"))
-    yield ""
-    yield "## Comparison with other laws"
-    yield ""
-    yield from _words(
-        "One wall is computed in the servo, with the same hands for each law (`studies/feel/laws`). For each arm the "
-        f"table gives the stiffest wall, of those tried up to {TRIED_N_M[-1]:,.0f} N/m, at which no hand gains energy, "
-        f"and in brackets the stiffness that is felt there, both in N/m. The last columns hold for {arms[0]} at 500 "
-        "N/m: the time until the force has risen, the time until it has fallen, and the share of ticks in which its "
-        f"error exceeds the {NOTICED:.0%} that a person notices."
-    )
-    yield ""
-    yield f"| law | {' | '.join(arms)} | rise, ms | fall, ms | noticed |"
-    yield "| --- |" + " --- |" * (len(arms) + 3)
-    for law in laws:
-        rows = [each for each in found if each.law == law]
-        stiff = " | ".join(f"{each.stiffest_n_m:,.0f} ({each.rendered_n_m:,.0f})" for each in rows)
-        yield f"| {law} | {stiff} | {rows[0].onset_ms:.0f} | {rows[0].loss_ms:.0f} | {rows[0].noticed:.0%} |"
-
-
 def _gaining(first: Energies) -> Iterator[str]:
     """List the hands that got energy out of the servo as the rig runs it."""
     got = sorted(zip(first.attacks, first.books, strict=True), key=lambda each: -each[1].gained_j)
     got = [each for each in got if each[1].gained_j > 0.0]
     if not got:
         return
-    yield from _words("The hands that gained energy from the servo as the rig runs it, the worst first.")
+    yield from words("The hands that gained energy from the servo as the rig runs it, the worst first.")
     yield ""
     yield "| wall, N/m | answers late, ms | lost | hand: Hz | mm | m/s | got, mJ | of, mJ |"
     yield "| --- | --- | --- | --- | --- | --- | --- | --- |"

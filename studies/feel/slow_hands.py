@@ -36,6 +36,8 @@ from studies.feel.wall_hands import (
 )
 
 WALLS_N_M = ((50.0, 600.0), (600.0, 1300.0), (1300.0, 2500.0))
+#: Local stiffnesses of models, as multiples of the wall's.
+TOLD = (0.5, 0.8, 1.0, 1.25, 2.0)
 
 
 @dataclass(frozen=True)
@@ -48,10 +50,16 @@ class Slow:
     model: float
 
 
-def feel_walls(name: str, walls_n_m: tuple[float, float], count: int, seed: int = 0) -> Slow:
-    """Return how far from walls of these stiffnesses ``count`` slow hands feel them at one arm."""
+def feel_walls(name: str, walls_n_m: tuple[float, float], count: int, seed: int = 0, told: float | None = None) -> Slow:
+    """Return how far from walls of these stiffnesses ``count`` slow hands feel them at one arm.
+
+    ``told`` is the local stiffness of every model, as a multiple of the wall's.
+    """
     arm = arm_of(name)
-    books = books_of(slow_hands(arm.mass_kg, walls_n_m, count, seed), arm)
+    hands = slow_hands(arm.mass_kg, walls_n_m, count, seed)
+    if told is not None:
+        hands[:, MODEL] = told
+    books = books_of(hands, arm)
     books = books[books[:, WALL_FORCE] > 0.0]
     law, model = (books[:, which] / books[:, WALL_FORCE] for which in (LAW_APART, MODEL_APART))
     return Slow(name, walls_n_m, float(law.mean()), float(model.mean()))
