@@ -15,8 +15,10 @@ from services.runtime import config, endpoints
 from services.runtime.endpoints import lock_holders
 from services.runtime.errors import UserError
 from services.runtime.flight import remove_rings
-from services.runtime.rig import Rig
+from services.runtime.rig import Rig, Transport
+from services.runtime.stop_line import stop_path
 from services.supervisor import frozen_configuration
+from services.supervisor.control import control_path
 from services.supervisor.page_place import page_file
 
 _SUPERVISOR_S = 15.0  # it ends five processes, each of which may take five seconds
@@ -37,17 +39,30 @@ def run_down(rig_name: str, overrides: tuple[str, ...], as_json: bool) -> None:
 
 
 def end_all(rig: Rig, found: dict[str, int]) -> list[str]:
-    """End the processes in `found`; return their names. Raises UserError naming the process that may not be ended."""
+    """End the processes in `found`; return their names. Raises UserError naming one that cannot be ended."""
     supervisor = {name: pid for name, pid in found.items() if name == "supervisor"}
     _end(supervisor, _SUPERVISOR_S)
     left = lock_holders(rig.transport)
     _end({name: pid for name, pid in left.items() if name != "gateway"}, _END_S)
     _end({name: pid for name, pid in left.items() if name == "gateway"}, _END_S)
-    endpoints.remove_stale(rig.transport)
-    remove_rings(endpoints.run_directory(rig.transport))  # a supervisor that is killed, or attached, leaves them
-    page_file(rig.transport).unlink(missing_ok=True)
-    frozen_configuration.remove(rig.transport)
+    _remove_files(rig.transport)
     return list(found)
+
+
+def _remove_files(transport: Transport) -> None:
+    """Remove what a supervisor that is killed, or attached, leaves; raise UserError if the rig is still alive."""
+    deadline = time.monotonic() + _END_S
+    while (alive := lock_holders(transport)) and time.monotonic() < deadline:
+        time.sleep(0.02)  # the kernel has not ended who was killed
+    if alive:
+        who = ", ".join(f"{name} (process {pid})" for name, pid in alive.items())
+        raise UserError(f"still alive: {who}; the files of the rig are kept")
+    with endpoints.all_claimed(transport) as directory:
+        endpoints.remove_sockets(directory)
+        remove_rings(directory)
+        for path in (control_path(transport), stop_path(transport), page_file(transport)):
+            path.unlink(missing_ok=True)
+        frozen_configuration.remove(transport)
 
 
 def _end(processes: dict[str, int], patience_s: float) -> None:

@@ -1,7 +1,8 @@
 """Endpoints of topics, derived from their names and the rig's transport, each guarded by a lock.
 
 A second bind on an ipc path succeeds and silently takes it over, so a publisher holds an exclusive lock on
-``<endpoint>.lock`` as long as it lives; the kernel releases it when the process ends in any way.
+``<topic>.lock`` as long as it lives; the kernel releases it when the process ends in any way. It does so with every
+transport, since the locks also tell which processes of a rig live on this host.
 """
 
 from __future__ import annotations
@@ -9,7 +10,8 @@ from __future__ import annotations
 import fcntl
 import os
 import zlib
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
@@ -78,21 +80,53 @@ def claim(transport: Transport, topic: str) -> IO[str]:
     Raises BusError naming the process that holds it.
     """
     path = run_directory(transport) / f"{topic}.lock"
-    lock = open_text(path, os.O_RDWR | os.O_CREAT)
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        holder = lock.read().strip() or "unknown"
-        lock.close()
-        raise BusError(f"topic {topic} is already published by process {holder} (lock {path})") from None
+    while True:
+        lock = open_text(path, os.O_RDWR | os.O_CREAT)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            holder = lock.read().strip() or "unknown"
+            lock.close()
+            raise BusError(f"topic {topic} is already published by process {holder} (lock {path})") from None
+        if _is_at(path, lock):
+            break
+        lock.close()  # `all_claimed` has removed it before it was locked here
     lock.truncate(0)
     lock.write(f"{os.getpid()}\n")
     lock.flush()
     return lock
 
 
+def _is_at(path: Path, lock: IO[str]) -> bool:
+    try:
+        return os.path.samestat(os.stat(path), os.fstat(lock.fileno()))
+    except FileNotFoundError:
+        return False
+
+
+@contextmanager
+def all_claimed(transport: Transport) -> Iterator[Path]:
+    """Hold the locks of all topics and yield the run directory, whose files thus belong to no living process.
+
+    The locks are removed at the end. Raises BusError naming a process that holds one.
+    """
+    directory = run_directory(transport)
+    with ExitStack() as stack:
+        for topic in TOPICS:
+            stack.enter_context(claim(transport, topic))
+            stack.callback((directory / f"{topic}.lock").unlink, missing_ok=True)  # called while the lock is held
+        yield directory
+
+
+def remove_sockets(directory: Path) -> None:
+    """Remove the sockets of all topics from a run directory that is claimed as a whole."""
+    for topic in TOPICS:
+        for name in (topic, f"{topic}{_BATCHES}"):
+            (directory / f"{name}.ipc").unlink(missing_ok=True)
+
+
 def lock_holders(transport: Transport) -> dict[str, int]:
-    """Return by name the ids of processes that hold a lock of their endpoints, supervised or not."""
+    """Return by name the ids of processes on this host that hold a lock of their topics, supervised or not."""
     directory = run_directory(transport)
     found: dict[str, int] = {}
     for process in PROCESSES:

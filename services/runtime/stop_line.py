@@ -12,7 +12,8 @@ from services.runtime.rig import Transport
 _PATIENCE_S = 1.0
 
 
-def _path(transport: Transport) -> Path:
+def stop_path(transport: Transport) -> Path:
+    """Return the path of the socket, in this user's private directory."""
     return endpoints.run_directory(transport) / "gateway.stop"
 
 
@@ -20,7 +21,7 @@ class StopLine:
     """The gateway's end, opened by the process that holds the lock of the gateway's topics."""
 
     def __init__(self, transport: Transport) -> None:
-        path = _path(transport)
+        path = stop_path(transport)
         path.unlink(missing_ok=True)
         self._line = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
         self._line.bind(str(path))
@@ -46,7 +47,7 @@ def stop_gateway(transport: Transport) -> bool:
         line.bind("")  # an automatic address, for the answer
         line.settimeout(_PATIENCE_S)
         try:
-            line.sendto(b"", str(_path(transport)))
+            line.sendto(b"", str(stop_path(transport)))
             return bool(line.recv(4))
         except OSError:
             return False

@@ -53,7 +53,7 @@ class ZmqBus:
     """ZeroMQ sockets of one process. Create it after the real-time set-up, as its I/O thread inherits core and
     priority.
 
-    Raises BusError if an endpoint is in use.
+    Raises BusError if an endpoint is in use, or a topic has a publisher in the run directory.
 
     Args:
         transport: Settings of the rig file.
@@ -108,11 +108,9 @@ class ZmqBus:
 
     def _bind(self, transport: Transport, name: str, incarnation: int) -> None:
         row = topic(name)
-        near = [each for each in row.readers if transport.shares_host(self._name, each)]
-        if transport.kind == "ipc" or near:
-            self._locks.append(endpoints.claim(transport, name))
-            if has_batches(row):
-                self._direct_senders[name] = _direct_sender(transport, name)
+        self._locks.append(endpoints.claim(transport, name))
+        if has_batches(row) and any(transport.shares_host(self._name, each) for each in row.readers):
+            self._direct_senders[name] = _direct_sender(transport, name)
         if transport.kind == "tcp" or not has_batches(row):
             self._senders[name] = self._bound(transport, name, name, _HIGH_WATER_MARK)
             self._subscribed[name] = 0

@@ -18,6 +18,12 @@ def transport(tmp_path_factory: pytest.TempPathFactory) -> Transport:
     return Transport(directory=directory)
 
 
+@pytest.fixture(autouse=True)
+def default_directory(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a rig without a directory of its own hold its locks where no other rig of this host does."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("runtime")))
+
+
 @pytest.fixture
 def eventually() -> Callable[[Callable[[], bool]], None]:
     """Wait for a condition; fails after half a minute."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -9,7 +11,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import IO, Any, Literal
 
 import msgspec
 import pytest
@@ -18,7 +20,8 @@ import zmq
 import protocol
 from protocol import TOPICS, Frame, bodies
 from services.runtime import bus as bus_module
-from services.runtime.endpoints import endpoint
+from services.runtime import endpoints
+from services.runtime.endpoints import endpoint, lock_holders
 from services.runtime.errors import BusError
 from services.runtime.frame_batches import SENDS_PER_S, batch_endpoint
 from services.runtime.rig import Transport
@@ -357,6 +360,39 @@ def test_an_endpoint_has_one_owner(transport: Transport) -> None:
         ZmqBus(transport, publishes=[STATE])
     first.close()
     ZmqBus(transport, publishes=[STATE]).close()
+
+
+@pytest.mark.parametrize("kind", ["ipc", "tcp"])
+def test_a_publisher_is_known_on_its_host_whatever_the_transport(
+    transport: Transport, kind: Literal["ipc", "tcp"]
+) -> None:
+    """Over TCP it was not: a second rig could start in the same directory, and `trocar down` saw none."""
+    transport = Transport(kind=kind, base_port=base_port(22_600), directory=transport.directory)
+    sender = ZmqBus(transport, publishes=["gateway.health"])
+    assert lock_holders(transport) == {"gateway": os.getpid()}
+    sender.close()
+    assert lock_holders(transport) == {}
+
+
+def test_a_lock_that_was_removed_while_it_was_opened_is_not_taken(
+    transport: Transport, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two publishers could each hold a lock, one of them on a file that is gone."""
+    flock = fcntl.flock
+
+    def late(lock: IO[str], how: int) -> None:
+        monkeypatch.setattr(fcntl, "flock", flock)
+        with endpoints.all_claimed(transport):
+            pass
+        flock(lock, how)
+
+    monkeypatch.setattr(fcntl, "flock", late)
+    with (
+        endpoints.claim(transport, STATE),
+        pytest.raises(BusError, match="already published"),
+        endpoints.claim(transport, STATE),
+    ):
+        pass
 
 
 def test_who_closes_leaves_no_socket_behind_and_takes_nobody_elses(transport: Transport) -> None:

@@ -17,6 +17,7 @@ from typing import Any
 
 import httpx
 import pytest
+import yaml
 
 from services.cli.arm import ask_at
 from services.runtime import config
@@ -28,6 +29,7 @@ from tests.by_day import by_day
 from tests.cli.conftest import Trocar, trocar
 from tests.obeyed import until_obeyed
 from tests.patience import PATIENCE_S
+from tests.ports import base_port
 from tests.supervisor.fakes import HERE, Fakes, Scenario, gone, page_servers, until, until_running
 from tests.with_us import with_us
 
@@ -181,7 +183,13 @@ def test_a_start_whose_output_nobody_takes_goes_on(fakes: Fakes, where: str) -> 
         assert up.wait(PATIENCE_S) == 0
 
 
-def test_others_live_on_without_their_supervisor_and_down_ends_them(fakes: Fakes, trocar: Trocar) -> None:
+@pytest.mark.parametrize("kind", ["ipc", "tcp"])
+def test_others_live_on_without_their_supervisor_and_down_ends_them(fakes: Fakes, trocar: Trocar, kind: str) -> None:
+    """A rig over TCP held no locks: `trocar down` removed its configuration and let it run."""
+    file = Path(fakes.options.rig)
+    data = yaml.safe_load(file.read_text())
+    data["transport"] |= {"kind": kind, "base_port": base_port(22_800)}
+    file.write_text(yaml.safe_dump(data))
     up = subprocess.Popen(_command(fakes), stderr=subprocess.PIPE, text=True)
     assert up.stderr is not None
     while "is running: open" not in up.stderr.readline():
@@ -203,6 +211,7 @@ def test_others_live_on_without_their_supervisor_and_down_ends_them(fakes: Fakes
     down = trocar("down", "--json", *rig)
     ended = {"gateway", "haptics", "physics", "visualization", "recorder", "training"}
     assert set(json.loads(down.out)["ended"]) == ended
+    assert {path.name for path in file.parent.iterdir()} - {"flights"} == {file.name, "log"}
     assert json.loads(trocar("down", "--json", *rig).out) == {"ended": []}
 
 
