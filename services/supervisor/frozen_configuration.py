@@ -29,19 +29,18 @@ def freeze(process: Process) -> tuple[tuple[str, ...], dict[str, str]]:
     folder = make_private(_folder(rig.transport))
     shutil.rmtree(folder)
     shutil.copytree(config.config_directory(), folder)
-    given = folder / "given"
-    given.mkdir()
     data = rig.model_dump(mode="json", exclude_defaults=True, exclude={"base"})
     for instrument in data.get("gateway", {}).get("instruments", ()):
         for driver in filter(None, (instrument["arm"], instrument.get("grasp"))):
             if _is_file(driver.get("device")):
-                driver["device"] = str(shutil.copy(driver["device"], given))
+                driver["device"] = str(shutil.copy(driver["device"], _place(folder, driver["device"])))
     scene = process.scene_name
     is_file = _is_file(scene)
-    frozen_scene = (given if is_file else folder / "scenes") / f"{Path(scene).stem}.yaml"
+    frozen_scene = _place(folder, scene) if is_file else folder / "scenes" / f"{scene}.yaml"
     _write(frozen_scene, config.read_scene(scene, process.scene_overrides))
-    _write(given / "rig.yaml", data)
-    arguments = ("--rig", str(given / "rig.yaml"), "--scene", str(frozen_scene) if is_file else scene)
+    frozen_rig = _place(folder, "rig.yaml")
+    _write(frozen_rig, data)
+    arguments = ("--rig", str(frozen_rig), "--scene", str(frozen_scene) if is_file else scene)
     return arguments, {"TROCAR_CONFIG_DIR": str(folder), "TROCAR_SET": ""}
 
 
@@ -79,6 +78,15 @@ class ChangedFiles:
 
 def _folder(transport: Transport) -> Path:
     return endpoints.run_directory(transport) / "configuration"
+
+
+def _place(folder: Path, name: str) -> Path:
+    """Return the path of the copy of a file: in a folder of its own, as files of one name may come from several."""
+    given = folder / "given"
+    given.mkdir(exist_ok=True)
+    place = given / str(len(list(given.iterdir())))
+    place.mkdir()
+    return place / Path(name).name
 
 
 def _is_file(name: str | None) -> bool:

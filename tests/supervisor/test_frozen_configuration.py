@@ -68,6 +68,31 @@ def test_a_process_that_is_started_later_reads_what_was_read_first(
     assert not Path(environment["TROCAR_CONFIG_DIR"]).exists()
 
 
+@pytest.mark.parametrize("name", ["dev.yaml", "rig.yaml", "scene.yaml"])
+def test_files_of_one_name_stay_several(written: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    """Both arms got the file of the right one, and one that was called as the rig or the scene was overwritten."""
+    arm = (written / "my_arm.yaml").read_text()
+    for folder in ("a", "b"):
+        (written / folder).mkdir()
+        (written / folder / name).write_text(f"{arm}# {folder}\n")
+    (written / "scene.yaml").write_text(SCENE)
+    rows = [
+        {"name": hand, "port_m": [0, 0, z], "arm": {"driver": "phantom_simulated", "device": f"{folder}/{name}"}}
+        for hand, folder, z in (("left", "a", 0.1), ("right", "b", -0.1))
+    ]
+    file = written / "mine.yaml"
+    file.write_text(yaml.safe_dump({**yaml.safe_load(file.read_text()), "gateway": {"instruments": rows}}))
+    arguments, environment = frozen_configuration.freeze(
+        load_process_config("supervisor", Options("mine.yaml", "scene.yaml", ()))
+    )
+    for key, value in environment.items():
+        monkeypatch.setenv(key, value)
+    again = load_process_config("gateway", parse("gateway", arguments))
+    devices = [row.arm.device for row in again.rig.gateway.instruments]
+    assert [Path(device).read_text().splitlines()[-1] for device in devices if device] == ["# a", "# b"]
+    assert "duct" in config.read_scene(again.scene_name)
+
+
 def test_a_file_that_changed_is_said_once(written: Path) -> None:
     rig = config.load_rig("mine.yaml")
     files = frozen_configuration.files_of(rig, "mine.yaml", "small.yaml")
