@@ -1,14 +1,16 @@
 """The configuration of a running rig, frozen at its start.
 
 Processes that are started, even hours later, get copies of the files: rig and scene merged with all overrides, and
-devices, scenarios and scores. A file that has changed meanwhile is reported once, and has no effect.
+devices, scenarios, scripts and scores. A file that has changed meanwhile is reported once, and has no effect.
 """
 
 from __future__ import annotations
 
+import os
 import shutil
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -23,17 +25,17 @@ _LOOK_S = 1.0
 def freeze(process: Process) -> tuple[tuple[str, ...], dict[str, str]]:
     """Copy the configuration into the rig's private directory; return arguments and environment that refer to it.
 
-    A scene given by name keeps its name; a scene, rig or device given as a file gets another path.
+    What is given by name keeps its name; what is given as a file gets another path.
+    Raises ConfigError if there is no such file.
     """
     rig = process.rig
     folder = make_private(_folder(rig.transport))
     shutil.rmtree(folder)
     shutil.copytree(config.config_directory(), folder)
     data = rig.model_dump(mode="json", exclude_defaults=True, exclude={"base"})
-    for instrument in data.get("gateway", {}).get("instruments", ()):
-        for driver in filter(None, (instrument["arm"], instrument.get("grasp"))):
-            if _is_file(driver.get("device")):
-                driver["device"] = str(shutil.copy(driver["device"], _place(folder, driver["device"])))
+    for kind, owner, key in _named_by(data):
+        if _is_file(owner[key]):
+            owner[key] = str(shutil.copy(config.find(kind, owner[key]), _place(folder, owner[key])))
     scene = process.scene_name
     is_file = _is_file(scene)
     frozen_scene = _place(folder, scene) if is_file else folder / "scenes" / f"{scene}.yaml"
@@ -50,11 +52,11 @@ def remove(transport: Transport) -> None:
 
 
 def files_of(rig: Rig, rig_name: str, scene: str) -> set[Path]:
-    """Return the files that were read, of the rig and its bases, the scene and the devices."""
+    """Return the files that were read, of the rig and its bases, the scene, and what the rig names."""
     rig_files = {Path(origin) for origin in config.load(Rig, config.find("rig", rig_name))[1].values()}
-    drivers = [driver for row in rig.gateway.instruments for driver in (row.arm, row.grasp) if driver is not None]
-    devices = {config.find("device", driver.device) for driver in drivers if driver.device is not None}
-    return rig_files | devices | {config.find("scene", scene)}
+    named = {_path(kind, owner[key]) for kind, owner, key in _named_by(rig.model_dump(mode="json"))}
+    there = {path for path in named if os.path.isfile(path)}  # the others are read on other hosts, or by nobody
+    return rig_files | there | {config.find("scene", scene)}
 
 
 class ChangedFiles:
@@ -76,6 +78,18 @@ class ChangedFiles:
             self._say("warning", f"supervisor: {path} {text}")
 
 
+def _named_by(rig: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]]:
+    """Yield each place where the data of a rig name another file: its kind, the mapping that names it, and the key."""
+    for instrument in rig.get("gateway", {}).get("instruments", ()):
+        for driver in filter(None, (instrument["arm"], instrument.get("grasp"))):
+            if driver.get("device") is not None:
+                yield "device", driver, "device"
+            if isinstance(driver.get("settings", {}).get("script"), str):
+                yield "script", driver["settings"], "script"
+    if rig.get("training", {}).get("scenario") is not None:
+        yield "scenario", rig["training"], "scenario"
+
+
 def _folder(transport: Transport) -> Path:
     return endpoints.run_directory(transport) / "configuration"
 
@@ -87,6 +101,10 @@ def _place(folder: Path, name: str) -> Path:
     place = given / str(len(list(given.iterdir())))
     place.mkdir()
     return place / Path(name).name
+
+
+def _path(kind: str, name: str) -> Path:
+    return Path(name) if _is_file(name) else config.config_directory() / f"{kind}s" / f"{name}.yaml"
 
 
 def _is_file(name: str | None) -> bool:

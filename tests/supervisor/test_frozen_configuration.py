@@ -16,6 +16,7 @@ from services.runtime.process import Options, load_process_config, parse
 from services.runtime.rig import Rig
 from services.supervisor import frozen_configuration
 from services.supervisor.supervisor import Supervisor
+from services.training.scenario import load_scenario
 from tests.supervisor.fakes import Fakes, Scenario, until, until_running
 
 SCENE = "catheter: {}\nduct: {mesh_file: wall.stl}\n"
@@ -91,6 +92,30 @@ def test_files_of_one_name_stay_several(written: Path, monkeypatch: pytest.Monke
     devices = [row.arm.device for row in again.rig.gateway.instruments]
     assert [Path(device).read_text().splitlines()[-1] for device in devices if device] == ["# a", "# b"]
     assert "duct" in config.read_scene(again.scene_name)
+
+
+def test_scenario_and_script_given_as_files_are_frozen_and_watched(
+    written: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A training process that was started again read a scenario that had been changed, or was no longer one."""
+    for name, kind in (("scenario", "basic"), ("script", "stroke")):
+        original = config.config_directory() / f"{name}s" / f"{kind}.yaml"
+        (written / f"my_{name}.yaml").write_text(original.read_text())
+    set_script = "gateway.instruments.0.arm.settings.script=my_script.yaml"
+    options = Options("mine.yaml", None, ("training.scenario=my_scenario.yaml", set_script))
+    read = load_process_config("supervisor", options)
+    watched = frozen_configuration.files_of(read.rig, "mine.yaml", read.scene_name)
+    assert {Path("my_scenario.yaml"), Path("my_script.yaml")} <= watched
+    arguments, environment = frozen_configuration.freeze(read)
+    before = load_scenario("my_scenario.yaml"), config.read_yaml(written / "my_script.yaml")
+    for name in ("my_scenario.yaml", "my_script.yaml"):
+        (written / name).write_text("garbage: [")
+    for key, value in environment.items():
+        monkeypatch.setenv(key, value)
+    again = load_process_config("training", parse("training", arguments))
+    assert again.rig.training.scenario is not None
+    script = again.rig.gateway.instruments[0].arm.settings["script"]
+    assert (load_scenario(again.rig.training.scenario), config.read_yaml(Path(script))) == before
 
 
 def test_a_file_that_changed_is_said_once(written: Path) -> None:
