@@ -2,7 +2,8 @@
 
 A second bind on an ipc path succeeds and silently takes it over, so a publisher holds an exclusive lock on
 ``<topic>.lock`` as long as it lives; the kernel releases it when the process ends in any way. It does so with every
-transport, since the locks also tell which processes of a rig live on this host.
+transport, since the locks also tell which processes of a rig live on this host. One that is still compiling publishes
+nothing yet, so each process holds ``<process>.lock`` from its start.
 """
 
 from __future__ import annotations
@@ -74,12 +75,12 @@ def _ipc_path(directory: Path, topic: str) -> str:
     return path
 
 
-def claim(transport: Transport, topic: str) -> IO[str]:
-    """Acquire and return the lock of `topic`'s endpoint, which is released by closing it or by the end of the process.
+def claim(transport: Transport, name: str) -> IO[str]:
+    """Acquire and return the lock of a topic or a process, which is released by closing it or by the process' end.
 
     Raises BusError naming the process that holds it.
     """
-    path = run_directory(transport) / f"{topic}.lock"
+    path = run_directory(transport) / f"{name}.lock"
     while True:
         lock = open_text(path, os.O_RDWR | os.O_CREAT)
         try:
@@ -87,7 +88,8 @@ def claim(transport: Transport, topic: str) -> IO[str]:
         except BlockingIOError:
             holder = lock.read().strip() or "unknown"
             lock.close()
-            raise BusError(f"topic {topic} is already published by process {holder} (lock {path})") from None
+            what = f"topic {name} is already published" if name in TOPICS else f"{name} is already run"
+            raise BusError(f"{what} by process {holder} (lock {path})") from None
         if _is_at(path, lock):
             break
         lock.close()  # `all_claimed` has removed it before it was locked here
@@ -106,15 +108,16 @@ def _is_at(path: Path, lock: IO[str]) -> bool:
 
 @contextmanager
 def all_claimed(transport: Transport) -> Iterator[Path]:
-    """Hold the locks of all topics and yield the run directory, whose files thus belong to no living process.
+    """Hold the locks of all topics and processes, and yield the run directory.
 
-    The locks are removed at the end. Raises BusError naming a process that holds one.
+    Its files thus belong to no living process. The locks are removed at the end.
+    Raises BusError naming a process that holds one.
     """
     directory = run_directory(transport)
     with ExitStack() as stack:
-        for topic in TOPICS:
-            stack.enter_context(claim(transport, topic))
-            stack.callback((directory / f"{topic}.lock").unlink, missing_ok=True)  # called while the lock is held
+        for name in (*PROCESSES, *TOPICS):
+            stack.enter_context(claim(transport, name))
+            stack.callback((directory / f"{name}.lock").unlink, missing_ok=True)  # called while the lock is held
         yield directory
 
 
@@ -126,12 +129,12 @@ def remove_sockets(directory: Path) -> None:
 
 
 def lock_holders(transport: Transport) -> dict[str, int]:
-    """Return by name the ids of processes on this host that hold a lock of their topics, supervised or not."""
+    """Return by name the ids of processes on this host that hold a lock of theirs, supervised or not."""
     directory = run_directory(transport)
     found: dict[str, int] = {}
     for process in PROCESSES:
-        for topic in published_by(process):
-            pid = _holder(directory / f"{topic}.lock")
+        for name in (process, *published_by(process)):
+            pid = _holder(directory / f"{name}.lock")
             if pid is not None:
                 found[process] = pid
     return found

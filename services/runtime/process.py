@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Collection, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field, fields
 from types import FrameType
 from typing import Any
@@ -237,15 +238,16 @@ def main(
         if name in process_config.requirements.idle:
             process_config.log.info("scene %s has nothing to do for it", process_config.scene_name)
             return 0
-        prepared = () if prepare is None else (prepare(process_config),)
-        if options.prepare_only:
-            return 0
-        process = open_process(process_config, whole(process_config) if whole else ())
-        try:
-            run(process, *prepared)
-            process.health.change("stopping")
-        finally:
-            process.bus.close()
+        with nullcontext() if options.prepare_only else endpoints.claim(process_config.rig.transport, name):
+            prepared = () if prepare is None else (prepare(process_config),)
+            if options.prepare_only:
+                return 0
+            process = open_process(process_config, whole(process_config) if whole else ())
+            try:
+                run(process, *prepared)
+                process.health.change("stopping")
+            finally:
+                process.bus.close()
     except UserError as error:
         print(f"{name}: {error}", file=sys.stderr)  # noqa: T201
         return error.exit_code
