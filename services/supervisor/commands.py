@@ -21,6 +21,8 @@ What = Literal["arm", "safe_stop", "attempt", "replay", "switch"]
 Reply = Callable[[bodies.Answer], object]
 #: A command is answered this long before its sender gives up, whatever is known by then.
 _EARLY_S = 0.6
+#: Time for its outcome to be known: the gateway's next report but one comes within it.
+_OUTCOME_S = 0.5
 #: Processes in these states apply no force.
 _AWAY = (MemberState.WAITING, MemberState.LOST, MemberState.FAILED)
 
@@ -28,12 +30,13 @@ _AWAY = (MemberState.WAITING, MemberState.LOST, MemberState.FAILED)
 class Command(msgspec.Struct, frozen=True, kw_only=True):
     """A person's command to a run of the rig, with a deadline in its time.
 
-    An `order` is for the attempt; a `line` is for the shown recording, or names the scenario to switch to.
+    An `order` is for the attempt; a `line` is for the shown recording, or names the scenario to switch to. Without an
+    `incarnation` it is for no run until its sender has learnt the present one (`control.ask`).
     """
 
     what: What
     who: str
-    incarnation: int = 0
+    incarnation: int | None = None
     before_s: float = 0.0
     order: bodies.Order | None = None
     line: str = ""
@@ -47,12 +50,12 @@ class Commands:
         self._open: list[tuple[Command, float, Reply]] = []
 
     def take(self, command: Command, now_s: float, reply: Reply) -> None:
-        """Execute a command, unless its deadline has passed or it is for another run of the rig."""
-        late_s = now_s - self._rig.started_s - command.before_s
+        """Execute a command, unless it is for another run of the rig or its outcome would be known too late."""
+        late_s = now_s + _OUTCOME_S - self._answer_due_s(command)
         if command.incarnation != self._rig.incarnation:
             reply(_answer(False, "it was meant for another run of the rig: nothing was done"))
         elif not late_s <= 0.0:
-            text = f"came {late_s:.1f} s after its sender had given it up: nothing was done"
+            text = f"came {late_s:.1f} s too late to be confirmed to its sender: nothing was done"
             self._rig.say("warning", f"supervisor: {command.what} asked for by {command.who} {text}")
             reply(_answer(False, text))
         else:
@@ -64,11 +67,14 @@ class Commands:
         """Answer commands that are done."""
         for each in tuple(self._open):
             command, asked_s, reply = each
-            ends = now_s - self._rig.started_s > command.before_s - _EARLY_S
-            outcome = self._outcome(command, asked_s, ends)
+            outcome = self._outcome(command, asked_s, ends=now_s > self._answer_due_s(command))
             if outcome is not None:
                 self._open.remove(each)
                 reply(outcome)
+
+    def _answer_due_s(self, command: Command) -> float:
+        """Return when a command is answered at the latest, which decides whether it is begun at all."""
+        return self._rig.started_s + command.before_s - _EARLY_S
 
     def _carry_out(self, command: Command) -> None:
         match command.what:

@@ -98,7 +98,8 @@ def _ask_supervisor(transport: Transport, command: Command, patience_s: float) -
         link = Link(end)
         if (now := link.wait(RunTime, _HELLO_S)) is None:
             return None
-        before_s = min(command.before_s if command.incarnation else math.inf, now.t + patience_s)
-        incarnation = command.incarnation or now.incarnation
+        is_dated = command.incarnation is not None
+        before_s = min(command.before_s if is_dated else math.inf, now.t + patience_s)
+        incarnation = command.incarnation if is_dated else now.incarnation
         link.send(msgspec.structs.replace(command, incarnation=incarnation, before_s=before_s))
         return link.wait(bodies.Answer, patience_s)

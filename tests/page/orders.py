@@ -8,7 +8,7 @@ from tests.chromium import Chromium
 from tests.patience import PATIENCE_S
 
 #: What is said of an order of which nothing came: the page, or the rig, stood still for as long as anybody waits.
-_NOTHING_DONE = ("given it up", "not reachable")
+_NOTHING_DONE = ("too late", "not reachable")
 _BEGIN = "globalThis.ordered = true; document.getElementById('instructor-said').textContent = ''"
 _ANSWER = "globalThis.ordered ? document.getElementById('instructor-said').textContent : 'another page'"
 

@@ -126,12 +126,26 @@ def test_the_page_has_the_same_way_to_the_gateway(bench: Bench, control: Control
     orders.line.close()
 
 
-def _posted(context: PageContext, path: str, headers: dict[str, str]) -> str:
+def test_no_incarnation_on_the_page_means_the_present_run(bench: Bench, control: Control) -> None:
+    """`0` did, and armed the rig."""
+    context, transport = page(), bench.supervisor.rig.transport
+    context.ask = lambda command: ask(transport, command)
+    turn = turn_of(bench, control)
+    with ThreadPoolExecutor(1) as pool:
+        asked = pool.submit(_posted, context, "/api/arm", {"X-Trocar-Before": "0 60"}, "error")
+        while not asked.done():
+            turn()
+            time.sleep(0.001)
+    assert asked.result() == "it was meant for another run of the rig: nothing was done"
+    assert bench.supervisor.body().armed == 0
+
+
+def _posted(context: PageContext, path: str, headers: dict[str, str], field: str = "text") -> str:
     async def once() -> str:
         transport = httpx.ASGITransport(build_app(context))
         async with httpx.AsyncClient(transport=transport, base_url="http://localhost:8080") as client:
             answer = await client.post(path, headers={"X-Trocar-Token": context.token, **headers})
-            return str(answer.json()["text"])
+            return str(answer.json()[field])
 
     return asyncio.run(once())
 

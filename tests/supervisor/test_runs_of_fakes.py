@@ -274,7 +274,9 @@ def test_a_command_that_was_given_up_is_not_carried_out_by_a_page_that_hung(fake
         ends_s = time.monotonic() + 1.5
         yield from until(lambda: time.monotonic() > ends_s)
         os.kill(page_server, signal.SIGCONT)
-        yield from until(lambda: any("given it up: nothing was done" in event.text for event in supervisor.events))
+        yield from until(
+            lambda: any("confirmed to its sender: nothing was done" in event.text for event in supervisor.events)
+        )
         assert supervisor.body().armed == 0
         armed = asked(lambda: until_obeyed(lambda: ask_at(address, token, "arm")))
         yield from until(lambda: bool(armed))
