@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Literal
 import msgspec
 
 import protocol.bodies as bodies
-from services.supervisor.member import MemberState
 
 if TYPE_CHECKING:
     from services.supervisor.supervisor import Supervisor
@@ -23,8 +22,6 @@ Reply = Callable[[bodies.Answer], object]
 _EARLY_S = 0.6
 #: Time for its outcome to be known: the gateway's next report but one comes within it.
 _OUTCOME_S = 0.5
-#: Processes in these states apply no force.
-_AWAY = (MemberState.WAITING, MemberState.LOST, MemberState.FAILED)
 
 
 class Command(msgspec.Struct, frozen=True, kw_only=True):
@@ -100,12 +97,15 @@ class Commands:
     def _at_the_hands(self, what: What, asked_s: float, ends: bool) -> bodies.Answer | None:
         done = "armed" if what == "arm" else "safe stop"
         gateway = self._rig.crew.members.get("gateway")
-        if gateway is None or gateway.state in _AWAY:
+        if gateway is None or self._rig.crew.has_ended(gateway):
             return _answer(True, f"{done}: no gateway runs")
         said = gateway.safe_stop_said(asked_s)
         if said is not None and bool(said) is (what == "safe_stop"):
             return _answer(True, f"{done}: hands may be pushed" if what == "arm" else f"{done}: every hand is let go")
-        return _answer(False, f"{done}, but the gateway has not said that it obeys") if ends else None
+        if not ends:
+            return None
+        why = "has not said that it obeys" if gateway.health else "is not heard: whether it obeys is unknown"
+        return _answer(False, f"{done}, but the gateway {why}")
 
     def _of_the_attempt(self, order: bodies.Order, ends: bool) -> bodies.Answer | None:
         if "training" not in self._rig.crew.members:

@@ -112,6 +112,10 @@ class Crew:
         """Return all processes except non-critical ones that were given up."""
         return [m for m in self.members.values() if m.critical or m.state is not MemberState.FAILED]
 
+    def has_ended(self, member: Member) -> bool:
+        """Return whether a process is known not to run, as our child; one that others run may only be silent."""
+        return self.launch is not None and member.child is None
+
     def troubles(self) -> list[str]:
         """Return a sentence on each process that should be up and is not, critical ones first."""
         members = sorted(self.members.values(), key=lambda m: not m.critical)

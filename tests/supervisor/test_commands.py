@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from unittest.mock import Mock
+
 import pytest
 
 import protocol.bodies as bodies
 from services.supervisor.commands import Command, What
+from services.supervisor.crew import Launch
+from services.supervisor.launcher import Child
 from services.supervisor.state_machine import RigState
 from tests.supervisor.made_up import Bench, rig
 
@@ -79,12 +84,35 @@ def test_a_command_that_is_begun_at_the_last_moment_is_still_confirmed(bench: Be
     assert bench.supervisor.body().armed == 1
 
 
-def test_without_a_gateway_no_hand_is_pushed(bench: Bench) -> None:
+@pytest.mark.parametrize(("what", "begun"), [("arm", "armed"), ("safe_stop", "safe stop")])
+@pytest.mark.parametrize("silent_s", [0.2, 6.0], ids=["hung", "lost"])
+def test_a_gateway_of_others_that_is_silent_may_still_push(
+    bench: Bench, what: What, begun: str, silent_s: float
+) -> None:
+    """A gateway that was stopped for 2.5 s was said not to run; it pushed again when it went on."""
+    bench.peers["gateway"].alive = False
+    bench.run(silent_s)
+    answers = ask(bench, what)
+    bench.run(2.5)
+    assert answers == done(f"{begun}, but the gateway is not heard: whether it obeys is unknown", ok=False)
+
+
+def test_a_gateway_of_others_that_goes_on_in_time_confirms(bench: Bench) -> None:
     bench.peers["gateway"].alive = False
     bench.run(6.0)
     answers = ask(bench, "safe_stop")
-    bench.run(0.1)
-    assert answers == done("safe stop: no gateway runs")
+    bench.run(0.5)
+    bench.peers["gateway"].alive, bench.peers["gateway"].gauges["safe_stop"] = True, 1.0
+    bench.run(0.5)
+    assert answers == done("safe stop: every hand is let go")
+
+
+@pytest.mark.parametrize("runs", [True, False])
+def test_only_a_gateway_of_ours_is_known_to_have_ended(bench: Bench, tmp_path: Path, runs: bool) -> None:
+    crew = bench.supervisor.crew
+    crew.launch = Launch((), tmp_path)
+    crew.members["gateway"].child = Mock(spec=Child) if runs else None
+    assert ask(bench, "safe_stop") == ([] if runs else done("safe stop: no gateway runs"))
 
 
 def test_an_order_of_the_attempt_is_passed_on_as_long_as_its_sender_waits(bench: Bench) -> None:
