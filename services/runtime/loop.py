@@ -66,6 +66,7 @@ class LoopMeter:
         self._alive_ns = 0
         self._worked_ns = 0  # time on a processor, from the end of the tick before the last to that of the last
         self._away_ns = 0  # recent time on no processor
+        self._late_work_ns = 0  # time on a processor since a tick was on time, or lost ticks were counted
 
     def change_rate(self, rate_hz: float) -> None:
         """Change the rate, from the next tick on."""
@@ -96,7 +97,10 @@ class LoopMeter:
         self._worked_ns, self._ran_ns = ran_ns - self._ran_ns, ran_ns
         self._away_ns = now_ns - self._scheduled_ns - self._worked_ns
         if now_ns - self._scheduled_ns > self.periods_allowed * self.period_ns:
+            self._late_work_ns += self._worked_ns
             self._miss(1, self._away_ns // (self.periods_allowed * self.period_ns))
+        else:
+            self._late_work_ns = 0
         self.flight.write(self.tick, self._scheduled_ns, self._started_ns, now_ns, self._worked_ns, self.stages_ns)
 
     def idle(self, now_ns: int) -> None:
@@ -114,12 +118,24 @@ class LoopMeter:
     def skip(self, ticks: int) -> None:
         """Count ticks that never ran."""
         self.skipped += ticks
-        self._miss(ticks, self._away_ns // self.period_ns)
+        self._lose(ticks)
 
     def catch_up(self, ticks: int) -> None:
         """Count ticks that ran together with a later one; those beyond the allowed periods are late."""
         self.ticks += ticks
-        self._miss(max(ticks + 1 - self.periods_allowed, 0), self._away_ns // self.period_ns)
+        self._lose(max(ticks + 1 - self.periods_allowed, 0))
+
+    def _lose(self, ticks: int) -> None:
+        """Count ticks that were lost between two that ran.
+
+        Own work can have cost no more of them than its time since a tick was on time, however the frames came: a clock
+        that stood still sends a late tick before the one whose index tells of the loss. And what was waited since the
+        last tick lost whole periods whatever the work.
+        """
+        since_ns = time.thread_time_ns() - self._ran_ns
+        burnt = -(-self._late_work_ns // self.period_ns) + since_ns // self.period_ns
+        self._late_work_ns = 0
+        self._miss(ticks, max(ticks - burnt, (self._away_ns - since_ns) // self.period_ns))
 
     def _miss(self, ticks: int, passed: int) -> None:
         """Count misses, of which `passed` were independent of the work."""
