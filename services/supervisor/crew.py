@@ -74,6 +74,8 @@ class Crew:
         hearing = self._is_hearing(now_s)  # before reading: later messages are heard in the next turn
         flowing = self._flowing()
         self._warn(self._floods.messages("supervisor", os.getpid(), self.bus.floods(), now_s))
+        if self.launch is not None and self.launch.fork_server is not None and not self.stopping:
+            self._warn(self.launch.fork_server.turn())
         for member in self.members.values():
             flows = member.name in flowing
             self._hear(member, now_s, flows)

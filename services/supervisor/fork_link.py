@@ -1,6 +1,7 @@
 """The supervisor's connection to the fork server, which forks processes with their imports done (`fork_server`).
 
-Without an answering server processes are started normally.
+The server is asked for a sign of life each second. One that is silent, stopped or gone is replaced. Until the new one
+has imported, processes are started normally.
 """
 
 from __future__ import annotations
@@ -20,11 +21,19 @@ from pathlib import Path
 import msgspec
 
 from services.runtime.private_directory import open_private
-from services.supervisor.fork_server import GO, ForkOrder
+from services.supervisor.fork_server import ALIVE, GO, ForkOrder
 from services.supervisor.processes import ENVIRONMENT
+from services.supervisor.scheduler_state import SchedulerState
 
-#: Timeouts of its imports and of a fork on a busy machine.
-_IMPORTS_S, _FORK_S = 30.0, 5.0
+#: Timeouts of its imports, of a fork, and of a sign of life, on a busy machine.
+_IMPORTS_S, _FORK_S, _SILENT_S = 30.0, 5.0, 5.0
+#: How long a signal may stop it.
+_STOPPED_S = 0.5
+_ASK_EVERY_S = 1.0
+#: Delay and number of restarts.
+_RETRY_S, _RETRIES = 2.0, 5
+#: Most of the time between two looks at it that counts as its silence; the rest is a delay of our own.
+_LOOK_S = 0.1
 #: Padding for the command line of a forked process.
 _ROOM = "x" * 2048
 _PR_SET_CHILD_SUBREAPER = 36
@@ -39,18 +48,60 @@ class _Fork:
     asked_s: float
 
 
+class _Silence:
+    """How long an answer of a process has been awaited, and for how long of that it was stopped by a signal.
+
+    Delays of our own, and the process' waits for a processor, do not count.
+    """
+
+    def __init__(self, pid: int, patience_s: float) -> None:
+        self._kernel = SchedulerState(pid)
+        self.awaits = False
+        self.begin(patience_s)
+
+    def begin(self, patience_s: float) -> None:
+        """Wait for an answer from now on."""
+        self.awaits, self._patience_s = True, patience_s
+        self._silent_s = self._stopped_s = 0.0
+        self._waited_s, self._looked_s = self._kernel.waits().total_s, time.monotonic()
+
+    def too_long(self) -> str:
+        """Return what is wrong with the process, empty for nothing."""
+        now_s = time.monotonic()
+        passed_s, self._looked_s = min(now_s - self._looked_s, _LOOK_S), now_s
+        if not self.awaits:
+            return ""
+        self._silent_s += passed_s
+        self._stopped_s = self._stopped_s + passed_s if self._kernel.is_stopped() else 0.0
+        if self._stopped_s > _STOPPED_S:
+            return "is stopped by a signal"
+        silent_s = self._silent_s - (self._kernel.waits().total_s - self._waited_s)
+        return f"said nothing for {silent_s:.1f} s" if silent_s > self._patience_s else ""
+
+    def close(self) -> None:
+        """Close the kernel's files."""
+        self._kernel.close()
+
+
 class ForkServer:
-    """A fork server."""
+    """A fork server, started again if it is lost."""
 
     def __init__(self) -> None:
         self._server: subprocess.Popen[bytes] | None = None
         self._fork: _Fork | None = None
+        self._told: list[str] = []
+        self._ask_s = self._retry_s = 0.0
         self.begin()
 
     def begin(self) -> None:
         """Start the server, if there is none."""
-        if self._server is not None:
-            return
+        self._is_wanted = True
+        if self._server is None:
+            self._starts = 0
+            self._start()
+
+    def _start(self) -> None:
+        self._starts += 1
         self._link, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._link.setblocking(False)
         self._server = subprocess.Popen(
@@ -62,7 +113,7 @@ class ForkServer:
             start_new_session=True,  # like its forks: a Ctrl-C at the terminal is for the supervisor
         )  # fmt: skip
         other.close()
-        self._began_s = time.monotonic()
+        self._silence = _Silence(self._server.pid, _IMPORTS_S)
         self._has_imported = False
 
     @property
@@ -77,25 +128,47 @@ class ForkServer:
             return self._fork.link.fileno()
         return None if self._server is None or self._has_imported else self._link.fileno()
 
+    def turn(self) -> list[str]:
+        """Look after the server, and replace one that was lost; return what there is to say. Never waits."""
+        self._look()
+        now_s = time.monotonic()
+        if self._server is None:
+            if self._is_wanted and self._starts <= _RETRIES and now_s >= self._retry_s:
+                self._start()
+        elif not self._silence.awaits and now_s >= self._ask_s:
+            self._ask_s = now_s + _ASK_EVERY_S
+            self._silence.begin(_SILENT_S)
+            with suppress(OSError):  # its end is noticed by the next look
+                self._link.send(ALIVE)
+        told, self._told = self._told, []
+        return told
+
     def imports(self) -> bool:
         """Return whether the server is still importing; never waits."""
-        if self._server is None or self._has_imported:
-            return False
-        if _is_readable(self._link):
-            self._has_imported = True
-            if not _receive(self._link):
-                self.close()
-        elif time.monotonic() - self._began_s > _IMPORTS_S:
-            self.close()
+        self._look()
         return self._server is not None and not self._has_imported
+
+    def _look(self) -> None:
+        """Receive what the server says, and end it if it is gone or says nothing for too long."""
+        if self._server is None:
+            return
+        while _is_readable(self._link):
+            if not _receive(self._link):
+                self._lose("has ended")
+                return
+            self._has_imported = True
+            self._silence.awaits = False
+        if wrong := self._silence.too_long():
+            self._lose(wrong)
 
     def fork(self, module: str, arguments: Sequence[str], environment: Mapping[str, str], log_file: Path) -> int | None:
         """Return the process id of a fork that runs a module and writes into a file, 0 on failure; never waits.
 
-        It is None while the server is busy: call it again then. One process is forked at a time.
+        It is None while the server is busy: call it again then. One process is forked at a time. Only the imports of
+        the first server are worth waiting for.
         """
         if self.imports():
-            return None
+            return None if self._starts == 1 else 0
         order = ForkOrder(module, tuple(arguments), dict(environment))
         if self._server is not None and self._fork is None:
             self._order(order, log_file)
@@ -112,7 +185,7 @@ class ForkServer:
         try:
             socket.send_fds(self._link, [msgspec.json.encode(order)], [sink, its.fileno()])
         except OSError:
-            self.close()
+            self._lose("takes no order")
         finally:
             os.close(sink)
             its.close()
@@ -126,7 +199,7 @@ class ForkServer:
                 fork.link.send(GO)
         self.abandon()
         if not pid:
-            self.close()
+            self._lose("did not fork")
         return pid
 
     def abandon(self) -> None:
@@ -138,10 +211,21 @@ class ForkServer:
 
     def close(self) -> None:
         """End the server; its forks continue."""
+        self._is_wanted = False
+        self._end()
+
+    def _lose(self, why: str) -> None:
+        again = "a new one is started" if self._starts <= _RETRIES else "given up, processes import for themselves"
+        self._told.append(f"supervisor: the fork server (process {self.pid}) {why}: {again}")
+        self._retry_s = time.monotonic() + _RETRY_S
+        self._end()
+
+    def _end(self) -> None:
         self.abandon()
         if self._server is None:
             return
         self._link.close()
+        self._silence.close()
         self._server.kill()
         self._server.wait()
         self._server = None

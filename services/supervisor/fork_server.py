@@ -22,7 +22,7 @@ import msgspec
 
 #: The slowest imports of the rig's processes; their pages are shared by all, also by processes that do not use them.
 IMPORTED = "services.scenes", "services.runtime.process", "services.kernel_progress"
-READY, GO = b"ready", b"go"
+READY, GO, ALIVE = b"ready", b"go", b"alive?"
 _ORDER_MAX = 1 << 16
 _LOOK_S = 0.5e-3
 
@@ -45,6 +45,9 @@ def main() -> None:
     gc.freeze()
     _tell(link, READY)
     while (received := socket.recv_fds(link, _ORDER_MAX, 2))[0]:
+        if received[0] == ALIVE:
+            _tell(link, READY)
+            continue
         order, (sink, asker) = msgspec.json.decode(received[0], type=ForkOrder), received[1]
         if _fork():
             link.close()

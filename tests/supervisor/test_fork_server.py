@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -153,6 +154,79 @@ def test_where_the_server_does_not_answer_processes_are_started_without(
         assert gone(pid)
 
 
+def _turned(server: ForkServer, until: Callable[[], object]) -> list[str]:
+    """Look after a server until something holds; return what was said."""
+    told: list[str] = []
+
+    def turn() -> object:
+        told.extend(server.turn())
+        return until()
+
+    _until(turn)
+    return told
+
+
+@pytest.mark.parametrize(
+    ("struck", "stopped_s", "silent_s", "why"),
+    [
+        (signal.SIGKILL, 60.0, 60.0, "has ended"),
+        (signal.SIGSTOP, 0.1, 60.0, "is stopped by a signal"),
+        (signal.SIGSTOP, 60.0, 0.1, "said nothing for 0.[12] s"),
+    ],
+)
+def test_a_server_that_is_lost_is_told_once_and_replaced(
+    struck: signal.Signals, stopped_s: float, silent_s: float, why: str, log_file: Path, soon_again: pytest.MonkeyPatch
+) -> None:
+    """It was noticed at the next fork only, which waited 5 s for it, and from then on there was none."""
+    with closing(ForkServer()) as server:
+        _until(lambda: not server.imports())
+        soon_again.setattr(fork_link, "_STOPPED_S", stopped_s)
+        soon_again.setattr(fork_link, "_SILENT_S", silent_s)
+        first = server.pid
+        os.kill(first, struck)
+        told = _turned(server, lambda: server.pid not in (0, first))
+        (said,) = told
+        assert re.fullmatch(rf"supervisor: the fork server \(process {first}\) {why}: a new one is started", said)
+        assert gone(first)
+        assert server.imports()
+        assert server.fork(_TIMER.module, _says("0"), {}, log_file) == 0, "nobody waits for the imports of the new one"
+
+
+@pytest.fixture
+def soon_again(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
+    """Let a server be asked often, and started again soon."""
+    monkeypatch.setattr(fork_link, "_ASK_EVERY_S", 0.05)
+    monkeypatch.setattr(fork_link, "_RETRY_S", 0.05)
+    return monkeypatch
+
+
+def test_a_server_that_is_lost_again_and_again_is_given_up(soon_again: pytest.MonkeyPatch) -> None:
+    soon_again.setattr(fork_link, "_RETRIES", 1)
+    with closing(ForkServer()) as server:
+        os.kill(server.pid, signal.SIGKILL)
+        told = _turned(server, lambda: server.pid == 0) + _turned(server, lambda: server.pid)
+        os.kill(server.pid, signal.SIGKILL)
+        told += _turned(server, lambda: server.pid == 0)
+        time.sleep(0.1)
+        assert server.turn() == []
+        assert server.pid == 0
+        assert [each.rpartition(": ")[2] for each in told] == [
+            "a new one is started", "given up, processes import for themselves",
+        ]  # fmt: skip
+
+
+def test_a_delay_of_our_own_is_no_silence_of_the_server(soon_again: pytest.MonkeyPatch) -> None:
+    soon_again.setattr(fork_link, "_SILENT_S", 2.0)
+    with closing(ForkServer()) as server:
+        _until(lambda: not server.imports())
+        os.kill(server.pid, signal.SIGSTOP)
+        assert _turned(server, lambda: server._silence.awaits) == []
+        time.sleep(0.6)
+        assert server.turn() == [], "it may have been held up with us"
+        os.kill(server.pid, signal.SIGCONT)
+        assert _turned(server, lambda: not server._silence.awaits) == []
+
+
 def test_a_server_that_never_ends_its_imports_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fork_link, "_IMPORTS_S", 0.1)
     with closing(ForkServer()) as server:
@@ -185,7 +259,7 @@ def test_who_looks_at_processes_that_others_start_keeps_no_fork_server(fakes: Fa
 
 
 def test_processes_are_forked_also_when_they_are_restarted_and_without_a_server_start_by_themselves(
-    fakes: Fakes, monkeypatch: pytest.MonkeyPatch
+    fakes: Fakes, monkeypatch: pytest.MonkeyPatch, soon_again: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join((str(HERE), str(HERE.parents[1]))))
     forked, pids = list[bool](), list[int]()
@@ -204,13 +278,19 @@ def test_processes_are_forked_also_when_they_are_restarted_and_without_a_server_
             yield from until_running(supervisor)
             assert gone(first)
             forked.append(_is_forked(member.pid))
+        yield from until(lambda: fork_server.pid != 0 and not fork_server.imports())
+        another, first = supervisor.crew.members["physics"], supervisor.crew.members["physics"].pid
+        os.kill(first, signal.SIGKILL)
+        yield from until(lambda: another.up and another.pid != first)
+        forked.append(_is_forked(another.pid))
         pids.extend(member.pid for member in members)
 
     with closing(ForkServer()) as fork_server:
         events = replace(fakes, fork_server=fork_server).play(scenario)
-    assert forked == [True] * 6 + [True, False]
+    assert forked == [True] * 6 + [True, False, True]
     assert all(gone(pid) for pid in pids)
     assert sum(event.startswith("haptics: ended by SIGKILL") for event in events) == 2
+    assert sum("the fork server" in event for event in events) == 1
 
 
 def _is_forked(pid: int) -> bool:
