@@ -8,6 +8,7 @@ image has beside the source is taken from there. What Python compiles of other p
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import sys
 from importlib.machinery import SOURCE_SUFFIXES, FileFinder, SourceFileLoader
@@ -15,7 +16,7 @@ from importlib.util import cache_from_source
 from pathlib import Path
 from types import CodeType
 
-from services.cache_directory import cache_directory
+from services.cache_directory import cache_directory, own_folder
 
 _ROOT = Path(__file__).resolve().parents[1]
 _OURS = tuple(str(_ROOT / name) for name in ("services", "protocol"))
@@ -26,10 +27,11 @@ class _Loader(SourceFileLoader):
 
     def get_code(self, fullname: str) -> CodeType | None:
         """Return the code of a module."""
-        if _is_beside(self.path):
+        prefix = "" if _is_beside(self.path) else _prefix(os.path.dirname(self.path), cache_directory())
+        if not prefix:
             return super().get_code(fullname)
         before = sys.pycache_prefix, sys.dont_write_bytecode
-        sys.pycache_prefix, sys.dont_write_bytecode = str(cache_directory() / "bytecode"), False
+        sys.pycache_prefix, sys.dont_write_bytecode = prefix, False
         try:
             return super().get_code(fullname)
         finally:
@@ -47,6 +49,17 @@ def _is_beside(source: str) -> bool:
     with contextlib.suppress(OSError):
         return os.stat(cache_from_source(source)).st_mtime >= os.stat(source).st_mtime
     return False
+
+
+@functools.cache
+def _prefix(source: str, cache: Path) -> str:
+    """Return the folder that has the bytecode of a folder of source at its path; empty where it cannot be ours."""
+    prefix = cache / "bytecode"
+    try:
+        own_folder(prefix.joinpath(*Path(source).parts[1:]), cache)
+    except OSError:
+        return ""
+    return str(prefix)
 
 
 def _finder(path: str) -> FileFinder:

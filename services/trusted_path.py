@@ -10,15 +10,19 @@ from pathlib import Path
 _SHARED = stat.S_IWGRP | stat.S_IWOTH
 
 
-def fault_of_place(path: Path, its_own: bool = True) -> str:
+def fault_of_place(path: Path, its_own: bool = True, below: Path | None = None) -> str:
     """Return why others can change what lies at `path` or replace it, empty where only this user and root can.
 
     Every folder and link on the way counts; what is not there yet is made by this user. Without `its_own` the last
-    step is left to the caller. In a folder such as ``/tmp`` (sticky) nobody replaces what is another's.
+    step is left to the caller, as is the way down to `below`. In a folder such as ``/tmp`` (sticky) nobody replaces
+    what is another's.
     """
+    last = Path(os.path.abspath(path))
+    top = Path(os.path.abspath(below)) if below is not None else None
+    known = {top, *top.parents} if top is not None else set()
     try:
-        for step in _steps(Path(os.path.abspath(path))):
-            if fault := _fault(step, step == Path(os.path.abspath(path)), its_own):
+        for step in _steps(last):
+            if step not in known and (fault := _fault(step, step == last, its_own)):
                 return fault
     except FileNotFoundError:
         return ""

@@ -65,3 +65,28 @@ def test_what_an_image_has_beside_the_source_is_taken_until_the_source_is_newer(
     os.utime(source, (2e9, 2e9))
     assert _run(tree, cache, **forbidden) == "True None 32"
     assert [path.name.partition(".")[0] for path in cache.rglob("*.pyc")] == ["histogram"]
+
+
+@pytest.mark.parametrize("inner", [False, True])
+def test_where_others_could_have_put_bytecode_it_is_compiled_anew(tree: Path, tmp_path: Path, inner: bool) -> None:
+    tmp_path.chmod(0o700)
+    cache = tmp_path / "cache"
+    made = _run(tree, cache, PYTHONDONTWRITEBYTECODE="1")
+    (kept,) = cache.rglob("histogram.*.pyc")
+    written = kept.read_bytes()
+    kept.write_bytes(written.replace(b"PER_OCTAVE", b"RER_OCTAVE"))
+    (kept.parent if inner else cache / "bytecode").chmod(0o777)
+    assert _run(tree, cache, PYTHONDONTWRITEBYTECODE="1") == made
+    assert kept.read_bytes() == written
+    assert not list(cache.glob("**/.[!.]*")), "what was removed is gone"
+
+
+def test_folders_of_bytecode_are_private_whatever_the_umask(tree: Path, tmp_path: Path) -> None:
+    cache, before = tmp_path / "above" / "cache", os.umask(0)
+    try:
+        _run(tree, cache, PYTHONDONTWRITEBYTECODE="1")
+    finally:
+        os.umask(before)
+    folders = [path for path in (cache.parent, *cache.parent.rglob("*")) if path.is_dir()]
+    assert len(folders) > 5
+    assert {oct(path.stat().st_mode & 0o777) for path in folders} == {"0o700"}

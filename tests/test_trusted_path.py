@@ -71,6 +71,32 @@ def test_a_cache_that_cannot_be_used_gives_way_to_a_fresh_folder_with_one_line(
     assert capsys.readouterr().err == "", "it is said once"
 
 
+def test_in_a_trusted_cache_a_folder_that_others_can_change_is_removed_with_one_line(
+    place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("sound", "shared", "dumps"):
+        (place / name / "inner").mkdir(parents=True)
+    (place / "shared").chmod(0o777)
+    (place / "dumps").chmod(0o777)
+    monkeypatch.setenv("TROCAR_CACHE_DIR", str(place))
+    assert cache_directory.cache_directory() == place
+    assert sorted(path.name for path in place.iterdir()) == ["dumps", "sound"], "people's dumps are read by nobody"
+    why = f"is not used: others may write to {place / 'shared'} (mode 0777); it is made anew"
+    assert capsys.readouterr().err == f"{place / 'shared'} {why}\n"
+
+
+def test_a_folder_in_the_cache_is_made_in_place_of_what_is_not_ours(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (place / "one").touch()
+    assert cache_directory.own_folder(place / "one" / "two", place).is_dir()
+    assert capsys.readouterr().err == f"{place / 'one'} is not used: it is no folder; it is made anew\n"
+    place.chmod(0o777)
+    assert cache_directory.own_folder(place / "one", place).joinpath("two").is_dir(), (
+        "the way there is judged elsewhere"
+    )
+
+
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root gives files away")
 def test_what_belongs_to_another_is_not_trusted(place: Path) -> None:
     os.chown(place.parent, NOBODY, NOBODY)

@@ -2,7 +2,8 @@
 
 An entry is a folder of ``.npy`` arrays, a ``manifest.json`` and ``hashes`` of both. It is written beside its place and
 renamed into it, so a reader sees all of it or nothing; a lock file keeps processes that start together from making
-the same entry twice. Nothing is pickled. What is not as it was written when it is fetched is made anew.
+the same entry twice. Nothing is pickled. What is not as it was written when it is fetched is made anew, and so is what
+others can change: the hashes lie beside the data, so whoever changes one can change the other.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ import hashlib
 import json
 import os
 import shutil
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -20,6 +20,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+
+from services.cache_directory import discard, fault_in, make_private
 
 MANIFEST = "manifest.json"
 _HASHES = "hashes"
@@ -89,12 +91,11 @@ def fetch(cache_dir: Path, name: str, make: Callable[[Entry], None]) -> Entry:
     Processes that ask for the same missing entry at the same time wait for the first of them.
     """
     folder = cache_dir / name
-    if not _is_whole(folder):
-        cache_dir.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if _fault(folder):
+        make_private(cache_dir)
         with _locked(cache_dir / f".{name}.lock"):
-            if not _is_whole(folder):
-                if folder.exists():
-                    print(f"{folder} is not as it was written; it is made anew", file=sys.stderr)  # noqa: T201
+            if fault := _fault(folder):
+                discard(folder, fault)  # a process that has mapped it keeps what it has
                 _make_atomically(folder, make)
     return Entry(folder)
 
@@ -104,19 +105,21 @@ def _make_atomically(folder: Path, make: Callable[[Entry], None]) -> None:
     try:
         make(Entry(unfinished))
         (unfinished / _HASHES).write_text(_hashes(unfinished), encoding="utf-8")
-        if folder.exists():  # a process that has mapped it keeps what it has
-            shutil.rmtree(folder)
         os.replace(unfinished, folder)
     except BaseException:
         shutil.rmtree(unfinished, ignore_errors=True)
         raise
 
 
-def _is_whole(folder: Path) -> bool:
+def _fault(folder: Path) -> str:
+    """Return what is wrong with an entry, as the rest of a sentence; empty if it may be used."""
+    if fault := fault_in(folder.parent, folder):
+        return f"is not used: {fault}"
     try:
-        return (folder / _HASHES).read_bytes() == _hashes(folder).encode()
+        is_whole = (folder / _HASHES).read_bytes() == _hashes(folder).encode()
     except OSError:
-        return False
+        is_whole = False
+    return "" if is_whole else "is not as it was written"
 
 
 def _hashes(folder: Path) -> str:

@@ -1,6 +1,8 @@
 """The cache of reduced ducts: found by content, made once, whole or absent, and checked when read."""
 
 import dataclasses
+import os
+import shutil
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -137,6 +139,32 @@ def test_a_flipped_bit_and_a_cut_are_made_anew_and_said(tmp_path, name, cut, cap
     assert np.array_equal(again.basis.Phi, sound.basis.Phi)
     assert np.array_equal(again.residual.blocks, sound.residual.blocks)
     assert capfd.readouterr().err == f"{file.parent} is not as it was written; it is made anew\n"
+
+
+def _is_whole_with(cache_dir, number):
+    return cache.fetch(cache_dir, "entry", lambda entry: entry.save("data", np.array([number]))).load("data")[0]
+
+
+@pytest.mark.parametrize("what", ["mode", "owner", "file", "link"])
+def test_an_entry_that_others_can_change_or_that_is_no_folder_is_made_anew_and_said(tmp_path, what, capfd):
+    assert _is_whole_with(tmp_path, 1) == _is_whole_with(tmp_path, 2) == 1
+    entry = tmp_path / "entry"
+    if what == "mode":
+        entry.chmod(0o777)
+        why = f"others may write to {entry} (mode 0777)"
+    elif what == "owner":
+        if os.geteuid() != 0:
+            pytest.skip("only root gives files away")
+        os.chown(entry, 65534, 65534)
+        why = f"{entry} belongs to user 65534"
+    else:
+        shutil.rmtree(entry)
+        entry.touch() if what == "file" else entry.symlink_to("nowhere")
+        why = "it is no folder"
+    assert _is_whole_with(tmp_path, 3) == 3
+    assert capfd.readouterr().err == f"{entry} is not used: {why}; it is made anew\n"
+    assert entry.stat().st_mode & 0o777 == 0o700
+    assert sorted(path.name for path in tmp_path.iterdir()) == [".entry.lock", "entry"]
 
 
 def test_a_build_that_fails_leaves_nothing_behind(tmp_path):
