@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import protocol.bodies as bodies
+from services.recordings.errors import HoleError
 from services.runtime import log
 from services.runtime.bus import Bus
 from services.runtime.errors import EndOfRig
@@ -314,6 +315,8 @@ class Crew:
         member.status = status
         if status > 0 and status != EndOfRig.exit_code:
             member.fault = Fault(reason, status)
+        elif status < 0 and member.name == "recorder" and member.came_up:  # by a signal, so it could not say so itself
+            member.fault = Fault(f"{reason}; the recording has a hole", HoleError.exit_code)
         member.forget()
         if self.stopping:
             member.enter(MemberState.WAITING, now_s)

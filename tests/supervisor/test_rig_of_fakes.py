@@ -128,6 +128,22 @@ def test_a_recorder_whose_disk_is_full_is_told_of_however_soon_the_rig_ends(fake
     assert caught.value.exit_code == 5
 
 
+@pytest.mark.parametrize(("number", "how"), [(signal.SIGKILL, "ended by SIGKILL"), (signal.SIGSTOP, "stopped")])
+def test_a_recorder_that_a_signal_ended_or_stopped_leaves_a_hole_that_the_end_tells_of(
+    fakes: Fakes, number: int, how: str
+) -> None:
+    def scenario(supervisor: Supervisor) -> Scenario:
+        yield from until_running(supervisor)
+        recorder = supervisor.crew.members["recorder"]
+        first = recorder.pid
+        os.kill(first, number)
+        yield from until(lambda: recorder.up and recorder.pid != first)
+
+    with pytest.raises(session.GivenUpError, match=rf"^recorder: .*{how}.*; the recording has a hole$") as caught:
+        fakes.play(scenario)
+    assert caught.value.exit_code == 7
+
+
 def test_what_a_process_could_not_do_at_its_end_is_told(fakes: Fakes) -> None:
     """The last that a recorder writes may be what the disk has no room for."""
     with pytest.raises(session.GivenUpError, match=r"a\.mcap: no space left on device; 100 frames were kept") as caught:
