@@ -15,6 +15,7 @@ from services.gateway.servo_arrays import MEMORY_FORCE, READ_ROLL
 from services.gateway.slew import slew
 from services.gateway.virtual_hand import POSITION, STATE_SIZE
 from services.mechanics.arrays import FloatArray
+from services.runtime.bounds import Turn, between
 from services.runtime.errors import ConfigError
 from services.runtime.rig import Settings, Vector3
 
@@ -30,8 +31,10 @@ class HandSettings(Settings):
     """Settings in the rig file: start of the tool, and its reach from there."""
 
     start_hip_m: Vector3 | None = Field(None, description="junction in the world; none: the middle of the workspace")
-    start_roll_rad: float = 0.0
-    reach_m: Annotated[float, Field(gt=0.0, le=0.3)] = Field(0.09, description="from the middle of the workspace")
+    start_roll_rad: Turn = 0.0
+    reach_m: Annotated[
+        float, between(1e-3, 0.3, "m", "no arm of a trainer reaches further, and a tool has to move")
+    ] = Field(0.09, description="from the middle of the workspace")
 
 
 class HandArm(Arm):

@@ -11,16 +11,19 @@ from services.gateway.driver import GraspHandle, Place
 from services.gateway.servo_arrays import HANDLE_ANGLE, HANDLE_RATE
 from services.gateway.slew import slew
 from services.mechanics.arrays import FloatArray
+from services.runtime.bounds import between
 from services.runtime.rig import Settings
+
+_OPENING = between(0.0, 1.5, "rad", "a handle is shut at 0, and no jaws open wider")
 
 
 class HandGraspSettings(Settings):
     """Settings in the rig file: range and rate of the handle."""
 
-    start_rad: Annotated[float, Field(ge=0.0, le=1.5)] = Field(1.0, description="opening until somebody takes it")
-    shut_rad: Annotated[float, Field(ge=0.0, le=1.5)] = Field(0.0, description="opening of the closed handle")
-    open_rad: Annotated[float, Field(ge=0.0, le=1.5)] = Field(1.2, description="opening of the open handle")
-    rate_rad_s: Annotated[float, Field(gt=0.0, le=10.0)] = 1.0
+    start_rad: Annotated[float, _OPENING] = Field(1.0, description="opening until somebody takes it")
+    shut_rad: Annotated[float, _OPENING] = Field(0.0, description="opening of the closed handle")
+    open_rad: Annotated[float, _OPENING] = Field(1.2, description="opening of the open handle")
+    rate_rad_s: Annotated[float, between(0.01, 10.0, "rad/s", "no hand is faster, and jaws have to move")] = 1.0
 
 
 class HandGrasp(GraspHandle):

@@ -17,12 +17,13 @@ from services.gateway.host_check import HostCheck
 from services.gateway.input_events import Inputs, Kind
 from services.mechanics.arrays import FloatArray
 from services.nearest_word import did_you_mean
+from services.runtime.bounds import between
 from services.runtime.errors import DeviceError
 from services.runtime.rig import Settings
 
 #: Motions of the tool by axes: sideways and up as seen along the shaft, along the shaft, about it.
 MOTIONS = ("right", "up", "inward", "roll")
-Axes = dict[str, float]
+Axes = dict[str, Annotated[float, between(-10.0, 10.0, "", "an axis goes from -1 to 1, and its sign is 1 or -1")]]
 _DEAD = 0.12
 _LONGEST_STEP_S = 0.05
 _RUMBLE_EVERY_S = 0.1
@@ -45,8 +46,10 @@ def _check_axes(axes: Axes) -> Axes:
 class SteeringSettings(HandSettings, DeviceSettings):
     """Axes and speeds of the tool."""
 
-    speed_m_s: Annotated[float, Field(gt=0.0, le=0.5)] = Field(0.05, description="speed while an axis is at its end")
-    roll_rad_s: Annotated[float, Field(gt=0.0, le=10.0)] = 1.5
+    speed_m_s: Annotated[float, between(1e-4, 0.5, "m/s", "no hand steers a tool faster, and it has to move")] = Field(
+        0.05, description="speed while an axis is at its end"
+    )
+    roll_rad_s: Annotated[float, between(1e-3, 10.0, "rad/s", "no hand turns a tool faster, and it has to turn")] = 1.5
     axes: dict[str, Axes] = Field({}, description="by motion: kernel names of axes and buttons, and their signs")
 
     @field_validator("axes")

@@ -10,6 +10,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from protocol.topics import TOPICS, observed_by, read_by
 from services.nearest_word import did_you_mean
+from services.runtime.bounds import Core, Metres, Port, Priority, Share, Torque, Turn, between
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
@@ -49,29 +50,17 @@ def _one_of(kind: str, known: Iterable[str]) -> AfterValidator:
     return AfterValidator(check)
 
 
-def at_most(most: float, unit: str, why: str) -> AfterValidator:
-    """Return a validator of a number or None, whose message has the unit and the reason of the limit."""
-    name = f" {unit}" if unit else ""
-
-    def check(value: Any) -> Any:
-        if value is not None and value > most:
-            raise ValueError(f"{value:g}{name} is more than {most:g}{name}: {why}")
-        return value
-
-    return AfterValidator(check)
-
-
 def _not_empty(values: Any) -> Any:
     if not values:
         raise ValueError("is empty: leave the key out where nothing is to be said")
     return values
 
 
-_WATCHED = at_most(60.0, "s", "what fails has to be noticed while a person still looks")
-_A_DAY = at_most(86_400.0, "s", "nobody waits longer than a day")
-MOST_TORQUE = at_most(5.0, "N m", "the servo gives a handle no more")
-_KILOHERTZ = at_most(10_000.0, "Hz", "no loop of the rig is faster")
-_A_MINUTE = at_most(6e7, "us", "a minute is judged at a time")
+_A_LOOK = "what fails has to be noticed while a person still looks"
+_WATCHED = between(0.0, 60.0, "s", _A_LOOK)
+_LATENCY = between(1.0, 6e7, "us", "a minute is judged at a time, and no frame arrives within a microsecond")
+_A_WEEK = 604_800.0
+Vector3 = tuple[Metres, Metres, Metres]
 NamedPath = Annotated[Path, BeforeValidator(_not_nothing)]
 Name = Annotated[str, Field(min_length=1, max_length=64), AfterValidator(_a_file_can_have_it)]
 Host = Annotated[str, AfterValidator(_not_every_interface)]
@@ -83,7 +72,9 @@ class Transport(Settings):
 
     kind: Literal["ipc", "tcp"] = "ipc"
     directory: NamedPath | None = Field(None, description="folder of the ipc sockets; by default private to the user")
-    base_port: Annotated[int, Field(ge=1024, le=57000)] = 21000
+    base_port: Annotated[int, between(1024, 57_000, "", "ports below are the system's, and the streams' lie above")] = (
+        21000
+    )
     host: Host = Field("127.0.0.1", description="tcp: where publishers are reached")
     hosts: dict[ProcessName, Host] = Field({}, description="tcp: address of each publisher that is not at `host`")
     bind_host: Host = Field("127.0.0.1", description="tcp: address that publishers bind")
@@ -129,11 +120,11 @@ class ProcessSettings(Settings):
     """Placement and scheduling of one process."""
 
     enabled: bool = True
-    core: Annotated[int, Field(ge=0), at_most(511, "", "no host of a rig has so many cores")] | None = None
-    priority: Annotated[int, Field(ge=1, le=89)] | None = Field(None, description="of SCHED_FIFO; none: ordinary class")
-    nice: Annotated[int, Field(ge=-20, le=19)] | None = None
-    share: Annotated[float, Field(gt=0, le=0.95)] = Field(
-        0.3, description="of a core; SCHED_DEADLINE reserves it first, a real-time budget must cover it"
+    core: Core | None = None
+    priority: Priority | None = Field(None, description="of SCHED_FIFO; none: ordinary class")
+    nice: Annotated[int, between(-20, 19, "", "Linux has no other")] | None = None
+    share: Annotated[float, between(1e-3, 0.95, "", "the kernel keeps 5 % of a core, and no loop runs with less")] = (
+        Field(0.3, description="of a core; SCHED_DEADLINE reserves it first, a real-time budget must cover it")
     )
     restart: bool = Field(True, description="whether the supervisor restarts it when it dies or hangs")
     critical: bool = Field(True, description="whether the rig cannot run without it")
@@ -147,14 +138,11 @@ class DriverSettings(Settings):
     settings: dict[str, Any] = {}
 
 
-Vector3 = tuple[float, float, float]
-
-
 class Mount(Settings):
     """Position and yaw of an upright arm in the world."""
 
     centre_m: Vector3 = Field((0.0, 0.0, 0.0), description="world position of the middle of the arm's workspace")
-    yaw_rad: float = 0.0
+    yaw_rad: Turn = 0.0
 
 
 class InstrumentSettings(Settings):
@@ -171,13 +159,17 @@ class GatewaySettings(Settings):
     """The devices and the servo's limits."""
 
     instruments: Annotated[tuple[InstrumentSettings, ...], Field(max_length=8)] = ()
-    force_limit_n: Annotated[float, Field(gt=0, le=20)] = 3.0
-    force_rate_limit_n_s: Annotated[float, Field(gt=0), at_most(1e5, "N/s", "no arm's motor is faster")] = 200.0
-    grasp_torque_limit_nm: Annotated[float, Field(gt=0), MOST_TORQUE] = 0.3
-    engage_ramp_s: Annotated[float, Field(ge=0), _WATCHED] = 0.5
-    supervisor_timeout_s: Annotated[float, Field(ge=0.5), _WATCHED] | None = Field(
-        2.0, description="every hand is released when the supervisor has been silent for so long; null: no limit"
-    )
+    force_limit_n: Annotated[
+        float, between(0.01, 20.0, "N", "no instrument pushes a hand harder, and less is not felt")
+    ] = 3.0
+    force_rate_limit_n_s: Annotated[
+        float, between(0.1, 1e5, "N/s", "no arm's motor is faster, and no hand so slow")
+    ] = 200.0
+    grasp_torque_limit_nm: Torque = 0.3
+    engage_ramp_s: Annotated[float, _WATCHED] = 0.5
+    supervisor_timeout_s: (
+        Annotated[float, between(0.5, 60.0, "s", f"{_A_LOOK}, and a busy host is no fault")] | None
+    ) = Field(2.0, description="every hand is released when the supervisor has been silent for so long; null: no limit")
 
     @field_validator("instruments")
     @classmethod
@@ -197,27 +189,31 @@ class ViewSettings(Settings):
     """
 
     viewer: Literal["auto", "web", "native", "none"] = "web"
-    rate_hz: Annotated[float, Field(ge=10, le=120)] = 60.0
+    rate_hz: Annotated[
+        float, between(10.0, 120.0, "Hz", "a screen shows no more, and less is no motion to the eye")
+    ] = 60.0
     host: Host = "127.0.0.1"
-    port: Annotated[int, Field(ge=0, le=65535)] = 8081
+    port: Port = 8081
 
 
 class WebSettings(Settings):
     """The page: view and dashboard."""
 
     host: Host = "127.0.0.1"
-    port: Annotated[int, Field(ge=0, le=65535)] = 8080
+    port: Port = 8080
 
 
 class LoopContract(Settings):
     """Contract of a loop: an error budget for each minute, and no breakdown."""
 
-    rate_hz: Annotated[float, Field(gt=0), _KILOHERTZ]
-    miss_ratio: Annotated[float, Field(ge=0, le=1)] = Field(0.01, description="of a minute's ticks that may be late")
+    rate_hz: Annotated[
+        float, between(0.1, 10_000.0, "Hz", "no loop of the rig is faster, and a minute has to have ticks")
+    ]
+    miss_ratio: Share = Field(0.01, description="of a minute's ticks that may be late")
     follows_readers: bool = Field(
         False, description="whether its rate may fall to what its readers ask for, as that of a picture"
     )
-    stop_miss_ratio: Annotated[float, Field(ge=0, le=1)] = Field(
+    stop_miss_ratio: Share = Field(
         0.5, description="of ticks; a loop losing more at lowest quality is restarted, then the rig stopped; 1: never"
     )
 
@@ -225,8 +221,8 @@ class LoopContract(Settings):
 class PathContract(Settings):
     """Contract of a latency path, over a minute and recently."""
 
-    p99_us: Annotated[float, Field(gt=0), _A_MINUTE]
-    stop_p99_us: Annotated[float, Field(gt=0), _A_MINUTE] | None = Field(
+    p99_us: Annotated[float, _LATENCY]
+    stop_p99_us: Annotated[float, _LATENCY] | None = Field(
         None, description="latency beyond which, on the lowest quality, its process is restarted, then the rig stopped"
     )
 
@@ -235,15 +231,17 @@ class SupervisorSettings(Settings):
     """Supervision of the rig."""
 
     mode: Literal["launch", "attach"] = "launch"
-    heartbeat_timeout_s: Annotated[float, Field(gt=0.02), _WATCHED] = 0.5
-    ready_timeout_s: Annotated[float, Field(gt=0), _A_DAY] = Field(
-        120.0, description="time without progress after which a starting process is ended"
+    heartbeat_timeout_s: Annotated[float, between(0.03, 60.0, "s", f"{_A_LOOK}, and a turn of it takes 0.02 s")] = 0.5
+    ready_timeout_s: Annotated[
+        float, between(0.1, 86_400.0, "s", "nobody waits longer, and no process starts sooner")
+    ] = Field(120.0, description="time without progress after which a starting process is ended")
+    window_s: Annotated[float, between(0.1, 60.0, "s", "a mean has to follow what happens, and to have ticks")] = Field(
+        2.0, description="time over which the dashboard averages"
     )
-    window_s: Annotated[float, Field(gt=0, le=60)] = Field(2.0, description="time over which the dashboard averages")
-    backoff_s: Annotated[tuple[Annotated[float, Field(ge=0), _WATCHED], ...], AfterValidator(_not_empty)] = (
+    backoff_s: Annotated[tuple[Annotated[float, _WATCHED], ...], AfterValidator(_not_empty)] = (
         0.1, 0.5, 1.0, 2.0, 5.0,
     )  # fmt: skip
-    max_restarts_per_minute: Annotated[int, Field(ge=0)] = 5
+    max_restarts_per_minute: Annotated[int, between(0, 600, "", "no process starts and ends ten times a second")] = 5
     web: WebSettings = WebSettings()
     watch_floor: bool = Field(True, description="whether a thread per core measures how late the machine wakes")
 
@@ -264,7 +262,9 @@ class RecorderSettings(Settings):
         ("gateway.state", "supervisor.state"),
         description="topics of which every frame is kept; all else can be recomputed from the device frames",
     )
-    sample_rate_hz: Annotated[float, Field(ge=1, le=200)] = Field(50.0, description="of all other topics")
+    sample_rate_hz: Annotated[
+        float, between(1.0, 200.0, "Hz", "for more name the topic in `whole`; less is no motion")
+    ] = Field(50.0, description="of all other topics")
 
     @field_validator("whole")
     @classmethod
@@ -281,20 +281,24 @@ class TrainingSettings(Settings):
     """Scenario of attempts."""
 
     scenario: str | None = Field(None, description="a file of configs/scenarios; none: the one of the scene, if any")
-    again_after_s: Annotated[float, Field(ge=1.0), _A_DAY] | None = Field(
-        None, description="time after a success until the next attempt begins by itself; none: never"
-    )
+    again_after_s: (
+        Annotated[float, between(1.0, 86_400.0, "s", "a person sees the result, and waits no longer")] | None
+    ) = Field(None, description="time after a success until the next attempt begins by itself; none: never")
 
 
 class ReplaySettings(Settings):
     """A recording that replaces the devices, set by `trocar replay`."""
 
     file: NamedPath
-    rate: Annotated[float, Field(ge=0), at_most(1000.0, "", "0 is as fast as it goes")] = Field(
+    rate: Annotated[float, between(0.0, 1000.0, "", "0 is as fast as it goes")] = Field(
         1.0, description="multiple of real time; 0: as fast as possible"
     )
-    from_s: Annotated[float, Field(ge=0)] = Field(0.0, description="what comes before is simulated as fast as possible")
-    until_s: Annotated[float, Field(gt=0)] | None = None
+    from_s: Annotated[float, between(0.0, _A_WEEK, "s", "a recording begins at 0, and none lasts longer")] = Field(
+        0.0, description="what comes before is simulated as fast as possible"
+    )
+    until_s: (
+        Annotated[float, between(1e-3, _A_WEEK, "s", "no recording lasts longer, and a tick takes 0.001 s")] | None
+    ) = None
     loop: bool = False
     take_over: bool = Field(False, description="whether the rig's own devices take over at the end")
 

@@ -27,13 +27,18 @@ def test_the_simulated_premium_has_the_count_and_friction_of_its_device_file() -
 @pytest.mark.parametrize(
     ("key", "value", "said"),
     [
-        ("count_m", "0.055", r"count_m.*less than or equal to 0\.0002"),  # a count in mm
-        ("count_m", "0", r"count_m.*greater than 0"),
+        ("count_m", "0.055", r"count_m: 0\.055 m is more than 0\.0002 m: no encoder"),  # a count in mm
+        ("count_m", "0", r"count_m: 0 m is less than 1e-08 m: no encoder"),
         ("count_m", ".nan", r"count_m"),
-        ("friction_n", "0", r"friction_n.*greater than 0"),
-        ("friction_n", "26", r"friction_n.*less than or equal to 2"),
+        ("friction_n", "0", r"friction_n: 0 N is less than 0\.0001 N: every arm"),
+        ("friction_n", "26", r"friction_n: 26 N is more than 2 N: every arm"),
         ("max_force_n", "1.0e+6", r"max_force_n: 1e\+06 N is more than 50 N: the strongest"),
         ("max_velocity_m_s", "1.0e+6", r"max_velocity_m_s: 1e\+06 m/s is more than 100 m/s: no hand"),
+        (
+            "openhaptics_centre_m",
+            "[1.0e+9, 0, 0]",
+            r"openhaptics_centre_m\.0: 1e\+09 m is more than 1 m: the workspace",
+        ),
         ("friction_n", "much", r"friction_n.*number"),
     ],
 )
@@ -42,7 +47,8 @@ def test_a_count_or_friction_that_no_arm_has_is_refused_by_name(
 ) -> None:
     lines = (CONFIGS / "devices" / "touch.yaml").read_text(encoding="utf-8").splitlines()
     path = tmp_path / "mine.yaml"
-    path.write_text("\n".join(f"{key}: {value}" if line.startswith(key) else line for line in lines), encoding="utf-8")
+    others = [line for line in lines if not line.startswith(key)]
+    path.write_text("\n".join([*others, f"{key}: {value}"]), encoding="utf-8")
     with pytest.raises(ConfigError, match=rf"mine\.yaml.*{said}"):
         config.load(ArmFile, path)
 
@@ -85,6 +91,9 @@ def test_hardware_without_the_vendors_library_is_one_sentence() -> None:
     [
         ("max_torque_nm", r"1e\+06 N m is more than 5 N m: the servo gives"),
         ("max_motor_current_a", r"1e\+06 A is more than 40 A: an ODrive S1"),
+        ("max_motor_turns_s", r"1e\+06 turns/s is more than 1000 turns/s: no motor"),
+        ("motor_turns_per_handle_turn", r"1e\+06 is more than 1000: a handle's gear"),
+        ("watchdog_s", r"1e\+06 s is more than 0\.5 s: a drive pulls"),
         ("heartbeat_timeout_s", r"1e\+06 s is more than 1 s: a drive that is silent"),
     ],
 )

@@ -23,7 +23,7 @@ PRESSES = tuple(
     for setting in (f"script={HERE / 'press.yaml'}", f"pace={PACE}")
 )
 # Whoever is struck often is given up, or restarted later and later: not here.
-PATIENT = ("supervisor.max_restarts_per_minute=1000000", "supervisor.backoff_s=[0.1]")
+PATIENT = ("supervisor.max_restarts_per_minute=600", "supervisor.backoff_s=[0.1]")
 
 
 @contextmanager

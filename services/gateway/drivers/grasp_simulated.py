@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated
 
 import can
 from pydantic import Field
@@ -16,6 +15,7 @@ from services.gateway.driver import Place
 from services.gateway.drivers.grasp_odrive_can import OdriveGrasp
 from services.gateway.hand_motion import HandMotion
 from services.gateway.script import SCENE
+from services.runtime.bounds import Core, Pace, Priority, Turn
 from services.runtime.errors import DeviceError
 from services.runtime.rig import DriverSettings, Settings
 
@@ -32,12 +32,12 @@ class SimulatedGraspSettings(Settings):
         None, description="a file of configs/scripts, or `scene`: the handle angles of what the scene is for"
     )
     scenario: str | None = Field(None, description="a scenario of the mechanics: its handle angles")
-    pace: Annotated[float, Field(gt=0.0)] = Field(1.0, description="speed of the script; 0.5 takes twice as long")
-    range_rad: tuple[float, float] | None = Field(
+    pace: Pace = Field(1.0, description="speed of the script; 0.5 takes twice as long")
+    range_rad: tuple[Turn, Turn] | None = Field(
         None, description="angles that shut and open (0 and 1 rad) of the motion become, e.g. round a duct"
     )
-    core: Annotated[int, Field(ge=0)] | None = None
-    priority: Annotated[int, Field(ge=1, le=89)] | None = None
+    core: Core | None = None
+    priority: Priority | None = None
 
 
 class Driver(OdriveGrasp):

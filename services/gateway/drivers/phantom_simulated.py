@@ -16,6 +16,7 @@ from services.gateway.script import ROLL, SCENE, Player, read_player
 from services.gateway.servo_arrays import READ_ROLL, READ_SIZE
 from services.gateway.simulated_arm import HAND_DAMPING, HAND_GRIP, HAND_STIFFNESS, HAND_TARGET
 from services.mechanics.arrays import FloatArray
+from services.runtime.bounds import Pace, between
 from services.runtime.errors import ConfigError
 from services.runtime.rig import DriverSettings, Settings
 
@@ -31,11 +32,11 @@ class ArmSettings(Settings):
         None, description="a file of configs/scripts, or `scene`: what the scene is for; none: the hand holds still"
     )
     scenario: str | None = Field(None, description="instead of a script, a scenario of the mechanics")
-    pace: Annotated[float, Field(gt=0.0)] = Field(1.0, description="speed of the script; 0.5 takes twice as long")
-    hand_stiffness_n_m: Annotated[float, Field(ge=0.0, le=2000.0)] = 300.0
-    hand_damping_n_s_m: Annotated[float, Field(ge=0.0, le=50.0)] = 5.0
-    hand_grip_n: Annotated[float, Field(ge=0.0)] = 20.0
-    tremor_m: Annotated[float, Field(ge=0.0, le=2e-3)] = Field(
+    pace: Pace = Field(1.0, description="speed of the script; 0.5 takes twice as long")
+    hand_stiffness_n_m: Annotated[float, between(0.0, 2000.0, "N/m", "no hand is stiffer")] = 300.0
+    hand_damping_n_s_m: Annotated[float, between(0.0, 50.0, "N s/m", "no hand damps more")] = 5.0
+    hand_grip_n: Annotated[float, between(0.0, 1000.0, "N", "no hand grips harder")] = 20.0
+    tremor_m: Annotated[float, between(0.0, 2e-3, "m", "no hand that works trembles more")] = Field(
         0.0, description="amplitude of the scripted hand's tremor at 9 and 11 Hz; people's is 0.1 to 0.2 mm"
     )
 
