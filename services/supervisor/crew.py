@@ -315,7 +315,7 @@ class Crew:
         member.status = status
         if status > 0 and status != EndOfRig.exit_code:
             member.fault = Fault(reason, status)
-        elif status < 0 and member.name == "recorder" and member.came_up:  # by a signal, so it could not say so itself
+        elif status < 0 and member.name == "recorder" and member.came_up and not self.stopping:
             member.fault = Fault(f"{reason}; the recording has a hole", HoleError.exit_code)
         member.forget()
         if self.stopping:
