@@ -36,8 +36,8 @@ from services.mechanics.simulation import Simulation
 from services.runtime.bus import Bus
 from services.runtime.flat_view import flat_view
 
-#: Ticks between measurements of the inserted length (31 Hz) for picture and score; one costs a third of a tick.
-_INSERTED_EVERY = 32
+#: Ticks between measurements of the inserted length (60 Hz) for picture and score; one costs a third of a tick.
+_INSERTED_EVERY = 16
 # Kinds of contacts on the wire.
 TOOL_DUCT, TOOL_CATHETER, CATHETER_DUCT, OTHER = range(4)
 _TOOL_BYTES = 8 * TOOL_COLUMNS

@@ -11,7 +11,7 @@ from tests.physics.conftest import Rig
 FAR = (0.02, -0.05, 0.08)
 
 
-def test_the_inserted_length_is_measured_between_two_ticks_and_thirty_times_a_second(
+def test_the_inserted_length_is_measured_between_two_ticks_and_sixty_times_a_second(
     rig: Rig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     measured: list[int] = []
@@ -23,7 +23,7 @@ def test_the_inserted_length_is_measured_between_two_ticks_and_thirty_times_a_se
     monkeypatch.setattr(Simulation, "inserted_length_m", property(measure))
     observer = MemoryBus(rig.hub, reads=["physics.state"])
     told = []
-    for _ in range(96):
+    for _ in range(48):
         before = len(measured)
         rig.turn(FAR, FAR)
         assert len(measured) == before
