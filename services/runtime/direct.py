@@ -119,11 +119,10 @@ class DirectSender:
         self._subscribed = [peer for peer in self._peers.values() if peer.subscriptions]
 
     def send(self, data: bytes) -> None:
-        """Send a frame; subscribers with a full buffer lose it. Further subscribers are found by `look`."""
+        """Send a frame; subscribers with a full buffer lose it. Who samples subscribes for a single frame."""
+        self.look()
         if not self._subscribed:
-            self.look()
-            if not self._subscribed:
-                return
+            return
         self.sends += len(self._subscribed)
         message = zmtp.framed(data)
         for peer in self._subscribed:
