@@ -98,7 +98,7 @@ def test_growth_is_the_slope_of_what_is_held() -> None:
 
 def test_frames_that_break_the_decoder_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     assert frames.try_frames(np.random.default_rng(5), 200).failed == 0
-    monkeypatch.setattr(frames, "outcome", lambda data: 1 // (len(data) % 2))
+    monkeypatch.setattr(frames, "outcome", lambda _topic, data: 1 // (len(data) % 2))
     found = frames.try_frames(np.random.default_rng(5), 200)
     assert 0 < found.failed < 200
     assert len(found.why) == 10
