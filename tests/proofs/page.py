@@ -47,14 +47,16 @@ def _row(proof: Proof, lines: Sequence[Line]) -> str:
 
 
 def _by_kind(proof: Proof, lines: Sequence[Line]) -> list[str]:
-    rows = [f"## {proof.cases.capitalize()}", "", "|kind|tried|failed|rate|median, s|longest, s|",
-            "|---|---|---|---|---|---|"]  # fmt: skip
+    rows = [f"## {proof.cases.capitalize()}", "", "|kind|tried|failed|rate|least force, N|median, s|longest, s|",
+            "|---|---|---|---|---|---|---|"]  # fmt: skip
     for kind in sorted({each.found.kind for each in lines}):
         some = [each.found for each in lines if each.found.kind == kind]
         failed, tried = sum(each.failed for each in some), sum(each.tried for each in some)
         seconds = [each.figures["s"] for each in some if "s" in each.figures]
         took = f"{statistics.median(seconds):.1f}|{max(seconds):.1f}" if seconds else "|"
-        rows.append(f"|{kind}|{tried}|{failed}|{rate(failed, tried)}|{took}|")
+        pressed = [each.figures["N"] for each in some if "N" in each.figures]
+        least = f"{min(pressed):.2f}" if pressed else ""
+        rows.append(f"|{kind}|{tried}|{failed}|{rate(failed, tried)}|{least}|{took}|")
     return [*rows, ""]
 
 
