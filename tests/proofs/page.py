@@ -21,7 +21,8 @@ def page(lines: Mapping[Proof, Sequence[Line]], machine: str) -> str:
     rows = [
         "# Proofs at scale", "",
         f"Written by `python -m tests.proofs` on {machine}; do not edit by hand. A run continues the last "
-        "one. Cases are random; a rate of failure is its 95 % confidence interval (Clopper and Pearson).", "",
+        "one. Cases are random; a rate of failure is its 95 % confidence interval (Clopper and Pearson), "
+        "of the searches where those made the cases.", "",
         "|cases|tried|failed|rate of failure|what must hold|code|", "|---|---|---|---|---|---|",
         *(_row(proof, some) for proof, some in lines.items()), "",
     ]  # fmt: skip
@@ -37,13 +38,21 @@ def page(lines: Mapping[Proof, Sequence[Line]], machine: str) -> str:
 
 
 def _row(proof: Proof, lines: Sequence[Line]) -> str:
-    failed, cases = (sum(getattr(each.found, name) for each in lines) for name in ("failed", "tried"))
+    failed = sum(each.found.failed for each in lines)
     tried = sum(each.found.tried for each in counted(proof, list(lines)))
     of = f"{tried:,}" if tried >= proof.asked else f"{tried:,} of {proof.asked:,}"
     why_not = proof.hindered() if tried < proof.asked else ""
     code = ", ".join(Counter(each.commit for each in lines))
     of += f" ({why_not})" if why_not else ""
-    return f"|{proof.cases}|{of}|{failed}|{rate(failed, cases)}|{proof.holds}|{code}|"
+    of += f", by {len(lines):,} {proof.chance_of}" if proof.chance_of else ""
+    return f"|{proof.cases}|{of}|{failed}|{_rate(proof, lines)}|{proof.holds}|{code}|"
+
+
+def _rate(proof: Proof, lines: Sequence[Line]) -> str:
+    """Return the rate of failure among what is independent: cases, or the trials that made them."""
+    if proof.chance_of:
+        return f"{rate(sum(each.found.failed > 0 for each in lines), len(lines))} of {proof.chance_of}"
+    return rate(*(sum(getattr(each.found, name) for each in lines) for name in ("failed", "tried")))
 
 
 def _by_kind(proof: Proof, lines: Sequence[Line]) -> list[str]:

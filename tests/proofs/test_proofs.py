@@ -81,6 +81,16 @@ def test_what_is_to_run_on_counts_from_one_beginning(tmp_path: Path, monkeypatch
     assert some.begun == 3
 
 
+def test_cases_that_a_search_made_are_one_chance_of_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    some, ledger = Tried(), Ledger(tmp_path, "abc")
+    some.fails, some.proof = True, replace(some.proof, chance_of="searches")
+    _until(1, some, ledger, monkeypatch)
+    some.fails = False
+    _until(100, some, ledger, monkeypatch)
+    text = page({some.proof: ledger.lines(some.proof)}, "")
+    assert "|made-up cases|30, by 10 searches|1|0.253 to 44.5 % of searches|" in text
+
+
 def test_an_unexpected_end_is_a_failure_and_not_the_end() -> None:
     def breaks(_chance: np.random.Generator) -> Found:
         raise MemoryError("much")
