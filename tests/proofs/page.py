@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import statistics
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from textwrap import shorten
 
-from scipy import stats
-
 from studies.rates import rate
+from tests.proofs import flat
 from tests.proofs.trials import Line, Proof, counted
 
 _SHOWN, _LONGEST = 20, 120
@@ -75,24 +73,16 @@ def _soaked(proof: Proof, lines: Sequence[Line]) -> list[str]:
     if len(figures) < 4:
         return []
     rows = [f"## {proof.cases.capitalize()}", "",
-            "|process|first, MB|last, MB|growth, MB per hour (95 %)|first descriptors|last descriptors|",
-            "|---|---|---|---|---|---|"]  # fmt: skip
-    for name in [each.removesuffix(" MB") for each in figures[0] if each.endswith(" MB")]:
-        held = [each[f"{name} MB"] for each in figures]
-        low, high = growth(held)
+            "|process|first, MB|last, MB|growth, MB per hour (95 %)|at most|first descriptors|last descriptors|",
+            "|---|---|---|---|---|---|---|"]  # fmt: skip
+    for name, held in flat.series(figures, " MB"):
+        low, high = flat.growth(held)
         counts = [each[f"{name} descriptors"] for each in figures]
-        grows, of = f"{low:.1f} to {high:.1f}", f"{counts[0]:g}|{counts[-1]:g}"
+        grows, of = f"{low:.1f} to {high:.1f}|{flat.most_mb_h(held[0]):.1f}", f"{counts[0]:g}|{counts[-1]:g}"
         rows.append(f"|{name}|{held[0]:.1f}|{held[-1]:.1f}|{grows}|{of}|")
-    rows += ["", "|loop|misses of 1,000 ticks in the first half|in the second|", "|---|---|---|"]
+    rows += ["", "|loop|misses of 1,000 ticks in the first half|in the second|chance of that|", "|---|---|---|---|"]
     half = len(figures) // 2
-    for name in [each for each in figures[0] if each.endswith(" misses")]:
-        first, second = (statistics.mean(each[name] for each in some) for some in (figures[:half], figures[half:]))
-        rows.append(f"|{name.removesuffix(' misses')}|{first:.2f}|{second:.2f}|")
+    for name, misses in flat.series(figures, " misses"):
+        first, second = statistics.mean(misses[:half]), statistics.mean(misses[half:])
+        rows.append(f"|{name}|{first:.2f}|{second:.2f}|{flat.chance_of(misses):.3g}|")
     return [*rows, ""]
-
-
-def growth(held: Sequence[float]) -> tuple[float, float]:
-    """Return by how much an hour what is read each minute grows: an interval of 95 % of the line's slope."""
-    line = stats.linregress(range(len(held)), held)
-    half = float(stats.t.ppf(0.975, len(held) - 2)) * line.stderr if len(held) > 2 else math.inf
-    return 60.0 * (line.slope - half), 60.0 * (line.slope + half)

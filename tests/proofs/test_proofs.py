@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.proofs import frames, hands, recordings
-from tests.proofs.page import growth, page
+from tests.proofs import flat, frames, hands, recordings
+from tests.proofs.page import page
 from tests.proofs.recordings import FRAMES, Original, judge_cut, judge_flip, original
 from tests.proofs.trials import Found, Ledger, Proof, Try, counted, go_on, tried
 
@@ -102,7 +102,7 @@ def test_an_unexpected_end_is_a_failure_and_not_the_end() -> None:
 
 def test_growth_is_the_slope_of_what_is_held() -> None:
     noise = np.random.default_rng(3).standard_normal(60)
-    low, high = growth((100.0 + 0.1 * np.arange(60) + noise).tolist())
+    low, high = flat.growth((100.0 + 0.1 * np.arange(60) + noise).tolist())
     assert low < 6.0 < high < low + 4.0
 
 
@@ -116,6 +116,21 @@ def test_frames_that_break_the_decoder_are_counted(monkeypatch: pytest.MonkeyPat
 
 def test_hands_that_gain_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     """A Premium whose force may give what nobody put in, and the same searches with the bound."""
+def test_a_leak_is_told_when_it_is_sure_and_more_misses_after_an_hour() -> None:
+    """What is allowed is the month that a container's memory leaves: some 5 MB in an hour."""
+    chance = np.random.default_rng(3)
+
+    def judged(minutes: int, leak_mb: float = 0.0, late: float = 0.0) -> list[str]:
+        held = 100.0 + leak_mb * np.arange(minutes) / 60.0 + 0.1 * chance.standard_normal(minutes)
+        misses = chance.exponential(1.0, minutes) + late * (np.arange(minutes) >= minutes // 2)
+        return flat.judge([{"training MB": a, "physics misses": b} for a, b in zip(held, misses, strict=True)])
+
+    assert judged(60) == judged(59, late=3.0) == judged(9, leak_mb=600.0) == judged(20, leak_mb=4.5) == []
+    assert "training grows by" in judged(10, leak_mb=600.0)[0]
+    assert "training grows by" in judged(60, leak_mb=7.0)[0]
+    assert judged(60, late=3.0) == ["physics misses more deadlines in the second half than in the first"]
+
+
     monkeypatch.setattr(hands, "KINDS", ("phantom_premium_1_5",))
     free, bounded = (
         [hands.try_hands(np.random.default_rng(seed), bounded=each, generations=20) for seed in range(4)]
