@@ -31,4 +31,4 @@ def try_frames(chance: np.random.Generator, count: int = AT_ONCE) -> Found:
     return Found(tried=count, failed=len(why), why=tuple(why[:10]), figures={"valid": valid})
 
 
-PROOF = Proof("frames", "garbled frames", 10_000_000, "refused, or valid; whole ones are valid", _begin)
+PROOF = Proof("frames", "frames, of nine eight garbled", 10_000_000, "refused, or valid; whole ones are valid", _begin)

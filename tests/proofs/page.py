@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import statistics
-from collections import Counter
+import subprocess
 from collections.abc import Mapping, Sequence
 from textwrap import shorten
 
@@ -40,10 +40,32 @@ def _row(proof: Proof, lines: Sequence[Line]) -> str:
     tried = sum(each.found.tried for each in counted(proof, list(lines)))
     of = f"{tried:,}" if tried >= proof.asked else f"{tried:,} of {proof.asked:,}"
     why_not = proof.hindered() if tried < proof.asked else ""
-    code = ", ".join(Counter(each.commit for each in lines))
     of += f" ({why_not})" if why_not else ""
     of += f", by {len(lines):,} {proof.chance_of}" if proof.chance_of else ""
-    return f"|{proof.cases}|{of}|{failed}|{_rate(proof, lines)}|{proof.holds}|{code}|"
+    return (
+        f"|{proof.cases}|{of}|{failed}|{_rate(proof, lines)}|{proof.holds}|{code_of([each.commit for each in lines])}|"
+    )
+
+
+def code_of(commits: Sequence[str]) -> str:
+    """Return the commits whose code was tried, and how old the first of them is, by the history that is checked out."""
+    known = [each for each in dict.fromkeys(commits) if _git("merge-base", "--is-ancestor", each, "HEAD") is not None]
+    ages = {each: int(_git("rev-list", "--count", f"{each}..HEAD") or 0) for each in known}
+    said = []
+    if known:
+        first = max(known, key=ages.__getitem__)
+        since = "commit" if ages[first] == 1 else "commits"
+        age = f"{_git('log', '-1', '--format=%cs', first)}, {ages[first]} {since} ago"
+        said.append(f"{', '.join(known)} ({age if len(known) == 1 else f'{first}: {age}'})")
+    if lost := sum(each not in known for each in commits):
+        said.append(f"{lost} of {len(commits)} trials by code that cannot be named: its commit is not in the history")
+    return "; ".join(said)
+
+
+def _git(*words: str) -> str | None:
+    """Return what git says of this repository, None where it knows no such thing."""
+    done = subprocess.run(["git", *words], cwd=flat.ROOT, capture_output=True, text=True, check=False)
+    return done.stdout.strip() if done.returncode == 0 else None
 
 
 def _rate(proof: Proof, lines: Sequence[Line]) -> str:

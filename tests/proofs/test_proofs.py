@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 
 from tests.proofs import flat, frames, hands, recordings
-from tests.proofs.page import page
+from tests.proofs.page import code_of, page
 from tests.proofs.recordings import FRAMES, Original, judge_cut, judge_flip, original
 from tests.proofs.trials import Found, Ledger, Proof, Try, counted, go_on, tried
 
@@ -81,6 +82,15 @@ def test_what_is_to_run_on_counts_from_one_beginning(tmp_path: Path, monkeypatch
     assert some.begun == 3
 
 
+def test_old_code_says_how_old_it_is_and_lost_code_that_it_is_lost() -> None:
+    short, day = subprocess.run(
+        ["git", "log", "-1", "--format=%h %cs"], cwd=flat.ROOT, capture_output=True, text=True, check=True
+    ).stdout.split()  # fmt: skip
+    assert code_of([short, short]) == f"{short} ({day}, 0 commits ago)"
+    lost = "1 of 2 trials by code that cannot be named: its commit is not in the history"
+    assert code_of([short, "0" * 12]) == f"{short} ({day}, 0 commits ago); {lost}"
+
+
 def test_cases_that_a_search_made_are_one_chance_of_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     some, ledger = Tried(), Ledger(tmp_path, "abc")
     some.fails, some.proof = True, replace(some.proof, chance_of="searches")
@@ -106,16 +116,6 @@ def test_growth_is_the_slope_of_what_is_held() -> None:
     assert low < 6.0 < high < low + 4.0
 
 
-def test_frames_that_break_the_decoder_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert frames.try_frames(np.random.default_rng(5), 200).failed == 0
-    monkeypatch.setattr(frames, "outcome", lambda _topic, data: 1 // (len(data) % 2))
-    found = frames.try_frames(np.random.default_rng(5), 200)
-    assert 0 < found.failed < 200
-    assert len(found.why) == 10
-
-
-def test_hands_that_gain_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A Premium whose force may give what nobody put in, and the same searches with the bound."""
 def test_a_leak_is_told_when_it_is_sure_and_more_misses_after_an_hour() -> None:
     """What is allowed is the month that a container's memory leaves: some 5 MB in an hour."""
     chance = np.random.default_rng(3)
@@ -131,6 +131,16 @@ def test_a_leak_is_told_when_it_is_sure_and_more_misses_after_an_hour() -> None:
     assert judged(60, late=3.0) == ["physics misses more deadlines in the second half than in the first"]
 
 
+def test_frames_that_break_the_decoder_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert frames.try_frames(np.random.default_rng(5), 200).failed == 0
+    monkeypatch.setattr(frames, "outcome", lambda _topic, data: 1 // (len(data) % 2))
+    found = frames.try_frames(np.random.default_rng(5), 200)
+    assert 0 < found.failed < 200
+    assert len(found.why) == 10
+
+
+def test_hands_that_gain_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A Premium whose force may give what nobody put in, and the same searches with the bound."""
     monkeypatch.setattr(hands, "KINDS", ("phantom_premium_1_5",))
     free, bounded = (
         [hands.try_hands(np.random.default_rng(seed), bounded=each, generations=20) for seed in range(4)]
