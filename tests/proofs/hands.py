@@ -32,4 +32,4 @@ def try_hands(chance: np.random.Generator, *, bounded: bool = True, generations:
     return Found(kind=kind, tried=found.hands, failed=found.gaining, why=why, figures={"most J": found.most_j})
 
 
-PROOF = Proof("hands", "hands tried by a search", 100_000, "none gains energy", _begin)
+PROOF = Proof("hands", "hands tried by a search", 100_000, "none gains energy", _begin, chance_of="searches")

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import statistics
-from collections import Counter
+import subprocess
 from collections.abc import Mapping, Sequence
 from textwrap import shorten
 
-from scipy import stats
-
 from studies.rates import rate
+from tests.proofs import flat
 from tests.proofs.trials import Line, Proof, counted
 
 _SHOWN, _LONGEST = 20, 120
@@ -21,7 +19,8 @@ def page(lines: Mapping[Proof, Sequence[Line]], machine: str) -> str:
     rows = [
         "# Proofs at scale", "",
         f"Written by `python -m tests.proofs` on {machine}; do not edit by hand. A run continues the last "
-        "one. Cases are random; a rate of failure is its 95 % confidence interval (Clopper and Pearson).", "",
+        "one. Cases are random; a rate of failure is its 95 % confidence interval (Clopper and Pearson), "
+        "of the searches where those made the cases.", "",
         "|cases|tried|failed|rate of failure|what must hold|code|", "|---|---|---|---|---|---|",
         *(_row(proof, some) for proof, some in lines.items()), "",
     ]  # fmt: skip
@@ -37,24 +36,56 @@ def page(lines: Mapping[Proof, Sequence[Line]], machine: str) -> str:
 
 
 def _row(proof: Proof, lines: Sequence[Line]) -> str:
-    failed, cases = (sum(getattr(each.found, name) for each in lines) for name in ("failed", "tried"))
+    failed = sum(each.found.failed for each in lines)
     tried = sum(each.found.tried for each in counted(proof, list(lines)))
     of = f"{tried:,}" if tried >= proof.asked else f"{tried:,} of {proof.asked:,}"
     why_not = proof.hindered() if tried < proof.asked else ""
-    code = ", ".join(Counter(each.commit for each in lines))
     of += f" ({why_not})" if why_not else ""
-    return f"|{proof.cases}|{of}|{failed}|{rate(failed, cases)}|{proof.holds}|{code}|"
+    of += f", by {len(lines):,} {proof.chance_of}" if proof.chance_of else ""
+    return (
+        f"|{proof.cases}|{of}|{failed}|{_rate(proof, lines)}|{proof.holds}|{code_of([each.commit for each in lines])}|"
+    )
+
+
+def code_of(commits: Sequence[str]) -> str:
+    """Return the commits whose code was tried, and how old the first of them is, by the history that is checked out."""
+    known = [each for each in dict.fromkeys(commits) if _git("merge-base", "--is-ancestor", each, "HEAD") is not None]
+    ages = {each: int(_git("rev-list", "--count", f"{each}..HEAD") or 0) for each in known}
+    said = []
+    if known:
+        first = max(known, key=ages.__getitem__)
+        since = "commit" if ages[first] == 1 else "commits"
+        age = f"{_git('log', '-1', '--format=%cs', first)}, {ages[first]} {since} ago"
+        said.append(f"{', '.join(known)} ({age if len(known) == 1 else f'{first}: {age}'})")
+    if lost := sum(each not in known for each in commits):
+        said.append(f"{lost} of {len(commits)} trials by code that cannot be named: its commit is not in the history")
+    return "; ".join(said)
+
+
+def _git(*words: str) -> str | None:
+    """Return what git says of this repository, None where it knows no such thing."""
+    done = subprocess.run(["git", *words], cwd=flat.ROOT, capture_output=True, text=True, check=False)
+    return done.stdout.strip() if done.returncode == 0 else None
+
+
+def _rate(proof: Proof, lines: Sequence[Line]) -> str:
+    """Return the rate of failure among what is independent: cases, or the trials that made them."""
+    if proof.chance_of:
+        return f"{rate(sum(each.found.failed > 0 for each in lines), len(lines))} of {proof.chance_of}"
+    return rate(*(sum(getattr(each.found, name) for each in lines) for name in ("failed", "tried")))
 
 
 def _by_kind(proof: Proof, lines: Sequence[Line]) -> list[str]:
-    rows = [f"## {proof.cases.capitalize()}", "", "|kind|tried|failed|rate|median, s|longest, s|",
-            "|---|---|---|---|---|---|"]  # fmt: skip
+    rows = [f"## {proof.cases.capitalize()}", "", "|kind|tried|failed|rate|least force, N|median, s|longest, s|",
+            "|---|---|---|---|---|---|---|"]  # fmt: skip
     for kind in sorted({each.found.kind for each in lines}):
         some = [each.found for each in lines if each.found.kind == kind]
         failed, tried = sum(each.failed for each in some), sum(each.tried for each in some)
         seconds = [each.figures["s"] for each in some if "s" in each.figures]
         took = f"{statistics.median(seconds):.1f}|{max(seconds):.1f}" if seconds else "|"
-        rows.append(f"|{kind}|{tried}|{failed}|{rate(failed, tried)}|{took}|")
+        pressed = [each.figures["N"] for each in some if "N" in each.figures]
+        least = f"{min(pressed):.2f}" if pressed else ""
+        rows.append(f"|{kind}|{tried}|{failed}|{rate(failed, tried)}|{least}|{took}|")
     return [*rows, ""]
 
 
@@ -64,24 +95,16 @@ def _soaked(proof: Proof, lines: Sequence[Line]) -> list[str]:
     if len(figures) < 4:
         return []
     rows = [f"## {proof.cases.capitalize()}", "",
-            "|process|first, MB|last, MB|growth, MB per hour (95 %)|first descriptors|last descriptors|",
-            "|---|---|---|---|---|---|"]  # fmt: skip
-    for name in [each.removesuffix(" MB") for each in figures[0] if each.endswith(" MB")]:
-        held = [each[f"{name} MB"] for each in figures]
-        low, high = growth(held)
+            "|process|first, MB|last, MB|growth, MB per hour (95 %)|at most|first descriptors|last descriptors|",
+            "|---|---|---|---|---|---|---|"]  # fmt: skip
+    for name, held in flat.series(figures, " MB"):
+        low, high = flat.growth(held)
         counts = [each[f"{name} descriptors"] for each in figures]
-        grows, of = f"{low:.1f} to {high:.1f}", f"{counts[0]:g}|{counts[-1]:g}"
+        grows, of = f"{low:.1f} to {high:.1f}|{flat.most_mb_h(held[0]):.1f}", f"{counts[0]:g}|{counts[-1]:g}"
         rows.append(f"|{name}|{held[0]:.1f}|{held[-1]:.1f}|{grows}|{of}|")
-    rows += ["", "|loop|misses of 1,000 ticks in the first half|in the second|", "|---|---|---|"]
+    rows += ["", "|loop|misses of 1,000 ticks in the first half|in the second|chance of that|", "|---|---|---|---|"]
     half = len(figures) // 2
-    for name in [each for each in figures[0] if each.endswith(" misses")]:
-        first, second = (statistics.mean(each[name] for each in some) for some in (figures[:half], figures[half:]))
-        rows.append(f"|{name.removesuffix(' misses')}|{first:.2f}|{second:.2f}|")
+    for name, misses in flat.series(figures, " misses"):
+        first, second = statistics.mean(misses[:half]), statistics.mean(misses[half:])
+        rows.append(f"|{name}|{first:.2f}|{second:.2f}|{flat.chance_of(misses):.3g}|")
     return [*rows, ""]
-
-
-def growth(held: Sequence[float]) -> tuple[float, float]:
-    """Return by how much an hour what is read each minute grows: an interval of 95 % of the line's slope."""
-    line = stats.linregress(range(len(held)), held)
-    half = float(stats.t.ppf(0.975, len(held) - 2)) * line.stderr if len(held) > 2 else math.inf
-    return 60.0 * (line.slope - half), 60.0 * (line.slope + half)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.proofs import frames, hands, recordings
-from tests.proofs.page import growth, page
+from tests.proofs import flat, frames, hands, recordings
+from tests.proofs.page import code_of, page
 from tests.proofs.recordings import FRAMES, Original, judge_cut, judge_flip, original
 from tests.proofs.trials import Found, Ledger, Proof, Try, counted, go_on, tried
 
@@ -81,6 +82,25 @@ def test_what_is_to_run_on_counts_from_one_beginning(tmp_path: Path, monkeypatch
     assert some.begun == 3
 
 
+def test_old_code_says_how_old_it_is_and_lost_code_that_it_is_lost() -> None:
+    short, day = subprocess.run(
+        ["git", "log", "-1", "--format=%h %cs"], cwd=flat.ROOT, capture_output=True, text=True, check=True
+    ).stdout.split()  # fmt: skip
+    assert code_of([short, short]) == f"{short} ({day}, 0 commits ago)"
+    lost = "1 of 2 trials by code that cannot be named: its commit is not in the history"
+    assert code_of([short, "0" * 12]) == f"{short} ({day}, 0 commits ago); {lost}"
+
+
+def test_cases_that_a_search_made_are_one_chance_of_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    some, ledger = Tried(), Ledger(tmp_path, "abc")
+    some.fails, some.proof = True, replace(some.proof, chance_of="searches")
+    _until(1, some, ledger, monkeypatch)
+    some.fails = False
+    _until(100, some, ledger, monkeypatch)
+    text = page({some.proof: ledger.lines(some.proof)}, "")
+    assert "|made-up cases|30, by 10 searches|1|0.253 to 44.5 % of searches|" in text
+
+
 def test_an_unexpected_end_is_a_failure_and_not_the_end() -> None:
     def breaks(_chance: np.random.Generator) -> Found:
         raise MemoryError("much")
@@ -92,13 +112,28 @@ def test_an_unexpected_end_is_a_failure_and_not_the_end() -> None:
 
 def test_growth_is_the_slope_of_what_is_held() -> None:
     noise = np.random.default_rng(3).standard_normal(60)
-    low, high = growth((100.0 + 0.1 * np.arange(60) + noise).tolist())
+    low, high = flat.growth((100.0 + 0.1 * np.arange(60) + noise).tolist())
     assert low < 6.0 < high < low + 4.0
+
+
+def test_a_leak_is_told_when_it_is_sure_and_more_misses_after_an_hour() -> None:
+    """What is allowed is the month that a container's memory leaves: some 5 MB in an hour."""
+    chance = np.random.default_rng(3)
+
+    def judged(minutes: int, leak_mb: float = 0.0, late: float = 0.0) -> list[str]:
+        held = 100.0 + leak_mb * np.arange(minutes) / 60.0 + 0.1 * chance.standard_normal(minutes)
+        misses = chance.exponential(1.0, minutes) + late * (np.arange(minutes) >= minutes // 2)
+        return flat.judge([{"training MB": a, "physics misses": b} for a, b in zip(held, misses, strict=True)])
+
+    assert judged(60) == judged(59, late=3.0) == judged(9, leak_mb=600.0) == judged(20, leak_mb=4.5) == []
+    assert "training grows by" in judged(10, leak_mb=600.0)[0]
+    assert "training grows by" in judged(60, leak_mb=7.0)[0]
+    assert judged(60, late=3.0) == ["physics misses more deadlines in the second half than in the first"]
 
 
 def test_frames_that_break_the_decoder_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     assert frames.try_frames(np.random.default_rng(5), 200).failed == 0
-    monkeypatch.setattr(frames, "outcome", lambda data: 1 // (len(data) % 2))
+    monkeypatch.setattr(frames, "outcome", lambda _topic, data: 1 // (len(data) % 2))
     found = frames.try_frames(np.random.default_rng(5), 200)
     assert 0 < found.failed < 200
     assert len(found.why) == 10

@@ -51,6 +51,7 @@ class Proof:
         begin: Prepares what all trials need and yields how one is made; entered anew after a failure.
         at_once: Cases must all be of one beginning, as what is asked for is that it runs on.
         hindered: Returns why it cannot be tried here, empty where it can.
+        chance_of: What trials are called where the cases of one are not independent, so a rate is one of trials.
     """
 
     name: str
@@ -60,6 +61,7 @@ class Proof:
     begin: Callable[[], AbstractContextManager[Try]]
     at_once: bool = False
     hindered: Callable[[], str] = str
+    chance_of: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,11 +12,10 @@ import numpy as np
 
 from tests.patience import PATIENCE_S
 from tests.proofs.trials import Found, Proof, Try
-from tests.rig.faults import force_n, force_rates_n_s, rate_limit_n_s
+from tests.rig.faults import PRESSED_N, force_n, force_rates_n_s, rate_limit_n_s
 from tests.rig.two_hosts import FarRig, Hosts, may_be_had
 
 LOST, MOST_DELAY_MS, PRESS_S = 0.2, 20.0, 4.2
-FELT_N = 0.02
 #: Whoever is slow goes on: the machine may be.
 SLOW = tuple(f"contracts.loops.{loop}.stop_miss_ratio=1" for loop in ("gateway", "haptics", "physics"))
 #: Who is on which host; the arm is on the first.
@@ -59,7 +58,7 @@ def try_press(rig: FarRig, chance: np.random.Generator) -> Found:
 def _until_felt(rig: FarRig) -> None:
     rig.hosts.set(0.0)
     samples = rig.observer.samples
-    rig.observer.until(lambda: bool(samples) and force_n(samples[-1]) > FELT_N, PATIENCE_S, "a force")
+    rig.observer.until(lambda: bool(samples) and force_n(samples[-1]) > PRESSED_N, PATIENCE_S, "a press")
 
 
 _HOLDS = "no force step, force returns"

@@ -22,6 +22,7 @@ from services.runtime.zmq_bus import ZmqBus
 from tests.patience import PATIENCE_S
 from tests.ports import free_port
 from tests.rig.conftest import SCENE, START_S, Observer
+from tests.rig.faults import HARD
 from tests.with_us import with_us
 
 HERE = Path(__file__).parent
@@ -134,7 +135,7 @@ class FarRig:
         presses = [f"{arm}.{setting}" for arm in arms for setting in (f"script={HERE / 'press.yaml'}", "pace=1.0")]
         left_out = [f"processes.{name}.enabled=false" for name in PROCESSES if name not in where]
         ports = [f"supervisor.web.port={free_port()}", f"visualization.port={free_port()}"]
-        self._overrides = [*presses, *left_out, *ports, *overrides]
+        self._overrides = [*HARD, *presses, *left_out, *ports, *overrides]
         self.processes = {name: self.start(name) for name in where}
         self.healths: dict[str, bodies.Health] = {}
         with hosts.inside(0):
