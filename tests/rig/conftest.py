@@ -36,6 +36,8 @@ class Sample:
     state: str
     model_age_s: float
     begins: int = 0
+    hip_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    fault: str = ""
 
 
 @dataclass
@@ -55,8 +57,8 @@ class Observer:
                 self.devices.append(body)
             left = body.instruments[0]
             times_ns = frame.sent_ns, frame.origin_ns
-            felt = left.applied_force_n, left.state, left.model_age_s
-            self.samples.append(Sample(*times_ns, frame.incarnation, body.tick, *felt, body.begins))
+            felt = left.applied_force_n, left.state, left.model_age_s, body.begins, left.position_m, left.fault
+            self.samples.append(Sample(*times_ns, frame.incarnation, body.tick, *felt))
         if self.solved is not None:
             self.solved.extend(frame.body for frame in self.bus.drain("physics.state"))
         self.states.extend((frame.sent_ns, frame.body) for frame in self.bus.drain("supervisor.state"))
@@ -65,9 +67,12 @@ class Observer:
         """Look until `condition` holds."""
         deadline = time.monotonic() + seconds
         while not condition():
-            assert time.monotonic() < deadline, f"not within {seconds} s: {what}; last: {self.states[-1:]}"
+            assert time.monotonic() < deadline, f"not within {seconds} s: {what}; last: {self._last()}"
             time.sleep(0.005)
             self.look()
+
+    def _last(self) -> str:
+        return f"{self.samples[-1:]}, {self.states[-1:]}"
 
     @property
     def rig_state(self) -> str:
