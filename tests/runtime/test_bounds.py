@@ -82,7 +82,7 @@ def test_the_walk_finds_a_number_without_bounds_wherever_it_lies() -> None:
 
 
 @pytest.mark.parametrize(
-    "model", {each for model in MODELS for each in models(model)}, ids=lambda model: model.__name__
+    "model", dict.fromkeys(each for model in MODELS for each in models(model)), ids=lambda model: model.__name__
 )
 def test_defaults_are_within_their_bounds(model: type[BaseModel]) -> None:
     defaults = {name: field.default for name, field in model.model_fields.items() if not field.is_required()}
@@ -97,6 +97,7 @@ def test_defaults_are_within_their_bounds(model: type[BaseModel]) -> None:
 @pytest.mark.parametrize(
     ("value", "said"),
     [(10**400, f"{10**400} s is more than 2 s: a test"), (-1e300, "-1e+300 s is less than 1 s: a test")],
+    ids=["more", "less"],
 )
 def test_a_number_out_of_bounds_is_told_with_its_unit_however_large_it_is(value: float, said: str) -> None:
     bounds = Bounds(1, 2, "s", "a test")
