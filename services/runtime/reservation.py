@@ -1,7 +1,7 @@
 """Decides how much of a core a loop reserves; pure, without kernel and clock.
 
 A loop that uses up its reservation is not run for the rest of the period; one that reserves too much leaves no room for
-others. So a loop reserves the work of nearly all recent periods: it raises its share at once, and lowers it after a
+others. So a loop reserves the work of most recent periods: it raises its share at once, and lowers it after a
 calm time, which doubles whenever the lowered share had to be raised again.
 
 A loop without a reservation runs only when those with one leave it time. So where there is no room for all, the most
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 STEP, MOST = 0.02, 0.9
 #: Share of periods whose work is within the need, and its margin. The rest uses time that is not reserved or not used,
 #: which the kernel redistributes (SCHED_FLAG_RECLAIM).
-QUANTILE, MARGIN = 0.95, 1.1
+QUANTILE, MARGIN = 0.8, 1.1
 #: Margin of the mean; with 1.05 a gateway ran at 919 Hz, as its ticks differ.
 MEAN_MARGIN = 1.25
 #: Time for which a loop may be short before others, or it, reserve nothing: first they lower what they had as a guess.

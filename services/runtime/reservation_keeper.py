@@ -22,7 +22,7 @@ _LOOK_EVERY_NS, _LOOK_SOON_NS, _FIRST_LOOKS = 1_000_000_000, 250_000_000, 20
 _TICK, _RAN = COLUMNS.index("tick"), COLUMNS.index("ran_ns")
 #: Time after which the message is repeated.
 _AGAIN_S = 60.0
-#: Fewest periods for an estimate of the 95th percentile.
+#: Fewest periods for an estimate of the quantile.
 _LEAST_PERIODS = 50
 #: Distance of the priorities of a rig's loops: so much more gives way each time.
 TIER = 10
