@@ -65,8 +65,8 @@ def z_widths_lines(found: Sequence[ZWidth]) -> Iterator[str]:
         "The wall is a spring and a damper B, and nothing bounds its energy. The table gives the stiffest wall, in "
         f"N/m, of those tried up to {TRIED_N_M[-1]:,.0f} N/m, at which no hand gains energy; 0 means that each wall "
         "lets one gain. Each row after the first of an arm makes one of its properties ideal. The last columns are "
-        "the borders of theory at B = 0: 2b/T by viscous friction b, and 2F/q by dry friction F and a count q. With "
-        "the bound, all of these walls are passive."
+        "the borders of theory at B = 0: 2b/T by viscous friction b, and 2F/q by dry friction F and a count q. The "
+        "next section has the rig's law, which bounds the energy."
     )
     yield ""
     yield "| arm | " + " | ".join(f"B = {each:g} N s/m" for each in DAMPINGS_N_S_M) + " | 2b/T | 2F/q |"
