@@ -120,7 +120,9 @@ def compare(
 ) -> Tracked:
     """Step the mechanics alone through the poses that physics was told of, and compare forces."""
     devices = {body.tick: body for body in said}
-    solved = list({body.tick: body for body in states if body.tick in devices}.values())  # one that stands is told again
+    solved = list(
+        {body.tick: body for body in states if body.tick in devices}.values()
+    )  # standing ticks are told again
     alone = _alone(devices, solved, wall)
     found = np.array([[tool.force_n for tool in body.reactions()] for body in solved])
     largest = np.linalg.norm(alone, axis=2).max(axis=0)
