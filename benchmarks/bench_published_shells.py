@@ -1,6 +1,6 @@
 """Shells of the literature on large displacements, through `trocar fem` as docs/explanation/fem.md describes it.
 
-python benchmarks/bench_published_shells.py                      # ten minutes; writes docs/results/published-shells.md
+python benchmarks/bench_published_shells.py                  # ten minutes; writes results/published-shells.md
 python benchmarks/bench_published_shells.py slit-annulus         # some of configs/fem/published; writes nothing
 python benchmarks/bench_published_shells.py slit-annulus --page  # writes the page with these alone
 
@@ -30,7 +30,7 @@ from studies.published.large_displacements import ROOF_PATHS, off_the_path
 
 ROOT = Path(__file__).resolve().parents[1]
 CASES = ROOT / "configs" / "fem" / "published"
-PAGE = ROOT / "docs" / "results" / "published-shells.md"
+PAGE = ROOT / "benchmarks" / "results" / "published-shells.md"
 ROOFS = {"hinged-roof-thick": 12.7, "hinged-roof-thin": 6.35}
 BY_DISPLACEMENT = {"cylinder-between-diaphragms": (4, 4.0, 12e3)}
 """Support whose displacement is imposed, how many of its forces make up the published one, and the full load."""
@@ -51,7 +51,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     known = [path.stem for path in sorted(CASES.glob("*.yaml"))]
     parser.add_argument("cases", nargs="*", help=", ".join(known))
-    parser.add_argument("--page", action="store_true", help="write docs/results/published-shells.md, of some cases too")
+    parser.add_argument(
+        "--page", action="store_true", help="write benchmarks/results/published-shells.md, of some cases too"
+    )
     given = parser.parse_args()
     for name in given.cases:
         if name not in known:
@@ -168,7 +170,8 @@ def _about() -> list[str]:
         "",
         "Made by `python benchmarks/bench_published_shells.py`; do not edit by hand. `trocar fem` solves every file of",
         "`configs/fem/published`, and each is compared with all points of its published table. Some of them are",
-        "in [Verification](verification.md#shells-at-large-displacements), on several meshes. Seconds are processor",
+        "in [Verification](../../docs/results/verification.md#shells-at-large-displacements), on several meshes. "
+        "Seconds are processor",
         f"time of the whole command. {datetime.now(UTC):%Y-%m-%d}, code {commit()}.",
         "",
         "| case | triangles | points | seconds | largest distance from the published table (points) | source |",

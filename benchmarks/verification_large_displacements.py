@@ -1,6 +1,6 @@
 """Verification tables of shells at large displacements, under the whole load.
 
-docs/results/published-shells.md compares all points of the published paths.
+benchmarks/results/published-shells.md compares all points of the published paths.
 """
 
 from __future__ import annotations
@@ -50,7 +50,8 @@ def tables() -> list[Table]:
     ]
     about = (
         "Corotational triangles, as `trocar fem` solves them with `analysis: nonlinear`. Displacements in the units "
-        "of the source. All points of the published paths are compared on [another page](published-shells.md)."
+        "of the source. All points of the published paths are compared on "
+        "[another page](../../benchmarks/results/published-shells.md)."
     )
     return [Table("Shells at large displacements", about, entries)]
 

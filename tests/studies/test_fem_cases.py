@@ -40,7 +40,7 @@ def test_every_example_runs(path, tmp_path, capsys):
 
 @pytest.mark.parametrize("path", [*sorted((EXAMPLES / "published").glob("*.yaml")), SQUEEZED], ids=lambda p: p.stem)
 def test_every_published_shell_can_be_built(path):
-    """What each comes to is in docs/results/published-shells.md."""
+    """What each comes to is in benchmarks/results/published-shells.md."""
     case, _ = config.load(FemCase, path)
     mesh, _ = build_mesh(case, path.parent)
     model, imposed, _ = build_model(case, mesh)
