@@ -45,7 +45,9 @@ def own_folder(path: Path, root: Path) -> Path:
     What others can change on the way from `root`, or what is no folder, is removed first; a line says why.
     Raises OSError where that cannot be done.
     """
-    make_private(root)
+    make_folders(root)
+    if path.is_dir() and not fault_in(root, path):  # nearly always, and an import asks for each folder of source
+        return path
     for step in reversed([each for each in (path, *path.parents) if each.is_relative_to(root) and each != root]):
         if fault := fault_in(root, step):
             discard(step, f"is not used: {fault}")
@@ -75,10 +77,10 @@ def discard(path: Path, why: str) -> None:
             aside.unlink()
 
 
-def make_private(folder: Path) -> None:
+def make_folders(folder: Path) -> None:
     """Make a folder, and those that are missing above it, for this user alone whatever the umask is."""
     if not folder.is_dir():
-        make_private(folder.parent)
+        make_folders(folder.parent)
         folder.mkdir(mode=0o700, exist_ok=True)
 
 

@@ -59,14 +59,11 @@ def book_work(motion: FloatArray, limits: FloatArray, memory: FloatArray) -> Vec
     energy = min(by_steps, memory[MEMORY_AT_ANCHOR] - _given(force, apart, friction))
     if not math.isfinite(energy):
         energy = by_steps = 0.0
-    has_moved = dot(apart, apart) > FLICKER * limits[LIMIT_COUNT] ** 2
-    memory[MEMORY_ENERGY], memory[MEMORY_BY_STEPS] = energy, energy if has_moved else by_steps
-    if has_moved:
-        memory[MEMORY_AT_ANCHOR] = energy
-    for axis in range(3):
-        memory[MEMORY_POSITION + axis] = motion[axis]
-        if has_moved:
-            memory[MEMORY_ANCHOR + axis] = motion[axis]
+    if dot(apart, apart) > FLICKER * limits[LIMIT_COUNT] ** 2:
+        memory[MEMORY_AT_ANCHOR] = by_steps = energy
+        _put(motion, memory, MEMORY_ANCHOR)
+    memory[MEMORY_ENERGY], memory[MEMORY_BY_STEPS] = energy, by_steps
+    _put(motion, memory, MEMORY_POSITION)
     return way
 
 
@@ -118,6 +115,13 @@ def _given(force: Vector, way: Vector, friction: float) -> float:
 def _way_from(memory: FloatArray, first: int, motion: FloatArray) -> Vector:
     """Return the displacement from a stored position to that of `motion`, m."""
     return (motion[0] - memory[first], motion[1] - memory[first + 1], motion[2] - memory[first + 2])
+
+
+@kernel
+def _put(motion: FloatArray, memory: FloatArray, first: int) -> None:
+    """Store the position of `motion`."""
+    for axis in range(3):
+        memory[first + axis] = motion[axis]
 
 
 @kernel

@@ -149,8 +149,7 @@ class Inbox:
         frame = self._decoded(data)
         if frame is not None:
             self._count(frame, 1, now)
-        clock = self.clock
-        return frame if frame is None or clock is None or clock.ours else self._here(frame, now)
+        return frame if frame is None or self.is_near else self._here(frame, now)
 
     def accept_all(self, batch: Sequence[bytes]) -> list[Frame]:
         """Return the valid frames of `batch`, counting the reasons of the others."""

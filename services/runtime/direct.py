@@ -119,7 +119,7 @@ class DirectSender:
         self._subscribed = [peer for peer in self._peers.values() if peer.subscriptions]
 
     def send(self, data: bytes) -> None:
-        """Send a frame; subscribers with a full buffer lose it. Who samples subscribes for a single frame."""
+        """Send a frame, also to those who have just subscribed for this one; subscribers with a full buffer lose it."""
         self.look()
         if not self._subscribed:
             return

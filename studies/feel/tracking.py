@@ -120,9 +120,8 @@ def compare(
 ) -> Tracked:
     """Step the mechanics alone through the poses that physics was told of, and compare forces."""
     devices = {body.tick: body for body in said}
-    solved = list(
-        {body.tick: body for body in states if body.tick in devices}.values()
-    )  # standing ticks are told again
+    by_tick = {body.tick: body for body in states if body.tick in devices}  # a tick that stands is told again
+    solved = list(by_tick.values())
     alone = _alone(devices, solved, wall)
     found = np.array([[tool.force_n for tool in body.reactions()] for body in solved])
     largest = np.linalg.norm(alone, axis=2).max(axis=0)

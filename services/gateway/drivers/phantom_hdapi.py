@@ -247,11 +247,12 @@ class Driver(Arm):
             return f"{self._shown} is let go while another arm is being opened anew"
         if not self.calibrated:
             return f"{self._shown}: {_PROMPTS[arm.style]}"
-        if self._enabled and seen[cells.SEEN_TRUST] == 0.0 and seen[cells.SEEN_REFUSAL]:
+        if not self._enabled or seen[cells.SEEN_TRUST] != 0.0:
+            return ""
+        if seen[cells.SEEN_REFUSAL]:
             why = describe(int(seen[cells.SEEN_REFUSAL]))
             return f"{self._shown} has refused force, {why}: move out of the contact"
-        wants_force = seen[cells.SEEN_MEMORY + MEMORY_DEMAND] >= SMALL_FORCE_N
-        if self._enabled and seen[cells.SEEN_TRUST] == 0.0 and wants_force:
+        if seen[cells.SEEN_MEMORY + MEMORY_DEMAND] >= SMALL_FORCE_N:
             return f"{self._shown} was not heard for a moment and bears no force: move out of the contact"
         return ""
 

@@ -21,7 +21,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from services.cache_directory import discard, fault_in, make_private
+from services.cache_directory import discard, fault_in, make_folders
 
 MANIFEST = "manifest.json"
 _HASHES = "hashes"
@@ -92,7 +92,7 @@ def fetch(cache_dir: Path, name: str, make: Callable[[Entry], None]) -> Entry:
     """
     folder = cache_dir / name
     if _fault(folder):
-        make_private(cache_dir)
+        make_folders(cache_dir)
         with _locked(cache_dir / f".{name}.lock"):
             if fault := _fault(folder):
                 discard(folder, fault)  # a process that has mapped it keeps what it has
