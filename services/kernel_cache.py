@@ -27,7 +27,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import IO
 
-from services.cache_directory import cache_directory, trusted_directory
+from services.cache_directory import cache_directory, make_folders, trusted_directory
 from services.source_closure import Sources
 from services.trusted_path import fault_of_place
 
@@ -95,7 +95,7 @@ class Locator:
         """
         if not self._folder.is_dir():
             _forget_oldest(self._folder)
-            self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            make_folders(self._folder)
         _LOCK.hold(self._folder / f"{self._line}.lock")
 
 
@@ -225,7 +225,7 @@ def _digest(module: str) -> str:
 @functools.cache
 def _is_writable(folder: Path) -> bool:
     try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        make_folders(folder)
     except OSError:
         return False
     return os.access(folder, os.W_OK)

@@ -5,9 +5,13 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from services import cache_directory
+from services.cli.validation import validate
+from services.gateway.scene_hands import find_scene_hands
+from services.runtime.nan_guard import NanGuard
 from services.trusted_path import fault_of_place
 
 NOBODY = 65534
@@ -95,6 +99,23 @@ def test_a_folder_in_the_cache_is_made_in_place_of_what_is_not_ours(
     assert cache_directory.own_folder(place / "one", place).joinpath("two").is_dir(), (
         "the way there is judged elsewhere"
     )
+
+
+def test_folders_that_a_process_makes_in_the_cache_are_for_this_user_whatever_the_umask(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cache = place / "above" / "cache"
+    monkeypatch.setenv("TROCAR_CACHE_DIR", str(cache))
+    before = os.umask(0)
+    try:
+        validate("stub", None, ())
+        find_scene_hands("insertion")
+        NanGuard("physics", {"q": np.array([np.nan])}, cache / "dumps").watch()
+    finally:
+        os.umask(before)
+    made = [cache.parent, *(path for path in cache.parent.rglob("*") if path.is_dir())]
+    assert {path.name for path in made} >= {"cache", "scenes", "dumps"}
+    assert {oct(path.stat().st_mode & 0o777) for path in made} == {"0o700"}
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root gives files away")

@@ -15,7 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from services.atomic_file import atomic_file, complete_lines
-from services.cache_directory import cache_directory
+from services.cache_directory import cache_directory, make_folders
 from services.runtime import config
 from services.runtime.errors import ConfigError, UserError
 
@@ -42,7 +42,7 @@ def validate(rig: str, scene: str | None, overrides: Sequence[str]) -> None:
     _check(json.dumps([rig, scene, list(overrides)]))
     if fingerprint:
         with suppress(OSError):
-            memory.parent.mkdir(parents=True, exist_ok=True)
+            make_folders(memory.parent)
             lines = [*complete_lines(memory), fingerprint][-_REMEMBERED:]
             with atomic_file(memory) as half:
                 half.write_text("".join(f"{line}\n" for line in lines))

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from services.cache_directory import make_folders
 from services.runtime.flat_view import flat_view
 
 
@@ -50,7 +51,7 @@ class NanGuard:
         return finite
 
     def _dump(self) -> None:
-        self._directory.mkdir(parents=True, exist_ok=True)
+        make_folders(self._directory)
         path = self._directory / f"nan-{self._name}-{time.monotonic_ns()}.npz"
         kept = min(self._next, self._depth)
         order = (np.arange(kept) + self._next - kept) % self._depth

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from services.atomic_file import atomic_file
-from services.cache_directory import cache_directory
+from services.cache_directory import cache_directory, make_folders
 from services.runtime import config
 from services.runtime.errors import ConfigError, UserError
 from services.source_closure import Sources
@@ -35,7 +35,7 @@ def find_in_scene(module: str, scene: str, overrides: Sequence[str], read: Calla
         return read(file.read_bytes())
     found = _found(module, scene, overrides)
     with contextlib.suppress(OSError):  # without a cache the next start takes a second longer
-        file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        make_folders(file.parent)
         with atomic_file(file) as half:
             half.write_bytes(found)
     return read(found)
