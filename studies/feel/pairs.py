@@ -27,6 +27,7 @@ from services.gateway.servo_arrays import (
 )
 from services.gateway.servo_law import servo_force
 from services.gateway.simulated_arm import (
+    COUNTS,
     HAND_DAMPING,
     HAND_GRIP,
     HAND_RATE,
@@ -47,6 +48,7 @@ from studies.feel.wall_hands import (
     DAMPING,
     GAINED,
     HAND_LOSS,
+    JITTER,
     LARGEST,
     LATE,
     LATEST,
@@ -112,7 +114,7 @@ def _run(
     angles, rates, heat = np.zeros((2, 3)), np.zeros((2, 3)), np.full((2, 2, 3), simulated_arm.ROOM_C)
     filtered, measured, target = np.zeros((2, 2, 3)), np.zeros((2, 3)), np.zeros((2, 8))
     hand, work, jacobian, force = np.zeros(HAND_SIZE), np.zeros((4, 3)), np.zeros((3, 3)), np.zeros(3)
-    age, place, energy = np.full(2, 1000), np.zeros(3), np.zeros(2)
+    age, place, energy, shaken = np.full(2, 1000), np.zeros(3), np.zeros(2), np.zeros(3)
     for i in range(2):
         angles[i], target[i, 0] = start, START_M
         measure(angles[i], measured[i])
@@ -121,7 +123,10 @@ def _run(
     book[GAINED] = -1.0
     for k in range(TICKS + LEAVING):
         for i in range(2):
-            filter_reading(angles[i], measured[i], filtered[i], coefficients, centre, reading)
+            for joint in range(3):
+                count = 2 * math.pi / (COUNTS * GEARS[joint])
+                shaken[joint] = angles[i, joint] + hands[i, JITTER] * count * drawn(6 * k + 3 * i + joint)
+            filter_reading(shaken, measured[i], filtered[i], coefficients, centre, reading)
             motion[i, :3] = reading[READ_POSITION : READ_POSITION + 3]
             motion[i, 3:] = reading[READ_VELOCITY : READ_VELOCITY + 3]
             energy[i] = memory[i, MEMORY_ENERGY]

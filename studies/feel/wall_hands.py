@@ -1,7 +1,8 @@
 """Hands at a wall, each a run of one kernel: an arm that is a mass with encoders and friction, and the servo's law.
 
 A hand is a row of numbers from 0 to 1; `RANGES` says what they stand for, so that a search moves in a cube. It presses,
-rests, draws back and does so again, then leaves. What the arm's viscous friction takes is left out.
+rests, draws back and does so again, then leaves. What the arm's viscous friction takes is left out. Readings jitter, as
+those of encoders do beside the edge of a count.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from services.mechanics.compiled import building_kernel, kernel
 from studies.feel.hands import FORCE_N, RATE_N_S, TTL_S
 
 _SUBSTEPS, LATEST, _GRIP_N = 4, 20, 15.0
-TICKS, LEAVING = 1200, 150
+TICKS, LEAVING = 2400, 150
 START_M, _LEAVES_M_S = 0.1e-3, 0.2
 
 
@@ -59,14 +60,16 @@ RANGES = (
     Range("hand while it presses, of its stiffness", 0.02, 1.0),
     Range("presses to, m", 0.05e-3, 10e-3),
     Range("presses at, m/s", 0.005, 1.0),
-    Range("rests for, s", 0.5e-3, 0.1),
+    Range("rests for, s", 0.5e-3, 1.0),
     Range("draws back at, m/s", 0.005, 1.2),
     Range("draws back to, m", -5e-3, 5e-3, False),
     Range("along the wall, of the way across", -2.0, 2.0, False),
     Range("place of the wall, counts", 0.0, 1.0, False),
+    Range("jitter of readings, counts", 0.0, 1.0, False),
 )
 (
     WALL, TANGENTIAL, MODEL, DAMPING, LATE, LOST, HAND, HAND_LOSS, SOFT, DEPTH, PRESS, REST, DRAW, OUT, ALONG, PLACE,
+    JITTER,
 ) = range(len(RANGES))  # fmt: skip
 _LOW, _HIGH = np.array([each.low for each in RANGES]), np.array([each.high for each in RANGES])
 _DECADES = np.array([each.decades for each in RANGES])
@@ -169,7 +172,8 @@ def _run(
     book[GAINED] = -1.0
     for k in range(TICKS + LEAVING):
         for axis in range(2):
-            seen = math.floor((state[axis] + place) / count_m) * count_m - place
+            shaken = state[axis] + place + hand[JITTER] * count_m * drawn(3 * k + axis)
+            seen = math.floor(shaken / count_m) * count_m - place
             motion[3 + axis] = low_pass((seen - read[axis]) / TICK_S, filtered, axis, coefficients)
             motion[axis] = read[axis] = seen
         # the wall answers what was seen, some ticks late
