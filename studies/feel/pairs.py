@@ -60,7 +60,7 @@ from studies.feel.wall_hands import (
     RANGES,
     SERVO,
     START_M,
-    TICKS,
+    STAY,
     WALL,
     decode,
     drawn,
@@ -121,7 +121,7 @@ def _run(
     given = lost = 0.0
     felt = False
     book[GAINED] = -1.0
-    for k in range(TICKS + LEAVING):
+    for k in range(int(max(hands[0, STAY], hands[1, STAY]) / TICK_S) + LEAVING):
         for i in range(2):
             for joint in range(3):
                 count = 2 * math.pi / (COUNTS * GEARS[joint])

@@ -29,6 +29,7 @@ from studies.feel.wall_hands import (
     RANGES,
     REST,
     SOFT,
+    STAY,
     TANGENTIAL,
     WALL,
     WALL_FORCE,
@@ -80,5 +81,5 @@ def slow_hands(mass_kg: float, walls_n_m: tuple[float, float], count: int, seed:
     hands[:, DEPTH] = np.minimum(decades(0.1, 2.0) * (1.0 / hands[:, WALL] + 1.0 / hands[:, HAND]), 10e-3)
     hands[:, PRESS], hands[:, DRAW] = decades(5e-3, 50e-3), decades(5e-3, 50e-3)
     hands[:, REST], hands[:, OUT] = decades(0.01, 0.1), random.uniform(-2e-3, 5e-3, count)
-    hands[:, ALONG] = random.uniform(-1.0, 1.0, count)
+    hands[:, ALONG], hands[:, STAY] = random.uniform(-1.0, 1.0, count), 1.2
     return hands

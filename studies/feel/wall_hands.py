@@ -34,7 +34,7 @@ from services.mechanics.compiled import building_kernel, kernel
 from studies.feel.hands import FORCE_N, RATE_N_S, TTL_S
 
 _SUBSTEPS, LATEST, _GRIP_N = 4, 20, 15.0
-TICKS, LEAVING = 2400, 150
+LEAVING = 150
 START_M, _LEAVES_M_S = 0.1e-3, 0.2
 
 
@@ -66,10 +66,11 @@ RANGES = (
     Range("along the wall, of the way across", -2.0, 2.0, False),
     Range("place of the wall, counts", 0.0, 1.0, False),
     Range("jitter of readings, counts", 0.0, 1.0, False),
+    Range("leaves after, s", 0.3, 10.0),
 )
 (
     WALL, TANGENTIAL, MODEL, DAMPING, LATE, LOST, HAND, HAND_LOSS, SOFT, DEPTH, PRESS, REST, DRAW, OUT, ALONG, PLACE,
-    JITTER,
+    JITTER, STAY,
 ) = range(len(RANGES))  # fmt: skip
 _LOW, _HIGH = np.array([each.low for each in RANGES]), np.array([each.high for each in RANGES])
 _DECADES = np.array([each.decades for each in RANGES])
@@ -170,7 +171,7 @@ def _run(
     given = lost = 0.0
     age, anchor, touched, felt = 1000, 0.0, False, False
     book[GAINED] = -1.0
-    for k in range(TICKS + LEAVING):
+    for k in range(int(hand[STAY] / TICK_S) + LEAVING):
         for axis in range(2):
             shaken = state[axis] + place + hand[JITTER] * count_m * drawn(3 * k + axis)
             seen = math.floor(shaken / count_m) * count_m - place
@@ -269,7 +270,7 @@ def drawn(k: int) -> float:
 @kernel
 def move_target(hand: FloatArray, target: FloatArray, state: FloatArray, k: int) -> float:
     """Set how fast the point goes to which the hand pulls: phases in [4], time of rest in [5]; return its stiffness."""
-    if k >= TICKS:
+    if k * TICK_S >= hand[STAY]:
         target[2], target[3] = _LEAVES_M_S, 0.0
         return 200.0
     phase = target[4]

@@ -16,7 +16,7 @@ from tests.by_day import by_day
 @pytest.mark.parametrize("wall_n_m", [300.0, 1000.0, 2000.0])
 def test_a_hand_that_presses_slowly_and_draws_back_fast_gains_nothing(wall_n_m: float) -> None:
     """A hand of 1,000 N/m, 4 mm, 0.7 m/s: it gained 5 mJ of a wall of 2,000 while force fell by 0.2 N a tick."""
-    hand = np.array([[wall_n_m, 0, 1, 1e-3, 1, 0, 1000, 3, 1, 8e-3, 0.02, 0.1, 0.7, 3e-3, 0, 0, 0]])
+    hand = np.array([[wall_n_m, 0, 1, 1e-3, 1, 0, 1000, 3, 1, 8e-3, 0.02, 0.1, 0.7, 3e-3, 0, 0, 0, 1.2]])
     book = books_of(hand, arm_of("phantom_premium_1_5"))[0]
     assert book[LARGEST] > 0.4 * min(3.0, wall_n_m * 4e-3)
     assert book[GAINED] < 0.0
