@@ -45,3 +45,7 @@ class GatewayState(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     begins: Annotated[
         int, Meta(ge=0, description="how often the scene was restarted; if it grows, all restart with this tick")
     ] = 0
+    withdrawn: Annotated[
+        int,
+        Meta(ge=0, lt=1 << 8, description="bit mask of instruments that touch nothing, which kept force away for long"),
+    ] = 0

@@ -108,6 +108,9 @@ class ToolContacts(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     ]
     holds: Annotated[tuple[GraspHold, ...], Meta(max_length=16)] = ()
     begins: Annotated[int, Meta(ge=0, description="of the device frame answered")] = 0
+    withdrawn: Annotated[
+        int, Meta(ge=0, lt=1 << 8, description="bit mask of tools that touch nothing, of the device frame answered")
+    ] = 0
 
     def tool_states(self) -> tuple[ToolState, ...]:
         """Return the tools by their names, of a checked body."""

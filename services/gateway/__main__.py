@@ -111,6 +111,7 @@ class Gateway:
             tick=self._time.index,
             instruments=tuple(each.state() for each in self.instruments),
             begins=self._attempt.begins,
+            withdrawn=sum(each.is_withdrawn << number for number, each in enumerate(self.instruments)),
         )
         self._bus.publish("gateway.state", state, origin_ns=sampled_ns)
         self.meter.stages_ns = (

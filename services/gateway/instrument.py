@@ -17,7 +17,8 @@ from services.gateway.scene_hands import SceneHand, fitted
 from services.gateway.servo import Servo, ServoLimits
 from services.runtime.rig import GatewaySettings, InstrumentSettings
 
-#: After so long without force because the tool pulls at something, a person would move.
+#: After so long without force because the tool pulls at something, a person would move, and the tool touches nothing
+#: until it is clear. A hand without force may have led it to where no way back is free.
 PATIENCE_S = 2.0
 
 
@@ -77,13 +78,18 @@ class Instrument:
             arm.enable()
             if self.grasp is not None:
                 self.grasp.enable()
-        elif servo.engagement.refused_s > PATIENCE_S:
+        elif self.is_withdrawn:
             arm.go_on()
             if self.grasp is not None:
                 self.grasp.go_on()
         if arm.has_force and not arm.own_servo:
             pose.force_to_arm(servo.force_n, self._mount, self._arm_force)
             arm.write(self._arm_force)
+
+    @property
+    def is_withdrawn(self) -> bool:
+        """Whether the tool is to touch nothing, as what it touches has prevented force for `PATIENCE_S`."""
+        return self.servo.engagement.refused_s > PATIENCE_S
 
     def exchange_handle(self) -> None:
         """Read the handle and write its torque."""

@@ -95,8 +95,11 @@ class Haptics:
             if self._solved is not None:
                 self.grasping.update_shapes(self._solved)
                 self._solved = None
-            hands, held = self.grasping.follow(self._instruments.count), tuple(map(hold_body, self.grasping.update()))
-            self._contacts = ToolContacts(tick=state.tick, tools=hands, holds=held, begins=state.begins)
+            hands = self.grasping.follow(self._instruments.count, state.withdrawn)
+            held = tuple(map(hold_body, self.grasping.update()))
+            self._contacts = ToolContacts(
+                tick=state.tick, tools=hands, holds=held, begins=state.begins, withdrawn=state.withdrawn
+            )
         detected = time.monotonic_ns()
         self._bus.publish("haptics.contacts", self._contacts, origin_ns=frame.origin_ns, valid=frame.valid)
         return detected - began_ns, time.monotonic_ns() - detected

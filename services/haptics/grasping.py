@@ -39,10 +39,18 @@ class Grasping:
         self.scene.take_duct(state.duct)
         self.scene.take_catheter(state.catheter)
 
-    def follow(self, n_tools: int) -> Array:
-        """Move the tools to the first hands and return their table for physics; `closing` are tools that may grasp."""
+    def follow(self, n_tools: int, withdrawn: int = 0) -> Array:
+        """Move the tools to the first hands and return their table for physics; `closing` are tools that may grasp.
+
+        Tools in the bit mask `withdrawn` let go of what they hold.
+        """
         hands = self.tools.take_hands(n_tools)
-        self._jaws = [(each, self.tools.jaws(each.tool)) for each in self.grasps if each.tool < n_tools]
+        grasps = [each for each in self.grasps if each.tool < n_tools and not withdrawn >> each.tool & 1]
+        self._jaws = [(each, self.tools.jaws(each.tool)) for each in grasps]
+        if withdrawn:
+            for grasp in self.grasps:
+                if grasp not in grasps:
+                    grasp.let_go()
         self.closing = [grasp.tool for grasp, jaws in self._jaws if grasp.may_close(jaws)]
         return hands
 

@@ -66,6 +66,8 @@ class ContactsReader:
             self.refused += 1
             return False
         self._take_table(body.tools)
+        if body.withdrawn:
+            self.tools.present &= [not body.withdrawn >> tool & 1 for tool in range(N_TOOLS)]
         self._take_holds(body.holds)
         return True
 

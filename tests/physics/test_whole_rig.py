@@ -11,8 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from scipy.sparse import csc_array
 
+from services.gateway.instrument import PATIENCE_S
 from services.gateway.scene_hands import SceneHands
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.kinematics import jaw_angle_from_handle
@@ -26,7 +28,7 @@ from services.scenes import load_scene
 from services.scenes.hand_motions import hand_motions
 from studies.accuracy.pinches import full_model
 from tests.physics.conftest import SMALL
-from tests.whole_rig import WholeRig
+from tests.whole_rig import RATE_N_S, WholeRig
 
 PACE = 0.5
 
@@ -163,3 +165,31 @@ def relative(difference_n: FloatArray, force_n: FloatArray) -> FloatArray:
 def owed_j(rig: WholeRig) -> float:
     """Return the most energy that a servo owed at any time."""
     return -min(min(moment.energy_j) for moment in rig.moments)
+
+
+def test_a_hand_without_force_that_rests_in_tissue_lets_go_of_it_and_feels_it_again_once_it_was_clear(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A limp hand may lead its tool to where no way back is free; jaws that had caught a duct kept force away."""
+    script = tmp_path / "rest.yaml"
+    out, inside = [0.020, -0.005, 0.020], [0.020, 0.0, -0.005]
+    places = {0.0: out, 0.8: inside, 5.0: inside, 5.8: out, 6.2: out, 7.0: inside, 8.0: inside}
+    points = [{"time_s": time_s, "hip_m": place, "handle_rad": 0.4} for time_s, place in places.items()]
+    script.write_text(yaml.safe_dump({"loop": False, "motions": {"left": {"breakpoints": points}}}))
+    scene = load_scene(str(SMALL), ("duct.youngs_modulus_pa=30.0e+6",))
+    rig = WholeRig(tmp_path, monkeypatch, scene, ({"script": str(script)}, {}))
+    rig.run(1.5)
+    assert np.linalg.norm(rig.forces_n()[-1, 0]) > 1.0
+    rig.tools[0].servo.engagement.let_go()
+    limp = rig.run(PATIENCE_S)
+    assert limp[-1].devices.instruments[0].state == "stale"
+    assert limp[-1].solved.reactions()[0].contacts > 0
+    rig.run(0.5)
+    through = rig.moments[-1]
+    assert (through.devices.withdrawn, through.solved.reactions()[0].contacts) == (0, 0)
+    assert through.devices.instruments[0].state == "active"
+    rig.run(4.0)
+    felt_n = np.linalg.norm(rig.forces_n()[:, 0], axis=1)
+    assert felt_n[round(1e3 * (1.5 + PATIENCE_S)) : 6_000].max() == 0.0
+    assert felt_n[-1] > 1.0
+    assert np.diff(felt_n).max() <= RATE_N_S * 1e-3 * (1.0 + 1e-9)

@@ -16,6 +16,8 @@ from tests.proofs import flat, frames, hands, recordings
 from tests.proofs.page import code_of, page
 from tests.proofs.recordings import FRAMES, Original, judge_cut, judge_flip, original
 from tests.proofs.trials import Found, Ledger, Proof, Try, counted, go_on, tried
+from tests.rig.conftest import Sample
+from tests.rig.faults import force_rates_n_s, rate_limit_n_s
 
 
 class Tried:
@@ -209,3 +211,24 @@ def test_what_cannot_be_begun_is_a_failure(tmp_path: Path, monkeypatch: pytest.M
     lines = ledger.lines(some.proof)
     assert "no rig" in lines[0].found.why[0]
     assert [each.found.failed for each in lines] == [1] + [0] * 10
+
+
+@pytest.mark.parametrize(
+    ("force_n", "way_m", "is_step"),
+    [
+        ((0.0, 0.0, 1.15), 0.0, False),
+        ((0.0, 0.0, 1.3), 0.0, True),
+        ((0.3, 0.0, 1.0), 0.0, True),
+        ((0.0, 0.0, 0.7), 0.0, True),
+        ((0.0, 0.0, 0.7), 0.25e-3, False),
+        ((0.0, 0.0, 0.3), 0.25e-3, True),
+        ((0.0, 0.0, 1.3), 0.25e-3, True),
+        ((0.0, 0.0, 0.7), -0.25e-3, True),
+    ],
+)
+def test_a_force_step_is_what_neither_the_limit_nor_a_hand_that_draws_back_accounts_for(
+    force_n: tuple[float, float, float], way_m: float, is_step: bool
+) -> None:
+    before = Sample(0, 0, 1, 1, (0.0, 0.0, 1.0), "active", 1e-3)
+    after = Sample(0, 1_000_000, 1, 2, force_n, "active", 1e-3, hip_m=(0.0, 0.0, way_m))
+    assert (force_rates_n_s([before, after])[0] > rate_limit_n_s()) == is_step

@@ -9,7 +9,10 @@ import signal
 import time
 from pathlib import Path
 
+import numpy as np
+
 from services.gateway.servo_law import MAX_STEP_S
+from services.mechanics.scene import ForcepsScene
 from services.runtime.config import load_rig
 from tests.patience import PATIENCE_S
 from tests.rig.conftest import Rig, Sample
@@ -22,6 +25,8 @@ HARD = ("duct.youngs_modulus_pa=30.0e+6",)
 #: A press that is felt. The rate limit allows 0.2 N in a tick: a hand that loses this at once takes a step five times
 #: as large.
 PRESSED_N = 1.0
+#: Stiffness of the tools' coupling to the hand: no contact is felt stiffer.
+STIFFEST_N_M = ForcepsScene().coupling_stiffness_n_m
 FAULTS = [
     (name, number)
     for name in ("haptics", "physics", "gateway", "visualization", "recorder", "training")
@@ -51,13 +56,26 @@ def engage(rig: Rig) -> None:
 def force_rates_n_s(samples: list[Sample]) -> list[float]:
     """Return how fast the force changed from tick to tick of each gateway, by the times that its servo goes by.
 
-    A tick that comes late may step as if it were `servo_law.MAX_STEP_S` long, and no further.
+    A tick that comes late may step as if it were `servo_law.MAX_STEP_S` long, and no further. What the hand's own way
+    along the force takes off a spring of `STIFFEST_N_M` is no change.
     """
     return [
-        math.dist(b.force_n, a.force_n) / min(1e-9 * (b.sampled_ns - a.sampled_ns), MAX_STEP_S)
+        _change_n(a, b) / min(1e-9 * (b.sampled_ns - a.sampled_ns), MAX_STEP_S)
         for a, b in itertools.pairwise(samples)
         if b.incarnation == a.incarnation and b.tick == a.tick + 1
     ]
+
+
+def _change_n(a: Sample, b: Sample) -> float:
+    """Return how far the force of `b` is from that of `a`, of which a part may be unloaded."""
+    before, after = np.array(a.force_n), np.array(b.force_n)
+    held_n = float(np.linalg.norm(before))
+    if held_n == 0.0:
+        return float(np.linalg.norm(after))
+    along = before / held_n
+    unloaded_n = min(held_n, max(0.0, STIFFEST_N_M * float(along @ np.subtract(b.hip_m, a.hip_m))))
+    fall_n = min(max(held_n - float(along @ after), 0.0), unloaded_n)
+    return float(np.linalg.norm(after - before + fall_n * along))
 
 
 def drives_of(gateway: int) -> list[int]:
@@ -114,6 +132,9 @@ def _first(samples: list[Sample], begin: int, *, felt: bool) -> int | None:
 def _assert_fades_and_returns(rig: Rig, struck_ns: int) -> None:
     """After the ttl the hand feels nothing, until the force returns through re-engagement."""
     samples = rig.observer.samples
+    rig.observer.until(
+        lambda: bool(samples) and samples[-1].sent_ns > struck_ns, PATIENCE_S, "a sample after the fault"
+    )
     struck = next(k for k, sample in enumerate(samples) if sample.sent_ns > struck_ns)
     limp = _first(samples, struck, felt=False)
     assert limp is not None
