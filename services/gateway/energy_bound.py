@@ -14,11 +14,11 @@ The next force is held before its displacement is known. If the hand moves by :m
 
 .. math:: f \le F + \frac{E}{s}, \qquad s = \max(0, s_k, 2 s_k - s_{k-1}) + 2 q,
 
-with the available energy E (not below 0), and the displacements :math:`s_k` along the force, extrapolated linearly. What
-the forces of other hands may still return to them is not available. A position is known to a count q, so a displacement
-to two. A force below the friction is never reduced. Nor is that of a hand that presses or withdraws slowly, except within
-four counts of the surface, in walls up to :math:`K = F/q`. In a stiffer wall each count to and fro, as of a hand at rest
-on the edge of one, really returns :math:`(K q - F)\,q`.
+with the available energy E (not below 0), and the displacements :math:`s_k` along the force, extrapolated linearly.
+What the forces of other hands may still return is not available. A position is known to a count q, so a displacement to
+two. A force below the friction is never reduced. Nor is that of a hand that presses or withdraws slowly, except within
+four counts of the surface, in walls up to :math:`K = F/q`. In a stiffer wall each count to and fro, as of a hand at
+rest on the edge of one, really returns :math:`(K q - F)\,q`.
 docs/explanation/gateway.md derives it.
 """
 
