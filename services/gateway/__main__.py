@@ -66,6 +66,8 @@ class Gateway:
         self._bus, self._health = process.bus, process.health
         self.meter = LoopMeter(RATE_HZ, STAGES)
         self.instruments = build_instruments(process.rig.gateway, NewestFrames(self._bus), hands.hands)
+        servos = [each.servo for each in self.instruments]
+        self._others = [(each, [servo for servo in servos if servo is not each.servo]) for each in self.instruments]
         self._servo = self._path("servo", 100.0)
         self._grasp = self._path("grasp", 300.0)
         self._answers = ModelIntake(
@@ -103,9 +105,8 @@ class Gateway:
         sampled_ns = time.monotonic_ns()
         for instrument in self.instruments:
             instrument.read(self._time.time_ns)
-        energy_j = sum(instrument.servo.energy_j for instrument in self.instruments)
-        for instrument in self.instruments:
-            instrument.answer(sampled_ns, energy_j - instrument.servo.energy_j)
+        for instrument, others in self._others:
+            instrument.answer(sampled_ns, others)
         written_ns = time.monotonic_ns()
         state = GatewayState(
             tick=self._time.index,

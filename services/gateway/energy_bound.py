@@ -14,10 +14,11 @@ The next force is held before its displacement is known. If the hand moves by :m
 
 .. math:: f \le F + \frac{E}{s}, \qquad s = \max(0, s_k, 2 s_k - s_{k-1}) + 2 q,
 
-with the available energy E (not below 0) and the displacements :math:`s_k` along the force, extrapolated linearly. A
-position is known to a count q, so a displacement to two. A force below the friction is never reduced. Nor is that of a
-hand that presses or withdraws slowly, except within four counts of the surface, in walls up to :math:`K = F/q`. In a
-stiffer wall each count to and fro, as of a hand at rest on the edge of one, really returns :math:`(K q - F)\,q`.
+with the available energy E (not below 0), and the displacements :math:`s_k` along the force, extrapolated linearly.
+What the forces of other hands may still return is not available. A position is known to a count q, so a displacement to
+two. A force below the friction is never reduced. Nor is that of a hand that presses or withdraws slowly, except within
+four counts of the surface, in walls up to :math:`K = F/q`. In a stiffer wall each count to and fro, as of a hand at
+rest on the edge of one, really returns :math:`(K q - F)\,q`.
 docs/explanation/gateway.md derives it.
 """
 
@@ -34,9 +35,11 @@ from services.gateway.servo_arrays import (
     MEMORY_ENERGY,
     MEMORY_FORCE,
     MEMORY_POSITION,
+    MEMORY_RESERVED,
     MEMORY_WAY,
     NOW_DT,
     NOW_OTHERS,
+    NOW_RESERVED,
 )
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
@@ -87,17 +90,23 @@ def settle(now: FloatArray, free: bool, memory: FloatArray) -> None:
 
 @kernel
 def bound_force(way: Vector, limits: FloatArray, now: FloatArray, memory: FloatArray) -> None:
-    """Scale down the force in `memory` so that the next tick returns no more than the available energy."""
+    """Scale down the force in `memory` so that the next tick returns no more than the available energy.
+
+    What it may return is reserved: two hands that draw back in one tick do not spend the same energy.
+    """
     force = _held(memory)
     held = math.sqrt(dot(force, force))
     before = (memory[MEMORY_WAY], memory[MEMORY_WAY + 1], memory[MEMORY_WAY + 2])
     for axis in range(3):
         memory[MEMORY_WAY + axis] = way[axis]
+    memory[MEMORY_RESERVED] = 0.0
     if held == 0.0:
         return
     out, out_before = dot(way, force) / held, dot(before, force) / held
     ahead = max(0.0, out, 2.0 * out - out_before) + 2.0 * limits[LIMIT_COUNT]
-    largest = limits[LIMIT_FRICTION] + max(0.0, memory[MEMORY_ENERGY] + now[NOW_OTHERS]) / ahead
+    available = max(0.0, memory[MEMORY_ENERGY] + now[NOW_OTHERS] - now[NOW_RESERVED])
+    largest = limits[LIMIT_FRICTION] + available / ahead
+    memory[MEMORY_RESERVED] = max(0.0, min(held, largest) - limits[LIMIT_FRICTION]) * ahead
     if largest < held:
         force = scaled(force, largest / held)
         for axis in range(3):

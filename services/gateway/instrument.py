@@ -64,17 +64,20 @@ class Instrument:
         self.arm.read(time_ns, self._reading)
         pose.place_tool(self._reading, self._mount, self._port, self._motion, self._orientation)
 
-    def answer(self, now_ns: int, others_j: float = 0.0) -> None:
+    def answer(self, now_ns: int, others: Sequence[Servo] = ()) -> None:
         """Compute and write the force for the pose read at `now_ns`; switch the motors on when force begins.
 
-        `others_j` is the energy that the hands of all other instruments have put in.
+        `others` are the servos of all other instruments, which account for energy together.
         """
         servo, arm = self.servo, self.arm
         if arm.fault:
             servo.engagement.fail(arm.fault)
         temperature = float(self._reading[servo_arrays.READ_TEMPERATURE])
         calibrated, law = arm.calibrated, arm.evaluate
-        if servo.step(now_ns, self._motion, temperature, calibrated=calibrated, others_j=others_j, law=law):
+        others_j, reserved_j = sum(each.energy_j for each in others), sum(each.reserved_j for each in others)
+        if servo.step(
+            now_ns, self._motion, temperature, calibrated=calibrated, others_j=others_j, reserved_j=reserved_j, law=law
+        ):
             arm.enable()
             if self.grasp is not None:
                 self.grasp.enable()

@@ -100,6 +100,11 @@ class Servo:
         """Energy that the hand has put in since it was free, negative if it received more."""
         return float(self._memory[servo_arrays.MEMORY_ENERGY])
 
+    @property
+    def reserved_j(self) -> float:
+        """Energy that the present force may return to the hand until the next step accounts for it."""
+        return float(self._memory[servo_arrays.MEMORY_RESERVED])
+
     def accept(self, model: FloatArray, ttl_s: float, answers_ns: int, incarnation: int) -> None:
         """Store a model (MODEL_COLUMNS,) that answers the device sample of `answers_ns`.
 
@@ -120,6 +125,7 @@ class Servo:
         *,
         calibrated: bool,
         others_j: float = 0.0,
+        reserved_j: float = 0.0,
         law: Law = servo_law.servo_force,
     ) -> bool:
         """Compute `force_n` for the pose read at `now_ns`; return True if motors must be switched on.
@@ -129,6 +135,7 @@ class Servo:
             temperature: Hottest motor, 0 ambient to 1 limit.
             calibrated: Whether the device's position is valid.
             others_j: Energy that the hands of all other instruments have put in.
+            reserved_j: Sum of their `reserved_j`.
             law: Computes the force, in an arm's own thread where it has one.
         """
         now = self._now
@@ -148,7 +155,7 @@ class Servo:
         now[servo_arrays.NOW_AGE] = self.age_s
         now[servo_arrays.NOW_GAIN] = self.engagement.gain
         now[servo_arrays.NOW_TEMPERATURE] = temperature
-        now[servo_arrays.NOW_OTHERS] = others_j
+        now[servo_arrays.NOW_OTHERS], now[servo_arrays.NOW_RESERVED] = others_j, reserved_j
         law(self._model, motion, self._limits, now, self._memory)
         return begins
 

@@ -19,15 +19,15 @@ HANDLE_ANGLE, HANDLE_RATE, HANDLE_SIZE = 0, 1, 2
 ) = range(8)  # fmt: skip
 
 # The present tick: time since the last, age of the model and of its end, engagement of arm and handle, temperature,
-# and the energy that the hands of all other instruments have put in.
-NOW_DT, NOW_AGE, NOW_TTL, NOW_GAIN, NOW_GRASP_GAIN, NOW_TEMPERATURE, NOW_OTHERS, NOW_SIZE = range(8)
+# and of the hands of all other instruments the energy that they have put in, and what they may get back in this tick.
+NOW_DT, NOW_AGE, NOW_TTL, NOW_GAIN, NOW_GRASP_GAIN, NOW_TEMPERATURE, NOW_OTHERS, NOW_RESERVED, NOW_SIZE = range(9)
 
-# State of the servo between ticks; `energy_bound` defines the three energies and the anchor.
+# State of the servo between ticks; `energy_bound` defines the four energies and the anchor.
 MEMORY_FORCE, MEMORY_POSITION, MEMORY_WAY, MEMORY_ANCHOR = 0, 3, 6, 9
 (
     MEMORY_ENERGY, MEMORY_BY_STEPS, MEMORY_AT_ANCHOR, MEMORY_HOT, MEMORY_DEMAND, MEMORY_REFUSED, MEMORY_SCALE,
-    MEMORY_STIFFNESS, MEMORY_TORQUE, MEMORY_SIZE,
-) = range(12, 22)  # fmt: skip
+    MEMORY_STIFFNESS, MEMORY_RESERVED, MEMORY_TORQUE, MEMORY_SIZE,
+) = range(12, 23)  # fmt: skip
 
 
 @kernel

@@ -23,17 +23,13 @@ import msgspec
 from services.runtime.private_directory import open_private
 from services.supervisor.fork_server import ALIVE, GO, ForkOrder
 from services.supervisor.processes import ENVIRONMENT
-from services.supervisor.scheduler_state import SchedulerState
+from services.supervisor.silence import Silence
 
 #: Timeouts of its imports, of a fork, and of a sign of life, on a busy machine.
 _IMPORTS_S, _FORK_S, _SILENT_S = 30.0, 5.0, 5.0
-#: How long a signal may stop it.
-_STOPPED_S = 0.5
 _ASK_EVERY_S = 1.0
 #: Delay and number of restarts.
 _RETRY_S, _RETRIES = 2.0, 5
-#: Most of the time between two looks at it that counts as its silence; the rest is a delay of our own.
-_LOOK_S = 0.1
 #: Padding for the command line of a forked process.
 _ROOM = "x" * 2048
 _PR_SET_CHILD_SUBREAPER = 36
@@ -46,41 +42,6 @@ class _Fork:
     order: ForkOrder
     link: socket.socket
     asked_s: float
-
-
-class _Silence:
-    """How long an answer of a process has been awaited, and for how long of that it was stopped by a signal.
-
-    Delays of our own, and the process' waits for a processor, do not count.
-    """
-
-    def __init__(self, pid: int, patience_s: float) -> None:
-        self._kernel = SchedulerState(pid)
-        self.awaits = False
-        self.begin(patience_s)
-
-    def begin(self, patience_s: float) -> None:
-        """Wait for an answer from now on."""
-        self.awaits, self._patience_s = True, patience_s
-        self._silent_s = self._stopped_s = 0.0
-        self._waited_s, self._looked_s = self._kernel.waits().total_s, time.monotonic()
-
-    def too_long(self) -> str:
-        """Return what is wrong with the process, empty for nothing."""
-        now_s = time.monotonic()
-        passed_s, self._looked_s = min(now_s - self._looked_s, _LOOK_S), now_s
-        if not self.awaits:
-            return ""
-        self._silent_s += passed_s
-        self._stopped_s = self._stopped_s + passed_s if self._kernel.is_stopped() else 0.0
-        if self._stopped_s > _STOPPED_S:
-            return "is stopped by a signal"
-        silent_s = self._silent_s - (self._kernel.waits().total_s - self._waited_s)
-        return f"said nothing for {silent_s:.1f} s" if silent_s > self._patience_s else ""
-
-    def close(self) -> None:
-        """Close the kernel's files."""
-        self._kernel.close()
 
 
 class ForkServer:
@@ -113,7 +74,7 @@ class ForkServer:
             start_new_session=True,  # like its forks: a Ctrl-C at the terminal is for the supervisor
         )  # fmt: skip
         other.close()
-        self._silence = _Silence(self._server.pid, _IMPORTS_S)
+        self._silence = Silence(self._server.pid, _IMPORTS_S)
         self._has_imported = False
 
     @property

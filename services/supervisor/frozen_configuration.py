@@ -40,6 +40,10 @@ def freeze(process: Process) -> tuple[tuple[str, ...], dict[str, str]]:
     is_file = _is_file(scene)
     frozen_scene = _place(folder, scene) if is_file else folder / "scenes" / f"{scene}.yaml"
     _write(frozen_scene, config.read_scene(scene, process.scene_overrides))
+    scenario = data.get("training", {}).get("scenario")
+    if is_file and scenario is not None:
+        copy = Path(scenario) if _is_file(scenario) else folder / "scenarios" / f"{scenario}.yaml"
+        _write(copy, config.read_yaml(copy) | {"scene": str(frozen_scene)})
     frozen_rig = _place(folder, "rig.yaml")
     _write(frozen_rig, data)
     arguments = ("--rig", str(frozen_rig), "--scene", str(frozen_scene) if is_file else scene)

@@ -14,6 +14,7 @@ from services.supervisor.launcher import Child
 from services.supervisor.page_link import Heartbeat, Link, PageSetup, RigStatus
 from services.supervisor.page_place import page_file, write_page_file
 from services.supervisor.processes import ProcessSpec
+from services.supervisor.silence import Silence
 from services.supervisor.supervisor import Supervisor
 
 _PAGE = ProcessSpec("page", "services.supervisor.page_server")
@@ -37,8 +38,7 @@ class Page:
         self._child: Child | None = None
         self._link: Link | None = None
         self._starts = 0
-        self._due_s = self._retry_s = self._heard_s = self._waited_s = 0.0
-        self._patience_s = _SILENT_AT_FIRST_S
+        self._due_s = self._retry_s = 0.0
         address, token = _address(sock), setup.token
         write_page_file(self._file, address, token)
         supervisor.token_sha256 = hashlib.sha256(token.encode()).hexdigest()
@@ -57,6 +57,7 @@ class Page:
             self._child.wait(_END_S)
             self._child.kill()
             self._child.close()
+            self._silence.close()
         self._socket.close()
         self._file.unlink(missing_ok=True)
 
@@ -68,35 +69,33 @@ class Page:
             return
         try:
             while (beat := self._link.receive(Heartbeat)) is not None:
-                self._heard_s, self._waited_s = now_s, self._child.waits().total_s
-                self._patience_s = _SILENT_S
+                self._silence.begin(_SILENT_S)
                 if beat.fault:
                     self._supervisor.say("warning", f"supervisor: {beat.fault}")
         except ConnectionError:
             self._lost(self._link, self._child, now_s)
             return
-        if now_s - self._heard_s > self._patience_s:
-            silent_s = now_s - self._heard_s - (self._child.waits().total_s - self._waited_s)
-            if silent_s > self._patience_s:
-                self._lost(self._link, self._child, now_s, f"said nothing for {silent_s:.0f} s and")
-                return
+        if why := self._silence.too_long():
+            self._lost(self._link, self._child, now_s, f"{why} and")
+            return
         if now_s >= self._due_s:
             self._due_s = now_s + _TELL_S
             self._link.send(RigStatus.of(self._supervisor, now_s))
 
     def _start(self, now_s: float) -> None:
         self._starts += 1
-        self._heard_s, self._waited_s, self._patience_s = now_s, 0.0, _SILENT_AT_FIRST_S
         self._link, other = Link.pair()
         self._link.send(self._setup)
         descriptors = other.fileno(), self._socket.fileno()
         self._child = Child(_PAGE, [str(each) for each in descriptors], self._log_file, descriptors)
+        self._silence = Silence(self._child.pid, _SILENT_AT_FIRST_S)
         other.close()
 
     def _lost(self, link: Link, child: Child, now_s: float, why: str = "") -> None:
         link.close()
         status = child.kill()
         child.close()
+        self._silence.close()
         self._child = self._link = None
         self._retry_s = now_s + _RETRY_S
         again = "started again" if self._starts <= _RETRIES else "given up; the rig goes on without"

@@ -18,9 +18,11 @@ from services.gateway.premium_model import GEARS
 from services.gateway.servo_arrays import (
     MEMORY_ENERGY,
     MEMORY_FORCE,
+    MEMORY_RESERVED,
     MEMORY_SIZE,
     NOW_AGE,
     NOW_OTHERS,
+    NOW_RESERVED,
     READ_POSITION,
     READ_SIZE,
     READ_VELOCITY,
@@ -114,7 +116,7 @@ def _run(
     angles, rates, heat = np.zeros((2, 3)), np.zeros((2, 3)), np.full((2, 2, 3), simulated_arm.ROOM_C)
     filtered, measured, target = np.zeros((2, 2, 3)), np.zeros((2, 3)), np.zeros((2, 8))
     hand, work, jacobian, force = np.zeros(HAND_SIZE), np.zeros((4, 3)), np.zeros((3, 3)), np.zeros(3)
-    age, place, energy, shaken = np.full(2, 1000), np.zeros(3), np.zeros(2), np.zeros(3)
+    age, place, shaken = np.full(2, 1000), np.zeros(3), np.zeros(3)
     for i in range(2):
         angles[i], target[i, 0] = start, START_M
         measure(angles[i], measured[i])
@@ -129,7 +131,6 @@ def _run(
             filter_reading(shaken, measured[i], filtered[i], coefficients, centre, reading)
             motion[i, :3] = reading[READ_POSITION : READ_POSITION + 3]
             motion[i, 3:] = reading[READ_VELOCITY : READ_VELOCITY + 3]
-            energy[i] = memory[i, MEMORY_ENERGY]
         pressed = 0.0
         for i in range(2):
             _answer(hands[i], between, motion[i], motion[1 - i, 2], models[i, k % LATEST])
@@ -139,7 +140,7 @@ def _run(
                 model[i] = models[i, (k - late) % LATEST]
                 age[i] = late
             now[NOW_AGE] = min(age[i], 1000) * TICK_S
-            now[NOW_OTHERS] = energy[1 - i]
+            now[NOW_OTHERS], now[NOW_RESERVED] = memory[1 - i, MEMORY_ENERGY], memory[1 - i, MEMORY_RESERVED]
             servo_force(model[i], motion[i], limits, now, memory[i])
             force[:] = memory[i, MEMORY_FORCE : MEMORY_FORCE + 3]
             pressed = max(pressed, math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2))

@@ -7,7 +7,14 @@ import pytest
 
 from services.gateway.energy_bound import FORGIVEN_S, MAX_STORED_J
 from services.gateway.premium_model import COUNT_M, FRICTION_N
-from services.gateway.servo_arrays import MEMORY_AT_ANCHOR, MEMORY_BY_STEPS, MEMORY_ENERGY, NOW_OTHERS
+from services.gateway.servo_arrays import (
+    MEMORY_AT_ANCHOR,
+    MEMORY_BY_STEPS,
+    MEMORY_ENERGY,
+    MEMORY_RESERVED,
+    NOW_OTHERS,
+    NOW_RESERVED,
+)
 from tests.gateway.test_servo_law import DT_S, Law
 
 WALL_N_M = 500.0
@@ -80,6 +87,23 @@ def test_what_another_hand_has_put_in_pushes_this_one() -> None:
     given_j = -law.memory[MEMORY_ENERGY]
     assert 0.009 < given_j <= 0.01, "it is pushed until that is spent"
     assert law.force()[0] == pytest.approx(FRICTION_N, rel=0.5)
+
+
+@pytest.mark.parametrize("speeds_m_s", [(1.0, 1.0), (1.2, 0.3), (0.3, 1.2)])
+def test_two_hands_that_draw_back_in_the_same_ticks_do_not_spend_what_one_put_in_twice(
+    speeds_m_s: tuple[float, float],
+) -> None:
+    """One pushed the other through tissue, and both left: 3 mJ more came out of two arms than went in."""
+    hands = [Law(friction_n=FRICTION_N) for _ in range(2)]
+    for hand, energy_j in zip(hands, (0.017, -0.013), strict=True):
+        hand.load(force_n=(3.0, 0.0, 0.0), in_contact=True)
+        own(hand, energy_j)
+    for tick in range(60):
+        for hand, other, speed_m_s in zip(hands, reversed(hands), speeds_m_s, strict=True):
+            hand.motion[0] += speed_m_s * DT_S * min(1.0, 0.1 * tick)
+            hand.now[[NOW_OTHERS, NOW_RESERVED]] = other.memory[[MEMORY_ENERGY, MEMORY_RESERVED]]
+            hand.force()
+    assert sum(hand.memory[MEMORY_ENERGY] for hand in hands) >= 0.0
 
 
 def test_a_late_model_gives_back_what_was_put_in_and_no_more() -> None:

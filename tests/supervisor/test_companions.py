@@ -23,19 +23,25 @@ from tests.supervisor.fakes import Fakes, Scenario, page_servers, until, until_r
 pytestmark = pytest.mark.usefixtures("soon")
 
 
-@pytest.mark.parametrize("number", by_day([signal.SIGSTOP], [signal.SIGKILL]))
+@pytest.mark.parametrize(
+    ("number", "stopped_s", "said"),
+    by_day(
+        [(signal.SIGSTOP, 0.1, "is stopped by a signal"), (signal.SIGSTOP, 60.0, "said nothing for")],
+        [(signal.SIGKILL, 0.1, "ended")],
+    ),
+)
 def test_a_page_that_hangs_or_ends_is_started_again(
-    fakes: Fakes, monkeypatch: pytest.MonkeyPatch, number: signal.Signals
+    fakes: Fakes, monkeypatch: pytest.MonkeyPatch, number: signal.Signals, stopped_s: float, said: str
 ) -> None:
     monkeypatch.setattr("services.supervisor.page._SILENT_S", 1.0)
+    monkeypatch.setattr("services.supervisor.silence._STOPPED_S", stopped_s)
 
     def scenario(supervisor: Supervisor) -> Scenario:
         yield from until_running(supervisor)
         (first,) = page_servers()
         yield from until(lambda: _has_beaten(first))
         os.kill(first, number)
-        said = "the page's process said nothing for" if number == signal.SIGSTOP else "the page's process ended"
-        yield from until(lambda: any(said in event.text for event in supervisor.events))
+        yield from until(lambda: any(f"the page's process {said}" in event.text for event in supervisor.events))
         yield from until(lambda: page_servers() not in ([], [first]))
         assert all(member.restarts.count == 0 for member in supervisor.crew.members.values()), "the rig goes on"
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from services.supervisor import fork_link
+from services.supervisor import fork_link, silence
 from services.supervisor.fork_link import ForkServer
 from services.supervisor.launcher import Child
 from services.supervisor.processes import ENVIRONMENT, ProcessSpec
@@ -180,7 +180,7 @@ def test_a_server_that_is_lost_is_told_once_and_replaced(
     """It was noticed at the next fork only, which waited 5 s for it, and from then on there was none."""
     with closing(ForkServer()) as server:
         _until(lambda: not server.imports())
-        soon_again.setattr(fork_link, "_STOPPED_S", stopped_s)
+        soon_again.setattr(silence, "_STOPPED_S", stopped_s)
         soon_again.setattr(fork_link, "_SILENT_S", silent_s)
         first = server.pid
         os.kill(first, struck)

@@ -16,7 +16,7 @@ from services.runtime.process import Options, load_process_config, parse
 from services.runtime.rig import Rig
 from services.supervisor import frozen_configuration
 from services.supervisor.supervisor import Supervisor
-from services.training.scenario import load_scenario
+from services.training.scenario import load_scenario, scenario_of
 from tests.supervisor.fakes import Fakes, Scenario, until, until_running
 
 SCENE = "catheter: {}\nduct: {mesh_file: wall.stl}\n"
@@ -116,6 +116,25 @@ def test_scenario_and_script_given_as_files_are_frozen_and_watched(
     assert again.rig.training.scenario is not None
     script = again.rig.gateway.instruments[0].arm.settings["script"]
     assert (load_scenario(again.rig.training.scenario), config.read_yaml(Path(script))) == before
+
+
+def test_a_scenario_of_a_scene_given_as_a_file_is_that_of_the_copy(
+    written: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Training ended: the scenario was made of small.yaml, and the rig ran another file."""
+    (written / "small.yaml").write_text((config.config_directory() / "scenes" / "default.yaml").read_text())
+    basic = config.read_yaml(config.config_directory() / "scenarios" / "basic.yaml")
+    (written / "my_scenario.yaml").write_text(yaml.safe_dump({**basic, "scene": "small.yaml"}))
+    read = load_process_config(
+        "supervisor", Options("mine.yaml", "small.yaml", ("training.scenario=my_scenario.yaml",))
+    )
+    arguments, environment = frozen_configuration.freeze(read)
+    for key, value in environment.items():
+        monkeypatch.setenv(key, value)
+    again = load_process_config("training", parse("training", arguments))
+    followed = scenario_of(again.scene_name, again.rig.training.scenario)
+    assert followed is not None
+    assert followed.goal == load_scenario("my_scenario.yaml").goal
 
 
 def test_a_file_that_changed_is_said_once(written: Path) -> None:

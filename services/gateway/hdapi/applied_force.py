@@ -23,6 +23,7 @@ from services.gateway.hdapi.cells import (
     ORDER_LIMITS,
     ORDER_MODEL,
     ORDER_OTHERS,
+    ORDER_RESERVED,
     ORDER_TIME,
     ORDER_TTL,
     SEEN_POSITION,
@@ -42,6 +43,7 @@ from services.gateway.servo_arrays import (
     NOW_DT,
     NOW_GAIN,
     NOW_OTHERS,
+    NOW_RESERVED,
     NOW_TEMPERATURE,
     NOW_TTL,
 )
@@ -117,7 +119,7 @@ def _evaluate(arm: ArmCell, now_ns: int, dt_s: float) -> bool:
     now[NOW_AGE] = order[ORDER_AGE] + 1e-9 * (now_ns - order[ORDER_TIME])
     now[NOW_TTL] = order[ORDER_TTL]
     now[NOW_GAIN] = order[ORDER_GAIN]
-    now[NOW_OTHERS] = order[ORDER_OTHERS]
+    now[NOW_OTHERS], now[NOW_RESERVED] = order[ORDER_OTHERS], order[ORDER_RESERVED]
     now[NOW_TEMPERATURE] = report[SEEN_TEMPERATURE]
     to_world(report, SEEN_POSITION, mount, motion, 0)
     to_world(report, SEEN_VELOCITY, mount, motion, 3)

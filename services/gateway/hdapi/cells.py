@@ -16,9 +16,9 @@ from services.mechanics.compiled.struct import Struct, reader
 
 # From the gateway: time of writing, whether motors may be on, how often a person has armed the rig; then a force in the
 # frame of the arm or, with ORDER_LAW, the inputs of the force law (`servo_arrays`): age, life, gain, energy of the
-# other instruments' hands, limits, model.
+# other instruments' hands and what is reserved for them, limits, model.
 ORDER_TIME, ORDER_ENABLED, ORDER_ARMED, ORDER_LAW, ORDER_FORCE = range(5)
-ORDER_AGE, ORDER_TTL, ORDER_GAIN, ORDER_OTHERS, ORDER_LIMITS = 7, 8, 9, 10, 11
+ORDER_AGE, ORDER_TTL, ORDER_GAIN, ORDER_OTHERS, ORDER_RESERVED, ORDER_LIMITS = range(7, 13)
 ORDER_MODEL = ORDER_LIMITS + LIMIT_SIZE
 ORDER_SIZE = ORDER_MODEL + MODEL_COLUMNS
 

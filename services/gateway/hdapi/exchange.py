@@ -13,6 +13,7 @@ from services.gateway.hdapi.cells import (
     ORDER_LIMITS,
     ORDER_MODEL,
     ORDER_OTHERS,
+    ORDER_RESERVED,
     ORDER_TIME,
     ORDER_TTL,
     SEEN_ARMED,
@@ -37,6 +38,7 @@ from services.gateway.servo_arrays import (
     NOW_AGE,
     NOW_GAIN,
     NOW_OTHERS,
+    NOW_RESERVED,
     NOW_TTL,
     READ_POSITION,
     READ_ROLL,
@@ -81,7 +83,7 @@ def give_law(
     order[ORDER_AGE] = now[NOW_AGE]
     order[ORDER_TTL] = now[NOW_TTL]
     order[ORDER_GAIN] = now[NOW_GAIN]
-    order[ORDER_OTHERS] = now[NOW_OTHERS]
+    order[ORDER_OTHERS], order[ORDER_RESERVED] = now[NOW_OTHERS], now[NOW_RESERVED]
     for k in range(LIMIT_SIZE):
         order[ORDER_LIMITS + k] = limits[k]
     for k in range(MODEL_COLUMNS):
