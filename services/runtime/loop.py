@@ -38,7 +38,7 @@ class LoopMeter:
         periods_allowed: Periods within which a tick must be done, more than one where it does the work of several.
         catches_up: Whether a tick does the work of those that were lost before it, see `TickClock`.
         beyond_work: Misses that less work would not have avoided: the deadline passed while the thread was not run, by
-            the host or for another process, or had nothing to do yet.
+            the host or for another process, or had nothing to do yet, or just after such a stall.
     """
 
     def __init__(self, rate_hz: float, stages: Sequence[str] = ()) -> None:
@@ -64,9 +64,11 @@ class LoopMeter:
         self._scheduled_ns = 0
         self._started_ns = 0
         self._alive_ns = 0
-        self._worked_ns = 0  # time on a processor, from the end of the tick before the last to that of the last
+        self._worked_ns = 0  # time on a processor for the last tick, since the one before or since it last had no work
         self._away_ns = 0  # recent time on no processor
-        self._late_work_ns = 0  # time on a processor since a tick was on time, or lost ticks were counted
+        self._late_work_ns = 0  # likewise since a tick was on time, or lost ticks were counted
+        self._unseen: int | None = None
+        self._aftermath = 0  # ticks that may still be late because of the last stall
 
     def change_rate(self, rate_hz: float) -> None:
         """Change the rate, from the next tick on."""
@@ -75,14 +77,20 @@ class LoopMeter:
             self.period_ns = round(1e9 / rate_hz)
             self._stall_ns = STALL_PERIODS * self.period_ns
 
-    def start(self, scheduled_ns: int, now_ns: int) -> None:
-        """Count the start of a tick that was due at `scheduled_ns`."""
+    def start(self, scheduled_ns: int, now_ns: int, unseen: int | None = None) -> None:
+        """Count the start of a tick that was due at `scheduled_ns`.
+
+        Of a loop that follows frames, `unseen` is the number of those that were sent since the last tick and not seen.
+        """
+        self._unseen = unseen
         self.lateness.record(now_ns - scheduled_ns)
         if self._started_ns:
             self.period.record(now_ns - self._started_ns)
             self._away_ns = now_ns - self._started_ns - self._worked_ns
             if now_ns - self._started_ns > self._stall_ns:
                 self._stalled(now_ns)
+            if self._away_ns > self._stall_ns:
+                self._aftermath = STALL_PERIODS
         else:
             self._ran_ns = time.thread_time_ns()
         self._scheduled_ns = scheduled_ns
@@ -100,14 +108,18 @@ class LoopMeter:
             self._late_work_ns += self._worked_ns
             self._miss(1, self._away_ns // (self.periods_allowed * self.period_ns))
         else:
-            self._late_work_ns = 0
+            self._late_work_ns = self._aftermath = 0
         self.flight.write(self.tick, self._scheduled_ns, self._started_ns, now_ns, self._worked_ns, self.stages_ns)
 
     def idle(self, now_ns: int) -> None:
-        """Record that the loop ran at `now_ns` with nothing to do, so that this part of a gap is not its own fault."""
+        """Record that the loop ran at `now_ns` with nothing to do, so that this part of a gap is not its own fault.
+
+        It is behind with nothing then, so what it has worked until now, such as looking again and again, loses no tick.
+        """
         if self._started_ns and now_ns - max(self._started_ns, self._alive_ns) > self._stall_ns:
             self._stalled(now_ns)
         self._alive_ns = now_ns
+        self._ran_ns, self._late_work_ns = time.thread_time_ns(), 0
 
     def _stalled(self, now_ns: int) -> None:
         length_ns = now_ns - max(self._started_ns, self._alive_ns)
@@ -128,19 +140,29 @@ class LoopMeter:
     def _lose(self, ticks: int) -> None:
         """Count ticks that were lost between two that ran.
 
-        Own work can have cost no more of them than its time since a tick was on time, however the frames came: a clock
+        Own work can have cost only ticks whose frames were sent and not seen: what its clock never sent, it did not
+        lose. Nor can it have cost more of them than its time since a tick was on time, however the frames came: a clock
         that stood still sends a late tick before the one whose index tells of the loss. And what was waited since the
         last tick lost whole periods whatever the work.
         """
         since_ns = time.thread_time_ns() - self._ran_ns
         burnt = -(-self._late_work_ns // self.period_ns) + since_ns // self.period_ns
+        if self._unseen is not None:
+            burnt = min(burnt, self._unseen * self.periods_allowed)
         self._late_work_ns = 0
         self._miss(ticks, max(ticks - burnt, (self._away_ns - since_ns) // self.period_ns))
 
     def _miss(self, ticks: int, passed: int) -> None:
-        """Count misses, of which `passed` were independent of the work."""
+        """Count misses, of which `passed` were independent of the work.
+
+        Neither are those of the first ticks after a stall, until one is on time, a result of the work: the caches are
+        cold, and frames come closer than a period. They are few, so that no stalls can hide an overload.
+        """
+        by_work = ticks - max(0, min(ticks, passed))
+        excused = min(by_work, self._aftermath)
+        self._aftermath = STALL_PERIODS if passed >= STALL_PERIODS else self._aftermath - excused
         self.misses += ticks
-        self.beyond_work += max(0, min(ticks, passed))
+        self.beyond_work += ticks - by_work + excused
 
     def body(self) -> bodies.LoopReport:
         """Return the counts for the wire."""
@@ -265,7 +287,7 @@ def follow(
     ticks take longer than their period rests between them (`DutyCycleLimiter`), to leave a part of the core free.
     """
     apart_ns = -(-meter.period_ns // 3)  # the rate that its own readers accept, so that it does not flood them in turn
-    last_ns = 0
+    last_ns = sequence = 0
     limiter = DutyCycleLimiter()
     while not stop():
         bus.flush()
@@ -281,7 +303,9 @@ def follow(
             yield None
             continue
         last_ns = time.monotonic_ns()
-        meter.start(frame.sent_ns if bus.is_near(topic) else last_ns, last_ns)
+        unseen = max(0, frame.sequence - sequence - 1)  # a smaller sequence is that of a new publisher
+        sequence = frame.sequence
+        meter.start(frame.sent_ns if bus.is_near(topic) else last_ns, last_ns, unseen)
         yield frame
         ended_ns = time.monotonic_ns()
         meter.finish(ended_ns)

@@ -108,7 +108,11 @@ def _judge_loop(name: str, window: Window, contract: LoopContract) -> Breach | N
     breach = _breach(name, contract, *losses)
     if breach is None:
         return None
-    return replace(breach, by_work=_breach(name, contract, *(loss.by_work for loss in losses)) is not None)
+    by_work = _breach(name, contract, *(loss.by_work for loss in losses))
+    if by_work is None:
+        return replace(breach, by_work=False)
+    # What work lost in a minute is not sudden because the host stood still just now. A restart helps against either.
+    return replace(by_work, severe=breach.severe)
 
 
 def _breach(

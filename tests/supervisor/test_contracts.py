@@ -75,6 +75,19 @@ def test_a_breach_says_whether_less_work_would_have_kept_the_contract(beyond: in
     assert spent == pytest.approx(10 * (30 - beyond), rel=0.02), "of the budget of a tick in a thousand"
 
 
+def test_a_stall_makes_nothing_sudden_of_what_work_has_lost_before() -> None:
+    """Six ticks that work lost beside each stall overdrew the minute; the next stall of 50 ms made that a breakdown."""
+    watched = Watched()
+    watched.run(20.0)
+    for _ in range(10):
+        watched.run(0.1, skipped=53, beyond=47)
+        watched.run(1.4)
+    (breach,) = watched.run(0.1, skipped=53, beyond=47)
+    assert breach.by_work
+    assert not breach.sudden
+    assert breach.text == "physics: 66 ticks lost in the last minute, budget 60"
+
+
 def test_a_loop_that_runs_too_seldom_loses_ticks_even_where_it_counts_none() -> None:
     watched = Watched()
     watched.run(5.0)
