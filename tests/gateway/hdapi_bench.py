@@ -104,6 +104,9 @@ class HdapiBench:
         limits[servo_arrays.LIMIT_COUNT] = driver.limits.count_m
         limits[servo_arrays.LIMIT_FRICTION] = DRY_N if self.bounded else ENDLESS_N
         now[servo_arrays.NOW_TTL], now[servo_arrays.NOW_GAIN] = ttl_s, 1.0
+        for memory in (memory for other, memory in self.memories.items() if other is not driver):
+            now[servo_arrays.NOW_OTHERS] += memory[servo_arrays.MEMORY_ENERGY]
+            now[servo_arrays.NOW_RESERVED] += memory[servo_arrays.MEMORY_RESERVED]
         driver.evaluate(model, np.zeros(6), limits, now, self.memories[driver])
 
     def wait(self, ticks: int) -> None:

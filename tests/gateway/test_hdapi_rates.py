@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -122,3 +122,32 @@ def test_a_pose_that_is_no_number_for_ten_frames_is_survived_with_finite_forces(
     assert np.isfinite(readings).all()
     assert arms.left.arm is not None
     assert np.isfinite(arms.left.arm.port.newest).all()
+
+
+@pytest.mark.parametrize("later", [0, 1, 2])
+def test_two_arms_that_draw_back_together_get_what_one_put_in_once(arms: HdapiBench, later: int) -> None:
+    """Each knows of the other by way of the gateway, frames late: they got 2 mJ more before that was reserved."""
+    arms.bound()
+    arms.open()
+    for _ in range(500):
+        _together(arms, (0.0, 0.0), 0.0)
+    for k in range(400):
+        _together(arms, (-25e-3 * min(1.0, k / 300), 0.0), 0.0, 600.0)
+    places_m = np.array([-25e-3, 0.0])
+    for k in range(60):
+        _together(arms, places_m, 6.0)
+        places_m += 1.2e-3 * np.clip(0.3 * np.array([k, k - later]), 0.0, 1.0)
+    left_j, right_j = (memory[servo_arrays.MEMORY_ENERGY] for memory in arms.memories.values())
+    assert min(left_j, right_j) < -0.02, "one pays for the other"
+    assert left_j + right_j > -0.1e-3
+
+
+def _together(arms: HdapiBench, hands_m: Sequence[float], force_n: float, stiffness_n_m: float = 0.0) -> None:
+    """Exchange with both arms, then move their hands upward to these places in a frame."""
+    for driver, reading in arms.readings.items():
+        driver.read(arms.standin.clock.monotonic_ns(), reading)
+    for driver in arms.readings:
+        arms.order(driver, np.array([0.0, 0.0, force_n]), stiffness_n_m)
+    for device, place_m in zip((1, 2), hands_m, strict=True):
+        arms.standin.put("hand", device, np.array([0.0, place_m, 0.0]))
+    arms.wait(1)

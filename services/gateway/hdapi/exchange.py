@@ -34,6 +34,7 @@ from services.gateway.hdapi.handover import put, take
 from services.gateway.servo_arrays import (
     LIMIT_SIZE,
     MEMORY_REFUSED,
+    MEMORY_RESERVED,
     MEMORY_TORQUE,
     NOW_AGE,
     NOW_GAIN,
@@ -50,6 +51,9 @@ from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 
 NOTHING, AS_BEFORE, CHANGED = range(3)
+#: Frames in which an arm may return energy before another arm of the library knows: until the gateway reads what the
+#: arm tells, until that reaches the other arm, and while its force is held.
+FRAMES_UNKNOWN = 3
 
 
 @kernel
@@ -93,6 +97,7 @@ def give_law(
     port.refused = newest[SEEN_MEMORY + MEMORY_REFUSED]
     for k in range(MEMORY_TORQUE):
         memory[k] = newest[SEEN_MEMORY + k]
+    memory[MEMORY_RESERVED] *= FRAMES_UNKNOWN
     memory[MEMORY_REFUSED] = refused  # includes refused torques, which are counted here
 
 
