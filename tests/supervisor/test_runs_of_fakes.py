@@ -22,7 +22,7 @@ import yaml
 from services.cli.arm import ask_at
 from services.runtime import config
 from services.runtime.zmq_bus import ZmqBus
-from services.supervisor import run_report
+from services.supervisor import run_report, silence
 from services.supervisor.fork_link import ForkServer
 from services.supervisor.supervisor import Supervisor
 from tests.by_day import by_day
@@ -257,8 +257,11 @@ def _posted(url: str, headers: dict[str, str]) -> object:
         return "given up"
 
 
-def test_a_command_that_was_given_up_is_not_carried_out_by_a_page_that_hung(fakes: Fakes) -> None:
+def test_a_command_that_was_given_up_is_not_carried_out_by_a_page_that_hung(
+    fakes: Fakes, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """It armed the rig after `trocar arm` had failed with exit code 3."""
+    monkeypatch.setattr(silence, "_STOPPED_S", PATIENCE_S)
 
     def scenario(supervisor: Supervisor) -> Scenario:
         yield from until_running(supervisor)

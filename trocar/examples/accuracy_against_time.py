@@ -10,7 +10,7 @@ import trocar
 
 def poke(n_around: int, n_along: int) -> tuple[float, float]:
     """Return the force upwards in N, and the time of a tick in us."""
-    duct = trocar.DuctScene(thickness_m=1e-3, n_around=n_around, n_along=n_along, n_modes=40)
+    duct = trocar.DuctScene(thickness_m=1e-3, n_around=n_around, n_along=n_along, n_modes=60)
     forceps = trocar.ForcepsScene(port_position_m=(30e-3, 0.0, 150e-3))
     simulation, hands = trocar.simulate(trocar.Scene(duct=duct, forceps=(forceps, forceps))), trocar.Hands()
     hands.present[1] = False
