@@ -38,7 +38,7 @@ class LoopMeter:
         periods_allowed: Periods within which a tick must be done, more than one where it does the work of several.
         catches_up: Whether a tick does the work of those that were lost before it, see `TickClock`.
         beyond_work: Misses that less work would not have avoided: the deadline passed while the thread was not run, by
-            the host or for another process, or had nothing to do yet, or just after such a stall.
+            the host or for another process, or had nothing to do yet.
     """
 
     def __init__(self, rate_hz: float, stages: Sequence[str] = ()) -> None:
@@ -68,7 +68,6 @@ class LoopMeter:
         self._away_ns = 0  # recent time on no processor
         self._late_work_ns = 0  # likewise since a tick was on time, or lost ticks were counted
         self._unseen: int | None = None
-        self._aftermath = 0  # ticks that may still be late because of the last stall
 
     def change_rate(self, rate_hz: float) -> None:
         """Change the rate, from the next tick on."""
@@ -89,8 +88,6 @@ class LoopMeter:
             self._away_ns = now_ns - self._started_ns - self._worked_ns
             if now_ns - self._started_ns > self._stall_ns:
                 self._stalled(now_ns)
-            if self._away_ns > self._stall_ns:
-                self._aftermath = STALL_PERIODS
         else:
             self._ran_ns = time.thread_time_ns()
         self._scheduled_ns = scheduled_ns
@@ -108,7 +105,7 @@ class LoopMeter:
             self._late_work_ns += self._worked_ns
             self._miss(1, self._away_ns // (self.periods_allowed * self.period_ns))
         else:
-            self._late_work_ns = self._aftermath = 0
+            self._late_work_ns = 0
         self.flight.write(self.tick, self._scheduled_ns, self._started_ns, now_ns, self._worked_ns, self.stages_ns)
 
     def idle(self, now_ns: int) -> None:
@@ -153,16 +150,9 @@ class LoopMeter:
         self._miss(ticks, max(ticks - burnt, (self._away_ns - since_ns) // self.period_ns))
 
     def _miss(self, ticks: int, passed: int) -> None:
-        """Count misses, of which `passed` were independent of the work.
-
-        Neither are those of the first ticks after a stall, until one is on time, a result of the work: the caches are
-        cold, and frames come closer than a period. They are few, so that no stalls can hide an overload.
-        """
-        by_work = ticks - max(0, min(ticks, passed))
-        excused = min(by_work, self._aftermath)
-        self._aftermath = STALL_PERIODS if passed >= STALL_PERIODS else self._aftermath - excused
+        """Count misses, of which `passed` were independent of the work."""
         self.misses += ticks
-        self.beyond_work += ticks - by_work + excused
+        self.beyond_work += max(0, min(ticks, passed))
 
     def body(self) -> bodies.LoopReport:
         """Return the counts for the wire."""

@@ -77,8 +77,8 @@ def test_ticks_that_a_loop_slept_through_are_no_works(processor: Processor, is_l
         processor.work(0.4)
         meter.finish(processor.now)
     assert meter.skipped == 29
+    assert meter.beyond_work == meter.skipped
     assert meter.misses == meter.skipped + is_late
-    assert meter.beyond_work == meter.misses
 
 
 @pytest.mark.parametrize("late_ms", [0.3, 2.6], ids=["in time", "long, as nothing was at hand"])
@@ -100,7 +100,7 @@ def test_a_loop_that_looks_in_vain_while_its_clock_stands_still_loses_nothing_by
         processor.work(work_ms)
         meter.finish(processor.now)
     assert meter.misses >= 51
-    assert meter.beyond_work == meter.misses
+    assert meter.misses - meter.beyond_work == int(late_ms > 1.0), "the late tick itself"
 
 
 @pytest.mark.parametrize("is_sent", [False, True], ids=["its clock stood still", "it did not look"])
@@ -183,26 +183,7 @@ def test_a_loop_that_is_always_late_is_no_cause_of_what_its_clock_loses_meanwhil
     """Its work since the last loss has burnt a tick or two, not all that it has burnt in its life."""
     overloaded = [(k * 4 // 3, k * 1.333, 1.333) for k in range(90)]
     _, beyond = _followed(processor, [*overloaded, (119, 169.0, 1.333), (171, 171.0, 0.3)])
-    assert 45 <= beyond <= 52
-
-
-def test_stalls_excuse_the_few_ticks_after_them_and_no_overload(processor: Processor) -> None:
-    """The clock stands still for 50 ms of each 150: cold ticks are the stall's, those always too long are not."""
-
-    def played(work_ms: float, cold_ms: float) -> tuple[int, int]:
-        turns: list[Turn] = []
-        free_ms = 0.0
-        for tick in (tick for tick in range(1500) if tick % 150 < 100):
-            if free_ms <= tick:  # else it works, and the frame is overwritten
-                turns.append((tick, tick, cold_ms if tick % 150 < 2 else work_ms))
-                free_ms = tick + turns[-1][2]
-        return _followed(processor, turns)
-
-    misses, beyond = played(0.3, 1.4)
-    assert misses > 450
-    assert misses - beyond <= 2, "those of its start"
-    misses, beyond = played(1.6, 1.6)
-    assert misses - beyond > 800
+    assert 45 <= beyond <= 51
 
 
 def test_a_loop_whose_work_takes_longer_than_its_period_loses_by_its_work(processor: Processor) -> None:
