@@ -47,5 +47,5 @@ class GatewayState(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     ] = 0
     withdrawn: Annotated[
         int,
-        Meta(ge=0, lt=1 << 8, description="bit mask of instruments that touch nothing, which kept force away for long"),
+        Meta(ge=0, lt=1 << 8, description="bit mask of tools that touch nothing, after they kept force away"),
     ] = 0

@@ -43,7 +43,9 @@ def freeze(process: Process) -> tuple[tuple[str, ...], dict[str, str]]:
     scenario = data.get("training", {}).get("scenario")
     if is_file and scenario is not None:
         copy = Path(scenario) if _is_file(scenario) else folder / "scenarios" / f"{scenario}.yaml"
-        _write(copy, config.read_yaml(copy) | {"scene": str(frozen_scene)})
+        content = config.read_yaml(copy)
+        if content.get("scene") == scene:  # one of another scene is refused by training
+            _write(copy, content | {"scene": str(frozen_scene)})
     frozen_rig = _place(folder, "rig.yaml")
     _write(frozen_rig, data)
     arguments = ("--rig", str(frozen_rig), "--scene", str(frozen_scene) if is_file else scene)

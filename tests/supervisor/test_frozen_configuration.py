@@ -12,6 +12,7 @@ import yaml
 
 from services.gateway.device_files import ArmFile
 from services.runtime import config
+from services.runtime.errors import ConfigError
 from services.runtime.process import Options, load_process_config, parse
 from services.runtime.rig import Rig
 from services.supervisor import frozen_configuration
@@ -135,6 +136,18 @@ def test_a_scenario_of_a_scene_given_as_a_file_is_that_of_the_copy(
     followed = scenario_of(again.scene_name, again.rig.training.scenario)
     assert followed is not None
     assert followed.goal == load_scenario("my_scenario.yaml").goal
+
+
+def test_a_scenario_of_another_scene_is_refused_where_the_rig_runs_a_file(
+    written: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = load_process_config("supervisor", Options("mine.yaml", "small.yaml", ("training.scenario=basic",)))
+    arguments, environment = frozen_configuration.freeze(read)
+    for key, value in environment.items():
+        monkeypatch.setenv(key, value)
+    again = load_process_config("training", parse("training", arguments))
+    with pytest.raises(ConfigError, match="is made of scene 'default'"):
+        scenario_of(again.scene_name, again.rig.training.scenario)
 
 
 def test_a_file_that_changed_is_said_once(written: Path) -> None:
