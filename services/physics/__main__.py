@@ -54,10 +54,11 @@ class Physics:
 
     def _begin(self) -> None:
         self.simulation = Simulation(self._scene, self._duct)
-        kept = (self._scene, self.simulation.scene, self._duct, self.simulation.duct.reduced)
-        self._snapshot = Snapshot(self.simulation, kept)
         self._reader = ContactsReader(self.simulation)
         self._outputs = Outputs(self.simulation, self._duct.basis.content_hash)
+        self._outputs.settle()  # finds in which volume the catheter begins, by the whole wall; a restart need not
+        kept = (self._scene, self.simulation.scene, self._duct, self.simulation.duct.reduced)
+        self._snapshot = Snapshot(self.simulation, kept)
         watched = {"q": self.simulation.duct.state.q, "catheter": self.simulation.catheter.state.position_m}
         self._guard = NanGuard("physics", watched, cache_directory() / "dumps")
 

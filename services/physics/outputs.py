@@ -69,7 +69,7 @@ class Outputs:
         self._simulation = simulation
         self._basis_hash = basis_hash
         self._inserted_m, self._n_contacts = 0.0, 0
-        self._inserted_is_old, self._inserted_period = False, -1
+        self._inserted_is_old, self._inserted_period = True, -1
         self._said: PhysicsState | None = None
         self._kinds = np.zeros(simulation.contacts.capacity, np.int8)
         self._table = np.zeros((N_TOOLS, REACTION_COLUMNS)) if felt is None else felt

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 
 from services.mechanics.collision.pairs import CATHETER_SEGMENT
@@ -34,6 +36,21 @@ def test_all_goes_on_from_the_start_to_the_bit_and_with_the_frame_that_says_so(r
     assert _press(rig) == first
     assert rig.physics.simulation is built, "to build another one takes a second"
     assert rig.physics.resets == 0
+
+
+def test_nothing_is_found_anew_from_the_whole_wall(rig: Rig) -> None:
+    """It is kept from the start: between two ticks there is no time for it, and no memory."""
+    _press(rig, 20)
+    whole_wall = rig.physics.simulation.duct.reduced.basis.Phi.nbytes
+    rig.begins += 1
+    rig.turn(FAR, FAR)
+    tracemalloc.start()
+    try:
+        rig.physics.settle()
+        most = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert most < whole_wall / 4
 
 
 def test_without_it_what_was_goes_on(rig: Rig) -> None:
