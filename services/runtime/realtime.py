@@ -14,6 +14,7 @@ import os
 import resource
 import struct
 import sys
+import threading
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,6 +38,8 @@ _LARGEST_MMAP_THRESHOLD = 32 << 20
 #: Python maps memory for small objects, of up to 512 bytes, in arenas of 1 MiB, and unmaps an arena without objects. A
 #: loop was seen to map one in three seconds; there is room for four.
 _ROOM_BYTES, _ARENA_BYTES, _OBJECT_BYTES = 4 << 20, 1 << 20, 448
+#: ZeroMQ starts two threads, of which one was seen to use 360 kB.
+_ZMQ_THREADS, _THREAD_ROOM_BYTES = 2, 1 << 20
 #: Memory that a process must be allowed to lock: twice that of the largest, physics with 983 MB in the default scene.
 LOCKED_BYTES = 2 << 30
 #: File that limits the wake-up latency of cores, in us, while a process holds it open.
@@ -90,6 +93,7 @@ def set_up(
     ]
     if priority is not None:
         facts += [keep_heap(), _lock_memory()]
+        keep_thread_room()
         if awake:
             facts.append(keep_awake())
     return facts, scheduling
@@ -115,6 +119,25 @@ def keep_object_room() -> list[bytes]:
     """Map room for small objects; it stays mapped for as long as the returned objects, two or more an arena, live."""
     objects = [bytes(_OBJECT_BYTES - sys.getsizeof(b"")) for _ in range(_ROOM_BYTES // _OBJECT_BYTES)]
     return objects[:: _ARENA_BYTES // (2 * _OBJECT_BYTES)]
+
+
+def keep_thread_room() -> None:
+    """Map room for the threads that ZeroMQ starts next: a thread that ends leaves its heap to the next one.
+
+    Without it their heaps grow by a page where another process connects (glibc malloc, `arena_get2`).
+    """
+    _libc.malloc.restype, _libc.free.argtypes = ctypes.c_void_p, (ctypes.c_void_p,)
+    all_live = threading.Barrier(_ZMQ_THREADS)  # or a later one would take the heap of an earlier
+
+    def grow() -> None:
+        room = _libc.malloc(_THREAD_ROOM_BYTES)
+        all_live.wait()
+        _libc.free(room)
+
+    threads = [threading.Thread(target=grow) for _ in range(_ZMQ_THREADS)]
+    for do in (threading.Thread.start, threading.Thread.join):
+        for each in threads:
+            do(each)
 
 
 def keep_awake(path: Path = DMA_LATENCY) -> Fact:

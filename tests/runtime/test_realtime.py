@@ -162,3 +162,16 @@ def test_small_objects_that_come_and_go_neither_map_nor_unmap_memory() -> None:
     if int(_in_child(_OBJECTS.format(prepare="realtime.keep_heap()"))) == 1:
         pytest.skip("this Python maps no memory for them here, so there is nothing to keep")
     assert int(_in_child(_OBJECTS.format(prepare="realtime.keep_heap(); realtime.freeze_garbage_collector()"))) == 1
+
+
+def test_threads_of_zeromq_have_room_before_another_process_connects() -> None:
+    """Heaps of threads lie at multiples of 64 MiB (glibc, `HEAP_MAX_SIZE`), and these are all that the context uses."""
+    code = (
+        "import re; from services.runtime import realtime; import zmq\n"
+        "def heaps(): return [(start, int(end, 16) - int(start, 16)) for start, end in re.findall(\n"
+        "    r'^(\\w+)-(\\w+) rw', open('/proc/self/maps').read(), re.M) if int(start, 16) % (64 << 20) == 0]\n"
+        "realtime.keep_heap(); realtime.keep_thread_room(); before = heaps()\n"
+        "context = zmq.Context(); socket = context.socket(zmq.PUB); socket.bind('inproc://x')\n"
+        "print(len(before), min(size for _, size in before) >= 1 << 20, heaps() == before)"
+    )
+    assert _in_child(code) == "2 True True"
