@@ -80,6 +80,8 @@ class Process(ProcessConfig):
             self._tell(had)
             if meter is not None and self._scheduling.may_reserve:
                 self._keep_reservation(self._scheduling, meter)
+        if not starts_others:
+            self.facts.append(realtime.keep_pages())
         self.facts.extend((realtime.freeze_garbage_collector(), realtime.read_back()))
         self.health.realtime = self.facts
         self.health.change("ready")
