@@ -27,8 +27,8 @@ class Breach:
     """A violated contract.
 
     `excess` is the ratio to the limit (1 is just at it). `severe` means beyond the limit from which a restart, then a
-    safe stop, is justified; `sudden` that the budget is spent within seconds; `by_work` that it is violated even
-    without ticks that were late independently of their work, which a lower quality cannot help.
+    safe stop, is justified; `sudden` that the budget is spent within seconds; `by_work` that a lower quality would mend
+    it: it is violated even without ticks that were late independently of their work, and these are the smaller part.
     """
 
     process: str
@@ -80,6 +80,10 @@ class _Loss:
         return _Loss(max(0.0, self.lost - self.beyond_work), self.due, self.seconds)
 
     @property
+    def is_mostly_by_work(self) -> bool:
+        return self.lost > 2.0 * self.beyond_work
+
+    @property
     def ratio(self) -> float:
         return self.lost / self.due if self.due > 0 else 0.0
 
@@ -109,7 +113,8 @@ def _judge_loop(name: str, window: Window, contract: LoopContract) -> Breach | N
     if breach is None:
         return None
     by_work = _breach(name, contract, *(loss.by_work for loss in losses))
-    if by_work is None:
+    burst, _, minute, _ = losses
+    if by_work is None or not (burst if by_work.sudden else minute).is_mostly_by_work:
         return replace(breach, by_work=False)
     # What work lost in a minute is not sudden because the host stood still just now. A restart helps against either.
     return replace(by_work, severe=breach.severe)

@@ -76,16 +76,25 @@ def test_a_breach_says_whether_less_work_would_have_kept_the_contract(beyond: in
 
 
 def test_a_stall_makes_nothing_sudden_of_what_work_has_lost_before() -> None:
-    """Six ticks that work lost beside each stall overdrew the minute; the next stall of 50 ms made that a breakdown."""
+    """Ticks that work had lost overdrew the minute; the next stall of 50 ms made that a breakdown."""
     watched = Watched()
     watched.run(20.0)
-    for _ in range(10):
-        watched.run(0.1, skipped=53, beyond=47)
-        watched.run(1.4)
-    (breach,) = watched.run(0.1, skipped=53, beyond=47)
+    watched.run(7.0, late=1)
+    (breach,) = watched.run(0.1, skipped=53, beyond=53)
     assert breach.by_work
     assert not breach.sudden
-    assert breach.text == "physics: 66 ticks lost in the last minute, budget 60"
+    assert breach.text == "physics: 70 ticks lost in the last minute, budget 60"
+
+
+@pytest.mark.parametrize(("beyond", "by_work"), [(47, False), (20, True)])
+def test_a_lower_quality_is_for_what_it_mends(beyond: int, *, by_work: bool) -> None:
+    """Six cold ticks after each stall of 50 ms overdrew the minute; without them the rest would still have."""
+    watched = Watched()
+    watched.run(20.0)
+    for _ in range(11):
+        watched.run(1.4)
+        found = watched.run(0.1, skipped=53, beyond=beyond)
+    assert [breach.by_work for breach in found] == [by_work]
 
 
 def test_a_loop_that_runs_too_seldom_loses_ticks_even_where_it_counts_none() -> None:

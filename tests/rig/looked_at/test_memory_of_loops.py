@@ -34,6 +34,8 @@ def test_no_loop_takes_or_returns_memory_while_it_runs(rig: Rig, request: pytest
     observer.until(lambda: observer.samples[-1].state == "active", PATIENCE_S, "they move")
     pids = {name: rig.observer.pids()[name] for name in LOOPS}
     (pids["drives"],) = _children(pids["gateway"])
+    for pid in pids.values():
+        assert "\nTHP_enabled:\t0\n" in Path(f"/proc/{pid}/status").read_text(), "no page of theirs is made huge now"
     none = {name: dict.fromkeys(EVENTS, 0) for name in pids}
     for _ in range(LOOKS):
         counters = {name: _start_counting(pid) for name, pid in pids.items()}
