@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 from services.runtime.histogram import quantile_ns
 from services.runtime.rig import PATH_OWNERS, Contracts, LoopContract, PathContract
@@ -27,8 +28,8 @@ class Breach:
     """A violated contract.
 
     `excess` is the ratio to the limit (1 is just at it). `severe` means beyond the limit from which a restart, then a
-    safe stop, is justified; `sudden` that the budget is spent within seconds; `by_work` that a lower quality would mend
-    it: it is violated even without ticks that were late independently of their work, and these are the smaller part.
+    safe stop, is justified; `sudden` that the budget is spent within seconds; `by_work` that it is violated even
+    without ticks that were late independently of their work, which a lower quality cannot help.
     """
 
     process: str
@@ -40,19 +41,31 @@ class Breach:
     by_work: bool = True
 
 
-def judge(windows: Mapping[str, Window], contracts: Contracts) -> list[Breach]:
+def judge(
+    windows: Mapping[str, Window], contracts: Contracts, floor: Mapping[str, float] = MappingProxyType({})
+) -> list[Breach]:
     """Return the contracts violated by the counts in `windows` (by process).
 
+    ``floor`` is the share of ticks that the machine itself loses on the core of a process, see `MachineFloor`.
     The contracts are error budgets with burn rates over a long and a short window (Site Reliability Workbook, chapter
     5). A budget allows for occasional lost ticks; an overdrawn one is reported while it still is overdrawn.
     """
-    found = [_judge_loop(name, windows[name], loop) for name, loop in contracts.loops.items() if name in windows]
+    found = [
+        _judge_loop(name, windows[name], loop, floor.get(name, 0.0))
+        for name, loop in contracts.loops.items()
+        if name in windows
+    ]
     found += [_judge_path(name, windows, path, contracts) for name, path in contracts.paths.items()]
     return [breach for breach in found if breach is not None]
 
 
-def spent_s(windows: Mapping[str, Window], contracts: Contracts, of: Iterable[Breach]) -> float:
-    """Return the largest recent loss by work of loops in breach, in seconds of the loop's budget.
+def spent_s(
+    windows: Mapping[str, Window],
+    contracts: Contracts,
+    of: Iterable[Breach],
+    floor: Mapping[str, float] = MappingProxyType({}),
+) -> float:
+    """Return the largest recent loss by work of loops in breach, in seconds of the loop's budget; ``floor`` as above.
 
     The losses are those of the last minute, or since the windows were cleared.
     """
@@ -61,7 +74,8 @@ def spent_s(windows: Mapping[str, Window], contracts: Contracts, of: Iterable[Br
         contract = contracts.loops[name]
         loss = _loss(windows[name], BUDGET_S, contract)
         if loss is not None and contract.miss_ratio > 0.0:
-            most_s = max(most_s, loss.by_work.ratio * loss.seconds / contract.miss_ratio)
+            by_work = loss.by_work(floor.get(name, 0.0))
+            most_s = max(most_s, by_work.ratio * loss.seconds / contract.miss_ratio)
     return most_s
 
 
@@ -74,14 +88,9 @@ class _Loss:
     seconds: float
     beyond_work: float = 0.0
 
-    @property
-    def by_work(self) -> _Loss:
-        """The loss without those."""
-        return _Loss(max(0.0, self.lost - self.beyond_work), self.due, self.seconds)
-
-    @property
-    def is_mostly_by_work(self) -> bool:
-        return self.lost > 2.0 * self.beyond_work
+    def by_work(self, floor: float) -> _Loss:
+        """Return the loss without those, and without the share `floor` of the ticks that the machine loses."""
+        return _Loss(max(0.0, self.lost - self.beyond_work - floor * self.due), self.due, self.seconds)
 
     @property
     def ratio(self) -> float:
@@ -104,7 +113,7 @@ def _loss(window: Window, seconds: float, contract: LoopContract) -> _Loss | Non
     return _Loss(lost, due, counted_s, loop.beyond_work * share + lost - missed)
 
 
-def _judge_loop(name: str, window: Window, contract: LoopContract) -> Breach | None:
+def _judge_loop(name: str, window: Window, contract: LoopContract, floor: float) -> Breach | None:
     spans = (_BREAKDOWN_S, _BREAKDOWN_STILL_S, BUDGET_S, STILL_S)
     losses = [loss for seconds in spans if (loss := _loss(window, seconds, contract)) is not None]
     if len(losses) < len(spans):
@@ -112,9 +121,8 @@ def _judge_loop(name: str, window: Window, contract: LoopContract) -> Breach | N
     breach = _breach(name, contract, *losses)
     if breach is None:
         return None
-    by_work = _breach(name, contract, *(loss.by_work for loss in losses))
-    burst, _, minute, _ = losses
-    if by_work is None or not (burst if by_work.sudden else minute).is_mostly_by_work:
+    by_work = _breach(name, contract, *(loss.by_work(floor) for loss in losses))
+    if by_work is None:
         return replace(breach, by_work=False)
     # What work lost in a minute is not sudden because the host stood still just now. A restart helps against either.
     return replace(by_work, severe=breach.severe)

@@ -31,6 +31,7 @@ from services.supervisor.fork_link import ForkServer
 from services.supervisor.frozen_configuration import ChangedFiles
 from services.supervisor.governor import Level
 from services.supervisor.loop_progress import LoopProgress
+from services.supervisor.machine_floor import MachineFloor
 from services.supervisor.member import Fault, MemberState
 from services.supervisor.page import Page
 from services.supervisor.page_link import PageSetup
@@ -151,6 +152,7 @@ def run_session(process: Process, session: SessionOptions) -> None:
     rig = process.rig.model_dump_json()
     page_setup = PageSetup(rig, process.scene_name, session.token, session.switches)
     loop_progress = supervisor.crew.loop_progress = LoopProgress(rings)
+    supervisor.floor = MachineFloor(rings)
     with (
         closing(threads),
         closing(loop_progress),

@@ -20,6 +20,7 @@ from services.supervisor.commands import Commands
 from services.supervisor.crew import Crew, Launch
 from services.supervisor.enforcement import Action, ActionKind, Enforcement, Ladder
 from services.supervisor.governor import Governor, Level
+from services.supervisor.machine_floor import MachineFloor
 from services.supervisor.member import build_members
 from services.supervisor.processes import ProcessSpec
 from services.supervisor.shown_recording import ShownRecording
@@ -70,6 +71,7 @@ class Supervisor:
         self.token_sha256 = ""
         self.shown: ShownRecording | None = None
         self.meter: LoopMeter | None = None  # measures its own turns
+        self.floor = MachineFloor()
         self.events: deque[Event] = deque(maxlen=200)
         limits = hang_detection.Limits(heartbeat_s=settings.heartbeat_timeout_s, ready_s=settings.ready_timeout_s)
         self.crew = Crew(build_members(setup.rig, setup.table), bus, limits, setup.launch, self.say)
@@ -206,15 +208,21 @@ class Supervisor:
             self._restart_judgement()
         seen = []
         windows = {name: member.window for name, member in self.crew.members.items() if member.up}
+        heard = {name: member.health for name, member in self.crew.members.items() if member.health is not None}
+        self.floor.look(self._now_s, heard)
+        floor = {name: self.floor.share(self.rig.process(name).core) for name in windows if self._is_near(name)}
         if self.state in (RigState.RUNNING, RigState.DEGRADED):
-            seen = contracts.judge(windows, self.rig.contracts)
+            seen = contracts.judge(windows, self.rig.contracts, floor)
         self._stalled = self._stalls()
         self.breaches = [*self._standing.update(self._now_s, seen), *self._stalled]
         standing = [breach for breach in self.breaches if self._is_critical(breach.process)]
-        spent_s = contracts.spent_s(windows, self.rig.contracts, standing) if standing else 0.0
+        spent_s = contracts.spent_s(windows, self.rig.contracts, standing, floor) if standing else 0.0
         action = self.enforcement.decide(self._now_s, standing, spent_s)
         if action is not None:
             self._act(action)
+
+    def _is_near(self, name: str) -> bool:
+        return self._bus.is_near(f"{name}.health")
 
     def path_limits_us(self) -> dict[str, float]:
         """Return the present limit of each path."""

@@ -40,17 +40,17 @@ class CoreLateness:
     kept: deque[tuple[float, Latencies]] = field(default_factory=deque)
     seen_ns: int = 0
 
-    def take(self, path: Path, now_s: float, *, below_loops: bool = False) -> None:
+    def take(self, path: Path, now_s: float, *, without_waits: bool = False) -> None:
         """Count the new rows of the ring at `path`.
 
-        With `below_loops` the wait of a sleeper with a priority does not count, as the rig's loops used its core.
+        With `without_waits` the time for which a sleeper with a priority waited for other threads does not count.
         """
         flight = read_ring(path)
         if flight is None:
             return
         due, woke = flight.column("due_ns"), flight.column("began_ns")
         new = woke > self.seen_ns
-        late = np.maximum(0, woke - due - flight.column("ran_ns")) if below_loops else woke - due
+        late = np.maximum(0, woke - due - flight.column("ran_ns")) if without_waits else woke - due
         for lateness in late[new].tolist():
             self.counts.record(lateness)
         self.seen_ns = int(woke.max(initial=self.seen_ns))
@@ -62,6 +62,13 @@ class CoreLateness:
         """Return the counts since the start and of about the last minute."""
         total = Latencies.of(self.counts.body())
         return Row(total, self.kept[-1][1] - self.kept[0][1] if self.kept else total)
+
+
+def take_rings(directory: Path, cores: dict[int, CoreLateness], now_s: float, *, without_waits: bool) -> None:
+    """Count the new rows of every sleeper's ring in `directory`, by core."""
+    for path in sorted(directory.glob(f"{NAME}[0-9]*{SUFFIX}")):
+        number = int(path.name.removeprefix(NAME).removesuffix(SUFFIX))
+        cores.setdefault(number, CoreLateness()).take(path, now_s, without_waits=without_waits)
 
 
 class LatenessFloor:
@@ -87,10 +94,8 @@ class LatenessFloor:
         if sight.now_s >= self._choose_s:
             self._choose_s = sight.now_s + _CHOOSE_EVERY_S
             self._choose_phases()
-        below_loops = has_deadline_loops(sight.heard)
-        for path in sorted(self._directory.glob(f"{NAME}[0-9]*{SUFFIX}")):
-            number = int(path.name.removeprefix(NAME).removesuffix(SUFFIX))
-            self._cores.setdefault(number, CoreLateness()).take(path, sight.now_s, below_loops=below_loops)
+        below_loops = has_deadline_loops(sight.heard)  # which used the sleepers' cores then
+        take_rings(self._directory, self._cores, sight.now_s, without_waits=below_loops)
         self._watch(sight.now_s)
 
     def _watch(self, now_s: float) -> None:

@@ -1,0 +1,41 @@
+"""The share of its ticks that a loop loses to the machine alone, as the sleepers above all loops see it.
+
+While the host has stopped a core, the processor time of the thread that worked there goes on, and its tick looks like
+one that worked for too long; after a stall the first ticks work with cold caches. Who sleeps on that core meets a stall
+with the same probability.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import protocol.bodies as bodies
+from services.supervisor.observers.lateness_floor import CoreLateness, has_deadline_loops, take_rings
+
+#: Rings keep two seconds.
+_LOOK_S = 1.0
+
+
+class MachineFloor:
+    """Reads the rings of the sleepers in `directory`; without one, or without sleepers, every share is zero."""
+
+    def __init__(self, directory: Path | None = None) -> None:
+        self._directory = directory
+        self._cores: dict[int, CoreLateness] = {}
+        self._shares: dict[int, float] = {}
+        self._looked_s = float("-inf")
+
+    def look(self, now_s: float, heard: Mapping[str, bodies.Health]) -> None:
+        """Read what is new, if that is due; ``heard`` are the newest reports by process."""
+        if self._directory is None or now_s - self._looked_s < _LOOK_S:
+            return
+        self._looked_s = now_s
+        take_rings(self._directory, self._cores, now_s, without_waits=has_deadline_loops(heard))
+        for number, core in self._cores.items():
+            lately = core.row().lately
+            self._shares[number] = lately.late / max(lately.total, 1)
+
+    def share(self, core: int | None) -> float:
+        """Return the share of wake-ups on a core, of the last minute, that were late by more than a tick."""
+        return 0.0 if core is None else self._shares.get(core, 0.0)
