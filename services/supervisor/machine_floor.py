@@ -26,12 +26,12 @@ class MachineFloor:
         self._shares: dict[int, float] = {}
         self._looked_s = float("-inf")
 
-    def look(self, now_s: float, heard: Mapping[str, bodies.Health]) -> None:
-        """Read what is new, if that is due; ``heard`` are the newest reports by process."""
+    def look(self, now_s: float) -> None:
+        """Read what is new, if that is due."""
         if self._directory is None or now_s - self._looked_s < _LOOK_S:
             return
         self._looked_s = now_s
-        take_rings(self._directory, self._cores, now_s, without_waits=has_deadline_loops(heard))
+        take_rings(self._directory, self._cores, now_s)
         for number, core in self._cores.items():
             lately = core.row().lately
             self._shares[number] = lately.late / max(lately.total, 1)
@@ -39,3 +39,13 @@ class MachineFloor:
     def share(self, core: int | None) -> float:
         """Return the share of wake-ups on a core, of the last minute, that were late by more than a tick."""
         return 0.0 if core is None else self._shares.get(core, 0.0)
+
+
+def below_sleepers(heard: Mapping[str, bodies.Health]) -> set[str]:
+    """Return the processes with SCHED_FIFO; none beside loops with SCHED_DEADLINE, which go first and keep to no core.
+
+    Where neither is granted, the sleepers are ordinary threads, and wake late for many reasons.
+    """
+    facts = ((name, fact) for name, health in heard.items() for fact in health.realtime)
+    fifo = {name for name, fact in facts if fact.name == "scheduling" and fact.had.startswith("FIFO")}
+    return set() if has_deadline_loops(heard) else fifo

@@ -20,7 +20,7 @@ from services.supervisor.commands import Commands
 from services.supervisor.crew import Crew, Launch
 from services.supervisor.enforcement import Action, ActionKind, Enforcement, Ladder
 from services.supervisor.governor import Governor, Level
-from services.supervisor.machine_floor import MachineFloor
+from services.supervisor.machine_floor import MachineFloor, below_sleepers
 from services.supervisor.member import build_members
 from services.supervisor.processes import ProcessSpec
 from services.supervisor.shown_recording import ShownRecording
@@ -209,8 +209,9 @@ class Supervisor:
         seen = []
         windows = {name: member.window for name, member in self.crew.members.items() if member.up}
         heard = {name: member.health for name, member in self.crew.members.items() if member.health is not None}
-        self.floor.look(self._now_s, heard)
-        floor = {name: self.floor.share(self.rig.process(name).core) for name in windows if self._is_near(name)}
+        self.floor.look(self._now_s)
+        near = (name for name in below_sleepers(heard) if self._bus.is_near(f"{name}.health"))
+        floor = {name: self.floor.share(self.rig.process(name).core) for name in near}
         if self.state in (RigState.RUNNING, RigState.DEGRADED):
             seen = contracts.judge(windows, self.rig.contracts, floor)
         self._stalled = self._stalls()
@@ -220,9 +221,6 @@ class Supervisor:
         action = self.enforcement.decide(self._now_s, standing, spent_s)
         if action is not None:
             self._act(action)
-
-    def _is_near(self, name: str) -> bool:
-        return self._bus.is_near(f"{name}.health")
 
     def path_limits_us(self) -> dict[str, float]:
         """Return the present limit of each path."""

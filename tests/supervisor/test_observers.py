@@ -20,7 +20,7 @@ from services.runtime.loop import LoopMeter
 from services.runtime.stage_times import StageTimes
 from services.supervisor.dashboard import Heard
 from services.supervisor.figures import Latencies
-from services.supervisor.machine_floor import MachineFloor
+from services.supervisor.machine_floor import MachineFloor, below_sleepers
 from services.supervisor.metrics import RigSource, registry
 from services.supervisor.observers import incident_files
 from services.supervisor.observers.core_sleepers import PHASES, Phases
@@ -310,22 +310,30 @@ def _longest_wait_ns(path: Path) -> int:
     return 0 if flight is None else int((flight.column("ended_ns") - flight.column("began_ns")).max(initial=0))
 
 
-@pytest.mark.parametrize(("had", "share"), [("FIFO 60", 0.05), ("DEADLINE 70 %", 0.0)])
-def test_the_machines_share_of_lost_ticks_is_by_core(directory: Path, had: str, share: float) -> None:
-    """For threads that are not the rig's waits every second sleeper; loops with deadlines stand above all sleepers."""
-    fact = bodies.RealtimeFact(name="scheduling", asked="FIFO 60", had=had, ok=True)
-    heard = {"physics": bodies.Health(process="physics", pid=7, state="ready", realtime=(fact,))}
+def test_the_machines_share_of_lost_ticks_is_by_core(directory: Path) -> None:
     rings = [FlightRing(100.0) for _ in range(2)]
     floor = MachineFloor(directory)
     for core, ring in enumerate(rings):
         ring.share(directory / f"floor{core}.flight")
     for second in range(3):
         for tick in range(100):
-            due, late_ns = (100 * second + tick + 1) * 10 * MS, 3 * MS if tick % 20 == 0 else 50_000
-            for ring, waited_ns in zip(rings, (0, late_ns), strict=True):
-                ring.write(tick, due, due + late_ns, due + late_ns, waited_ns, ())
-        floor.look(float(second), heard)
-    assert [floor.share(core) for core in (0, 1, 2, None)] == [0.05, share, 0.0, 0.0]
+            due = (100 * second + tick + 1) * 10 * MS
+            for every, ring in zip((10, 20), rings, strict=True):
+                woke = due + (3 * MS if tick % every == 0 else 50_000)
+                ring.write(tick, due, woke, woke, 0, ())
+        floor.look(float(second))
+    assert [floor.share(core) for core in (0, 1, 2, None)] == [0.1, 0.05, 0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("others", "found"), [("FIFO 80", {"haptics", "physics"}), ("nice -20", {"physics"}), ("DEADLINE 30 %", set())]
+)
+def test_sleepers_speak_for_loops_below_them_only(others: str, found: set[str]) -> None:
+    def said(had: str) -> bodies.Health:
+        fact = bodies.RealtimeFact(name="scheduling", asked="FIFO 60", had=had, ok=True)
+        return bodies.Health(process="physics", pid=7, state="ready", realtime=(fact,))
+
+    assert below_sleepers({"physics": said("FIFO 60"), "haptics": said(others)}) == found
 
 
 @pytest.mark.parametrize(("below_loops", "late"), [(False, 2), (True, 1)])

@@ -64,7 +64,7 @@ class CoreLateness:
         return Row(total, self.kept[-1][1] - self.kept[0][1] if self.kept else total)
 
 
-def take_rings(directory: Path, cores: dict[int, CoreLateness], now_s: float, *, without_waits: bool) -> None:
+def take_rings(directory: Path, cores: dict[int, CoreLateness], now_s: float, *, without_waits: bool = False) -> None:
     """Count the new rows of every sleeper's ring in `directory`, by core."""
     for path in sorted(directory.glob(f"{NAME}[0-9]*{SUFFIX}")):
         number = int(path.name.removeprefix(NAME).removesuffix(SUFFIX))
