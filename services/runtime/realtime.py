@@ -134,10 +134,11 @@ def keep_thread_room() -> None:
         all_live.wait()
         _libc.free(room)
 
-    threads = [threading.Thread(target=grow) for _ in range(_ZMQ_THREADS)]
-    for do in (threading.Thread.start, threading.Thread.join):
-        for each in threads:
-            do(each)
+    threads = [threading.Thread(target=grow, daemon=True) for _ in range(_ZMQ_THREADS)]
+    for each in threads:
+        each.start()
+    for each in threads:
+        each.join()
 
 
 def keep_awake(path: Path = DMA_LATENCY) -> Fact:
@@ -173,8 +174,8 @@ def keep_pages() -> Fact:
     """Have the kernel make no more pages of this process huge; call this when a loop is about to run.
 
     Pages that are huge stay so. The kernel looks for others every ten seconds and copies each 2 MiB without being
-    preempted (`khugepaged`): every loop on its core waits for half a millisecond, seven ticks in fifty. Processes that
-    are forked later inherit this.
+    preempted (`khugepaged`), for half a millisecond in which no loop of that core runs. Processes that are forked later
+    inherit this.
     """
     ok = _libc.prctl(_PR_SET_THP_DISABLE, 1, 0, 0, 0) == 0
     return Fact("huge pages", "as at start", "as at start" if ok else os.strerror(ctypes.get_errno()), ok)

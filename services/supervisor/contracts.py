@@ -72,10 +72,9 @@ def spent_s(
     most_s = 0.0
     for name in {breach.process for breach in of} & contracts.loops.keys() & windows.keys():
         contract = contracts.loops[name]
-        loss = _loss(windows[name], BUDGET_S, contract)
+        loss = _loss(windows[name], BUDGET_S, contract, floor.get(name, 0.0))
         if loss is not None and contract.miss_ratio > 0.0:
-            by_work = loss.by_work(floor.get(name, 0.0))
-            most_s = max(most_s, by_work.ratio * loss.seconds / contract.miss_ratio)
+            most_s = max(most_s, loss.by_work.ratio * loss.seconds / contract.miss_ratio)
     return most_s
 
 
@@ -88,16 +87,17 @@ class _Loss:
     seconds: float
     beyond_work: float = 0.0
 
-    def by_work(self, floor: float) -> _Loss:
-        """Return the loss without those, and without the share `floor` of the ticks that the machine loses."""
-        return _Loss(max(0.0, self.lost - self.beyond_work - floor * self.due), self.due, self.seconds)
+    @property
+    def by_work(self) -> _Loss:
+        """The loss without those."""
+        return _Loss(max(0.0, self.lost - self.beyond_work), self.due, self.seconds)
 
     @property
     def ratio(self) -> float:
         return self.lost / self.due if self.due > 0 else 0.0
 
 
-def _loss(window: Window, seconds: float, contract: LoopContract) -> _Loss | None:
+def _loss(window: Window, seconds: float, contract: LoopContract, floor: float) -> _Loss | None:
     counted = window.loop(seconds)
     if counted is None or counted[1] <= 0:
         return None
@@ -110,18 +110,18 @@ def _loss(window: Window, seconds: float, contract: LoopContract) -> _Loss | Non
     missed = min(due, loop.misses * share)
     # A count over a window has an uncertainty of one tick. Ticks not reported yet are not attributed to work.
     lost = max(missed, due - loop.ticks - 1.0)
-    return _Loss(lost, due, counted_s, loop.beyond_work * share + lost - missed)
+    return _Loss(lost, due, counted_s, loop.beyond_work * share + lost - missed + floor * due)
 
 
 def _judge_loop(name: str, window: Window, contract: LoopContract, floor: float) -> Breach | None:
     spans = (_BREAKDOWN_S, _BREAKDOWN_STILL_S, BUDGET_S, STILL_S)
-    losses = [loss for seconds in spans if (loss := _loss(window, seconds, contract)) is not None]
+    losses = [loss for seconds in spans if (loss := _loss(window, seconds, contract, floor)) is not None]
     if len(losses) < len(spans):
         return None
     breach = _breach(name, contract, *losses)
     if breach is None:
         return None
-    by_work = _breach(name, contract, *(loss.by_work(floor) for loss in losses))
+    by_work = _breach(name, contract, *(loss.by_work for loss in losses))
     if by_work is None:
         return replace(breach, by_work=False)
     # What work lost in a minute is not sudden because the host stood still just now. A restart helps against either.

@@ -11,10 +11,11 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import protocol.bodies as bodies
-from services.supervisor.observers.lateness_floor import CoreLateness, has_deadline_loops, take_rings
+from services.runtime.flight import SECONDS
+from services.supervisor.observers.lateness_floor import CoreLateness, scheduling_classes, take_rings
 
-#: Rings keep two seconds.
-_LOOK_S = 1.0
+#: Half of what a ring keeps.
+_LOOK_S = SECONDS / 2.0
 
 
 class MachineFloor:
@@ -46,6 +47,5 @@ def below_sleepers(heard: Mapping[str, bodies.Health]) -> set[str]:
 
     Where neither is granted, the sleepers are ordinary threads, and wake late for many reasons.
     """
-    facts = ((name, fact) for name, health in heard.items() for fact in health.realtime)
-    fifo = {name for name, fact in facts if fact.name == "scheduling" and fact.had.startswith("FIFO")}
-    return set() if has_deadline_loops(heard) else fifo
+    classes = scheduling_classes(heard)
+    return set() if "DEADLINE" in classes.values() else {name for name, each in classes.items() if each == "FIFO"}

@@ -208,10 +208,7 @@ class Supervisor:
             self._restart_judgement()
         seen = []
         windows = {name: member.window for name, member in self.crew.members.items() if member.up}
-        heard = {name: member.health for name, member in self.crew.members.items() if member.health is not None}
-        self.floor.look(self._now_s)
-        near = (name for name in below_sleepers(heard) if self._bus.is_near(f"{name}.health"))
-        floor = {name: self.floor.share(self.rig.process(name).core) for name in near}
+        floor = self._floor_shares()
         if self.state in (RigState.RUNNING, RigState.DEGRADED):
             seen = contracts.judge(windows, self.rig.contracts, floor)
         self._stalled = self._stalls()
@@ -221,6 +218,13 @@ class Supervisor:
         action = self.enforcement.decide(self._now_s, standing, spent_s)
         if action is not None:
             self._act(action)
+
+    def _floor_shares(self) -> dict[str, float]:
+        """Return the share of ticks that the machine loses on the core of each loop of this host."""
+        self.floor.look(self._now_s)
+        heard = {name: member.health for name, member in self.crew.members.items() if member.health is not None}
+        near = (name for name in below_sleepers(heard) if self._bus.is_near(f"{name}.health"))
+        return {name: self.floor.share(self.rig.process(name).core) for name in near}
 
     def path_limits_us(self) -> dict[str, float]:
         """Return the present limit of each path."""

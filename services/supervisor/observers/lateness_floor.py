@@ -131,5 +131,10 @@ class LatenessFloor:
 
 def has_deadline_loops(heard: Mapping[str, bodies.Health]) -> bool:
     """Return whether loops of the rig have SCHED_DEADLINE, which precedes every priority."""
-    facts = (fact for health in heard.values() for fact in health.realtime)
-    return any(fact.name == "scheduling" and fact.had.startswith("DEADLINE") for fact in facts)
+    return "DEADLINE" in scheduling_classes(heard).values()
+
+
+def scheduling_classes(heard: Mapping[str, bodies.Health]) -> dict[str, str]:
+    """Return the granted scheduling class of each process, as the first word of what it had."""
+    facts = ((name, fact) for name, health in heard.items() for fact in health.realtime if fact.name == "scheduling")
+    return {name: fact.had.partition(" ")[0] for name, fact in facts}
