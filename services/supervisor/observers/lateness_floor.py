@@ -17,7 +17,7 @@ from services.runtime.flight import SUFFIX
 from services.runtime.flights import read_ring, read_rings
 from services.runtime.histogram import LatencyHistogram
 from services.supervisor.figures import Latencies
-from services.supervisor.observers.core_sleepers import NAME, PHASES, RATE_HZ, Phases
+from services.supervisor.observers.core_sleepers import NAME, PHASES, Phases
 from services.supervisor.observers.observer import RigSight, Row
 from services.supervisor.observers.wakeup_phase import idle_phase_ns
 
@@ -25,7 +25,6 @@ from services.supervisor.observers.wakeup_phase import idle_phase_ns
 LATE_NS = 1_000_000
 #: Averaging time of shares; at a hundred wake-ups a second, fewer seconds mean little.
 WINDOW_S = 60.0
-PERIOD_NS = round(1e9 / RATE_HZ)
 _END_S = 1.0
 #: Silence after which the process, which writes a hundred times a second, is restarted, and most restarts.
 _SILENT_S, _STARTS = 10.0, 5
@@ -44,7 +43,7 @@ class CoreLateness:
     def take(self, path: Path, now_s: float, *, without_waits: bool = False) -> None:
         """Count the new rows of the ring at `path`.
 
-        A wake-up that is late by more than a period stands for those it replaces, each late by a period less.
+        A sleeper that wakes several periods late skips the wake-ups between: each is counted, a period less late.
         With `without_waits` the time for which a sleeper with a priority waited for other threads does not count.
         """
         flight = read_ring(path)
@@ -52,9 +51,9 @@ class CoreLateness:
             return
         due, woke = flight.column("due_ns"), flight.column("began_ns")
         new = woke > self.seen_ns
-        late = np.maximum(0, woke - due - flight.column("ran_ns")) if without_waits else woke - due
+        late = np.maximum(0, woke - due - (flight.column("ran_ns") if without_waits else 0))
         for latest in late[new].tolist():
-            for lateness in range(latest, min(latest, 0) - 1, -PERIOD_NS):
+            for lateness in range(latest, -1, -round(flight.period_ns)):
                 self.counts.record(lateness)
         self.seen_ns = int(woke.max(initial=self.seen_ns))
         self.kept.append((now_s, Latencies.of(self.counts.body())))
