@@ -165,11 +165,12 @@ def test_small_objects_that_come_and_go_neither_map_nor_unmap_memory() -> None:
 
 
 def test_threads_of_zeromq_have_room_before_another_process_connects() -> None:
-    """Heaps of threads lie at multiples of 64 MiB (glibc, `HEAP_MAX_SIZE`), and these are all that the context uses."""
+    """A thread's heap lies at a multiple of 64 MiB and has reserved the rest of these (glibc, `HEAP_MAX_SIZE`)."""
     code = (
         "import re; from services.runtime import realtime; import zmq\n"
-        "def heaps(): return [(start, int(end, 16) - int(start, 16)) for start, end in re.findall(\n"
-        "    r'^(\\w+)-(\\w+) rw', open('/proc/self/maps').read(), re.M) if int(start, 16) % (64 << 20) == 0]\n"
+        "def heaps(): return [(start, int(end, 16) - int(start, 16)) for start, end, last in re.findall(\n"
+        "    r'^(\\w+)-(\\w+) rw.*\\n\\2-(\\w+) ---p', open('/proc/self/maps').read(), re.M)\n"
+        "    if int(start, 16) % (64 << 20) == 0 and int(last, 16) - int(start, 16) == 64 << 20]\n"
         "realtime.keep_heap(); realtime.keep_thread_room(); before = heaps()\n"
         "context = zmq.Context(); socket = context.socket(zmq.PUB); socket.bind('inproc://x')\n"
         "print(len(before), min(size for _, size in before) >= 1 << 20, heaps() == before)"
