@@ -36,7 +36,8 @@ _MCL_CURRENT, _MCL_FUTURE = 1, 2
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
 _LARGEST_MMAP_THRESHOLD = 32 << 20
 #: Python maps memory for small objects, of up to 512 bytes, in arenas of 1 MiB, and unmaps an arena without objects. A
-#: loop was seen to map one in three seconds; there is room for four.
+#: loop was seen to map one in three seconds; there is room for four. Larger objects lie in the heap, which was seen to
+#: grow by 2 MiB in a minute; it gets room for four as well.
 _ROOM_BYTES, _ARENA_BYTES, _OBJECT_BYTES = 4 << 20, 1 << 20, 448
 #: ZeroMQ starts two threads, of which one was seen to use 360 kB.
 _ZMQ_THREADS, _THREAD_ROOM_BYTES = 2, 1 << 20
@@ -45,6 +46,8 @@ LOCKED_BYTES = 2 << 30
 #: File that limits the wake-up latency of cores, in us, while a process holds it open.
 DMA_LATENCY = Path("/dev/cpu_dma_latency")
 _libc = ctypes.CDLL(None, use_errno=True)
+_libc.malloc.argtypes, _libc.malloc.restype = (ctypes.c_size_t,), ctypes.c_void_p
+_libc.free.argtypes, _libc.free.restype = (ctypes.c_void_p,), None
 _kept: list[bytes] = []
 
 
@@ -121,18 +124,21 @@ def keep_object_room() -> list[bytes]:
     return objects[:: _ARENA_BYTES // (2 * _OBJECT_BYTES)]
 
 
+def _keep_heap_room(n_bytes: int) -> None:
+    """Let the heap of the calling thread, which is never trimmed, grow by what is not free yet of so many bytes."""
+    _libc.free(_libc.malloc(n_bytes))
+
+
 def keep_thread_room() -> None:
     """Map room for the threads that ZeroMQ starts next: a thread that ends leaves its heap to the next one.
 
     Without it their heaps grow by a page where another process connects (glibc malloc, `arena_get2`).
     """
-    _libc.malloc.restype, _libc.free.argtypes = ctypes.c_void_p, (ctypes.c_void_p,)
     all_live = threading.Barrier(_ZMQ_THREADS)  # or a later one would take the heap of an earlier
 
     def grow() -> None:
-        room = _libc.malloc(_THREAD_ROOM_BYTES)
+        _keep_heap_room(_THREAD_ROOM_BYTES)
         all_live.wait()
-        _libc.free(room)
 
     threads = [threading.Thread(target=grow, daemon=True) for _ in range(_ZMQ_THREADS)]
     for each in threads:
@@ -164,6 +170,7 @@ def freeze_garbage_collector() -> Fact:
     """
     gc.collect()
     _kept.extend(keep_object_room())
+    _keep_heap_room(_ROOM_BYTES)
     gc.freeze()
     start_up.over()
     gc.disable()

@@ -164,6 +164,17 @@ def test_small_objects_that_come_and_go_neither_map_nor_unmap_memory() -> None:
     assert int(_in_child(_OBJECTS.format(prepare="realtime.keep_heap(); realtime.freeze_garbage_collector()"))) == 1
 
 
+def test_larger_objects_have_room_in_the_heap_once_a_loop_runs() -> None:
+    code = (
+        "import ctypes; from services.runtime import realtime\n"
+        "sbrk = ctypes.CDLL(None).sbrk; sbrk.argtypes, sbrk.restype = (ctypes.c_ssize_t,), ctypes.c_void_p\n"
+        "realtime.keep_heap(); realtime.freeze_garbage_collector(); kept, end = [None] * 1000, sbrk(0)\n"
+        "for k in range(1000): kept[k] = bytes(3000)\n"
+        "print(end == sbrk(0))"
+    )
+    assert _in_child(code) == "True"
+
+
 def test_threads_of_zeromq_have_room_before_another_process_connects() -> None:
     """A thread's heap lies at a multiple of 64 MiB and has reserved the rest of these (glibc, `HEAP_MAX_SIZE`)."""
     code = (
