@@ -132,8 +132,10 @@ def test_orphans_are_the_systems_again_once_a_fork_is_there(server: ForkServer, 
 
 def test_a_fork_that_is_awaited_no_more_never_runs(server: ForkServer, log_file: Path) -> None:
     _until(lambda: not server.imports())
+    os.kill(server.pid, signal.SIGSTOP)  # or it may have answered already
     assert server.fork(_TIMER.module, _says("print('here')"), _TIMER.environment, log_file) is None
     server.abandon()
+    os.kill(server.pid, signal.SIGCONT)
     status, lines = _ended(_forked(server, "import time; time.sleep(0.3); print('there')", log_file.with_name("other")))
     assert (status, lines[0]) == (0, "there")
     assert log_file.read_text() == ""
