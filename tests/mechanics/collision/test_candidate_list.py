@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from wall_cases import N_MODES, coordinates, placed, wall, wall_at
 
 from services.mechanics.collision.candidate_list import (
     LOOK_AHEAD_M,
@@ -34,6 +33,7 @@ from services.mechanics.compiled.struct import reader
 from services.mechanics.compiled.vectors import row, row_of
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 from studies.judge.closest import segment_triangle
+from tests.mechanics.collision.wall_cases import N_MODES, coordinates, placed, wall, wall_at
 
 N_PIECES, REACH_M, TICKS = 7, 0.5e-3, 12
 THICKNESS_M = np.array([2.5e-3, 1.5e-3, 1.5e-3, 1e-3, 1e-3, 1e-3, 2e-3])

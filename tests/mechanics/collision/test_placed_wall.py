@@ -7,12 +7,21 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from wall_cases import KINDS, N_MODES, coordinates, follow, place, placed, set_configuration, wall
 
 from services.mechanics.bodies.duct import DuctBody
 from services.mechanics.collision import placed_wall
 from services.mechanics.collision.placed_wall import NO_LOADS, place_wall
 from services.mechanics.reduction import Newmark, Residual
+from tests.mechanics.collision.wall_cases import (
+    KINDS,
+    N_MODES,
+    coordinates,
+    follow,
+    place,
+    placed,
+    set_configuration,
+    wall,
+)
 
 CLOSE_M = 2e-9  # blocks are float32: 1e-6 of a dent of a millimetre
 
