@@ -29,7 +29,10 @@ NEWTON_STEPS = 2
 GRADIENT_STEPS = 4
 SEARCH_STEPS = 6
 RELATIVE = 1e-3
-"""Residual over the force at which Newton's method ends; conjugate gradients end at half of it."""
+"""Error over the force at which Newton's method ends, in the norm that 1 + H makes, H the second derivative of E. Where
+it begins the residual stands for it, which is no smaller."""
+SLACK = 0.1
+"""Part of a step's error that conjugate gradients, or the search along it, may leave."""
 UNBOUNDED = math.inf
 FADE_S = 0.25
 """Time in which all of the stiffening fades out or in; the same as that of the softening wall."""
@@ -103,6 +106,7 @@ def stretch_force(
     for mode in range(wall.root.shape[0]):
         wall.ahead[mode] = free_end[mode] / wall.root[mode] + wall.root[mode] * contact_force[mode]
     _extrapolate(wall.pull, wall.before)
+    _stretch(wall)
     for _ in range(NEWTON_STEPS):
         if _newton_step(wall):
             break
@@ -147,15 +151,24 @@ def energy_and_loss(
 
 
 @kernel
+def _stretch(wall: HyperelasticWall) -> None:
+    """Write the strains ``at`` where the modes end with the pull."""
+    at, end = wall.at, wall.step
+    for mode in range(end.shape[0]):
+        end[mode] = wall.ahead[mode] + wall.pull[mode]
+    for sample in range(wall.energy.shape[0]):
+        i = 3 * sample
+        at[i], at[i + 1], at[i + 2] = _strains(wall.scaled, sample, end)
+
+
+@kernel
 def _newton_step(wall: HyperelasticWall) -> bool:
-    """Take one step towards the least of |h|^2 / 2 + E(ahead + h), h the pull; True when it was there already."""
-    residual, pull, step, at = wall.residual, wall.pull, wall.step, wall.at
+    """Take one step towards the least of |h|^2 / 2 + E(ahead + h), h the pull; True when it is there."""
+    residual, pull, at = wall.residual, wall.pull, wall.at
     for mode in range(pull.shape[0]):
-        step[mode] = wall.ahead[mode] + pull[mode]
         residual[mode] = -pull[mode]
     for sample in range(wall.energy.shape[0]):
         i = 3 * sample
-        at[i], at[i + 1], at[i + 2] = _strains(wall.scaled, sample, step)
         _, first, second = beyond_linear_at(_form(at, sample))
         slope = wall.slope[sample] = 2.0 * _energy(wall, sample) * first
         wall.curvature[sample] = 4.0 * _energy(wall, sample) * second
@@ -166,25 +179,31 @@ def _newton_step(wall: HyperelasticWall) -> bool:
         wrong += residual[mode] * residual[mode]
     if wrong <= RELATIVE * RELATIVE * size:
         return True
-    _solve_tangent(wall, wrong, 0.25 * RELATIVE * RELATIVE * size)
-    length = _line_search(wall)
+    enough = (0.5 * RELATIVE) ** 2 * size
+    decrement, last = _solve_tangent(wall, enough)
+    length = _line_search(wall, SLACK * decrement)
     for mode in range(pull.shape[0]):
-        pull[mode] += length * step[mode]
-    return False
+        pull[mode] += length * wall.step[mode]
+    for i in range(at.shape[0]):
+        at[i] += length * wall.along[i]
+    return length == 1.0 and last + SLACK * SLACK * decrement <= enough
 
 
 @kernel
-def _solve_tangent(wall: HyperelasticWall, wrong: float, enough: float) -> None:
+def _solve_tangent(wall: HyperelasticWall, enough: float) -> tuple[float, float]:
     """Write the step (1 + H) step = residual, by conjugate gradients, and its strains.
 
-    ``wrong`` is the residual's square, ``enough`` that at which it ends, or a hundredth of `RELATIVE` of what it was.
+    Returns step (1 + H) step, and what the last iteration added to it: an estimate of the square of the error that is
+    left (Hestenes and Stiefel 1952). They end where that is at most ``enough``, or `SLACK` of the step.
     """
     residual, step, search, image = wall.residual, wall.step, wall.search, wall.image
     step[:] = 0.0
     wall.along[:] = 0.0
+    left = 0.0
     for mode in range(step.shape[0]):
         search[mode] = residual[mode]
-    left = wrong
+        left += residual[mode] * residual[mode]
+    decrement = last = 0.0
     for _ in range(GRADIENT_STEPS):
         _apply_tangent(wall)
         curvature = 0.0
@@ -198,10 +217,13 @@ def _solve_tangent(wall: HyperelasticWall, wrong: float, enough: float) -> None:
             left += residual[mode] * residual[mode]
         for i in range(wall.along.shape[0]):
             wall.along[i] += length * wall.searched[i]
-        if left <= max(enough, 0.01 * RELATIVE * wrong):
+        last = length * before
+        decrement += last
+        if last <= max(enough, SLACK * SLACK * decrement) or left == 0.0:
             break
         for mode in range(step.shape[0]):
             search[mode] = residual[mode] + left / before * search[mode]
+    return decrement, last
 
 
 @kernel
@@ -221,8 +243,11 @@ def _apply_tangent(wall: HyperelasticWall) -> None:
 
 
 @kernel
-def _line_search(wall: HyperelasticWall) -> float:
-    """Return how far to go along the step: Newton's method on a convex function of one number, within brackets."""
+def _line_search(wall: HyperelasticWall, enough: float) -> float:
+    """Return how far to go along the step, until the slope is at most ``enough``.
+
+    It is Newton's method on a convex function of one number, within brackets.
+    """
     along_pull, along_itself = 0.0, 0.0
     for mode in range(wall.pull.shape[0]):
         along_pull += wall.pull[mode] * wall.step[mode]
@@ -240,7 +265,7 @@ def _line_search(wall: HyperelasticWall) -> float:
             _, first, second = beyond_linear_at(form)
             slope += 2.0 * _energy(wall, sample) * first * turned
             curvature += _energy(wall, sample) * (2.0 * first * own + 4.0 * second * turned * turned)
-        if abs(slope) <= RELATIVE * along_itself:
+        if abs(slope) <= enough:
             break
         if slope > 0.0:
             high = length

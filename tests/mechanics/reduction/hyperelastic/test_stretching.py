@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.linalg import eigh
-from scipy.optimize import fsolve
+from scipy.optimize import fsolve, minimize
 
 from services.mechanics.fem import ShellModel, ShellSection, clamp, pressure_load
 from services.mechanics.reduction import ExactOscillator, ModalBasis, ModalState, Newmark
@@ -179,6 +179,28 @@ def test_the_force_is_the_gradient_of_the_energy_at_the_end_of_the_step(duct, sa
     step = 1e-5 * np.linalg.norm(at) / np.linalg.norm(direction)
     sides = [stretch_energy(stepped.wall.address, at + sign * step * direction) for sign in (1.0, -1.0)]
     assert -stepped.force @ direction == pytest.approx((sides[0] - sides[1]) / (2.0 * step), rel=1e-3)
+
+
+def test_a_wall_that_is_pulled_follows_the_exact_step_with_one_call_a_tick(duct, samples):
+    """Against a solver that knows no tick before: h = root f is the least of |h|^2 / 2 + E(p + root h)."""
+    wall = Stepped(duct, samples).wall
+    far, root, force = stretched(samples, loaded_states(duct, 1)[:, 0], 3.0), wall.root, np.zeros(duct.n_modes)
+    rows = samples.strain * root
+
+    def value(h, free_end):
+        at = (rows @ (h + free_end / root)).reshape(-1, 3)
+        beyond, slope, _ = beyond_linear(np.sum(at**2, axis=1))
+        pull = ((2.0 * samples.energy_j * slope)[:, None] * at).ravel()
+        return 0.5 * h @ h + samples.energy_j @ beyond, h + pull @ rows
+
+    errors = []
+    for tick in range(300):
+        free_end = far * np.sin(np.pi * tick / 300.0)
+        stretch_force(wall.address, free_end, np.zeros(root.size), force)
+        if tick % 10 == 5:
+            exact = minimize(value, force * root, free_end, jac=True, method="BFGS", options={"gtol": 1e-11}).x
+            errors.append(np.linalg.norm(root * force - exact) / np.linalg.norm(exact))
+    assert max(errors) < 1e-3, max(errors)
 
 
 def loaded_states(basis, n):
