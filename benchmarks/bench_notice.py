@@ -90,7 +90,11 @@ def stalls(rig: Rig, rounds: int, length: Path) -> dict[int, list[tuple[float, i
                     raise SystemExit(f"{loop} was not run for {1.5 + 1e-3 * stall_ms} s: the machine is too busy")
                 log = (rig.directory / "log").read_bytes()[known:].decode("utf-8", "replace")
                 true_ms = 1e-6 * int(length.read_text())
-                told_ms = [int(ms) for ms in re.findall(rf"{loop}: stalled for (\d+) ms", log)]
+                told_ms = [
+                    int(ms)
+                    for all_ms in re.findall(rf"{loop}: stalled for ([\d, ]+) ms", log)
+                    for ms in all_ms.split(", ")
+                ]
                 near_ms = min(told_ms, key=lambda ms: abs(ms - true_ms), default=0)
                 n_told = sum(abs(ms - true_ms) < 0.1 * true_ms for ms in told_ms)  # the machine has stalls of its own
                 found.setdefault(stall_ms, []).append((100.0 * (near_ms / true_ms - 1.0), n_told))

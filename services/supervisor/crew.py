@@ -204,8 +204,9 @@ class Crew:
         if frame is not None:
             health: bodies.Health = frame.body
             if member.hear(health, now_s):
-                for stall in member.new_stalls():
-                    self.say("info", f"{member.name}: stalled for {stall.length_ns * 1e-6:.0f} ms, by its own measure")
+                member.stalls.hear(health.loop.stalls if health.loop else (), starts=not member.came_up)
+                if stalls := member.stalls.turn(now_s):
+                    self.say("info", f"{member.name}: {stalls}, by its own measure")
                 self._warn(self._floods.messages_from(health, now_s))
                 if member.child is None or member.name == "gateway":  # their log is not read here, or not written
                     self._warn(member.new_detail(now_s))

@@ -23,12 +23,13 @@ import msgspec
 from services.runtime.private_directory import open_private
 from services.supervisor.fork_server import ALIVE, GO, ForkOrder
 from services.supervisor.processes import ENVIRONMENT
+from services.supervisor.restart_policy import MINUTE_S, RestartPolicy
 from services.supervisor.silence import Silence
 
 #: Timeouts of its imports, of a fork, and of a sign of life, on a busy machine.
 _IMPORTS_S, _FORK_S, _SILENT_S = 30.0, 5.0, 5.0
 _ASK_EVERY_S = 1.0
-#: Delay and number of restarts.
+#: Delay of a restart, and the number of them in a minute.
 _RETRY_S, _RETRIES = 2.0, 5
 #: Padding for the command line of a forked process.
 _ROOM = "x" * 2048
@@ -58,7 +59,7 @@ class ForkServer:
         """Start the server, if there is none."""
         self._is_wanted = True
         if self._server is None:
-            self._starts = 0
+            self._starts, self._restarts = 0, RestartPolicy((_RETRY_S,), _RETRIES)
             self._start()
 
     def _start(self) -> None:
@@ -94,7 +95,7 @@ class ForkServer:
         self._look()
         now_s = time.monotonic()
         if self._server is None:
-            if self._is_wanted and self._starts <= _RETRIES and now_s >= self._retry_s:
+            if self._is_wanted and now_s >= self._retry_s:
                 self._start()
         elif not self._silence.awaits and now_s >= self._ask_s:
             self._ask_s = now_s + _ASK_EVERY_S
@@ -176,9 +177,11 @@ class ForkServer:
         self._end()
 
     def _lose(self, why: str) -> None:
-        again = "a new one is started" if self._starts <= _RETRIES else "given up, processes import for themselves"
+        now_s = time.monotonic()
+        delay_s = self._restarts.delay_s(now_s)
+        again = "for a minute processes import for themselves" if delay_s is None else "a new one is started"
         self._told.append(f"supervisor: the fork server (process {self.pid}) {why}: {again}")
-        self._retry_s = time.monotonic() + _RETRY_S
+        self._retry_s = now_s + (MINUTE_S if delay_s is None else delay_s)
         self._end()
 
     def _end(self) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import signal
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -14,44 +13,15 @@ from services.runtime.rig import Rig
 from services.supervisor import contracts, figures
 from services.supervisor.launcher import Child
 from services.supervisor.processes import ProcessSpec
+from services.supervisor.restart_policy import RestartPolicy
 from services.supervisor.scheduler_state import Waits
+from services.supervisor.stall_messages import StallMessages
 from services.supervisor.window import Window
 
 #: The gateway's report is made in parts, so that an earlier one may precede a command.
 _REPORT_S = 0.2
 #: Pause before a process' fault is reported again if only its numbers have changed.
 _AGAIN_S = 10.0
-_MINUTE_S = 60.0
-
-
-class RestartPolicy:
-    """Delays of restarts, which grow with the restarts of the last minute, and their limit.
-
-    Args:
-        backoff_s: Delay before the first, second, ... restart within a minute; the last holds for all further ones.
-        max_per_minute: Restarts within a minute after which the process is given up.
-    """
-
-    def __init__(self, backoff_s: tuple[float, ...], max_per_minute: int) -> None:
-        self._backoff_s = backoff_s or (0.0,)
-        self._max = max_per_minute
-        self._times_s: deque[float] = deque()
-        self.count = 0
-
-    def delay_s(self, now_s: float) -> float | None:
-        """Count a restart at `now_s` and return its delay; None at the limit."""
-        while self._times_s and now_s - self._times_s[0] > _MINUTE_S:
-            self._times_s.popleft()
-        if len(self._times_s) >= self._max:
-            return None
-        delay = self._backoff_s[min(len(self._times_s), len(self._backoff_s) - 1)]
-        self._times_s.append(now_s)
-        self.count += 1
-        return delay
-
-    def forgive(self) -> None:
-        """Reset the count, as a person has armed the rig."""
-        self._times_s.clear()
 
 
 class MemberState(StrEnum):
@@ -101,7 +71,7 @@ class Member:
     fault: Fault | None = None  # the last one, kept over restarts
     came_up: bool = False  # was ready since it was started
     stalls_s: list[float] = field(default_factory=list)  # ends of silences from which it recovered by itself
-    _stalls_told: int = 0  # index of the last reported stall of the loop
+    stalls: StallMessages = field(default_factory=StallMessages)
     _detail_told: str = ""
     _detail_told_s: float = 0.0
     _detail_ended: bool = True
@@ -142,15 +112,6 @@ class Member:
         is_newer = self.health is not None and self.heard_s >= asked_s + _REPORT_S
         return self.health.gauges.get("safe_stop") if self.health is not None and is_newer else None
 
-    def new_stalls(self) -> list[bodies.Stall]:
-        """Return the new stalls measured by its loop, without those of its start."""
-        loop = self.health.loop if self.health is not None else None
-        if loop is None:
-            return []
-        new = [stall for stall in loop.stalls if stall.index > self._stalls_told]
-        self._stalls_told = max((stall.index for stall in new), default=self._stalls_told)
-        return new if self.came_up else []
-
     def new_detail(self, now_s: float) -> list[str]:
         """Return its new reports of faults.
 
@@ -186,7 +147,7 @@ class Member:
         self.advanced_s = self.waited_before_s = 0.0
         self.killed = False
         self.came_up = False
-        self._stalls_told = 0
+        self.stalls = StallMessages()
         self.waited = Waits()
 
     def kill(self) -> None:

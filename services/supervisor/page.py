@@ -14,12 +14,13 @@ from services.supervisor.launcher import Child
 from services.supervisor.page_link import Heartbeat, Link, PageSetup, RigStatus
 from services.supervisor.page_place import page_file, write_page_file
 from services.supervisor.processes import ProcessSpec
+from services.supervisor.restart_policy import MINUTE_S, RestartPolicy
 from services.supervisor.silence import Silence
 from services.supervisor.supervisor import Supervisor
 
 _PAGE = ProcessSpec("page", "services.supervisor.page_server")
 _TELL_S = 0.2
-#: Delay and number of restarts.
+#: Delay of a restart, and the number of them in a minute.
 _RETRY_S, _RETRIES = 2.0, 5
 _END_S = 3.0
 #: Silence that is a hang, of a running and of a starting page, not counting waits for a processor.
@@ -37,7 +38,7 @@ class Page:
         self._file = page_file(supervisor.rig.transport)
         self._child: Child | None = None
         self._link: Link | None = None
-        self._starts = 0
+        self._restarts = RestartPolicy((_RETRY_S,), _RETRIES)
         self._due_s = self._retry_s = 0.0
         address, token = _address(sock), setup.token
         write_page_file(self._file, address, token)
@@ -64,7 +65,7 @@ class Page:
     def turn(self, now_s: float) -> None:
         """Send the status when due; restart the process if it ended or hangs."""
         if self._link is None or self._child is None:
-            if now_s >= self._retry_s and self._starts <= _RETRIES:
+            if now_s >= self._retry_s:
                 self._start(now_s)
             return
         try:
@@ -83,7 +84,6 @@ class Page:
             self._link.send(RigStatus.of(self._supervisor, now_s))
 
     def _start(self, now_s: float) -> None:
-        self._starts += 1
         self._link, other = Link.pair()
         self._link.send(self._setup)
         descriptors = other.fileno(), self._socket.fileno()
@@ -97,8 +97,9 @@ class Page:
         child.close()
         self._silence.close()
         self._child = self._link = None
-        self._retry_s = now_s + _RETRY_S
-        again = "started again" if self._starts <= _RETRIES else "given up; the rig goes on without"
+        delay_s = self._restarts.delay_s(now_s)
+        self._retry_s = now_s + (MINUTE_S if delay_s is None else delay_s)
+        again = "the rig goes on without for a minute" if delay_s is None else "started again"
         what = " ".join(filter(None, ("the page's process", why, f"ended with exit code {status}")))
         text = f"supervisor: {what}, {again}"
         self._supervisor.say("warning", f"{text} (see {self._log_file})")

@@ -202,8 +202,9 @@ def soon_again(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     return monkeypatch
 
 
-def test_a_server_that_is_lost_again_and_again_is_given_up(soon_again: pytest.MonkeyPatch) -> None:
+def test_a_server_that_is_lost_again_and_again_is_left_alone_for_a_minute(soon_again: pytest.MonkeyPatch) -> None:
     soon_again.setattr(fork_link, "_RETRIES", 1)
+    soon_again.setattr(fork_link, "MINUTE_S", 2.0)
     with closing(ForkServer()) as server:
         os.kill(server.pid, signal.SIGKILL)
         told = _turned(server, lambda: server.pid == 0) + _turned(server, lambda: server.pid)
@@ -213,8 +214,9 @@ def test_a_server_that_is_lost_again_and_again_is_given_up(soon_again: pytest.Mo
         assert server.turn() == []
         assert server.pid == 0
         assert [each.rpartition(": ")[2] for each in told] == [
-            "a new one is started", "given up, processes import for themselves",
+            "a new one is started", "for a minute processes import for themselves",
         ]  # fmt: skip
+        assert _turned(server, lambda: server.pid) == []
 
 
 def test_a_delay_of_our_own_is_no_silence_of_the_server(soon_again: pytest.MonkeyPatch) -> None:

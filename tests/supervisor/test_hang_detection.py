@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import pytest
 
 from services.supervisor import hang_detection
-from services.supervisor.member import Member, MemberState, RestartPolicy
+from services.supervisor.member import Member, MemberState
 from services.supervisor.processes import TABLE
+from services.supervisor.restart_policy import RestartPolicy
 from services.supervisor.scheduler_state import Waits
 from services.supervisor.window import Window
 from tests.supervisor.made_up import health

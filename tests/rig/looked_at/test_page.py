@@ -334,7 +334,7 @@ class Stalls:
 
 #: So many reports, of ten a second.
 _CALM = 4
-_LENGTH = re.compile(r"physics: stalled for (\d+) ms")
+_LENGTHS = re.compile(r"physics: stalled for ([\d, ]+) ms")
 
 
 @pytest.mark.parametrize(
@@ -374,7 +374,9 @@ def _lengths(stalls: Iterable[Stall]) -> Counter[str]:
 
 
 def _told(lines: Counter[str]) -> Counter[str]:
-    return Counter(_LENGTH.findall("\n".join(lines.elements())))
+    return Counter(
+        length for line in lines.elements() for all_ms in _LENGTHS.findall(line) for length in all_ms.split(", ")
+    )
 
 
 def _history(page: Page) -> list[str]:

@@ -1,0 +1,36 @@
+"""Events about stalls that a loop has measured: at most one a second, since a busy host may stall it at every tick."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import protocol.bodies as bodies
+
+_SAY_EVERY_S = 1.0
+#: Most lengths in a sentence.
+_LONGEST = 5
+
+
+class StallMessages:
+    """The stalls of one loop since its start that were not told yet."""
+
+    def __init__(self) -> None:
+        self._index = 0
+        self._untold_ms: list[float] = []
+        self._said_s = float("-inf")
+
+    def hear(self, stalls: Iterable[bodies.Stall], *, starts: bool) -> None:
+        """Take the stalls of a report; those of a loop that ``starts`` are not told."""
+        new = [stall for stall in stalls if stall.index > self._index]
+        self._index = max((stall.index for stall in new), default=self._index)
+        if not starts:
+            self._untold_ms += [stall.length_ns * 1e-6 for stall in new]
+
+    def turn(self, now_s: float) -> str:
+        """Return the lengths of the stalls that are due, empty if there are none."""
+        if not self._untold_ms or now_s - self._said_s < _SAY_EVERY_S:
+            return ""
+        self._said_s, lengths_ms, self._untold_ms = now_s, sorted(self._untold_ms, reverse=True), []
+        shorter = len(lengths_ms) - _LONGEST
+        text = f"stalled for {', '.join(f'{length_ms:.0f}' for length_ms in lengths_ms[:_LONGEST])} ms"
+        return f"{text} and {shorter} times for less" if shorter > 0 else text
