@@ -46,7 +46,7 @@ class Control:
         self._line = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK)
         self._line.bind(str(self._path))
         self._line.listen(_PEERS)
-        self._callers: list[Link] = []
+        self._callers: dict[Link, bool] = {}  # whether it has sent a command
 
     def close(self) -> None:
         """Close the socket and all connections."""
@@ -57,18 +57,23 @@ class Control:
 
     def turn(self, now_s: float) -> None:
         """Accept clients and process their commands."""
-        if len(self._callers) < _PEERS:
-            with suppress(BlockingIOError):
-                caller = Link(self._line.accept()[0])
-                caller.send(RunTime(self._rig.incarnation, now_s - self._rig.started_s))
-                self._callers.append(caller)
+        with suppress(BlockingIOError):
+            caller = Link(self._line.accept()[0])
+            caller.send(RunTime(self._rig.incarnation, now_s - self._rig.started_s))
+            self._callers[caller] = False
+            if len(self._callers) > _PEERS:  # the longest silent one makes room
+                self._drop(next(each for each, has_asked in self._callers.items() if not has_asked))
         for caller in tuple(self._callers):
             try:
                 while (command := caller.receive(Command)) is not None:
+                    self._callers[caller] = True
                     self._rig.commands.take(command, now_s, caller.send)
             except (ConnectionError, msgspec.DecodeError):
-                caller.close()
-                self._callers.remove(caller)
+                self._drop(caller)
+
+    def _drop(self, caller: Link) -> None:
+        caller.close()
+        del self._callers[caller]
 
 
 def ask(transport: Transport, command: Command, patience_s: float = ANSWER_S) -> bodies.Answer:

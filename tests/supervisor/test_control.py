@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
@@ -86,6 +86,16 @@ def test_a_safe_stop_that_nothing_came_of_is_no_success(bench: Bench, control: C
     assert (code != 0, "the supervisor does not answer" in said) == (True, True)
     code, said = trocar(folder, "safe-stop", turn_of(bench, control, obeys=False))
     assert (code != 0, "has not said that it obeys" in said) == (True, True)
+
+
+def test_silent_callers_keep_no_command_out(bench: Bench, control: Control, folder: Path) -> None:
+    """Eight connections that nobody spoke on did."""
+    with ExitStack() as stack:
+        for _ in range(20):
+            caller = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET))
+            caller.connect(str(control_path(Transport(directory=folder))))
+            control.turn(bench.now_s)
+        assert trocar(folder, "arm", turn_of(bench, control)) == (0, "armed: hands may be pushed\n")
 
 
 def test_where_the_supervisor_stands_still_the_gateway_itself_is_asked(
