@@ -29,6 +29,7 @@ from services.recordings.summary import (
     Summary,
     attachment_index,
     finish,
+    has_sound_index,
     is_closed,
     is_sound,
     messages_of,
@@ -53,14 +54,17 @@ class RepairedRecording:
 def repair(path: Path, every_chunk: bool = True) -> RepairedRecording | None:
     """Repair the end of the recording `path` in place; return None if that is not needed. Then check `every_chunk`.
 
+    A file that was not closed, or the index at whose end is damaged, gets a new one.
+
     Raises HoleError if a part is damaged, which is kept, with the end repaired. Raises RecordingError if it is no
     recording, is being written, or has a damaged structure; it is then unchanged.
     """
     with _opened(path) as file:
-        is_whole = is_closed(file)
+        ended = is_closed(file)
+        is_whole = ended and has_sound_index(file)
         if is_whole and not every_chunk:
             return None
-        scan = _scan(path, file, mend=not is_whole)
+        scan = _scan(path, file, mend=not ended)
         if not is_whole:
             finish(file, scan.summary, scan.end, scan.checksum or 0)
             os.fsync(file)
@@ -68,7 +72,7 @@ def repair(path: Path, every_chunk: bool = True) -> RepairedRecording | None:
             raise HoleError(f"{path}: {holes}")
         if is_whole:
             return None
-        return RepairedRecording(scan.summary.frames, max(0, scan.size - scan.end))
+        return RepairedRecording(scan.summary.frames, 0 if ended else max(0, scan.size - scan.end))
 
 
 def _scan(path: Path, file: int, mend: bool = True) -> _Scan:

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -53,6 +54,11 @@ def _ends_of_chunks(path: Path) -> list[int]:
         summary = SeekingReader(file).get_summary()
     assert summary is not None
     return [chunk.chunk_start_offset + chunk.chunk_length for chunk in summary.chunk_indexes]
+
+
+def _chunks(path: Path) -> list[tuple[int, int, int]]:
+    with path.open("rb") as file:
+        return [each for each in records(file.fileno()) if each[0] == Opcode.CHUNK]
 
 
 @settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -288,3 +294,33 @@ def test_a_flipped_bit_in_the_index_costs_nothing(whole: Path, tmp_path: Path) -
     data[-200] ^= 1
     damaged.write_bytes(data)
     assert [each.frame.body.tick for each in read_frames(damaged)] == list(range(2000))
+
+
+def test_a_flipped_bit_anywhere_in_the_index_is_found_and_the_index_made_anew(tmp_path: Path) -> None:
+    """Such a file was called whole, while other readers could not read it."""
+    path = tmp_path / "a.mcap"
+    whole = long_recording(path, 300)
+    whole.close()
+    data = path.read_bytes()
+    summary, _offsets = struct.unpack_from("<QQ", data, len(data) - 28)
+    random = np.random.default_rng(8)
+    for place in random.integers(summary, len(data) - 8, 40):
+        path.write_bytes(data)
+        _flip(path, int(place))
+        repaired = repair(path)
+        assert repaired is not None, place
+        assert repaired.cut_bytes == 0 or place >= len(data) - 37
+        assert ticks_by_index(path) == list(range(300))
+        assert repair(path) is None
+
+
+def test_a_damaged_last_chunk_stays_where_the_index_is_damaged_too(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    whole = long_recording(path, 300)
+    whole.close()
+    size, (*_, (_, begin, end)) = path.stat().st_size, _chunks(path)
+    _flip(path, (begin + end) // 2)
+    _flip(path, size - 20)
+    with pytest.raises(HoleError, match="chunks are damaged"):
+        repair(path)
+    assert path.stat().st_size == size
