@@ -247,6 +247,22 @@ def test_an_angle_that_no_hand_can_make_is_a_fault_with_a_sentence_and_no_angle(
     assert odrive.grasp.ready
 
 
+def test_a_drive_whose_angle_jumps_is_not_ready_and_keeps_its_fault(odrive: Odrive) -> None:
+    """Every other estimate is likely: it was ready in every other tick."""
+    odrive.grasp.enable()
+    odrive.run(0.3)
+    odrive.node.speaking = False
+    estimates, ready, faults = cansimple.identifier(1, cansimple.GET_ENCODER_ESTIMATES), [], []
+    for k in range(60):
+        data = cansimple.pack_floats(3.0 if k % 2 == 0 else 0.1, 0.0)
+        odrive.host.send(can.Message(arbitration_id=estimates, data=data, is_extended_id=False))
+        odrive.run(0.001)
+        ready.append(odrive.grasp.ready)
+        faults.append("which no hand can make" in odrive.grasp.fault)
+    assert not any(ready[2:])
+    assert all(faults[2:])
+
+
 def test_own_echoes_strange_frames_and_lies_are_not_believed(odrive: Odrive) -> None:
     odrive.grasp.enable()
     odrive.run(0.3)

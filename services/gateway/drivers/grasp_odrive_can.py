@@ -72,10 +72,11 @@ class OdriveGrasp(GraspHandle, ABC):
         self._link: OdriveLink | None = None
         sign = 1.0 if file.opens_with_positive_motor else -1.0
         self._rad_per_turn = sign * 2 * math.pi / file.motor_turns_per_handle_turn
-        self._arming_until_ns = self._late_ns = self._steady_ns = 0  # late: newest tick without a young estimate
+        self._arming_until_ns = self._late_ns = self._steady_ns = 0  # late: newest tick of no young or likely estimate
         self._wanted = False
         self._opening: BackgroundOpen[can.BusABC] | None = None
         self._not_opened = ""
+        self._impossible = ""  # what was said of estimates that no hand can make, until they are steady
         self._angle_rad = self._said_rad = 0.0  # the newest plausible angle, and the newest reported one
 
     @abstractmethod
@@ -218,21 +219,25 @@ class OdriveGrasp(GraspHandle, ABC):
     def _judge(self, link: OdriveLink, now_ns: int) -> None:
         timeout_ns = self.file.feedback_timeout_s * 1e9
         closed = link.state == AxisState.CLOSED_LOOP
-        if now_ns - link.estimated_ns >= timeout_ns:
+        if not self._is_possible:
+            self._impossible = (
+                f"{self._name} says that its handle is at {self._said_rad:.3g} rad and turns at "
+                f"{self._rad_per_turn * link.rate_turns_s:.3g} rad/s, which no hand can make: look at "
+                "shut_at_motor_turns and motor_turns_per_handle_turn in its device file"
+            )
+        if not self._is_possible or now_ns - link.estimated_ns >= timeout_ns:
             self._late_ns = now_ns
         steady = now_ns - self._late_ns >= _STEADY * timeout_ns
+        if steady:
+            self._impossible = ""
         if steady or not (self._wanted and closed):
             self._steady_ns = now_ns
         if self._opening is not None or self._is_silent(link, now_ns):
             self.fault = self._silence()
         elif link.errors:
             self.fault = f"{self._name} let go: {cansimple.error_names(link.errors)}"
-        elif not self._is_possible:
-            self.fault = (
-                f"{self._name} says that its handle is at {self._said_rad:.3g} rad and turns at "
-                f"{self._rad_per_turn * link.rate_turns_s:.3g} rad/s, which no hand can make: look at "
-                "shut_at_motor_turns and motor_turns_per_handle_turn in its device file"
-            )
+        elif self._impossible:
+            self.fault = self._impossible
         elif self._wanted and not closed and now_ns > self._arming_until_ns:
             self.fault = f"{self._name} did not close its loop"
         elif now_ns - self._steady_ns > self.file.heartbeat_timeout_s * 1e9:
