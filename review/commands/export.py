@@ -39,8 +39,9 @@ def run_export(file: Path, to: str, out: Path | None, topics: Collection[str], v
         write = {"csv": _write_csv, "parquet": _write_parquet}[to]
         if to == "parquet":
             _need("pyarrow", to)
+        tables = read_columns(file, topics)
         place.mkdir(parents=True, exist_ok=True)
-        for topic, columns in read_columns(file, topics).items():
+        for topic, columns in tables.items():
             write(place / f"{topic}.{to}", columns)
     print(place)
 

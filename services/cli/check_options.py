@@ -66,7 +66,8 @@ def _naming_option(load: Callable[[], T], attempts: Iterator[NamedLoad]) -> T:
     except UserError as error:
         option = next((option for option, attempt in attempts if _refusal(attempt) == _alone(error)), "")
         if not str(error).startswith(option):
-            error.args = (f"{option}: {error}",)
+            named = option.partition(" ")[2]  # a file is not named twice
+            error.args = (f"{option}: {str(error).removeprefix(f'{named}: ')}",)
         raise
 
 

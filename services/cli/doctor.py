@@ -13,6 +13,7 @@ from rich.table import Table
 
 from services.cli import host_checks, probes
 from services.cli.host_checks import CheckResult, Verdict
+from services.cli.validation import RefusedError, validate
 from services.gateway.driver import check_host
 from services.runtime import config
 from services.runtime.endpoints import lock_holders
@@ -25,6 +26,7 @@ def run_doctor(rig_name: str, overrides: tuple[str, ...], as_json: bool) -> None
     """Print every check; exit with 1 where the rig could not run at all."""
     rig = config.load_rig(rig_name, overrides)
     findings = [
+        *_options(rig_name, overrides),
         *host_checks.software(),
         *host_checks.scheduling(),
         *host_checks.storage(rig),
@@ -38,6 +40,14 @@ def run_doctor(rig_name: str, overrides: tuple[str, ...], as_json: bool) -> None
         _print(findings)
     if _failed(findings):
         sys.exit(1)
+
+
+def _options(rig_name: str, overrides: tuple[str, ...]) -> Iterator[CheckResult]:
+    """Find a rig or scene that no process could use; those that it can are not told."""
+    try:
+        validate(rig_name, None, overrides)
+    except RefusedError as error:
+        yield CheckResult("configuration", Verdict.FAIL, str(error), "correct the file or the option that is named")
 
 
 def _devices(rig: Rig) -> Iterator[CheckResult]:

@@ -75,7 +75,7 @@ class RecordedInputs:
         if theirs != mechanics_digest():
             raise RecordingError(
                 f"{self.path}: was made by another version of the mechanics ({theirs[:12] or 'not named'}, these are "
-                f"{mechanics_digest()[:12]}): the same hands would lead elsewhere"
+                f"{mechanics_digest()[:12]}): the same hands would lead elsewhere; --pictures shows what was recorded"
             )
         if "scene.yaml" not in self.attachments:
             raise RecordingError(f"{self.path}: its scene is not in it")

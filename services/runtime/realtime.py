@@ -225,7 +225,7 @@ def _ordinary(nice: int | None) -> Fact:
             os.setpriority(os.PRIO_PROCESS, 0, asked)
             set_group_niceness(asked)
     had = os.getpriority(os.PRIO_PROCESS, 0)
-    return Fact("scheduling", f"OTHER, nice {asked}", f"OTHER, nice {had}", had <= asked or asked >= 0)
+    return Fact("scheduling", f"OTHER, nice {asked}", f"OTHER, nice {had}", had <= asked)
 
 
 def _timer_slack() -> Fact:

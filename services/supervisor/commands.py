@@ -98,7 +98,7 @@ class Commands:
         done = "armed" if what == "arm" else "safe stop"
         gateway = self._rig.crew.members.get("gateway")
         if gateway is None or self._rig.crew.has_ended(gateway):
-            return _answer(True, f"{done}: no gateway runs")
+            return _answer(True, f"{done}, for the next gateway: none runs")
         said = gateway.safe_stop_said(asked_s)
         if said is not None and bool(said) is (what == "safe_stop"):
             return _answer(True, f"{done}: hands may be pushed" if what == "arm" else f"{done}: every hand is let go")

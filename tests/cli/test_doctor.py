@@ -66,6 +66,17 @@ def test_the_devices_of_the_rig_are_looked_for(trocar: Trocar, rig_file: Path) -
     assert "TouchDriver" in checks["OpenHaptics"]["advice"]
 
 
+@pytest.mark.usefixtures("no_probes")
+def test_a_rig_that_up_refuses_is_a_failure(trocar: Trocar, rig_file: Path) -> None:
+    instrument = "{name: left, port_m: [0.0, 0.0, 0.1], arm: {driver: phantom_simulated, device: nope}}"
+    rig_file.write_text(f"{rig_file.read_text()}gateway: {{instruments: [{instrument}]}}\n")
+    ran = trocar("doctor", "--rig", rig_file, "--json")
+    assert ran.code == 1
+    checks = {check["name"]: check for check in json.loads(ran.out)["checks"]}
+    assert checks["configuration"]["verdict"] == "fail"
+    assert "no device 'nope'" in checks["configuration"]["found"]
+
+
 _ANCHOR = re.compile(r"(docs/how-to/deployment\.md)#([\w-]+)")
 
 

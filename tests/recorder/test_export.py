@@ -88,3 +88,11 @@ def test_a_topic_that_is_none_and_a_file_that_is_none_are_named(recorded: Path, 
     (tmp_path / "b.mcap").write_text("no recording")
     with pytest.raises(RecordingError, match=r"b\.mcap: is not a recording"):
         run_export(tmp_path / "b.mcap", "csv", None, ())
+
+
+@pytest.mark.parametrize("to", ["csv", "npz"])
+def test_a_recording_that_is_not_there_leaves_no_folder(tmp_path, to):
+    for _ in range(2):
+        with pytest.raises(RecordingError, match="no such file"):
+            run_export(tmp_path / "nofile", to, None, ())
+    assert list(tmp_path.iterdir()) == []

@@ -47,6 +47,13 @@ def test_a_niceness_that_is_refused_is_reported_and_the_process_goes_on() -> Non
     assert _in_child(code) == f"False OTHER, nice -10 | OTHER, nice {os.nice(0)}"
 
 
+def test_a_process_that_is_nicer_than_asked_is_told() -> None:
+    code = (
+        "import os; os.nice(7); from services.runtime import realtime; print(realtime.set_up(None, None, 0)[0][1].ok)"
+    )
+    assert _in_child(code) == "False"
+
+
 def test_cores_are_kept_awake_for_as_long_as_a_process_lives(tmp_path: Path) -> None:
     """The kernel takes the request back when the file is closed, so it has to stay open, and may not be handed on."""
     device = tmp_path / "cpu_dma_latency"

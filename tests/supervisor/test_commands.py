@@ -112,7 +112,7 @@ def test_only_a_gateway_of_ours_is_known_to_have_ended(bench: Bench, tmp_path: P
     crew = bench.supervisor.crew
     crew.launch = Launch((), tmp_path)
     crew.members["gateway"].child = Mock(spec=Child) if runs else None
-    assert ask(bench, "safe_stop") == ([] if runs else done("safe stop: no gateway runs"))
+    assert ask(bench, "safe_stop") == ([] if runs else done("safe stop, for the next gateway: none runs"))
 
 
 def test_an_order_of_the_attempt_is_passed_on_as_long_as_its_sender_waits(bench: Bench) -> None:

@@ -27,7 +27,7 @@ test("what was dropped or refused is told, and nothing else", () => {
 
 test("figures are short and keep their meaning", () => {
   assert.equal(us(22.34), "22.3");
-  assert.equal(us(1587.4), "1587");
+  assert.equal(us(1587.4), "1.59 ms");
   assert.equal(us(12345), "12.3 ms");
   assert.equal(us(123456), "123 ms");
   assert.equal(hz(999.7), "1000");

@@ -5,9 +5,11 @@ export const known = (x) => typeof x === "number" && Number.isFinite(x);
 export function us(x) {
   if (!known(x)) return "–";
   if (x >= 100000) return `${(x / 1000).toFixed(0)} ms`;
-  if (x >= 10000) return `${(x / 1000).toFixed(1)} ms`;
+  if (x >= 1000) return `${(x / 1000).toFixed(x < 10000 ? 2 : 1)} ms`;
   return x >= 100 ? x.toFixed(0) : x.toFixed(1);
 }
+
+export const usWithUnit = (x) => (x < 1000 ? `${us(x)} µs` : us(x));
 
 export function hz(x) {
   if (!known(x)) return "–";

@@ -1,6 +1,6 @@
 // The parts of the dashboard that are text: processes, work, topics, stages, real-time facts, events.
 
-import { busLoad, count, duration, hz, known, losses, share, us } from "./format.js";
+import { busLoad, count, duration, hz, known, losses, share, us, usWithUnit } from "./format.js";
 import { element, Rows, tableRow, text } from "./rows.js";
 
 const $ = (id) => document.getElementById(id);
@@ -51,7 +51,7 @@ export class Budget {
       line.style.left = `calc(${100 * part(loop.work_us?.p99)}% - 1px)`;
       dot.style.left = `calc(${100 * part(loop.work_us?.max)}% - 4px)`;
       text(numbers, `${us(loop.work_us?.p50)} · ${us(loop.work_us?.p99)} · ${us(loop.work_us?.max)}`);
-      row.title = `p50, p99 and max of the work of a tick; the whole bar is ${us(period)} µs`;
+      row.title = `p50, p99 and max of the work of a tick; the whole bar is ${usWithUnit(period)}`;
     });
   }
 
@@ -68,7 +68,7 @@ function fillTopic(row, topic) {
   cells[1].className = known(topic.rate_hz) && topic.rate_hz < 0.95 * topic.target_hz ? "warn" : "";
   cells[4].className = lost ? "warn" : "";
   cells[5].className = bad ? "bad" : "";
-  row.title = `published by ${topic.publisher}; age p50 ${us(topic.age_us?.p50)}, max ${us(topic.age_us?.max)} µs; replaced unread ${count(topic.superseded)}`;
+  row.title = `published by ${topic.publisher}; age p50 ${us(topic.age_us?.p50)}, max ${usWithUnit(topic.age_us?.max)}; replaced unread ${count(topic.superseded)}`;
 }
 
 export class Topics {
@@ -147,18 +147,14 @@ export class Realtime {
 export class Floor {
   update(floor, processes, judge) {
     text($("judge"), judge
-      ? `The supervisor judges ${hz(judge.rate_hz)} times a second, now at most ${late(judge.lateness_us.max)} late, since its start ${late(judge.latest_us)}.`
+      ? `The supervisor judges ${hz(judge.rate_hz)} times a second, now at most ${usWithUnit(judge.lateness_us.max)} late, since its start ${usWithUnit(judge.latest_us)}.`
       : "");
     const worst = Math.max(0, ...processes.map(({ loop }) => (loop?.target_hz >= 500 ? loop.miss_ratio ?? 0 : 0)));
-    const parts = floor.map((row) => `core ${row.core} ${share(row.late_ratio)} (worst ${late(row.lateness_us.max)})`);
+    const parts = floor.map((row) => `core ${row.core} ${share(row.late_ratio)} (worst ${usWithUnit(row.lateness_us.max)})`);
     text($("floor"), floor.length
       ? `The machine alone wakes over 1 ms late: ${parts.join(", ")}, in the last minute. ${verdict(floor, worst)}`
       : "What the machine itself costs is not measured (supervisor.watch_floor, or the rig runs in containers).");
   }
-}
-
-function late(x) {
-  return x < 10000 ? `${us(x)} µs` : us(x);
 }
 
 // A loop cannot be better than twice the floor: a stall can hit both its sleep and its work.
