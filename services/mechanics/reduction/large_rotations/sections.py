@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,11 +46,30 @@ class Sections:
         values = np.concatenate([1.0 - self.fraction, self.fraction])
         return scipy.sparse.csc_array((values, (rows, columns)), shape=(n, self.n_stations))
 
+    def rings(self, mesh: TriangleMesh) -> Iterator[tuple[IntArray, FloatArray, FloatArray, FloatArray]]:
+        """Yield for each station but the first its nodes (k,), their weights (k,) of sum one, arms (k, 3) and inertia.
+
+        The inertia (3, 3), in square metres, is what a turn's moment is divided by.
+        """
+        shares, areas_m2 = self.shares(), vertex_areas_m2(mesh)
+        for station in range(1, self.n_stations):
+            own = slice(shares.indptr[station], shares.indptr[station + 1])
+            nodes = shares.indices[own]
+            weight = shares.data[own] * areas_m2[nodes]
+            weight /= weight.sum()
+            arm = mesh.vertices_m[nodes] - self.centres_m[station]
+            second = np.einsum("k,ki,kj->ij", weight, arm, arm)
+            yield nodes, weight, arm, np.trace(second) * np.eye(3) - second
+
+
+MOST_CONDITION = 1e6
+"""Of a section's inertia: that of a ring is 2, of nodes on a line infinite but for rounding."""
+
 
 def cut_sections(mesh: TriangleMesh, held: IntArray, n_segments: int) -> Sections:
     """Divide a tube into ``n_segments`` from its held nodes to its farthest.
 
-    Raises ValueError if a section would hold no node.
+    Raises ValueError if a section would hold no node, or none beside a line: it has no turn then.
 
     Args:
         mesh: TriangleMesh. Any connected surface that is held at one end.
@@ -68,7 +88,10 @@ def cut_sections(mesh: TriangleMesh, held: IntArray, n_segments: int) -> Section
         raise ValueError(f"the mesh is too coarse for {n_segments} cross-sections: one of them holds no node")
     centres = np.asarray(weights @ mesh.vertices_m) / total[:, None]
     centres[0] = mesh.vertices_m[held].mean(axis=0)
-    return Sections(centres, segment, fraction)
+    sections = Sections(centres, segment, fraction)
+    if any(np.linalg.cond(inertia_m2) > MOST_CONDITION for *_, inertia_m2 in sections.rings(mesh)):
+        raise ValueError(f"the mesh is too coarse for {n_segments} cross-sections: the nodes of one lie on a line")
+    return sections
 
 
 def refuse_unless_tube(mesh: TriangleMesh, held: IntArray) -> None:

@@ -29,7 +29,7 @@ from services.mechanics.reduction.large_rotations.warping_kernels import (
     turn_vectors,
     update_axis,
 )
-from services.mechanics.surface.mesh import TriangleMesh, vertex_areas_m2
+from services.mechanics.surface.mesh import TriangleMesh
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,18 +146,10 @@ def _section_motion(mesh: TriangleMesh, basis: ModalBasis, sections: Sections) -
     """Return shift and turn (s + 1, 3, r) of each station per modal coordinate, zero at the first."""
     r, n_stations = basis.n_modes, sections.n_stations
     shift, turn = np.zeros((2, n_stations, 3, r))
-    shares = sections.shares()
-    areas = vertex_areas_m2(mesh)
-    for station in range(1, n_stations):
-        nodes = shares.indices[shares.indptr[station] : shares.indptr[station + 1]]
-        weight = shares.data[shares.indptr[station] : shares.indptr[station + 1]] * areas[nodes]
-        weight = weight / weight.sum()
-        arm = mesh.vertices_m[nodes] - sections.centres_m[station]
+    for station, (nodes, weight, arm, inertia_m2) in enumerate(sections.rings(mesh), 1):
         shift[station] = np.einsum("k,kir->ir", weight, basis.Phi[nodes])
         moment = np.einsum("k,kir->ir", weight, np.cross(arm[:, :, None], basis.Phi[nodes], axis=1))
-        inertia = np.einsum("k,ki,kj->ij", weight, arm, arm)
-        inertia = np.trace(inertia) * np.eye(3) - inertia
-        turn[station] = np.linalg.solve(inertia, moment)
+        turn[station] = np.linalg.solve(inertia_m2, moment)
     return shift, turn
 
 

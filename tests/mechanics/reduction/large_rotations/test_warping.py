@@ -7,7 +7,7 @@ from scipy.optimize import minimize
 from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
 from services.mechanics.reduction import ModalBasis
 from services.mechanics.reduction.build import build_basis
-from services.mechanics.reduction.large_rotations.sections import axial_coordinate
+from services.mechanics.reduction.large_rotations.sections import axial_coordinate, cut_sections
 from services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
 from services.mechanics.surface.mesh import TriangleMesh
 from services.mechanics.surface.tube import DuctGeometry, alternating_triangles, parametric_duct
@@ -192,3 +192,10 @@ def test_a_mesh_too_coarse_for_its_sections_is_refused(basis):
     axis_basis = ModalBasis.from_modes(basis.omega_rad_s[:1], np.zeros((mesh.n_vertices, 3, 1)))
     with pytest.raises(ValueError, match="too coarse for 24 cross-sections"):
         TubeWarp.from_basis(mesh, axis_basis, mesh.vertex_sets["clamped"])
+
+
+def test_a_section_whose_nodes_lie_on_a_line_is_refused_before_a_basis_is_made():
+    """A bend draws the nodes of a ring apart along the axis: the last section keeps too few."""
+    mesh = parametric_duct(DuctGeometry(5.54e-3, 37.37e-3, 12, 12, curvature_1_m=11.28))
+    with pytest.raises(ValueError, match="24 cross-sections: the nodes of one lie on a line"):
+        cut_sections(mesh, mesh.vertex_sets["clamped"], 24)
