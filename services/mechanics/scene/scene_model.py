@@ -121,7 +121,8 @@ class ContactSettings:
     "implicit" solves them in contact space; "penalty" is the paper's spring on the depth of penetration.
     Friction exists only when the effect ``friction`` is named in the scene.
 
-    Contacts beyond ``capacity`` are not solved. Where two forceps folded a thin wall up to 320 were needed; with 160 bodies sank 1.1 mm into each other.
+    Contacts beyond ``capacity`` are not solved. Where two forceps folded a thin wall up to 320 were needed; with 160
+    bodies sank 1.1 mm into each other.
     """
 
     model: Literal["implicit", "penalty"] = "implicit"
