@@ -7,8 +7,6 @@ from collections.abc import Iterable
 import protocol.bodies as bodies
 
 _SAY_EVERY_S = 1.0
-#: Most lengths in a sentence.
-_LONGEST = 5
 
 
 class StallMessages:
@@ -30,7 +28,5 @@ class StallMessages:
         """Return the lengths of the stalls that are due, empty if there are none."""
         if not self._untold_ms or now_s - self._said_s < _SAY_EVERY_S:
             return ""
-        self._said_s, lengths_ms, self._untold_ms = now_s, sorted(self._untold_ms, reverse=True), []
-        shorter = len(lengths_ms) - _LONGEST
-        text = f"stalled for {', '.join(f'{length_ms:.0f}' for length_ms in lengths_ms[:_LONGEST])} ms"
-        return f"{text} and {shorter} times for less" if shorter > 0 else text
+        self._said_s, lengths_ms, self._untold_ms = now_s, self._untold_ms, []
+        return f"stalled for {', '.join(f'{length_ms:.0f}' for length_ms in lengths_ms)} ms"

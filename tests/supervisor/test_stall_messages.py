@@ -15,8 +15,8 @@ def test_each_stall_is_told_once_and_a_busy_host_takes_a_line_a_second() -> None
         messages.hear([stall(report + 1, 20.0 + report), stall(report + 2, 21.0 + report)], starts=False)
         told.append(messages.turn(now_s))
     said = [text for text in told if text]
-    assert said[0] == "stalled for 21, 20 ms"
-    assert said[1] == "stalled for 31, 30, 29, 28, 27 ms and 5 times for less"
+    assert said[0] == "stalled for 20, 21 ms"
+    assert said[1] == "stalled for 22, 23, 24, 25, 26, 27, 28, 29, 30, 31 ms"
     assert len(said) == 4
 
 
