@@ -66,6 +66,10 @@ class RigState(msgspec.Struct, frozen=True):
         return (*loops, *(each.name for each in self.paths if not each.ok))
 
 
+#: Built once: msgspec builds what it knows of a type at the first use, and two threads at once have crashed it.
+_STATES = msgspec.json.Decoder(RigState)
+
+
 class Row(msgspec.Struct, frozen=True):
     """A rig as the class page shows it; `fault` is why it is not known, `silent_s` for how long."""
 
@@ -132,7 +136,7 @@ class Watch:
         while not self._ending.wait(PERIOD_S):
             try:
                 link = link or _connection(self.place.address, _PATIENCE_S)
-                self._state = msgspec.json.decode(_get(link, "/api/state", _STATE_BYTES), type=RigState)
+                self._state = _STATES.decode(_get(link, "/api/state", _STATE_BYTES))
                 self._heard_s, self._fault = time.monotonic(), ""
             except (OSError, http.client.HTTPException, ValueError) as error:
                 self._fault = getattr(error, "strerror", None) or str(error) or type(error).__name__
