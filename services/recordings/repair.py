@@ -54,7 +54,7 @@ class RepairedRecording:
 def repair(path: Path, every_chunk: bool = True) -> RepairedRecording | None:
     """Repair the end of the recording `path` in place; return None if that is not needed. Then check `every_chunk`.
 
-    A file that was not closed, or the index at whose end is damaged, gets a new one.
+    A file without an index, or with a damaged one, gets a new one.
 
     Raises HoleError if a part is damaged, which is kept, with the end repaired. Raises RecordingError if it is no
     recording, is being written, or has a damaged structure; it is then unchanged.

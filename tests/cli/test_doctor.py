@@ -56,11 +56,7 @@ def test_what_is_needed_and_missing_is_a_failure(
 @pytest.mark.usefixtures("no_probes")
 def test_the_devices_of_the_rig_are_looked_for(trocar: Trocar, rig_file: Path) -> None:
     arm = "{driver: phantom_hdapi, device: touch, settings: {library: libHD-that-nobody-has.so}}"
-    instrument = f"{{name: left, port_m: [0.0, 0.0, 0.1], arm: {arm}}}"
-    rig_file.write_text(f"{rig_file.read_text()}gateway: {{instruments: [{instrument}]}}\n")
-    ran = trocar("doctor", "--rig", rig_file, "--json")
-    assert ran.code == 1
-    checks = {check["name"]: check for check in json.loads(ran.out)["checks"]}
+    checks = _failing_checks_of(arm, trocar, rig_file)
     assert checks["OpenHaptics"]["verdict"] == "fail"
     assert "libHD-that-nobody-has.so" in checks["OpenHaptics"]["found"]
     assert "TouchDriver" in checks["OpenHaptics"]["advice"]
@@ -68,13 +64,18 @@ def test_the_devices_of_the_rig_are_looked_for(trocar: Trocar, rig_file: Path) -
 
 @pytest.mark.usefixtures("no_probes")
 def test_a_rig_that_up_refuses_is_a_failure(trocar: Trocar, rig_file: Path) -> None:
-    instrument = "{name: left, port_m: [0.0, 0.0, 0.1], arm: {driver: phantom_simulated, device: nope}}"
+    checks = _failing_checks_of("{driver: phantom_simulated, device: nope}", trocar, rig_file)
+    assert checks["configuration"]["verdict"] == "fail"
+    assert "no device 'nope'" in checks["configuration"]["found"]
+
+
+def _failing_checks_of(arm: str, trocar: Trocar, rig_file: Path) -> dict[str, dict[str, str]]:
+    """Return the checks of a rig with this arm, by name, with which doctor must end in 1."""
+    instrument = f"{{name: left, port_m: [0.0, 0.0, 0.1], arm: {arm}}}"
     rig_file.write_text(f"{rig_file.read_text()}gateway: {{instruments: [{instrument}]}}\n")
     ran = trocar("doctor", "--rig", rig_file, "--json")
     assert ran.code == 1
-    checks = {check["name"]: check for check in json.loads(ran.out)["checks"]}
-    assert checks["configuration"]["verdict"] == "fail"
-    assert "no device 'nope'" in checks["configuration"]["found"]
+    return {check["name"]: check for check in json.loads(ran.out)["checks"]}
 
 
 _ANCHOR = re.compile(r"(docs/how-to/deployment\.md)#([\w-]+)")

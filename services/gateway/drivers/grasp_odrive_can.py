@@ -225,7 +225,8 @@ class OdriveGrasp(GraspHandle, ABC):
                 f"{self._rad_per_turn * link.rate_turns_s:.3g} rad/s, which no hand can make: look at "
                 "shut_at_motor_turns and motor_turns_per_handle_turn in its device file"
             )
-        if not self._is_possible or now_ns - link.estimated_ns >= timeout_ns:
+            self._late_ns = now_ns
+        elif now_ns - link.estimated_ns >= timeout_ns:
             self._late_ns = now_ns
         steady = now_ns - self._late_ns >= _STEADY * timeout_ns
         if steady:
