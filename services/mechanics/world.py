@@ -68,6 +68,11 @@ class World:
         return here
 
     @property
+    def clearance_m(self) -> float:
+        """How far the wall may move after the solve, before it touches a body; see `CandidateSearch.clearance_m`."""
+        return self.search.clearance_m
+
+    @property
     def slides(self) -> BoolArray:
         """(C,) whether each contact slides: in `set_friction` as in the last step, later as solved in this one."""
         return self.system.slides

@@ -160,6 +160,10 @@ class DuctBody:
         self.dq_free += self._gains[0] * ended
         self.removed_half_impulse += self.dt_s * ended
 
+    def furthest_m(self, change: FloatArray) -> float:
+        """Return how far (m) a change (r,) of the coordinates moves a node, by the modes; too slow for every tick."""
+        return float(np.linalg.norm(self.reduced.basis.displacements(change), axis=1).max())
+
     def change_kick(self, change: FloatArray) -> None:
         """Change the end of the step as if its kick had been larger by ``change`` (r,), contact forces unchanged."""
         for end, gain in zip((self.state.q, self.state.qdot, self.state.qddot), self._gains, strict=True):

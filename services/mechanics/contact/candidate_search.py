@@ -11,7 +11,13 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.duct_loads import DuctLoads, loads_at
 from services.mechanics.bodies.forceps.tool_body import ToolPoses, move_back, move_to_proxies
 from services.mechanics.bodies.sections import segment_radii
-from services.mechanics.collision.candidate_list import TOUCHING_M, CandidateList, copy_ends, set_wanted_gaps
+from services.mechanics.collision.candidate_list import (
+    LOOK_AHEAD_M,
+    TOUCHING_M,
+    CandidateList,
+    copy_ends,
+    set_wanted_gaps,
+)
 from services.mechanics.collision.candidates import Candidates
 from services.mechanics.collision.capsules import CapsuleMemory, detect_capsules
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, ContactPairs, pairs_at
@@ -103,6 +109,12 @@ class CandidateSearch:
     def wall_moved_m(self) -> float:
         """Largest motion in the last step of a node of a candidate, by modes and loads; 0 if nothing was priced."""
         return self._arrays.working.wall_moved_m
+
+    @property
+    def clearance_m(self) -> float:
+        """How far the wall may move after the step is priced, before it touches a body or what is no candidate."""
+        found = self._arrays.found
+        return max(float(found.gap_m[: found.count].min(initial=LOOK_AHEAD_M)), 0.0)
 
     def begin(self, system: ContactSystem) -> None:
         """Place wall and pieces at the start of a step, and choose the candidates that get rows."""

@@ -23,7 +23,14 @@ from services.mechanics.contact.clearance import jaw_surface, overlap_in_jaws, p
 from services.mechanics.contact.identity import PARTICLE, SEGMENT, pair_identity, part_of, without_target
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.state import ContactState
-from services.mechanics.contact.working_set import WorkingSet, enter, has_chosen_near, place_at_rest, sort_by_key
+from services.mechanics.contact.working_set import (
+    IMPLIED_M,
+    WorkingSet,
+    enter,
+    has_chosen_near,
+    place_at_rest,
+    sort_by_key,
+)
 from services.mechanics.contact.writer import n_free_rows
 
 #: Least cosine between the normals of a violation and of a row at the same points that covers it.
@@ -58,17 +65,17 @@ def write_violations(
     for i in range(n):
         enter(found, working, listed.clusters.triangles, (i, i), (found.gap_m[i], found.gap_m[i]))
     sort_by_key(working, n)
-    working.n_chosen = 0
+    working.n_chosen = n_corrected = 0
     for place in range(n):
         i = working.order[place]
         near = VIOLATION_SPACING * listed.thickness[found.piece[i]]
-        if working.n_chosen < most and not (
-            has_chosen_near(found, working, i, near) or _has_row(listed, found, working, state, i)
-        ):
+        covering, corrected = _correct_rows(listed, found, working, state, i)
+        n_corrected += corrected
+        if working.n_chosen < most and not (has_chosen_near(found, working, i, near) or covering > 0):
             working.chosen[working.n_chosen] = i
             working.n_chosen += 1
             _write_violation(listed, found, i, start, (state.geometry.tools, pairs))
-    return int(working.n_chosen if most > 0 else n)
+    return int(working.n_chosen + n_corrected if most > 0 else n)
 
 
 @inlined_kernel
@@ -116,18 +123,32 @@ def _find_violations(
 
 
 @inlined_kernel
-def _has_row(listed: CandidateList, found: Candidates, working: WorkingSet, state: ContactState, i: int) -> bool:
-    """Return whether a row at the same points, on any triangle, and with the same normal covers this violation."""
-    p, t, rows = found.piece[i], found.triangle[i], state.rows
+def _correct_rows(
+    listed: CandidateList, found: Candidates, working: WorkingSet, state: ContactState, i: int
+) -> tuple[int, int]:
+    """Return how many rows cover a violation, and how many of them have been corrected.
+
+    A row covers it that has the same points, on any triangle, and the same normal. It is linear in the motion of the
+    bodies: what the step ends deeper than the row predicts is added to its free motion (second-order correction of
+    constraints, Nocedal and Wright, "Numerical Optimization", 18.3).
+    """
+    p, t, rows, motion = found.piece[i], found.triangle[i], state.rows, state.problem.motion
     identity = without_target(pair_identity(*owner_of(p), DUCT_TRIANGLE, t))
     normal = jaw_surface(state.geometry.tools, p, found.s[i], row(found.normal, i))[3]
-    near, place = SAME_POINT * listed.thickness[p], row(working.at_rest, i)
+    near, place, covering, corrected = SAME_POINT * listed.thickness[p], row(working.at_rest, i), 0, 0
     for at in range(rows.n_contacts):
         if without_target(rows.identity[at]) == identity and dot(row(rows.frame[at], 0), normal) > _SAME_ROW:
             known = place_at_rest(working.rest, rows.duct_node, at, row(rows.duct_weight, at))
             if squared_distance(place, known) < near * near:
-                return True
-    return False
+                covering += 1
+                begun = rows.gap_m[at] + rows.rest_offset_m[at] - rows.effective_gap_m[at]
+                deeper = found.gap_m[i] - (begun + motion[3 * at])
+                if deeper < -IMPLIED_M:
+                    corrected += 1
+                    motion[3 * at] += deeper
+                    for axis in range(3):
+                        rows.slip_m[at, axis] += deeper * rows.frame[at, 0, axis]
+    return covering, corrected
 
 
 @kernel

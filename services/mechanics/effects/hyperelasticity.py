@@ -80,7 +80,7 @@ class Hyperelasticity(Effect):
 
     def settle(self, world: World, dt_s: float) -> None:
         """Remove the energy gained in the step because its contact forces differed from those of the last step."""
-        settle_step(self._wall, self._force, world.duct)
+        settle_step(self._wall, self._force, world.duct, world.clearance_m)
         if self._wall.faded[0] != self._to_fade:
             self._wall.fade(self._to_fade, dt_s)
             self._wall.books[ENERGY] = self.potential_energy_j(world)

@@ -6,6 +6,7 @@ Only the effects of the wall (`Effect.of_wall`) act, which need nothing else.
 from __future__ import annotations
 
 from itertools import pairwise
+from math import inf
 from time import perf_counter_ns
 from types import SimpleNamespace
 from typing import cast
@@ -46,7 +47,7 @@ class DuctAlone:
         self._stages = by_stage(effects)
         self.duct = build_duct_body(scene, duct, self._stages["constant_load_n"], _CAPACITY)
         # Effects are typed for a complete world; those of the wall use only this part.
-        self._world = cast(World, SimpleNamespace(scene=scene, duct=self.duct, effects=effects))
+        self._world = cast(World, SimpleNamespace(scene=scene, duct=self.duct, effects=effects, clearance_m=inf))
         self._rest = (self.duct.motion_address, duct.basis.omega_rad_s**2)
         self._may_sleep = scene.sleeping and not (self._stages["add_loads"] or self._stages["after_solve"])
         self.cost_ns = [0] * len(STAGE_NAMES)

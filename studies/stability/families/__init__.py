@@ -6,6 +6,7 @@ from functools import partial
 
 from studies.stability.families import (
     abuse,
+    drawn,
     driving,
     ducts,
     effect_pairs,
@@ -69,5 +70,6 @@ FAMILIES: dict[str, Family] = {
     "tool_on_wall": Family("a jaw that sticks to the wall, at ticks of 1 to 0.1 ms", tool_on_wall.cases),
     "undamped": Family("a million steps without damping", undamped.cases),
     "theory": Family("methods below and above where they must fail", theory.cases),
+    "drawn": Family("duct, catheter, friction, effects and two hands that cross, all drawn", drawn.cases),
     "random_play": Family("an hour of random play", random_play.cases),
 }

@@ -30,20 +30,22 @@ def _play(draw: Draw, k: int, steps: int) -> Play:
     start, random = (threaded, approaching)[k % 2](), draw.random(f"random play {k}")
     hands = start.hands.then(steps)
     for tool in (0, 1):
-        hands = hands.moved(tool, _wander(random, steps, REACH_M), len(start.hands))
-        opening = np.abs(_wander(random, steps, np.array([0.5, 0.0, 0.0]))[:, 0])
+        hands = hands.moved(tool, wander(random, steps, REACH_M), len(start.hands))
+        opening = np.abs(wander(random, steps, np.array([0.5, 0.0, 0.0]))[:, 0])
         hands = hands.with_jaws(tool, hands.jaw_angle_rad[-1, tool] + opening, len(start.hands))
         hands = hands.without(tool, _absences(random, hands))
     for tool in (0, 1):
-        hands = hands.rolled(tool, _wander(random, steps, ROLL_RAD)[:, 0], len(start.hands))
+        hands = hands.rolled(tool, wander(random, steps, ROLL_RAD)[:, 0], len(start.hands))
     return Play(scene=start.scene, hands=hands, may_jump=True)
 
 
-def _wander(random: np.random.Generator, steps: int, reach: FloatArray) -> FloatArray:
-    """Motions of least jerk between random places, each in 0.05 to 1 s, with rests."""
+def wander(
+    random: np.random.Generator, steps: int, reach: FloatArray, lasting_s: tuple[float, float] = (0.05, 1.0)
+) -> FloatArray:
+    """Motions of least jerk between random places, each of a duration in ``lasting_s``, with rests; (steps, 3)."""
     times, places = [0.0], [np.zeros(3)]
     while times[-1] < 1e-3 * steps:
-        times += [times[-1] + random.uniform(0.05, 1.0), times[-1] + random.uniform(1.0, 1.3)]
+        times += [times[-1] + random.uniform(*lasting_s), times[-1] + lasting_s[1] * random.uniform(1.0, 1.3)]
         places += [random.uniform(-1.0, 1.0, 3) * reach] * 2
     out, value, rate = np.empty((steps, 3)), np.empty(3), np.empty(3)
     table = np.array(places)

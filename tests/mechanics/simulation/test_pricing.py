@@ -47,7 +47,7 @@ class PriceJudge:
         points = np.einsum("kc,kci->ki", pairs.target_weights[on_wall], corners[pairs.target[on_wall]])
         if not self._simulation.contacts.has_room:
             return found
-        assert found == pairs.count
+        assert found >= pairs.count  # rows that were wrong about where they end are corrected as well
         self.found, self.prices = self.found + found, self.prices + 1
         deep = self._too_deep(ends, thickness_m, corners, tolerance_m - SLACK_M)
         assert set(written) <= set(deep), "what is no deeper than the tolerance is a violation"

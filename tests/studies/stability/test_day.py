@@ -41,6 +41,7 @@ DAY = {
     "tool_on_wall": "1 ms, number 0",
     "undamped": "wall, Newmark",
     "theory": "central difference at 1.02 T/pi",
+    "drawn": "number 1",
     "random_play": "piece 0",
 }
 

@@ -2,7 +2,8 @@
 
 A step gains energy where its contact forces differ from those of the last step, which its stiffening force was computed
 with. Where nothing touches the wall any more, the step is repeated with the force at its end, which gains nothing. A
-wall in contact must not move under contact forces that are already solved; there the energy comes out of the rates.
+wall in contact must not move under contact forces that are already solved, nor any wall into a body that is near: the
+step is priced. There the energy comes out of the rates.
 """
 
 from __future__ import annotations
@@ -41,6 +42,9 @@ class KickedModes(Protocol):
     def position_gain(self) -> FloatArray:
         """(r,) displacement at the end of the step per unit of kick."""
 
+    def furthest_m(self, change: FloatArray) -> float:
+        """Return how far a change (r,) of the coordinates moves a point of the wall."""
+
     def change_kick(self, change: FloatArray) -> None:
         """Let the step end as if the kick had been another."""
 
@@ -48,18 +52,21 @@ class KickedModes(Protocol):
         """Take energy out of the rates, and return how much they held."""
 
 
-def settle_step(wall: HyperelasticWall, force: FloatArray, modes: KickedModes) -> None:
+def settle_step(wall: HyperelasticWall, force: FloatArray, modes: KickedModes, free_m: float) -> None:
     """Balance the energy of the step; correct it where it gained more than the tank holds.
 
-    A correction replaces ``force`` (r,), the kick of the step, in place. Energy that the rates do not hold stays in the
+    A correction replaces ``force`` (r,), the kick of the step, in place; all of them move the wall by at most
+    ``free_m``. Energy that the rates do not hold stays in the
     tank as a debt.
     """
     energy_j, lost_j = energy_and_loss(wall.address, force, modes.q_start, modes.state.q)
     tank_j = wall.books[TANK]
     if tank_j + lost_j < -CREDIT_J:
         for _ in range(CORRECTIONS):
-            if tank_j + lost_j >= -CREDIT_J or not _correct(wall, force, modes, -lost_j):
+            moved_m = 0.0 if tank_j + lost_j >= -CREDIT_J else _correct(wall, force, modes, (-lost_j, free_m))
+            if moved_m == 0.0:
                 break
+            free_m -= moved_m
             energy_j, lost_j = energy_and_loss(wall.address, force, modes.q_start, modes.state.q)
         if tank_j + lost_j < -CREDIT_J:
             lost_j += modes.remove_energy(-tank_j - lost_j)
@@ -67,15 +74,22 @@ def settle_step(wall: HyperelasticWall, force: FloatArray, modes: KickedModes) -
     wall.books[TANK] = min(tank_j + lost_j, TANK_SHARE * energy_j)
 
 
-def _correct(wall: HyperelasticWall, force: FloatArray, modes: KickedModes, gained_j: float) -> bool:
-    """Repeat the step with the force at its end; return False and change nothing where contacts do work on that."""
+def _correct(wall: HyperelasticWall, force: FloatArray, modes: KickedModes, most: tuple[float, float]) -> float:
+    """Repeat the step with the force at its end, or go towards it, and return how far that moves the wall in m.
+
+    ``most`` is (energy gained in J, motion in m). Where contacts do work on the motion, nothing is changed, and it is
+    0.
+    """
     begun, without = wall.pull.copy(), force.copy()
-    contacts = modes.contact_impulse
     stretch_force(wall.address, modes.state.q - modes.position_gain * force, 0.0 * force, without)
     change = without - force
-    if abs(contacts @ (modes.position_gain * change)) > LEAK * gained_j:
+    moved_m = modes.furthest_m(modes.position_gain * change)
+    if moved_m > most[1]:
+        change *= most[1] / moved_m
+        moved_m = most[1]
+    if moved_m == 0.0 or abs(modes.contact_impulse @ (modes.position_gain * change)) > LEAK * most[0]:
         wall.pull[:] = begun
-        return False
+        return 0.0
     modes.change_kick(change)
-    force[:] = without
-    return True
+    force += change
+    return moved_m

@@ -83,7 +83,7 @@ class Stepped:
     """Modes with the stiffening, stepped as in a simulation."""
 
     def __init__(self, basis, samples, damping=0.0, dt_s=1e-3, kind=Newmark):
-        self.dt_s, r = dt_s, basis.n_modes
+        self.dt_s, r, self.basis, self.free_m = dt_s, basis.n_modes, basis, np.inf
         self.state, self.omega = ModalState.at_rest(r), basis.omega_rad_s
         self.integrator = kind(basis.omega_rad_s, np.full(r, damping))
         self.damping = 2.0 * basis.omega_rad_s * damping
@@ -102,7 +102,10 @@ class Stepped:
         self.q_start = state.q.copy()
         apply_impulse(state.qdot, state.qddot, self.force + blow / self.dt_s, self.damping, self.dt_s)
         self.integrator.predict(state, load, self.dt_s)
-        settle_step(self.wall, self.force, self)
+        settle_step(self.wall, self.force, self, self.free_m)
+
+    def furthest_m(self, change):
+        return float(np.linalg.norm(self.basis.displacements(change), axis=1).max())
 
     def change_kick(self, change):
         for end, gain in zip((self.state.q, self.state.qdot, self.state.qddot), self.gains, strict=True):
