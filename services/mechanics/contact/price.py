@@ -1,8 +1,8 @@
 """Pricing of candidates (constraint generation): it finds those that need a row because they end the step too deep.
 
 The closest distances of all candidates are measured at the end of the solved step, less the overlap that squeezing jaws
-allow. A candidate that ends deeper than it began, or than zero, by more than a tolerance gets a row with its points at
-the end, and the solve continues. So the complementarity problem is solved with the rows that matter, and the others are
+allow. A candidate that ends deeper than a tolerance, at a place without a row, gets a row with its points at the end,
+and the solve continues. So the complementarity problem is solved with the rows that matter, and the others are
 known to be satisfied.
 """
 
@@ -34,10 +34,10 @@ from services.mechanics.contact.working_set import (
 from services.mechanics.contact.writer import n_free_rows
 
 #: Least cosine between the normals of a violation and of a row at the same points that covers it.
-_SAME_ROW = 0.999
+_SAME_ROW = 0.9
 #: Depth beyond which a piece has no reliable normal, as a fraction of its axis's distance from the wall in contact.
 UNRELIABLE_DEPTH = 0.5
-#: Fraction of the tolerance by which a row that begins too deep may end deeper.
+#: Fraction of the tolerance by which a tool that begins too deep in the catheter may end deeper.
 ALLOWED_GROWTH = 0.1
 #: Distance within which violations share a row, as a fraction of the axis's distance from the wall in contact.
 VIOLATION_SPACING = 0.1
@@ -106,17 +106,13 @@ def _find_violations(
         end = found.gap_m[i] + overlap_in_jaws(tools, p, found.s[i], normal)
         if end >= -tolerance_m:
             continue
-        d, s, _, before, _ = closest_pair(start, listed.clusters.triangles, (p, t))
+        before = closest_pair(start, listed.clusters.triangles, (p, t))[3]
         if found.gap_m[i] < -UNRELIABLE_DEPTH * listed.thickness[p] or dot(normal, before) < 0.0:
             # The axis is at or beyond the middle surface: the piece must stay on the side of the start.
             normal, ends = before, (listed.ends, listed.position)
             away = offset(ends, listed.clusters.triangles, (p, t), found.s[i], row(found.weight, i))
             end = dot(before, away) - listed.thickness[p]
             if end >= -tolerance_m:
-                continue
-        elif _has_pair_row(state.rows, p, t):
-            begun = d - listed.thickness[p] + overlap_in_jaws(tools, p, s, before)
-            if end >= begun - ALLOWED_GROWTH * tolerance_m:
                 continue
         put(out, (p, t), (end, found.s[i], row(found.weight, i), normal))
     return out.count
@@ -149,14 +145,6 @@ def _correct_rows(
                     for axis in range(3):
                         rows.slip_m[at, axis] += deeper * rows.frame[at, 0, axis]
     return covering, corrected
-
-
-@kernel
-def _has_pair_row(rows: ContactRows, p: int, t: int) -> bool:
-    n, identity = 0, pair_identity(*owner_of(p), DUCT_TRIANGLE, t)
-    for at in range(rows.n_contacts):
-        n += rows.identity[at] == identity
-    return n > 0
 
 
 @kernel

@@ -117,6 +117,7 @@ class Simulation:
             raise ValueError(f"dt_s must be at most {LONGEST_TICK_S:g} s, is {dt_s:g}")
         self._arguments.check(tools)
         self._healer.begin()
+        self.solver.products = 0
         self.cost_ns[:] = [0] * len(STAGE_NAMES)
         steps = steps_of(dt_s, self.rung.ticks_per_step * LONGEST_STEP_S)
         for _ in range(steps):
@@ -149,15 +150,15 @@ class Simulation:
     def _take_part(self, tools: ToolInputs, dt_s: float) -> bool:
         """Advance by a substep, again in halves if it is not accepted; return whether the state is sound.
 
-        Once one of the shortest has failed, contacts need not settle in the rest of the step: halves mend motion, not a
-        wall that is crushed until its contacts have no solution.
+        Once one of the shortest has failed, or the tick's budget is spent, contacts need not settle in the rest of the
+        step: halves mend motion, not a wall that is crushed until its contacts have no solution.
         """
         self.duct.change_step(dt_s)
         if self.watcher is not None:
             self.watcher.begin()
         self._start.save()
         is_accepted = self._move(tools, dt_s)
-        if not is_accepted and dt_s > SHORTEST_STEP_S:
+        if not is_accepted and dt_s > SHORTEST_STEP_S and not self.solver.is_spent:
             self._start.restore()
             return all(self._take_part(tools, dt_s / 2) for _ in range(2))
         self._must_settle &= is_accepted

@@ -16,6 +16,11 @@ from services.mechanics.world import World
 MAX_LINEARISATIONS = 4
 #: Candidates are priced at most this often in a step; remaining violations become rows of the next step.
 MAX_PRICINGS = 8
+#: Block products (3 x 3) of the solves of a tick after which it takes what it has: some 0.2 s. With a sixth of it,
+#: catheters sank into walls by 0.5 to 1.1 mm where forceps cross.
+MOST_PRODUCTS = 60_000_000
+#: Sweeps that cost as much as assembling the rows.
+ASSEMBLY_SWEEPS = 50
 
 
 class Pricing:
@@ -48,14 +53,18 @@ class Pricing:
         tolerance_m = tolerated_overlap_m(self._world.scene.duct.thickness_m, longer)
         return self._search.price(self._world.system, tolerance_m, self._pairs) > 0
 
-    def return_with_new_rows(self) -> None:
-        """Restore the bodies' state from before forces were applied, and append rows for the violations."""
+    def return_with_new_rows(self) -> bool:
+        """Restore the bodies' state from before forces were applied, append rows for violations that have none.
+
+        Return whether there were any.
+        """
         self._ends.restore()
         self._world.catheter.touched = self._touched
         rows = self._world.system.rows
         before = rows.n_contacts
         self._world.system.append_new_pairs(self._pairs)
         self.new_rows += rows.n_contacts - before
+        return rows.n_contacts > before
 
     def compile_kernels(self) -> None:
         """Compile the kernels of a pricing now: the first candidate may appear only after the loop has started."""
@@ -72,6 +81,7 @@ class StepSolver:
         tool_force: (n_tools, n_coordinates). Receives the generalised force on each tool.
 
     Attributes:
+        products: int. Block products that solves have taken since a caller set it to zero, assembly included.
         pricing: Pricing. It checks the candidates at the end of the step.
         tool_force: (n_tools, n_coordinates). Generalised force on each tool from the last solve.
     """
@@ -80,7 +90,12 @@ class StepSolver:
         self._world, self._system, self.tool_force = world, world.system, tool_force
         self.pricing = Pricing(world)
         self._stages: Mapping[str, tuple[Effect, ...]] = {}
-        self._iterations = 0
+        self._iterations = self.products = 0
+
+    @property
+    def is_spent(self) -> bool:
+        """Whether the solves of this tick have taken all the products that they may take."""
+        return self.products >= MOST_PRODUCTS
 
     def use(self, stages: Mapping[str, tuple[Effect, ...]], iterations: int) -> None:
         """Solve with these effects, by stage, in at most ``iterations`` sweeps."""
@@ -108,17 +123,18 @@ class StepSolver:
         """Solve for the forces and apply them; return whether no candidate ends too deep."""
         system, pricing = self._system, self.pricing
         if system.rows.n_contacts > 0:
-            system.solve(self._iterations, dt_s)
+            self._solve(dt_s)
         else:
             system.clear_forces()
         self._relinearise_and_apply(dt_s)
         for _ in range(MAX_PRICINGS):
             if not pricing.finds_violations():
                 return True
-            if not system.rows.has_room:  # the step is then repeated in halves
+            if self.is_spent or not system.rows.has_room:  # without room the step is repeated in halves
                 return False
-            pricing.return_with_new_rows()
-            self._solve_with_new_rows(dt_s)
+            if pricing.return_with_new_rows():
+                self._complete_new_rows(dt_s)
+            self._solve(dt_s)
             self._relinearise_and_apply(dt_s)
         return not pricing.finds_violations()
 
@@ -150,8 +166,12 @@ class StepSolver:
         self._system.relinearise(share)
         if self._system.rows.n_contacts:
             self._system.strategy.assemble()
-            self._system.solve(self._iterations, dt_s)
+            self._solve(dt_s)
         return self._system.nonlinear_error_j()
+
+    def _solve(self, dt_s: float) -> None:
+        self._system.solve(self._iterations, dt_s)
+        self.products += self._system.rows.n_contacts**2 * (self._system.sweeps + ASSEMBLY_SWEEPS)
 
     def _relinearise_and_apply(self, dt_s: float) -> None:
         """Linearise the catheter's step again if necessary, save the bodies' state, and apply the forces to them."""
@@ -160,10 +180,9 @@ class StepSolver:
         self._world.squeeze.write_reactions()
         self._system.apply(self.tool_force)
 
-    def _solve_with_new_rows(self, dt_s: float) -> None:
+    def _complete_new_rows(self, dt_s: float) -> None:
         act(self._stages, "add_motion", self._world, dt_s)
         old_friction = self._system.old_friction().copy()
         act(self._stages, "set_friction", self._world, dt_s)
         self._system.old_friction()[:] = old_friction  # which changes only in the rows appended last
         self._system.strategy.assemble()
-        self._system.solve(self._iterations, dt_s)

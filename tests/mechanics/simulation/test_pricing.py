@@ -14,7 +14,7 @@ from services.mechanics.contact.price import MAX_NEW_ROWS, VIOLATION_SPACING, pi
 from services.mechanics.contact.working_set import N_TOOL_PIECES
 from services.mechanics.scene import QualityLevel
 from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
+from services.mechanics.simulation import Simulation, step_solver
 from services.mechanics.simulation.scene_duct import build_scene_duct
 from studies.judge.closest import point_triangle, segment_triangle
 from studies.judge.overlaps import OverlapJudge
@@ -216,6 +216,24 @@ def test_a_row_that_was_too_deep_ends_no_deeper_than_it_began(small_scene, ducts
         simulation.step(tools)
     assert judge.kept > 10
     assert judge.deepening < 0.5
+
+
+def test_a_tick_whose_solves_have_taken_their_budget_takes_what_it_has(small_scene, ducts, monkeypatch):
+    """Parts, prices and linearisations multiply: where forceps crossed, a tick took 200 solves and 2.9 s."""
+    simulation, tools, solves = Simulation(small_scene, ducts(1e-3)), ToolInputs(), []
+    for tick in range(40):
+        tools.position_m[:] = (20e-3, 0.0, 21.5e-3 - 0.1e-3 * tick), (30e-3, 3e-3, 21.5e-3 - 0.1e-3 * tick)
+        simulation.step(tools)
+    assert simulation.contacts.n_contacts > 0
+    system, solver = simulation.system, simulation.solver
+    solve = system.solve
+    monkeypatch.setattr(system, "solve", lambda *effort: solves.append(solve(*effort)))
+    monkeypatch.setattr(solver.pricing, "finds_violations", lambda: True)  # no price ever ends
+    for budget, fewest, most in ((10**12, 50, 600), (1, 1, 2), (10 * solver.products, 5, 12)):
+        monkeypatch.setattr(step_solver, "MOST_PRODUCTS", budget)
+        solves.clear()
+        simulation.step(tools)
+        assert fewest <= len(solves) <= most
 
 
 @pytest.fixture(scope="module")
