@@ -69,8 +69,5 @@ def compile_for_physics(scene: SceneModel, duct: ReducedDuct) -> None:
     simulation.write_report()
     simulation.catheter.predict(1e-3)
     simulation.compile_rare_kernels()
-    if simulation.catheter.plain_integrator is not None:
-        simulation.catheter.store_linearisation()
-        simulation.catheter.relinearise(0.0)
     _ = simulation.inserted_length_m
     simulation.solver.pricing.compile_kernels()

@@ -63,7 +63,7 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
         for level in range(len(scene.quality)):
             simulation.set_quality(level)
             simulation.step(tools)
-        simulation.solver.compile_kernels()
+        simulation.solver.pricing.compile_kernels()
         simulation.compile_rare_kernels()
         ContactsReader(simulation).compile_kernels()
         Outputs(simulation, "").state(0, tool_table(()))
@@ -76,7 +76,7 @@ def answer_contacts(scene: SceneModel, duct: ReducedDuct) -> None:
     still = Simulation(scene, duct, _FixedContactSearch())
     still.catheter.integrator, still.catheter.plain_integrator = _RigidRod(still.catheter.properties), None
     _touch_everything(still)
-    still.solver.compile_kernels()
+    still.solver.pricing.compile_kernels()
 
 
 def _touch_everything(simulation: Simulation) -> ToolInputs:

@@ -13,7 +13,6 @@ import pytest
 
 from services.cache_directory import cache_directory
 from services.haptics.warm_up import compile_for_physics
-from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.collision.pairs import DUCT_TRIANGLE
 from services.mechanics.compiled import KERNELS
 from services.mechanics.effects import EFFECTS, go_together
@@ -120,19 +119,6 @@ def _physics() -> None:
     print(json.dumps(sorted(_signatures() - before)))
 
 
-def _count_plans() -> list[float]:
-    """Return a list to which every plan of a catheter that is made again adds its share."""
-    plans: list[float] = []
-    relinearise = CatheterBody.relinearise
-
-    def counted(self: CatheterBody, share: float) -> None:
-        plans.append(share)
-        relinearise(self, share)
-
-    CatheterBody.relinearise = counted  # type: ignore[method-assign]
-    return plans
-
-
 def _later() -> None:
     """Print what strokes across duct and catheter, with a hold on the wall, compile after the warm-up."""
     scene = load_scene(SMALL, [])
@@ -140,7 +126,7 @@ def _later() -> None:
     warm_up_contact(scene)
     warm_up(scene, duct)
     before = _signatures()
-    simulation, tools, plans = Simulation(scene, duct), ToolInputs(), _count_plans()
+    simulation, tools = Simulation(scene, duct), ToolInputs()
     particles_m = simulation.catheter.state.position_m
     beside_m = particles_m[len(particles_m) // 2].copy()
     for tick in range(400):
@@ -151,7 +137,6 @@ def _later() -> None:
         tools.holds = [GraspHold(1, 1, DUCT_TRIANGLE, 10, np.array([0.5, 0.3, 0.2]), 1.0, 0.2)] if is_held else []
         simulation.step(tools)
     assert simulation.solver.pricing.new_rows
-    assert plans
     compiled = sorted(_signatures() - before)
     closures = [each.py_func.__qualname__ for each in KERNELS if "<locals>" in each.py_func.__qualname__]
     print(json.dumps({"compiled": compiled, "allocating": allocating(KERNELS), "closures": closures}))

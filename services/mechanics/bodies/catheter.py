@@ -122,24 +122,10 @@ class CatheterBody:
         self.slept = begin_step(step.address, state.position_m, state.velocity_m_s, may_sleep)
         if self.slept:
             return
-        step.start_slow[:] = 0.0 if state.slow_velocity_m_s is None else state.slow_velocity_m_s
         integrator.predict(state, step.load if self._acts_in_next_step or is_touched else step.external, dt_s)
-        step.linearised_end[:] = state.position_m
         if is_touched and not self._acts_in_next_step:
             integrator.correct(state, step.negated_contact)
         np.subtract(state.position_m, self.start_m, out=self.motion_m)
-
-    def store_linearisation(self) -> None:
-        """Make the linearisation that was judged last the base of further ones."""
-        self._step.base[:] = self._step.contact if self._was_touched else 0.0
-        self._step.solved_from_base[:] = self._step.solved
-
-    def relinearise(self, share: float) -> None:
-        """Linearise again with the contact forces of the base (0), those solved from it (1), or a blend."""
-        rod = self.plain_integrator
-        assert rod is not None
-        rod.relinearise(self.state, self.step_address, share)
-        self._was_touched = True
 
     def is_asleep(self) -> bool:
         """Whether the step can be skipped: nothing touches the catheter, its loads are unchanged, and it is at rest.

@@ -7,7 +7,7 @@ from typing import Annotated
 from services.mechanics.arrays import ByteArray, FloatArray, IntArray, LongArray
 from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
 from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.compiled.struct import Struct, reader
 from services.mechanics.compiled.vectors import Vector, combine, dot, row_of
 
 N_ROD_POINTS = 4  # two particles on each side, for the catheter touching itself
@@ -83,15 +83,3 @@ def in_world(rows: ContactRows, row: int, vector: Vector) -> Vector:
     """Return a vector along world axes, from its components along the axes of a row's frame."""
     frame = rows.frame
     return combine(vector, row_of(frame, row, 0), row_of(frame, row, 1), row_of(frame, row, 2))
-
-
-@kernel
-def add_rod_motion(address: Address[ContactRows], motion: FloatArray, sign: float) -> None:
-    """Add ``sign`` times the catheter's free motion (n, 3) to the slips of its rows."""
-    rows = rows_at(address)
-    for row in range(rows.n_contacts):
-        for point in range(N_ROD_POINTS):
-            weight = sign * rows.rod_weight[row, point]
-            if weight != 0.0:
-                for axis in range(3):
-                    rows.slip_m[row, axis] += weight * motion[rows.rod_node[row, point], axis]

@@ -18,7 +18,7 @@ from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.tool_loads import load_tools
 from services.mechanics.contact.warm_start import recall_forces, store_forces
 from services.mechanics.reduction.node_compliance import NodeArrays
-from services.mechanics.rod import contact_response, free_step
+from services.mechanics.rod import contact_response
 from services.mechanics.rod.contact_energy_gain import remove_energy_gain
 from services.mechanics.rod.free_step import FreeStep, step_at
 from services.mechanics.rod.implicit_kernels import Addresses, Motion
@@ -75,21 +75,6 @@ def write_results(rows: ContactRows, slides: BoolArray, force_n: FloatArray) -> 
     for row in range(rows.n_contacts):
         slides[row] = admissible.slides(rows, row)
         put_row(force_n, row, in_world(rows, row, vector(rows.force_n, row)))
-
-
-@kernel
-def nonlinear_error_j(
-    state_address: Address[ContactState], step: Address[FreeStep], rod: Addresses, flags: tuple[bool, float, bool]
-) -> float:
-    """Return the energy in J that the catheter's linearisation neglects, see `free_step.nonlinear_error_j`.
-
-    Forces are added linearly to a step that was linearised with those of the last one. When a bending force is released
-    suddenly, or a jaw catches a swinging catheter, that stretches the catheter.
-    """
-    state = state_at(state_address)
-    rows, k = state.rows, state.rows.n_contacts
-    spread_rod_forces(rows.rod_node[:k], rows.rod_weight[:k], state.force_n[:k], step_at(step).solved)
-    return float(free_step.nonlinear_error_j(step, rod, flags[0], flags[1:]))
 
 
 @kernel

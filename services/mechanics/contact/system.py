@@ -14,7 +14,6 @@ from services.mechanics.contact.implicit import ImplicitStrategy
 from services.mechanics.contact.pair_rows import append_pairs
 from services.mechanics.contact.passivity import START_UP_S
 from services.mechanics.contact.penalty import PenaltyStrategy
-from services.mechanics.contact.rows import add_rod_motion
 from services.mechanics.contact.state import ContactState, begin_rows
 from services.mechanics.contact.tool_loads import load_tools
 from services.mechanics.scene import ContactSettings
@@ -145,22 +144,6 @@ class ContactSystem:
     def solve(self, iterations: int, dt_s: float) -> None:
         """Find the contact forces in at most about ``iterations`` sweeps, see `ImplicitStrategy.solve`."""
         self.sweeps = self.strategy.solve(iterations, dt_s)
-
-    def nonlinear_error_j(self) -> float:
-        """Return the energy (J) that the catheter's linearisation neglects under the solved forces; 0 if small."""
-        catheter = self.bodies.catheter
-        rod, is_touched = catheter.plain_integrator, catheter.touched[0]
-        if rod is None or catheter.slept or not (is_touched or self.rows.n_contacts):
-            return 0.0
-        flags = is_touched, rod.velocity_gain_s, rod.is_factored
-        return float(stages.nonlinear_error_j(self.address, catheter.step_address, rod.addresses, flags))
-
-    def relinearise(self, share: float) -> None:
-        """Repeat the catheter's step as `CatheterBody.relinearise` does, and update the slips by its new motion."""
-        catheter = self.bodies.catheter
-        add_rod_motion(self.rows.address, catheter.motion_m, -1.0)
-        catheter.relinearise(share)
-        add_rod_motion(self.rows.address, catheter.motion_m, 1.0)
 
     def clear_forces(self) -> None:
         """Clear the memory of forces, because nothing touches."""

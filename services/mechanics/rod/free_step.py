@@ -8,15 +8,10 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.rod import contact_response, implicit_kernels
-from services.mechanics.rod.banded import solve_ldl
 from services.mechanics.rod.implicit_kernels import Addresses
-from services.mechanics.rod.model import model_at, work_at
-from services.mechanics.rod.step_energy import linearisation_error_j
 
 # Speed below which a particle is at rest: a tenth of a micrometre per second is neither visible nor felt.
 SLEEP_SPEED_M_S = 1e-7
-# Motion below which nonlinearity is negligible: a hundredth of a millimetre hardly rotates a segment.
-NEGLIGIBLE_MOTION_M = 1e-5
 # Values of `step_freely` other than the number of iterations.
 SLEPT, NOT_DEFINITE = -1, -2
 
@@ -33,11 +28,6 @@ class FreeStep(Struct):
     load: Annotated[FloatArray, "n", 3]  # sum of ``external`` and ``contact``
     negated_contact: Annotated[FloatArray, "n", 3]  # minus ``contact``, for the correction
     start_velocity: Annotated[FloatArray, "n", 3]
-    start_slow: Annotated[FloatArray, "n", 3]  # see `generalized_alpha`
-    linearised_end: Annotated[FloatArray, "n", 3]  # end of the step with the contact forces of the linearisation
-    solved: Annotated[FloatArray, "n", 3]  # contact forces of this step, before they are applied
-    base: Annotated[FloatArray, "n", 3]  # contact forces of the best linearisation
-    solved_from_base: Annotated[FloatArray, "n", 3]  # the contact forces solved with it
     owed_j: float = 0.0  # see `contact_energy_gain`
 
 
@@ -59,14 +49,12 @@ def step_freely(
     forces, and the correction subtracts them. Return the number of Newton iterations, 0 if a number was not finite,
     `SLEPT`, or `NOT_DEFINITE` if the matrix of the correction is not positive definite.
     """
-    own, (x, v, w), (is_touched, may_sleep) = step_at(address), motion, flags
+    own, (x, v, _), (is_touched, may_sleep) = step_at(address), motion, flags
     if _begin(own, x, v, may_sleep):
         return SLEPT
-    _copy(w, own.start_slow)
     taken: int = implicit_kernels.predict(rod, motion, own.load if is_touched else own.external, target, step)
     if taken == 0:
         return taken
-    _copy(x, own.linearised_end)
     if is_touched and not contact_response.correct(rod, (x, v), own.negated_contact, (step[0], False)):
         return NOT_DEFINITE
     _note_motion(own, x)
@@ -74,74 +62,10 @@ def step_freely(
 
 
 @kernel
-def _copy(source: FloatArray, out: FloatArray) -> None:
-    for i in range(source.shape[0]):
-        for axis in range(3):
-            out[i, axis] = source[i, axis]
-
-
-@kernel
 def _note_motion(step: FreeStep, position: FloatArray) -> None:
     for i in range(position.shape[0]):
         for axis in range(3):
             step.motion[i, axis] = position[i, axis] - step.start[i, axis]
-
-
-@kernel
-def nonlinear_error_j(address: Address[FreeStep], rod: Addresses, is_touched: bool, step: tuple[float, bool]) -> float:
-    """Return the energy in J that the linear correction neglects for the solved contact forces; 0.0 if negligible.
-
-    ``step`` is (dt, whether the matrix for contacts is factorised); it is factorised afterwards. If even free particles
-    would move by less than `NEGLIGIBLE_MOTION_M`, nothing is computed.
-    """
-    own, model, work = step_at(address), model_at(rod[0]), work_at(rod[1])
-    n, squared, lightest = own.start.shape[0], 0.0, model.mass[0]
-    for i in range(n):
-        lightest = min(lightest, model.mass[i])
-        for axis in range(3):
-            change = own.solved[i, axis] - (own.contact[i, axis] if is_touched else 0.0)
-            work.rhs[3 * i + axis] = 0.0 if model.is_held[i] else step[0] ** 2 * change
-            squared += change * change
-    if squared * step[0] ** 4 < (NEGLIGIBLE_MOTION_M * lightest) ** 2:
-        return 0.0
-    if not (step[1] or contact_response.factor_for_contacts(rod, step[0])):
-        return 0.0
-    work.rhs[3 * n :] = 0.0
-    solve_ldl(work.band, work.rhs)
-    return float(linearisation_error_j(model, own.linearised_end, work, step[0]))
-
-
-@kernel
-def relinearise(
-    address: Address[FreeStep],
-    rod: Addresses,
-    motion: implicit_kernels.Moving,
-    frame_force: FloatArray,
-    target: FloatArray,
-    step: tuple[float, float, int, float],
-) -> int:
-    """Repeat the step, linearised with contact forces between `base` (share 0) and `solved_from_base` (share 1).
-
-    Implicit Euler takes it, as it takes contacts: by the midpoint rule, held forces would throw back what they stop.
-    ``frame_force`` (n, 3) is the force of a material frame; ``step`` is (dt, spectral radius, most iterations, share).
-    Return values are those of `step_freely`.
-    """
-    own, (x, v, w) = step_at(address), motion
-    for i in range(x.shape[0]):
-        for axis in range(3):
-            x[i, axis], v[i, axis] = own.start[i, axis], own.start_velocity[i, axis]
-            w[i, axis] = own.start_slow[i, axis]
-            own.contact[i, axis] = own.base[i, axis] + step[3] * (own.solved_from_base[i, axis] - own.base[i, axis])
-            own.load[i, axis] = own.external[i, axis] + own.contact[i, axis] + frame_force[i, axis]
-            own.negated_contact[i, axis] = -own.contact[i, axis]
-    taken: int = implicit_kernels.predict(rod, motion, own.load, target, (step[0], step[1], step[2], True))
-    if taken == 0:
-        return taken
-    _copy(x, own.linearised_end)
-    if not contact_response.correct(rod, (x, v), own.negated_contact, (step[0], False)):
-        return NOT_DEFINITE
-    _note_motion(own, x)
-    return taken
 
 
 @kernel

@@ -10,7 +10,7 @@ from services.mechanics.rod import contact_response, implicit_kernels
 from services.mechanics.rod.banded import empty_columns
 from services.mechanics.rod.contact_energy_gain import remove_energy_gain_with_twist
 from services.mechanics.rod.frame_step import predict_with_frame
-from services.mechanics.rod.free_step import NOT_DEFINITE, SLEPT, FreeStep, relinearise, step_freely
+from services.mechanics.rod.free_step import NOT_DEFINITE, SLEPT, FreeStep, step_freely
 from services.mechanics.rod.model import RodModel, allocate_work, build_model
 from services.mechanics.rod.properties import RodProperties
 from services.mechanics.rod.state import RodState
@@ -118,18 +118,6 @@ class ImplicitIntegrator(StepGains):
         if taken == 0:
             raise FloatingPointError("the rod's state or a force on it is not finite")
         return False
-
-    def relinearise(self, state: RodState, address: Address[FreeStep], share: float) -> None:
-        """Repeat the step, linearised with other contact forces, see `free_step.relinearise`.
-
-        Raises FloatingPointError if the state or a force is not finite.
-        """
-        assert state.slow_velocity_m_s is not None
-        motion = (state.position_m, state.velocity_m_s, state.slow_velocity_m_s)
-        step = (self._dt_s, self.spectral_radius, self.max_iterations, share)
-        taken = relinearise(address, self.addresses, motion, self._frame_step[5], self.held_target_m, step)
-        self.iterations += max(taken, 0)
-        self.note_factors(taken not in (0, NOT_DEFINITE))
 
     def solve(self, force_n: FloatArray, out: FloatArray) -> None:
         """Fill ``out`` (n, 3, m) with the end-of-step position changes of ``force_n`` (n, 3, m), m right-hand sides."""

@@ -8,9 +8,9 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.vectors import Vector, dot, subtract
+from services.mechanics.compiled.vectors import dot
 from services.mechanics.rod.elasticity import bending_angle
-from services.mechanics.rod.introducer_forces import introducer_energy, introducer_excess
+from services.mechanics.rod.introducer_forces import introducer_energy
 from services.mechanics.rod.model import RodModel, RodWork
 
 # Motions in a step below which its energy is not checked, in segment lengths (or radians): relative motion of a
@@ -111,32 +111,3 @@ def _slides_back(model: RodModel, v: FloatArray, dv: FloatArray) -> bool:
         before += v[0, c] * model.introducer.axis[c]
         change += dv[0, c] * model.introducer.axis[c]
     return bool(before * (before + change) < 0.0)
-
-
-@inlined_kernel
-def linearisation_error_j(model: RodModel, x: FloatArray, work: RodWork, dt_s: float) -> float:
-    """Return the energy [J] that a linear correction of a rod at ``x`` (n, 3) neglects; 0.0 if it is negligible.
-
-    The solution in ``work`` is the correction. The energy of stretch is that of the error in the segments' lengths: a
-    force that drops within a step moves the rod along its tangents, and this stretch returns as motion. The energy of
-    the introducer is the error in its springs' energy: a rod that is sharply bent at its edge is moved along the
-    direction before the step. Negligible is less than a thousandth of the kinetic energy of the correction plus the
-    energy of a small strain of one segment.
-    """
-    error_j, kinetic, moved = 0.0, 0.0, work.rhs
-    for j in range(x.shape[0]):
-        for c in range(3):
-            kinetic += 0.5 * model.mass[j] * (moved[3 * j + c] / dt_s) ** 2
-    for j in range(x.shape[0] - 1):
-        edge: Vector = (x[j + 1, 0] - x[j, 0], x[j + 1, 1] - x[j, 1], x[j + 1, 2] - x[j, 2])
-        way: Vector = subtract(
-            (moved[3 * j + 3], moved[3 * j + 4], moved[3 * j + 5]), (moved[3 * j], moved[3 * j + 1], moved[3 * j + 2])
-        )
-        length = math.sqrt(dot(edge, edge))
-        end = math.sqrt(length * length + 2.0 * dot(edge, way) + dot(way, way))
-        error = end - length - dot(edge, way) / length
-        error_j += 0.5 * model.EA[j] / model.rest_length[j] * error * error
-    if model.introducer.is_there:
-        error_j += max(introducer_excess(model, work, x, 1.0), 0.0)
-    least = 0.5 * model.EA[0] * model.rest_length[0] * _STRAIN**2
-    return error_j if error_j > _STRETCH * kinetic + least else 0.0

@@ -1,4 +1,4 @@
-"""Solves for the contact forces of a step, again if they bend the rod off its linearisation or overlaps remain."""
+"""Solves for the contact forces of a step, again while overlaps remain."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from services.mechanics.effects import Effect, act
 from services.mechanics.simulation.step_splitting import LONGEST_STEP_S
 from services.mechanics.world import World
 
-# The catheter's step is linearised again at most this often, with the contact forces of the last linearisation.
-MAX_LINEARISATIONS = 4
 #: Candidates are priced at most this often in a step; remaining violations become rows of the next step.
 MAX_PRICINGS = 8
 #: Block products (3 x 3) of the solves of a tick after which it takes what it has: some 0.2 s. With a sixth of it,
@@ -108,17 +106,6 @@ class StepSolver:
         act(self._stages, "set_friction", self._world, dt_s)
         self._system.strategy.assemble()
 
-    def compile_kernels(self) -> None:
-        """Compile the kernels that steps rarely use: relinearisation, and rows of candidates that end too deep.
-
-        A loop may need them only after it has started. The world must have taken steps with contacts.
-        """
-        catheter = self._world.catheter
-        if catheter.plain_integrator is not None:
-            catheter.store_linearisation()
-            self._try_linearisation(0.0, self._world.duct.dt_s)
-        self.pricing.compile_kernels()
-
     def solve(self, dt_s: float) -> bool:
         """Solve for the forces and apply them; return whether no candidate ends too deep."""
         system, pricing = self._system, self.pricing
@@ -126,7 +113,7 @@ class StepSolver:
             self._solve(dt_s)
         else:
             system.clear_forces()
-        self._relinearise_and_apply(dt_s)
+        self._apply()
         for _ in range(MAX_PRICINGS):
             if not pricing.finds_violations():
                 return True
@@ -135,48 +122,16 @@ class StepSolver:
             if pricing.return_with_new_rows():
                 self._complete_new_rows(dt_s)
             self._solve(dt_s)
-            self._relinearise_and_apply(dt_s)
+            self._apply()
         return not pricing.finds_violations()
-
-    def _relinearise(self, dt_s: float) -> None:
-        """Linearise the catheter's step again and solve again, while the forces bend it far from its linearisation.
-
-        A linearisation with the forces of the last solution need not be better: with a buckling catheter they may
-        alternate. So it is accepted only if it is better; otherwise a step half as long is tried (line search).
-        """
-        best_j = self._system.nonlinear_error_j()
-        if best_j == 0.0:
-            return
-        catheter = self._world.catheter
-        catheter.store_linearisation()
-        share = 1.0
-        for _ in range(MAX_LINEARISATIONS):
-            error_j = self._try_linearisation(share, dt_s)
-            if error_j == 0.0:
-                return
-            if error_j < best_j:
-                catheter.store_linearisation()
-                best_j, share = error_j, 1.0
-            else:
-                share *= 0.5
-        if share < 1.0:
-            self._try_linearisation(0.0, dt_s)
-
-    def _try_linearisation(self, share: float, dt_s: float) -> float:
-        self._system.relinearise(share)
-        if self._system.rows.n_contacts:
-            self._system.strategy.assemble()
-            self._solve(dt_s)
-        return self._system.nonlinear_error_j()
 
     def _solve(self, dt_s: float) -> None:
         self._system.solve(self._iterations, dt_s)
         self.products += self._system.rows.n_contacts**2 * (self._system.sweeps + ASSEMBLY_SWEEPS)
 
-    def _relinearise_and_apply(self, dt_s: float) -> None:
-        """Linearise the catheter's step again if necessary, save the bodies' state, and apply the forces to them."""
-        self._relinearise(dt_s)
-        self.pricing.save()  # after it, because a relinearised catheter ends elsewhere without forces
+    def _apply(self) -> None:
+        """Save the bodies' state, and apply the forces to them."""
+        self.pricing.save()
         self._world.squeeze.write_reactions()
         self._system.apply(self.tool_force)
 
