@@ -89,6 +89,10 @@ class Effect:
         """Return how far particles at (n, 3) may move in a step without a contact that the effect would miss."""
         return math.inf
 
+    def longest_step_s(self) -> float:
+        """Return how long the next step may be for the effect to be stable."""
+        return math.inf
+
     def rest(self) -> None:
         """Begin to rest at a quality level without the effect; its stages are called until it `rests`."""
 

@@ -143,6 +143,22 @@ def test_a_wall_that_stiffens_rings_faster_the_further_it_swings(with_effects, s
     assert third_zero_ms(scene, duct, 8e-3) < 0.85 * linear
 
 
+def test_a_wall_that_stiffens_too_much_for_a_step_takes_shorter_ones(with_effects, small_duct):
+    """Bent by eight radii in steps of a millisecond, a duct gave out half of what hands had put in."""
+    simulation, tools = Simulation(with_effects(nonlinear_membrane={}), small_duct), ToolInputs()
+    tools.present[:] = False
+    duct, parts = simulation.duct, []
+    simulation.step(tools)
+    for bent_m in (1e-3, 32e-3):
+        q = np.zeros_like(duct.state.q)
+        q[2] = bent_m / np.abs(duct.reduced.basis.Phi[:, :, 2]).max()
+        for _ in range(30):
+            simulation.effects["nonlinear_membrane"]._follow_stiffest(q)
+        parts.append(simulation.splitter.parts(tools, 1e-3))
+    assert parts[0] == 1
+    assert parts[1] > 1
+
+
 def stored_in_wall_j(simulation):
     duct = simulation.duct
     elastic_j = duct.state.strain_energy_j(duct.reduced.basis.omega_rad_s)

@@ -7,7 +7,8 @@ condensation). The energy is von Karman's on that manifold,
 
     E = |e(Phi q) + e(Theta) + eta(Phi q) / 2|^2 / 2 + bending,
 
-a complete square: it is never negative, whatever the amplitude, so the polynomial cannot run away downhill.
+a complete square: it is never negative, whatever the amplitude, so the polynomial cannot run away downhill. That holds
+only if the linear strain has no more energy than the linear modes, which may be of a softer element.
 The quartic part is what a bent wall keeps after it has found its in-plane equilibrium, so nothing locks, and its
 tangent stays within what an explicit kick of 1 ms bears up to deflections of several radii.
 
@@ -24,6 +25,7 @@ import numpy as np
 from services.cache_directory import cache_directory
 from services.mechanics.arrays import FloatArray
 from services.mechanics.fem import ElementChoice, ShellModel
+from services.mechanics.fem.factorisation import factorise
 from services.mechanics.reduction import cache
 from services.mechanics.reduction.basis import ModalBasis
 from services.mechanics.reduction.build import Progress, ignore_progress
@@ -51,8 +53,10 @@ def relaxed_membrane_force(model: ShellModel, basis: ModalBasis, n_coordinates: 
         raise ValueError(f"{n_coordinates} nonlinear coordinates do not fit a basis of {basis.n_modes} modes")
     shapes = np.ascontiguousarray(basis.Phi[:, :, :n_coordinates])
     third, fourth = energy_tensors(Membrane.from_model(model), shapes)
-    relaxed = fourth - _relaxation_energy(model, shapes)
-    return CubicForce.from_energies(np.arange(n_coordinates, dtype=np.int32), third, relaxed)
+    held = _static_forces(model, shapes)
+    softer = _softened_strain(held, shapes, model, basis.omega_rad_s[:n_coordinates])
+    relaxed = fourth - _relaxation_energy(model, shapes, held)
+    return CubicForce.from_energies(np.arange(n_coordinates, dtype=np.int32), softer.T @ third, relaxed)
 
 
 def fetch_membrane_force(
@@ -75,20 +79,40 @@ def fetch_membrane_force(
         entry.describe(content_hash=basis.content_hash, n_coordinates=n_coordinates)
         progress("nonlinear membrane", 1.0)
 
-    name = f"membrane-{hash_content(basis.content_hash, recipe.key(), n_coordinates)}"
+    name = f"membrane-{hash_content(basis.content_hash, recipe.key(), n_coordinates, 'softened strain')}"
     entry = cache.fetch(cache_dir or cache_directory(), name, make)
     return CubicForce(entry.load("coordinates"), entry.load("quadratic"), entry.load("cubic"))
 
 
-def _relaxation_energy(model: ShellModel, shapes: FloatArray) -> FloatArray:
+def _static_forces(model: ShellModel, shapes: FloatArray) -> FloatArray:
+    """Return the loads (f, s) that hold the wall in the shape of each mode, its rotations free."""
+    x = np.stack([free_load(model, shapes[:, :, k]) for k in range(shapes.shape[2])], axis=1)
+    rotations = np.setdiff1d(np.arange(len(x)), model.free_translations)
+    rows = model.K_free[rotations]
+    x[rotations] = factorise(rows[:, rotations].tocsc()).solve(-np.asarray(rows @ x))
+    return np.asarray(model.K_free @ x)
+
+
+def _softened_strain(held: FloatArray, shapes: FloatArray, model: ShellModel, omega_rad_s: FloatArray) -> FloatArray:
+    """Return the map (s, s) of coordinates whose linear strain is no stiffer than the linear modes.
+
+    The element ``cst`` may be stiffer than that of the modes. With its strain the energy would be negative where a wall
+    is stretched far, so that strain is reduced, along the eigenvectors of one stiffness relative to the other, until
+    both agree. With modes of this model it is the identity.
+    """
+    displacements = np.stack([free_load(model, shapes[:, :, k]) for k in range(shapes.shape[2])], axis=1)
+    stiffer, vectors = np.linalg.eigh(displacements.T @ held / np.outer(omega_rad_s, omega_rad_s))
+    reduced: FloatArray = (vectors / np.sqrt(np.maximum(stiffer, 1.0))) @ vectors.T
+    return reduced * (omega_rad_s / omega_rad_s[:, None])
+
+
+def _relaxation_energy(model: ShellModel, shapes: FloatArray, held: FloatArray) -> FloatArray:
     """Return the energy (p, p) over pairs of modes that the wall sheds by moving in its plane.
 
-    Theta minimises b.Theta + Theta.K Theta / 2 with b the forces of the product stresses, and is kept
-    mass-orthogonal to the modes themselves by multipliers: their motion is in q already.
+    Theta minimises b.Theta + Theta.K Theta / 2 with b the forces of the product stresses. Multipliers keep it from
+    working against the static forces ``held`` (f, s) of the modes: their motion is in q already.
     """
     forces = _product_forces(model, shapes)
-    s = shapes.shape[2]
-    held = np.stack([free_load(model, model.mass_kg[:, None] * shapes[:, :, k]) for k in range(s)], axis=1)
     response, held_response = model.factor.solve(forces), model.factor.solve(held)
     excess = held.T @ response
     taken_back = excess.T @ np.linalg.solve(held.T @ held_response, excess)
