@@ -155,6 +155,11 @@ class Effect:
         """Set the contacts' coefficients of friction and the largest forces of holds."""
         raise NotImplementedError
 
+    @property
+    def is_settled(self) -> bool:
+        """Whether the step that was settled last may stand; if not, it is repeated in halves."""
+        return True
+
     def settle(self, world: World, dt_s: float) -> None:
         """Correct the end of the step when contact forces are known, before other effects act on it."""
         raise NotImplementedError

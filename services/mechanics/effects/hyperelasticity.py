@@ -10,9 +10,10 @@ from services.mechanics.arrays import AnyArray
 from services.mechanics.effects.base import Effect, recipe_of, require_positive
 from services.mechanics.reduction.build import Progress, ignore_progress
 from services.mechanics.reduction.hyperelastic.energy_sampling import StretchSamples, fetch_samples
-from services.mechanics.reduction.hyperelastic.energy_tank import settle_step
+from services.mechanics.reduction.hyperelastic.energy_tank import CREDIT_J, MOST_OWED, settle_step
 from services.mechanics.reduction.hyperelastic.hyperelastic_wall import (
     ENERGY,
+    TANK,
     HyperelasticWall,
     stretch_energy,
     stretch_force,
@@ -84,6 +85,12 @@ class Hyperelasticity(Effect):
         if self._wall.faded[0] != self._to_fade:
             self._wall.fade(self._to_fade, dt_s)
             self._wall.books[ENERGY] = self.potential_energy_j(world)
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether the step owes no more energy than `MOST_OWED` of what is stored."""
+        books = self._wall.books
+        return bool(books[TANK] >= -CREDIT_J - MOST_OWED * books[ENERGY])
 
     def rest(self) -> None:
         """Begin to fade the stiffening out."""

@@ -170,7 +170,7 @@ class Simulation:
         return self._healer.watch()
 
     def _move(self, tools: ToolInputs, dt_s: float) -> bool:
-        """Move everything by a substep; return whether it ends without overlap, and nothing outran detection."""
+        """Move everything by a substep; return whether it ends without overlap or debt, and none outran detection."""
         marks = self._marks_ns
         marks[0] = perf_counter_ns()
         begin_loads(self.duct.motion_address, self.catheter.step_address)
@@ -190,10 +190,12 @@ class Simulation:
         if self.system.rows.n_contacts > 0:
             self.solver.prepare(dt_s)
         marks[4] = perf_counter_ns()
-        is_settled = self.solver.solve(dt_s) or not self._must_settle
+        is_settled = self.solver.solve(dt_s)
+        act(self._stages, "settle", self.world, dt_s)
+        is_settled &= all(effect.is_settled for effect in self._stages["settle"])
         marks[5] = perf_counter_ns()
         self.cost_ns[:5] = map(add, self.cost_ns, map(sub, marks[1:], marks))
-        return is_settled and self.splitter.is_detected()
+        return (is_settled or not self._must_settle) and self.splitter.is_detected()
 
     def _heal(self) -> None:
         """Restore the last sound state; no force acts on a tool in this tick."""
@@ -319,7 +321,6 @@ class Simulation:
         if self.wire_drive is not None:
             self.wire_drive.give(self._tool_force)
         self.squeeze.update(dt_s)
-        act(self._stages, "settle", self.world, dt_s)
         act(self._stages, "after_solve", self.world, dt_s)
         self.cost_ns[-2] += perf_counter_ns() - start_ns
 

@@ -24,6 +24,8 @@ TANK_SHARE = 0.1
 """Largest content of the tank over the stored energy; what steps lose beyond it is dissipated."""
 CREDIT_J = 1e-9
 """Debt that the tank may have: the work of 1 mN over 1 um."""
+MOST_OWED = 0.01
+"""Largest debt of a step over the stored energy; with a larger one the step is too long."""
 CORRECTIONS = 8
 """Fixed-point iterations towards the force at the end of the step; each is one call of `stretch_force`."""
 LEAK = 0.01
