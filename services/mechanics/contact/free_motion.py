@@ -59,7 +59,7 @@ def free_motion(rows: ContactRows, recovery: float, dt_s: float, out: FloatArray
     """Write the free motion u_free, in the contacts' frames, into ``out`` (3 k,), in m.
 
     Along the tangents it is the slip plus the elastic slip at the start. Along the normal, if the law has a gap, it is
-    the gap at the end of the step, with `effective_gap` for the gap at the start.
+    the gap at the end of the step, with `effective_gap` and the row's correction for the gap at the start.
     """
     for row in range(rows.n_contacts):
         slip = in_frame(rows, row, vector(rows.slip_m, row))
@@ -68,5 +68,7 @@ def free_motion(rows: ContactRows, recovery: float, dt_s: float, out: FloatArray
             for k in range(3 if axis > 0 else 0):
                 total += rows.frame[row, axis, k] * rows.elastic_m[row, k]
             out[3 * row + axis] = total
-        rows.effective_gap_m[row] = effective_gap(rows, row, recovery, dt_s) if HAS_GAP[rows.law[row]] else 0.0
+        rows.effective_gap_m[row] = 0.0
+        if HAS_GAP[rows.law[row]]:
+            rows.effective_gap_m[row] = effective_gap(rows, row, recovery, dt_s) + rows.correction_m[row]
         out[3 * row] += rows.effective_gap_m[row]

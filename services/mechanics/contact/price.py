@@ -125,7 +125,7 @@ def _correct_rows(
     """Return how many rows cover a violation, and how many of them have been corrected.
 
     A row covers it that has the same points, on any triangle, and the same normal. It is linear in the motion of the
-    bodies: what the step ends deeper than the row predicts is added to its free motion (second-order correction of
+    bodies: what the step ends deeper than the row predicts is added to its gap (second-order correction of
     constraints, Nocedal and Wright, "Numerical Optimization", 18.3).
     """
     p, t, rows, motion = found.piece[i], found.triangle[i], state.rows, state.problem.motion
@@ -137,13 +137,11 @@ def _correct_rows(
             known = place_at_rest(working.rest, rows.duct_node, at, row(rows.duct_weight, at))
             if squared_distance(place, known) < near * near:
                 covering += 1
-                begun = rows.gap_m[at] + rows.rest_offset_m[at] - rows.effective_gap_m[at]
-                deeper = found.gap_m[i] - (begun + motion[3 * at])
+                begun = rows.gap_m[at] + rows.rest_offset_m[at] + rows.correction_m[at]
+                deeper = found.gap_m[i] - (begun + motion[3 * at] - rows.effective_gap_m[at])
                 if deeper < -IMPLIED_M:
                     corrected += 1
-                    motion[3 * at] += deeper
-                    for axis in range(3):
-                        rows.slip_m[at, axis] += deeper * rows.frame[at, 0, axis]
+                    rows.correction_m[at] += deeper
     return covering, corrected
 
 

@@ -27,6 +27,7 @@ class ContactRows(Struct):
     point_m: Annotated[FloatArray, "c", 3]  # of the first body, on which the force acts
     gap_m: Annotated[FloatArray, "c"]  # distance of the surfaces at the start of the step
     rest_offset_m: Annotated[FloatArray, "c"]  # overlap up to which there is no force
+    correction_m: Annotated[FloatArray, "c"]  # what the step ends deeper than linear motion predicts, see `price`
     effective_gap_m: Annotated[FloatArray, "c"]  # that the laws constrain: the gap, or the recovered part of an overlap
     slip_m: Annotated[FloatArray, "c", 3]  # relative motion over the step without contact forces, along world axes
     elastic_m: Annotated[FloatArray, "c", 3]  # elastic slip at its start, along world axes, see `store_anchors`
