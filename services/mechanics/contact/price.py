@@ -52,7 +52,9 @@ Found = tuple[Candidates, Candidates]
 def write_violations(
     given: tuple[CandidateList, Found, WorkingSet, ContactState], start: Where, tolerance_m: float, pairs: ContactPairs
 ) -> int:
-    """Write only pairs of the candidates that end too deep, the deepest at each place, and return their number.
+    """Write only pairs of the candidates that end too deep, the deepest at each place, and correct rows at such places.
+
+    Return the number of both.
 
     Candidates have been measured at the end of the step; ``start`` is its start. If there is no room for a row, return
     the number of violations.

@@ -58,8 +58,7 @@ def settle_step(wall: HyperelasticWall, force: FloatArray, modes: KickedModes, f
     """Balance the energy of the step; correct it where it gained more than the tank holds.
 
     A correction replaces ``force`` (r,), the kick of the step, in place; all of them move the wall by at most
-    ``free_m``. Energy that the rates do not hold stays in the
-    tank as a debt.
+    ``free_m``. Energy that the rates do not hold stays in the tank as a debt.
     """
     energy_j, lost_j = energy_and_loss(wall.address, force, modes.q_start, modes.state.q)
     tank_j = wall.books[TANK]
