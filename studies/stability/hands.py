@@ -110,6 +110,10 @@ def junction(forceps: ToolScene, grip_point_m: tuple[float, float, float], grip_
 def least_jerk(distance_m: float, direction: FloatArray, speed_m_s: float, dt_s: float = 1e-3) -> FloatArray:
     """Offsets (k, 3) of a motion of least jerk with this top speed, at least one step long."""
     steps = max(round(1.875 * distance_m / speed_m_s / dt_s), 1)
-    u = np.arange(1, steps + 1) / steps
-    way = distance_m * u**3 * (10.0 + u * (6.0 * u - 15.0))
-    return np.outer(way, direction)
+    return np.outer(eased(distance_m, np.arange(1, steps + 1) / steps), direction)
+
+
+def eased(distance: float, part: FloatArray) -> FloatArray:
+    """Return how far along a way of least jerk one is at parts (k,) of its time."""
+    way: FloatArray = distance * part**3 * (10.0 + part * (6.0 * part - 15.0))
+    return way

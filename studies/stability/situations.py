@@ -9,7 +9,7 @@ import numpy as np
 
 from services.mechanics.scenarios import insertion_scene
 from services.mechanics.scene import CatheterScene, SceneModel
-from studies.stability.hands import HandMotions, junction, still
+from studies.stability.hands import HandMotions, eased, junction, still
 
 LEAD_STEPS = 250
 """Steps of 1 ms in which jaws close and everything comes to rest, before anything hard happens."""
@@ -84,8 +84,7 @@ def _closing(scene: SceneModel, wide: tuple[float, float], shut: tuple[float, fl
     left, right = scene.forceps
     points = np.array([junction(left, GRIP_M, 10e-3), junction(right, STEADY_M, 12e-3)])
     hands = still(points, wide, LEAD_STEPS)
-    part = np.clip((np.arange(LEAD_STEPS) - 10) / 120.0, 0.0, 1.0)
-    part = part**3 * (10.0 + part * (6.0 * part - 15.0))
+    part = eased(1.0, np.clip((np.arange(LEAD_STEPS) - 10) / 120.0, 0.0, 1.0))
     for tool in range(2):
         hands = hands.with_jaws(tool, wide[tool] + (shut[tool] - wide[tool]) * part, 0)
     return hands

@@ -25,6 +25,7 @@ from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.state import ContactState
 from services.mechanics.contact.working_set import (
     IMPLIED_M,
+    SAME_NORMAL,
     WorkingSet,
     enter,
     has_chosen_near,
@@ -33,8 +34,6 @@ from services.mechanics.contact.working_set import (
 )
 from services.mechanics.contact.writer import n_free_rows
 
-#: Least cosine between the normals of a violation and of a row at the same points that covers it.
-_SAME_ROW = 0.9
 #: Depth beyond which a piece has no reliable normal, as a fraction of its axis's distance from the wall in contact.
 UNRELIABLE_DEPTH = 0.5
 #: Fraction of the tolerance by which a tool that begins too deep in the catheter may end deeper.
@@ -126,8 +125,8 @@ def _correct_rows(
 ) -> tuple[int, int]:
     """Return how many rows cover a violation, and how many of them have been corrected.
 
-    A row covers it that has the same points, on any triangle, and the same normal. It is linear in the motion of the
-    bodies: what the step ends deeper than the row predicts is added to its gap (second-order correction of
+    A row covers it that has the same points, on any triangle, and nearly the same normal. It is linear in the motion of
+    the bodies: what the step ends deeper than the row predicts is added to its gap (second-order correction of
     constraints, Nocedal and Wright, "Numerical Optimization", 18.3).
     """
     p, t, rows, motion = found.piece[i], found.triangle[i], state.rows, state.problem.motion
@@ -135,7 +134,7 @@ def _correct_rows(
     normal = jaw_surface(state.geometry.tools, p, found.s[i], row(found.normal, i))[3]
     near, place, covering, corrected = SAME_POINT * listed.thickness[p], row(working.at_rest, i), 0, 0
     for at in range(rows.n_contacts):
-        if without_target(rows.identity[at]) == identity and dot(row(rows.frame[at], 0), normal) > _SAME_ROW:
+        if without_target(rows.identity[at]) == identity and dot(row(rows.frame[at], 0), normal) > SAME_NORMAL:
             known = place_at_rest(working.rest, rows.duct_node, at, row(rows.duct_weight, at))
             if squared_distance(place, known) < near * near:
                 covering += 1
@@ -218,7 +217,7 @@ def _has_capsule_row(rows: ContactRows, i: int, j: int, t: float, normal: Vector
     identity = pair_identity(i // 3, i % 3, -1, CATHETER_SEGMENT, j)
     for at in range(rows.n_contacts):
         is_there = rows.identity[at] == identity and abs(rows.rod_weight[at, 3] + t) < SAME_POINT
-        if is_there and dot(row_of(rows.frame, at, 0), normal) > _SAME_ROW:
+        if is_there and dot(row_of(rows.frame, at, 0), normal) > SAME_NORMAL:
             return True
     return False
 

@@ -22,7 +22,7 @@ from services.mechanics.compiled.struct import Struct
 from services.mechanics.compiled.vectors import Vector, combine, dot, put_row, row, squared_distance
 from services.mechanics.contact.clearance import overlap_in_jaws, piece_can_touch
 
-#: Smallest cosine between the normals of duplicates, 26 degrees.
+#: Smallest cosine between the normals of duplicates, and of a row and what it covers, 26 degrees.
 SAME_NORMAL = 0.9
 #: On thin walls tolerances are at most this fraction of the thickness: four of them leave half of it.
 SHARE_OF_WALL = 0.125

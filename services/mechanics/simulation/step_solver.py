@@ -17,7 +17,7 @@ MAX_PRICINGS = 8
 #: Block products (3 x 3) of the solves of a tick after which it takes what it has: some 0.2 s. With a sixth of it,
 #: catheters sank into walls by 0.5 to 1.1 mm where forceps cross.
 MOST_PRODUCTS = 60_000_000
-#: Sweeps that cost as much as assembling the rows.
+#: Sweeps that cost as much as assembling the rows: half a block product for each of 100 modes.
 ASSEMBLY_SWEEPS = 50
 
 

@@ -20,7 +20,7 @@ from services.mechanics.scene import SceneModel
 from studies.stability.drive import Play
 from studies.stability.families.random_play import wander
 from studies.stability.family import Case, Draw, played
-from studies.stability.hands import HandMotions, junction, still
+from studies.stability.hands import HandMotions, eased, junction, still
 from studies.stability.situations import LEAD_STEPS, threaded, with_catheter, with_duct
 
 COUNT = 200
@@ -106,4 +106,4 @@ def _hands(scene: SceneModel, random: np.random.Generator) -> HandMotions:
 def _descent(above_m: float) -> FloatArray:
     """Offsets (STEPS, 3) down to the duct's axis within a third of the time."""
     part = np.minimum(np.arange(1, STEPS + 1) / (STEPS / 3), 1.0)
-    return np.outer(above_m * part**3 * (10.0 + part * (6.0 * part - 15.0)), (0.0, 0.0, -1.0))
+    return np.outer(eased(above_m, part), (0.0, 0.0, -1.0))

@@ -40,6 +40,7 @@ class PriceJudge:
         return is_accepted
 
     def _look(self, system, tolerance_m, pairs):
+        before_m = system.rows.correction_m.copy()
         found, self._missed = self._price(system, tolerance_m, pairs), []
         ends, thickness_m, corners = self._drawn()
         on_wall = np.flatnonzero(pairs.target_kind[: pairs.count] == DUCT_TRIANGLE)
@@ -47,7 +48,8 @@ class PriceJudge:
         points = np.einsum("kc,kci->ki", pairs.target_weights[on_wall], corners[pairs.target[on_wall]])
         if not self._simulation.contacts.has_room:
             return found
-        assert found >= pairs.count  # rows that were wrong about where they end are corrected as well
+        assert found >= pairs.count
+        assert (found > pairs.count) == bool((system.rows.correction_m != before_m).any())  # a corrected row counts
         self.found, self.prices = self.found + found, self.prices + 1
         deep = self._too_deep(ends, thickness_m, corners, tolerance_m - SLACK_M)
         assert set(written) <= set(deep), "what is no deeper than the tolerance is a violation"

@@ -2,8 +2,8 @@
 
 A step gains energy where its contact forces differ from those of the last step, which its stiffening force was computed
 with. Where nothing touches the wall any more, the step is repeated with the force at its end, which gains nothing. A
-wall in contact must not move under contact forces that are already solved, nor any wall into a body that is near: the
-step is priced. There the energy comes out of the rates.
+wall in contact must not move under contact forces that are already solved. Nor may a wall move into a body that is
+near, because the step has been priced. There the energy comes out of the rates.
 """
 
 from __future__ import annotations

@@ -53,8 +53,9 @@ def relaxed_membrane_force(model: ShellModel, basis: ModalBasis, n_coordinates: 
         raise ValueError(f"{n_coordinates} nonlinear coordinates do not fit a basis of {basis.n_modes} modes")
     shapes = np.ascontiguousarray(basis.Phi[:, :, :n_coordinates])
     third, fourth = energy_tensors(Membrane.from_model(model), shapes)
-    held = _static_forces(model, shapes)
-    softer = _softened_strain(held, shapes, model, basis.omega_rad_s[:n_coordinates])
+    displacements = np.stack([free_load(model, shapes[:, :, k]) for k in range(n_coordinates)], axis=1)
+    held = _static_forces(model, displacements)
+    softer = _softened_strain(displacements.T @ held, basis.omega_rad_s[:n_coordinates])
     relaxed = fourth - _relaxation_energy(model, shapes, held)
     return CubicForce.from_energies(np.arange(n_coordinates, dtype=np.int32), softer.T @ third, relaxed)
 
@@ -84,24 +85,24 @@ def fetch_membrane_force(
     return CubicForce(entry.load("coordinates"), entry.load("quadratic"), entry.load("cubic"))
 
 
-def _static_forces(model: ShellModel, shapes: FloatArray) -> FloatArray:
-    """Return the loads (f, s) that hold the wall in the shape of each mode, its rotations free."""
-    x = np.stack([free_load(model, shapes[:, :, k]) for k in range(shapes.shape[2])], axis=1)
+def _static_forces(model: ShellModel, displacements: FloatArray) -> FloatArray:
+    """Return the loads (f, s) that hold the wall in each of the displacements (f, s), its rotations free."""
+    x = displacements.copy()
     rotations = np.setdiff1d(np.arange(len(x)), model.free_translations)
     rows = model.K_free[rotations]
     x[rotations] = factorise(rows[:, rotations].tocsc()).solve(-np.asarray(rows @ x))
     return np.asarray(model.K_free @ x)
 
 
-def _softened_strain(held: FloatArray, shapes: FloatArray, model: ShellModel, omega_rad_s: FloatArray) -> FloatArray:
+def _softened_strain(stiffness: FloatArray, omega_rad_s: FloatArray) -> FloatArray:
     """Return the map (s, s) of coordinates whose linear strain is no stiffer than the linear modes.
 
-    The element ``cst`` may be stiffer than that of the modes. With its strain the energy would be negative where a wall
+    ``stiffness`` (s, s) is that of the modes' shapes with the element ``cst``, which may be stiffer than the element of
+    the modes. With its strain the energy would be negative where a wall
     is stretched far, so that strain is reduced, along the eigenvectors of one stiffness relative to the other, until
     both agree. With modes of this model it is the identity.
     """
-    displacements = np.stack([free_load(model, shapes[:, :, k]) for k in range(shapes.shape[2])], axis=1)
-    stiffer, vectors = np.linalg.eigh(displacements.T @ held / np.outer(omega_rad_s, omega_rad_s))
+    stiffer, vectors = np.linalg.eigh(stiffness / np.outer(omega_rad_s, omega_rad_s))
     reduced: FloatArray = (vectors / np.sqrt(np.maximum(stiffer, 1.0))) @ vectors.T
     return reduced * (omega_rad_s / omega_rad_s[:, None])
 
