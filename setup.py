@@ -19,7 +19,7 @@ class BuildWithPage(build_py):
             super().run()
             return
         sys.path.insert(0, str(ROOT))
-        from services.visualization.web import build
+        from trocar.services.visualization.web import build
 
         if build.main() != 0:
             raise SystemExit("the wheel needs the page, which could not be built")

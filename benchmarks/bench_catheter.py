@@ -18,7 +18,7 @@ import numpy as np
 from catheter_peers import PEERS
 from report import Row, Timing, measure, parse, write_report
 
-from services.mechanics.rod import (
+from trocar.services.mechanics.rod import (
     ImplicitIntegrator,
     Introducer,
     RodProperties,
@@ -27,7 +27,7 @@ from services.mechanics.rod import (
     clamped,
     straight_rod,
 )
-from studies.published.rods import GJ, X, elastica_tip, example_rod
+from trocar.studies.published.rods import GJ, X, elastica_tip, example_rod
 
 DT_S = 1e-3
 STEP_BUDGET_S = 30e-6

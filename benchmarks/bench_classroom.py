@@ -19,9 +19,9 @@ import numpy as np
 from report import Row, noise, write_report
 from watched_rig import WatchedRig
 
-from review.classroom.app import Classroom
-from services.mechanics.arrays import FloatArray
 from tests.review.class_of_pages import rigs, until, write_roll
+from trocar.review.classroom.app import Classroom
+from trocar.services.mechanics.arrays import FloatArray
 
 LOOPS = ("gateway", "haptics", "physics")
 SETTLE_S = 10.0

@@ -20,17 +20,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from services.cache_directory import cache_directory
-from services.mechanics.arrays import FloatArray
-from services.mechanics.scenarios import PlayedScene
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.scene_catheter import place_catheter
-from services.scenes import load_duct, load_scene
-from services.scenes.hands import hands_of
-from services.scenes.ready import load_surface
-from studies.energy_book import EnergyBook
-from studies.jaw_moment import JawMoment
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.scenarios import PlayedScene
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.scene_catheter import place_catheter
+from trocar.services.scenes import load_duct, load_scene
+from trocar.services.scenes.hands import hands_of
+from trocar.services.scenes.ready import load_surface
+from trocar.studies.energy_book import EnergyBook
+from trocar.studies.jaw_moment import JawMoment
 
 TOOL, TICKS = 1, 1700
 TIMES_S = 0.0, 0.3, 0.4, 0.9, 1.2, 1.6

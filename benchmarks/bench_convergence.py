@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 from report import Row, parse, write_report
 
-from services.mechanics.rod.implicit import SPECTRAL_RADIUS
-from studies.insertion_steps import insert, rms
-from studies.published.rod_dynamics import spin, tip_errors_m
+from trocar.services.mechanics.rod.implicit import SPECTRAL_RADIUS
+from trocar.studies.insertion_steps import insert, rms
+from trocar.studies.published.rod_dynamics import spin, tip_errors_m
 
 STEPS_S = (1e-3, 5e-4, 2.5e-4)
 FINEST_S = 6.25e-5

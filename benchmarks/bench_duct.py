@@ -23,8 +23,8 @@ from pathlib import Path
 import numpy as np
 from report import Row, measure, write_report
 
-from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
-from services.mechanics.reduction import (
+from trocar.services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
+from trocar.services.mechanics.reduction import (
     DuctRecipe,
     ExactOscillator,
     ModalBasis,
@@ -34,15 +34,15 @@ from services.mechanics.reduction import (
     ResidualChoice,
     reduce_duct,
 )
-from services.mechanics.reduction.basis import gather_modes
-from services.mechanics.reduction.build import build_basis
-from services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
-from services.mechanics.reduction.modal_compliance import add_modal_compliance
-from services.mechanics.reduction.nonlinear.quadratic_manifold import relaxed_membrane_force
-from services.mechanics.reduction.recipe import MIB
-from services.mechanics.reduction.residual.patches import largest_radius_m, patch_pattern
-from services.mechanics.reduction.viscoelastic import PronySeries, ViscousModes
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.mechanics.reduction.basis import gather_modes
+from trocar.services.mechanics.reduction.build import build_basis
+from trocar.services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
+from trocar.services.mechanics.reduction.modal_compliance import add_modal_compliance
+from trocar.services.mechanics.reduction.nonlinear.quadratic_manifold import relaxed_membrane_force
+from trocar.services.mechanics.reduction.recipe import MIB
+from trocar.services.mechanics.reduction.residual.patches import largest_radius_m, patch_pattern
+from trocar.services.mechanics.reduction.viscoelastic import PronySeries, ViscousModes
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 SECTION = ShellSection(0.5e-3, 100e3, 0.45, 1060.0)
 ELEMENTS = ElementChoice("andes", "dkt")

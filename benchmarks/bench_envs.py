@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from distributed import LocalCluster
 
 from benchmarks.report import Row, parse, write_report
-from studies.accuracy.workers import open_workers
 from trocar.envs.rollouts import Outcome, play
+from trocar.studies.accuracy.workers import open_workers
 
 NOTES = """Scenario `basic` (20 ms an action), an expert's hands. Real time is simulated time over processor time of the
 steps, a core; the expert's thinking is not in it. Rates are by the clock, of {rated} episodes each, once workers have

@@ -13,10 +13,10 @@ from functools import partial
 
 from report import Row, measure, parse, write_report
 
-from services.mechanics.fem import ElementChoice, ShellModel, clamp
-from services.mechanics.fem.assembly import assemble_stiffness
-from services.mechanics.fem.elements import BENDING_ELEMENTS, MEMBRANE_ELEMENTS
-from studies.published.shells import REFERENCE_SECTION, reference_duct
+from trocar.services.mechanics.fem import ElementChoice, ShellModel, clamp
+from trocar.services.mechanics.fem.assembly import assemble_stiffness
+from trocar.services.mechanics.fem.elements import BENDING_ELEMENTS, MEMBRANE_ELEMENTS
+from trocar.studies.published.shells import REFERENCE_SECTION, reference_duct
 
 CHOICES = [ElementChoice(membrane, bending) for membrane in MEMBRANE_ELEMENTS for bending in BENDING_ELEMENTS]
 

@@ -13,11 +13,11 @@ import time
 import numpy as np
 from report import Row, measure, parse, write_report
 
-from protocol import Frame, encode
-from protocol.bodies import GatewayState, LocalModel
-from services.gateway.instrument import Instrument, build_instruments
-from services.gateway.scene_hands import find_scene_hands
-from services.runtime import config
+from trocar.protocol import Frame, encode
+from trocar.protocol.bodies import GatewayState, LocalModel
+from trocar.services.gateway.instrument import Instrument, build_instruments
+from trocar.services.gateway.scene_hands import find_scene_hands
+from trocar.services.runtime import config
 
 SERVO_S, TICK_S = 100e-6, 1e-3
 MODEL = LocalModel(

@@ -16,12 +16,12 @@ import time
 import numpy as np
 from report import Row, parse, write_report
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from studies.stability.drive import Play, reduced_duct
-from studies.stability.families import FAMILIES
-from studies.stability.family import Draw, Reach
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.studies.stability.drive import Play, reduced_duct
+from trocar.studies.stability.families import FAMILIES
+from trocar.studies.stability.family import Draw, Reach
 
 #: Of a case, ticks before this one compile and load what it calls for; a piece of random play goes on for 15,000.
 FIRST_TICK, LAST_TICK = 5, 1_500

@@ -27,8 +27,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.report import Row, parse, write_report
-from services.mechanics.fem.nonlinear import PathSettings, trace_path
-from studies.published.large_displacements import squeezed_duct
+from trocar.services.mechanics.fem.nonlinear import PathSettings, trace_path
+from trocar.studies.published.large_displacements import squeezed_duct
 
 STEPS = 10
 #: Triangles round and along, and quadrilaterals of eight nodes round and along: as many nodes each.

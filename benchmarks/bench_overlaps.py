@@ -1,4 +1,4 @@
-"""How deep bodies are in each other in ordinary play of every scene, measured from outside (`studies.judge`).
+"""How deep bodies are in each other in ordinary play of every scene, measured from outside (`trocar.studies.judge`).
 
     python -m benchmarks.bench_overlaps [--scenes insertion,narrow] [--every 5]
 
@@ -14,14 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.report import RESULTS, describe_run, parse
-from services.cache_directory import cache_directory
-from services.mechanics.contact.laws import HAS_GAP
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.runtime.config import config_directory
-from services.scenes import load_duct, load_scene
-from services.scenes.hands import hands_of
-from studies.judge.overlaps import BODIES, Depths, OverlapJudge
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.contact.laws import HAS_GAP
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.runtime.config import config_directory
+from trocar.services.scenes import load_duct, load_scene
+from trocar.services.scenes.hands import hands_of
+from trocar.studies.judge.overlaps import BODIES, Depths, OverlapJudge
 
 NEEDS_A_FILE = {"anatomy"}
 """Scenes that run only with a surface file of the user's."""

@@ -18,8 +18,8 @@ import numpy as np
 from report import Row, write_report
 from watched_rig import WatchedRig, print_alarms
 
-from services.visualization.web import build
 from tests.chromium import Chromium
+from trocar.services.visualization.web import build
 
 ALONE_S, SETTLE_S, LOAD_S = 30.0, 10.0, 120.0
 

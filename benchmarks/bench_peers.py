@@ -21,8 +21,8 @@ import numpy as np
 from catheter_peers import PEERS, Peer
 from report import Row, parse, write_report
 
-from services.mechanics.rod import ImplicitIntegrator, clamped, straight_rod
-from studies.published.rods import X, example_rod
+from trocar.services.mechanics.rod import ImplicitIntegrator, clamped, straight_rod
+from trocar.studies.published.rods import X, example_rod
 
 FALL_S = 30e-3
 SEGMENTS = (10, 20, 40, 80)

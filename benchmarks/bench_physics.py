@@ -23,21 +23,21 @@ import numpy as np
 from contact_peers import mujoco_duct
 from report import Row, Timing, measure, write_report
 
-from services.cache_directory import cache_directory
-from services.mechanics.effects.base import NoSettings
-from services.mechanics.effects.friction import FrictionSettings
-from services.mechanics.effects.gravity import GravitySettings
-from services.mechanics.reduction.modal_compliance import add_modal_compliance
-from services.mechanics.scenarios import insertion, insertion_scene
-from services.mechanics.scene import CatheterScene, ContactSettings, DuctScene, ForcepsScene, SceneModel
-from services.mechanics.scene.duct_recipe import duct_recipe
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.duct_alone import DuctAlone
-from services.mechanics.simulation.scene_duct import build_scene_duct, scene_mesh
-from services.runtime import realtime
-from services.runtime.realtime import Fact
-from studies.paper_scene import paper_scene
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.effects.base import NoSettings
+from trocar.services.mechanics.effects.friction import FrictionSettings
+from trocar.services.mechanics.effects.gravity import GravitySettings
+from trocar.services.mechanics.reduction.modal_compliance import add_modal_compliance
+from trocar.services.mechanics.scenarios import insertion, insertion_scene
+from trocar.services.mechanics.scene import CatheterScene, ContactSettings, DuctScene, ForcepsScene, SceneModel
+from trocar.services.mechanics.scene.duct_recipe import duct_recipe
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.duct_alone import DuctAlone
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct, scene_mesh
+from trocar.services.runtime import realtime
+from trocar.services.runtime.realtime import Fact
+from trocar.studies.paper_scene import paper_scene
 
 CORE, PRIORITY = 1, 60  # of physics in configs/rigs/stub.yaml
 TICK_BUDGET_S = 250e-6

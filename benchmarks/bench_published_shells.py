@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 from published_shells import PATHS, Published
 from report import commit
 
-from services.mechanics.arrays import FloatArray
-from studies.published.large_displacements import ROOF_PATHS, off_the_path
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.studies.published.large_displacements import ROOF_PATHS, off_the_path
 
 ROOT = Path(__file__).resolve().parents[1]
 CASES = ROOT / "configs" / "fem" / "published"
@@ -76,7 +76,15 @@ def solve(name: str) -> tuple[dict[str, Any], float]:
     """What `trocar fem` writes for a case, and how many seconds of processor it takes."""
     with tempfile.TemporaryDirectory() as folder:
         out, start_s = Path(folder) / "out.json", getrusage(RUSAGE_CHILDREN).ru_utime
-        command = [sys.executable, "-m", "services.cli.app", "fem", str(CASES / f"{name}.yaml"), "--json", str(out)]
+        command = [
+            sys.executable,
+            "-m",
+            "trocar.services.cli.app",
+            "fem",
+            str(CASES / f"{name}.yaml"),
+            "--json",
+            str(out),
+        ]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL, cwd=ROOT)
         return json.loads(out.read_text()), getrusage(RUSAGE_CHILDREN).ru_utime - start_s
 

@@ -25,13 +25,13 @@ from pathlib import Path
 import numpy as np
 from report import Row, write_report
 
-from protocol import bodies
-from protocol.arrays import pack
-from protocol.bodies.haptics import MODEL_COLUMNS, TOOL_COLUMNS
-from protocol.bodies.physics import REACTION_COLUMNS, Catheter, ContactForces, Duct
-from services.recordings.reader import read_frames
-from services.runtime.rig import Transport
-from services.runtime.zmq_bus import ZmqBus
+from trocar.protocol import bodies
+from trocar.protocol.arrays import pack
+from trocar.protocol.bodies.haptics import MODEL_COLUMNS, TOOL_COLUMNS
+from trocar.protocol.bodies.physics import REACTION_COLUMNS, Catheter, ContactForces, Duct
+from trocar.services.recordings.reader import read_frames
+from trocar.services.runtime.rig import Transport
+from trocar.services.runtime.zmq_bus import ZmqBus
 
 TOPICS = ("gateway.state", "haptics.contact_model", "haptics.contacts", "physics.state")
 MODES, PARTICLES, PAIRS = 100, 51, 12
@@ -118,7 +118,7 @@ def record(whole: tuple[str, ...], stopped_s: float = 0.0) -> tuple[float, int, 
         names = ",".join((*whole, "supervisor.state"))
         settings = (f"transport.directory={folder}/bus", f"recorder.directory={folder}", f"recorder.whole=[{names}]")
         options = [word for setting in settings for word in ("--set", setting)]
-        recorder = subprocess.Popen([sys.executable, "-m", "services.recorder", *options])
+        recorder = subprocess.Popen([sys.executable, "-m", "trocar.services.recorder", *options])
         publisher = subprocess.Popen([sys.executable, __file__, "publish", f"{folder}/bus", str(SECONDS)])
         time.sleep(4.0)
         before_s, began_s = cpu_s(recorder.pid), time.monotonic()

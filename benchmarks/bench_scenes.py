@@ -4,7 +4,7 @@
 
 Writes docs/reference/scenes.md. Scenes that are named replace their own lines, so that the table can be made in parts.
 A scene that takes a surface file gets ``--mesh``, and is left out without one. The stub's hands do in each what it is
-for (`services.scenes.hands`).
+for (`trocar.services.scenes.hands`).
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from services.mechanics.scene import SceneModel
-from services.runtime import config
-from services.runtime.machine import processor_name
-from services.scenes import load_scene
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.runtime import config
+from trocar.services.runtime.machine import processor_name
+from trocar.services.scenes import load_scene
 
 ROOT = Path(__file__).resolve().parents[1]
 REPORT = ROOT / "docs" / "reference" / "scenes.md"

@@ -22,16 +22,16 @@ from pathlib import Path
 import numpy as np
 from report import RESULTS, commit
 
-from services.cache_directory import cache_directory
-from services.mechanics.effects.softening import SofteningSettings
-from services.mechanics.reduction import ReducedDuct
-from services.mechanics.reduction.softening.training import fetch_softening
-from services.mechanics.scenarios import insertion_scene
-from services.mechanics.scene import SceneModel
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from services.scenes.load import load_scene
-from services.scenes.ready import load_duct
-from studies.accuracy.random_squeezes import answers, draw_loads, wrong_by
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.effects.softening import SofteningSettings
+from trocar.services.mechanics.reduction import ReducedDuct
+from trocar.services.mechanics.reduction.softening.training import fetch_softening
+from trocar.services.mechanics.scenarios import insertion_scene
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.services.scenes.load import load_scene
+from trocar.services.scenes.ready import load_duct
+from trocar.studies.accuracy.random_squeezes import answers, draw_loads, wrong_by
 
 ANATOMY = Path(__file__).parents[2] / "shared" / "data" / "anatomy" / "aorta-surface-open-ends.stl"
 EFFECTS = {"softening": SofteningSettings()}

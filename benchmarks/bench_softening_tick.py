@@ -20,12 +20,12 @@ from dataclasses import replace
 import numpy as np
 from report import Row, write_report
 
-from services.cache_directory import cache_directory
-from services.mechanics.effects import EFFECTS
-from services.mechanics.scenarios import PlayedScene, insertion
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from studies.effect_costs import time_in_turns
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.effects import EFFECTS
+from trocar.services.mechanics.scenarios import PlayedScene, insertion
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.studies.effect_costs import time_in_turns
 
 MOST_US = 80.0
 SHUT_RAD = 0.45

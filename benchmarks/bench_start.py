@@ -22,7 +22,7 @@ from pathlib import Path
 
 from report import RESULTS, Row, end_in_good_order, write_report
 
-from services.supervisor.observers.thread_usage import threads_of
+from trocar.services.supervisor.observers.thread_usage import threads_of
 
 Taken = tuple[float, float]
 """Seconds to RUNNING, and seconds of processors."""
@@ -37,7 +37,7 @@ def start(checkout: Path, cache: Path, options: list[str]) -> Taken:
     """Start the rig of a checkout and end it as soon as it runs; return the seconds until then, and of processors."""
     places = [f"transport.directory={cache}/bus", "supervisor.web.port=0", "visualization.port=0"]
     overrides = [word for place in places for word in ("--set", place)]
-    command = [sys.executable, "-c", "import sys; from services.cli.app import main; sys.exit(main())", "up"]
+    command = [sys.executable, "-c", "import sys; from trocar.services.cli.app import main; sys.exit(main())", "up"]
     environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
     environment |= {"TROCAR_CACHE_DIR": str(cache), "PYTHONPATH": str(checkout), "PYTHONUNBUFFERED": "1"}
     began_s = time.monotonic()

@@ -17,14 +17,14 @@ import msgspec
 from report import Row, measure, parse, write_report
 from sqlalchemy import create_engine, insert
 
-from review.attempts.assess import Terms, assess
-from review.attempts.assessment import Assessment
-from review.attempts.report import render
-from review.attempts.store.attempts import Store
-from review.attempts.store.tables import StoredAttempt, Trainee
-from services.training.score import load_rules
 from tests.training.simulated import attempt
 from tests.training.streams import GOOD, SCENARIO, SITE, messages
+from trocar.review.attempts.assess import Terms, assess
+from trocar.review.attempts.assessment import Assessment
+from trocar.review.attempts.report import render
+from trocar.review.attempts.store.attempts import Store
+from trocar.review.attempts.store.tables import StoredAttempt, Trainee
+from trocar.services.training.score import load_rules
 
 ATTEMPTS, TRAINEES = 10_000, 100
 SECONDS = 16.0

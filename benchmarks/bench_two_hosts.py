@@ -21,11 +21,11 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.report import describe_run, end_in_good_order, parse
-from services.mechanics.arrays import FloatArray
-from services.runtime.histogram import quantile_ns
 from tests.rig.conftest import Sample
 from tests.rig.faults import force_n, force_rates_n_s, rate_limit_n_s
 from tests.rig.two_hosts import FarRig, Hosts
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.runtime.histogram import quantile_ns
 
 PAGE = Path(__file__).parents[1] / "docs" / "results" / "two-hosts.md"
 PRESS_TICKS, SETTLE_S = 4200, 1.0

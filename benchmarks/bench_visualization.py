@@ -13,14 +13,14 @@ from typing import cast
 import numpy as np
 from report import Row, measure, parse, write_report
 
-from protocol import Frame, bodies, topic
-from protocol.arrays import pack
-from protocol.bodies.physics import reaction_table
-from services.mechanics.scene import DuctScene, SceneModel
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from services.runtime import bus
-from services.visualization import codec
-from services.visualization.composer import TOPICS, Composer
+from trocar.protocol import Frame, bodies, topic
+from trocar.protocol.arrays import pack
+from trocar.protocol.bodies.physics import reaction_table
+from trocar.services.mechanics.scene import DuctScene, SceneModel
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.services.runtime import bus
+from trocar.services.visualization import codec
+from trocar.services.visualization.composer import TOPICS, Composer
 
 _PARTICLES = 51
 _LOADED_NODES = 24
@@ -28,9 +28,9 @@ _FRAMES = 100
 
 _RENDER = """
 import sys, time
-from services.runtime import bus
-from services.visualization import codec
-from services.visualization.render import Renderer
+from trocar.services.runtime import bus
+from trocar.services.visualization import codec
+from trocar.services.visualization.render import Renderer
 size = (int(sys.argv[1]), int(sys.argv[2]))
 hello = sys.stdin.buffer.readline().decode()
 layout = codec.decode_hello(hello)

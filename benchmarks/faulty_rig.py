@@ -53,8 +53,8 @@ def _stand_still(seconds: float, *_: object) -> None:
 
 def flood(fault: Fault) -> None:
     """Publish each fast frame more than once."""
-    from protocol import topic
-    from services.runtime.zmq_bus import ZmqBus
+    from trocar.protocol import topic
+    from trocar.services.runtime.zmq_bus import ZmqBus
 
     publish = ZmqBus.publish
 
@@ -69,7 +69,7 @@ def flood(fault: Fault) -> None:
 
 def hold(fault: Fault) -> None:
     """Let the next write take as long as a fault lasts."""
-    from services.recorder import disk
+    from trocar.services.recorder import disk
 
     write_at = disk.write_at
 
@@ -88,8 +88,8 @@ def supervise() -> int:
     argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     ).parse_known_args()
-    from services.supervisor import __main__ as supervisor
-    from services.supervisor.processes import TABLE
+    from trocar.services.supervisor import __main__ as supervisor
+    from trocar.services.supervisor.processes import TABLE
 
     path = os.pathsep.join((str(HERE.parent), str(HERE.parents[1])))
     table = tuple(

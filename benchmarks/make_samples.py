@@ -16,10 +16,10 @@ import msgspec
 from mcap.reader import make_reader
 
 from benchmarks.report import parse
-from protocol.bodies import GatewayState
-from services.recorder.recording import RecordingWriter
-from services.recordings.reader import read_extras, read_frames
-from services.recordings.scene_update import LOG, SCENE, TRANSFORMS
+from trocar.protocol.bodies import GatewayState
+from trocar.services.recorder.recording import RecordingWriter
+from trocar.services.recordings.reader import read_extras, read_frames
+from trocar.services.recordings.scene_update import LOG, SCENE, TRANSFORMS
 
 FOLDER = Path(__file__).parents[1] / "docs" / "examples" / "recordings"
 #: Name, scene, seconds.

@@ -35,8 +35,8 @@ from types import FrameType
 import numpy as np
 from scipy import stats
 
-from services.mechanics.arrays import FloatArray
-from services.runtime.machine import processor_name
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.runtime.machine import processor_name
 
 RESULTS = Path(__file__).resolve().parent / "results"
 PACKAGES = ("numpy", "scipy", "numba", "msgspec", "msgpack", "pyzmq", "pyvista")

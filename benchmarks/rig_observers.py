@@ -10,9 +10,9 @@ import argparse
 import time
 from pathlib import Path
 
-from protocol import TOPICS
-from services.runtime.rig import Transport
-from services.runtime.zmq_bus import ZmqBus
+from trocar.protocol import TOPICS
+from trocar.services.runtime.rig import Transport
+from trocar.services.runtime.zmq_bus import ZmqBus
 
 
 def main(directory: str, what: str) -> None:

@@ -18,9 +18,9 @@ import gymnasium
 import numpy as np
 
 from benchmarks.report import Row, parse, write_report
-from services.mechanics.arrays import Float32Array
 from trocar.envs.cloning import ClonedPolicy, clone, read_demonstrations
 from trocar.envs.rollouts import Outcome, Policy, rollouts
+from trocar.services.mechanics.arrays import Float32Array
 
 COUNTS = (1, 2, 4, 8)
 SEEDS = (0, 1, 2)

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from benchmarks.report import Row, parse, write_report
-from review.attempts.assessment import Assessment
-from services.mechanics.effects.friction import FrictionSettings
-from services.scenes import load_scene
-from services.training.scenario import load_scenario
 from tests.training.hands_attempt import PACE, attempt_of_hands
 from tests.training.simulated import be_patient
+from trocar.review.attempts.assessment import Assessment
+from trocar.services.mechanics.effects.friction import FrictionSettings
+from trocar.services.scenes import load_scene
+from trocar.services.training.scenario import load_scenario
 
 PROCEDURES = {
     "bile duct": "basic",

@@ -16,10 +16,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from report import Row, parse, write_report
 
-from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
-from services.mechanics.reduction.build import build_basis, fill_full_residual
-from services.mechanics.reduction.residual.patches import build_patches
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
+from trocar.services.mechanics.reduction.build import build_basis, fill_full_residual
+from trocar.services.mechanics.reduction.residual.patches import build_patches
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 RADII_M = (1.5e-3, 2e-3, 3e-3, 4e-3, 6e-3, 8e-3)
 SHAPES = ((24, 36, 60), (24, 36, 100), (36, 54, 100))

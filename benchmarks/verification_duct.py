@@ -9,10 +9,10 @@ from itertools import product
 import numpy as np
 from verification_table import Entry, Table
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem import ElementChoice, compute_modes
-from studies.published import opensees as opensees_check
-from studies.published import shells as problems
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.fem import ElementChoice, compute_modes
+from trocar.studies.published import opensees as opensees_check
+from trocar.studies.published import shells as problems
 
 CST, ANDES = ElementChoice("cst", "dkt"), ElementChoice("andes", "dkt")
 MACNEAL = "MacNeal-Harder"

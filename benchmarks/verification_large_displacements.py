@@ -10,9 +10,9 @@ from dataclasses import replace
 import numpy as np
 from verification_table import Entry, Table
 
-from services.mechanics.fem.nonlinear import PathSettings, trace_path
-from studies.fem.arc_length import trace_arc_length
-from studies.published.large_displacements import (
+from trocar.services.mechanics.fem.nonlinear import PathSettings, trace_path
+from trocar.studies.fem.arc_length import trace_arc_length
+from trocar.studies.published.large_displacements import (
     DIAPHRAGMS,
     HALF_CYLINDER,
     HEMISPHERE,

@@ -5,14 +5,14 @@ from __future__ import annotations
 from verification_duct import ANDES, CST, label
 from verification_table import Entry, Table
 
-from studies.published.buckling import (
+from trocar.studies.published.buckling import (
     PLATE_COEFFICIENT,
     column_buckling,
     cylinder_buckling,
     plate_buckling,
     ring_buckling,
 )
-from studies.published.torsion import tube_torsion
+from trocar.studies.published.torsion import tube_torsion
 
 
 def tables() -> list[Table]:

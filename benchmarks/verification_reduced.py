@@ -6,13 +6,13 @@ import numpy as np
 from scipy.optimize import minimize
 from verification_table import Entry, Table
 
-from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, Support, clamp
-from services.mechanics.reduction import ModalBasis
-from services.mechanics.reduction.build import build_basis, residual_response
-from services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
-from services.mechanics.reduction.nonlinear.quadratic_manifold import relaxed_membrane_force
-from services.mechanics.surface.mesh import TriangleMesh, vertex_normals
-from services.mechanics.surface.tube import DuctGeometry, alternating_triangles, parametric_duct
+from trocar.services.mechanics.fem import ElementChoice, ShellModel, ShellSection, Support, clamp
+from trocar.services.mechanics.reduction import ModalBasis
+from trocar.services.mechanics.reduction.build import build_basis, residual_response
+from trocar.services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
+from trocar.services.mechanics.reduction.nonlinear.quadratic_manifold import relaxed_membrane_force
+from trocar.services.mechanics.surface.mesh import TriangleMesh, vertex_normals
+from trocar.services.mechanics.surface.tube import DuctGeometry, alternating_triangles, parametric_duct
 
 SZE = {2.0: (4.933, 1.604), 4.0: (6.698, 3.286)}
 SZE_SOURCE = "Sze, Liu, Lo, FEAD 40:1551 (2004)"

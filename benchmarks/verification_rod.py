@@ -7,9 +7,9 @@ from scipy.optimize import brentq
 from scipy.special import ellipk
 from verification_table import Entry, Table
 
-from services.mechanics.rod.implicit import SPECTRAL_RADIUS
-from studies.published import rod_dynamics as dynamics
-from studies.published import rods as problems
+from trocar.services.mechanics.rod.implicit import SPECTRAL_RADIUS
+from trocar.studies.published import rod_dynamics as dynamics
+from trocar.studies.published import rods as problems
 
 ELASTICA = {  # P L^2/EI: tip angle [rad], deflection w/L, shortening u/L
     0.5: (0.24453, 0.16214, 0.01592),

@@ -46,7 +46,7 @@ def pack(values: ArrayLike, dtype: str = "<f8") -> Array:
 @dataclass(frozen=True, slots=True)
 class Spec:
     """What a body declares of an array field: dtype, shape, unit, whether it must be finite, and of a table the type of
-    its rows (`protocol.table.TableRow`), whose names are the columns'.
+    its rows (`trocar.protocol.table.TableRow`), whose names are the columns'.
     """
 
     dtype: str

@@ -2,7 +2,7 @@
 
 msgspec checks types, lengths of tuples and ranges while it decodes. What it cannot know is checked here: that an
 array's bytes are what its dtype and shape say, that the body's arrays agree, and that no number in a command is NaN.
-`protocol.soundness` asks the same of every frame, faster, without saying what is wrong.
+`trocar.protocol.soundness` asks the same of every frame, faster, without saying what is wrong.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 
 import msgspec
 
-from protocol.fields import Field, Form, fields
+from trocar.protocol.fields import Field, Form, fields
 
 
 @cache

@@ -15,7 +15,7 @@ from typing import Any
 import msgspec
 from msgspec import inspect
 
-from protocol.arrays import Array, Spec
+from trocar.protocol.arrays import Array, Spec
 
 Body = type[msgspec.Struct]
 
@@ -37,7 +37,7 @@ class Form(Enum):
     MANY = auto()  # tuple[item, ...]
     FIXED = auto()  # tuple of so many items of one type
     MAP = auto()  # dict[str, item]
-    ARRAY = auto()  # a numeric array that says what it is with `protocol.arrays.spec`
+    ARRAY = auto()  # a numeric array that says what it is with `trocar.protocol.arrays.spec`
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,5 +133,7 @@ def _item(where: str, kind: inspect.Type) -> Any:
     if isinstance(kind, inspect.StructType) and kind.cls is not Array:
         return kind.cls
     if type(kind) not in _SCALARS:
-        raise TypeError(f"{where}: {type(kind).__name__} does not travel; see protocol.fields.Form for what does")
+        raise TypeError(
+            f"{where}: {type(kind).__name__} does not travel; see trocar.protocol.fields.Form for what does"
+        )
     return _SCALARS[type(kind)]

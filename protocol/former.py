@@ -1,4 +1,4 @@
-"""Bodies as they were in former versions: only what decodes their bytes. `protocol.upgrades` lifts them."""
+"""Bodies as they were in former versions: only what decodes their bytes. `trocar.protocol.upgrades` lifts them."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from protocol.arrays import Array, pack, spec
-from protocol.bodies.haptics import (
+from trocar.protocol.arrays import Array, pack, spec
+from trocar.protocol.bodies.haptics import (
     TOOL_COLUMNS,
     ContactModel,
     GraspHold,
@@ -18,8 +18,8 @@ from protocol.bodies.haptics import (
     ToolState,
     tool_table,
 )
-from protocol.bodies.physics import Catheter, ContactForces, Duct, PhysicsState, ToolReaction, reaction_table
-from protocol.vectors import ZERO3, ZERO9, Mat3, Vec3
+from trocar.protocol.bodies.physics import Catheter, ContactForces, Duct, PhysicsState, ToolReaction, reaction_table
+from trocar.protocol.vectors import ZERO3, ZERO9, Mat3, Vec3
 
 
 class LocalModel1(msgspec.Struct, array_like=True, frozen=True, kw_only=True):

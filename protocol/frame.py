@@ -8,8 +8,8 @@ from typing import Annotated, Any, Literal, get_type_hints
 import msgspec
 from msgspec import Meta
 
-from protocol import declared, soundness, upgrades
-from protocol.topics import TOPICS, Topic
+from trocar.protocol import declared, soundness, upgrades
+from trocar.protocol.topics import TOPICS, Topic
 
 #: Major version of the envelope itself. A frame with another one is refused unread.
 PROTOCOL_VERSION = 1

@@ -18,8 +18,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from protocol.arrays import MAX_DIMENSION, Array, Spec
-from protocol.fields import Field, Form, fields, nested
+from trocar.protocol.arrays import MAX_DIMENSION, Array, Spec
+from trocar.protocol.fields import Field, Form, fields, nested
 
 Check = Callable[[Any], bool]
 Leaf = tuple[str, Field]

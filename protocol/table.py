@@ -14,8 +14,8 @@ from typing import Any, ClassVar, Self
 import msgspec
 import numpy as np
 
-from protocol.arrays import Array, pack
-from protocol.fields import Field, fields
+from trocar.protocol.arrays import Array, pack
+from trocar.protocol.fields import Field, fields
 
 #: No count is larger, whatever a table says.
 _COUNT_MAX = 2.0**31

@@ -1,6 +1,7 @@
 """The topic table: one row per topic drives sockets, staleness, recorder, dashboard, documentation and tests.
 
-Adding a topic is one row here and one body in `protocol.bodies`: whom the row names gets a socket, nobody else does.
+Adding a topic is one row here and one body in `trocar.protocol.bodies`: whom the row names gets a socket, nobody else
+does.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from typing import Literal
 
 import msgspec
 
-from protocol.bodies import gateway, haptics, health, journal, physics, supervisor, training, visualization
+from trocar.protocol.bodies import gateway, haptics, health, journal, physics, supervisor, training, visualization
 
 PROCESSES = ("physics", "haptics", "gateway", "visualization", "recorder", "training", "supervisor")
 

@@ -1,8 +1,8 @@
 """Old body versions: what they looked like, and how each becomes the next.
 
 A row ``UPGRADES[(topic, version)] = (old body type, lift)`` says how a body of `version` becomes one of the next
-version; the old body types are in `protocol.former`. A field is never reused. A field added at the end with a default
-keeps the version; anything else is a new version and a row here, and the old version's golden bytes stay in
+version; the old body types are in `trocar.protocol.former`. A field is never reused. A field added at the end with a
+default keeps the version; anything else is a new version and a row here, and the old version's golden bytes stay in
 ``tests/protocol/golden``.
 """
 
@@ -13,8 +13,8 @@ from typing import Any
 
 import msgspec
 
-from protocol import former
-from protocol.topics import Topic
+from trocar.protocol import former
+from trocar.protocol.topics import Topic
 
 Upgrade = tuple[type[msgspec.Struct], Callable[[Any], Any]]
 

@@ -1,8 +1,9 @@
 """Where Python may keep no bytecode beside our source, it is kept in Trocar's cache.
 
 A container that sets ``PYTHONDONTWRITEBYTECODE``, or a source tree that belongs to another user, makes each of the
-rig's processes compile all of `services` and `protocol` at every start: a quarter of its start-up. Bytecode that an
-image has beside the source is taken from there. What Python compiles of other packages stays as it was.
+rig's processes compile all of `trocar.services` and `trocar.protocol` at every start: a quarter of its start-up.
+Bytecode that an image has beside the source is taken from there. What Python compiles of other packages stays as it
+was.
 """
 
 from __future__ import annotations
@@ -16,9 +17,10 @@ from importlib.util import cache_from_source
 from pathlib import Path
 from types import CodeType
 
-from services.cache_directory import cache_directory, own_folder
+from trocar.services.cache_directory import cache_directory, own_folder
 
-_ROOT = Path(__file__).resolve().parents[1]
+#: The folder of `trocar`, through which all that is ours is imported.
+_ROOT = Path(__file__).parents[1]
 _OURS = tuple(str(_ROOT / name) for name in ("services", "protocol"))
 
 

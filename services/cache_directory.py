@@ -11,7 +11,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from services.trusted_path import fault_of_place
+from trocar.services.trusted_path import fault_of_place
 
 #: Folder of dumps in the cache, which no program reads.
 _FOR_PEOPLE = "dumps"

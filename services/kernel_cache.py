@@ -2,9 +2,9 @@
 
 numba files a kernel under the place of its file, and looks whether that file has changed, but not those of the kernels
 that it calls: after an update a cached kernel may go on calling what its neighbour was before, and no checkout finds
-what another has compiled. So numba is given a locator of ours (``NUMBA_CACHE_LOCATOR_CLASSES``): the folder of a kernel
-is named by its module and a hash of all source that the module rests on. numba reads the variable when it is imported,
-so `services` itself calls `choose`.
+what another has compiled. So numba is given a locator of ours while our kernels are decorated
+(`trocar.services.mechanics.compiled`): the folder of a kernel is named by its module and a hash of all source that the
+module rests on.
 
 What numba reads is unpickled and run. So the folder must be one that only this user and root can change, and what lies
 in it must be what was stored: a kernel's lock file holds the hashes of its files.
@@ -27,27 +27,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import IO
 
-from services.cache_directory import cache_directory, make_folders, trusted_directory
-from services.source_closure import Sources
-from services.trusted_path import fault_of_place
+from trocar.services import kernel_archive
+from trocar.services.cache_directory import cache_directory, make_folders, trusted_directory
+from trocar.services.source_closure import Sources
+from trocar.services.trusted_path import fault_of_place
 
-_NUMBAS_OWN = ("UserProvidedCacheLocator", "InTreeCacheLocator", "UserWideCacheLocator", "IPythonCacheLocator")
 _OPTIONS = ("NUMBA_BOUNDSCHECK", "NUMBA_OPT", "NUMBA_DEBUGINFO", "NUMBA_LOOP_VECTORIZE", "NUMBA_SLP_VECTORIZE")
 _FILE = re.compile(r"-(\d+)\.py\w+\.(?:nbi|\d+\.nbc)")
 _KEPT = 8
 _IN_USE_S = 3600.0
-
-
-def choose() -> None:
-    """Let numba keep our kernels in `root`, here and in the children of this process."""
-    ours = f"{Locator.__module__}.{Locator.__qualname__}"
-    named = os.environ.get("NUMBA_CACHE_LOCATOR_CLASSES") or ",".join(_NUMBAS_OWN)
-    if ours not in named.split(","):
-        os.environ["NUMBA_CACHE_LOCATOR_CLASSES"] = f"{ours},{named}"
-    if "NUMBA_CACHE_DIR" in os.environ:
-        root()  # others' kernels lie there, too
-    if "numba" in sys.modules:
-        sys.modules["numba"].config.reload_config()
 
 
 def root() -> Path:
@@ -55,6 +43,12 @@ def root() -> Path:
     if os.environ.get("NUMBA_CACHE_DIR"):
         return trusted_directory("NUMBA_CACHE_DIR", "")
     return cache_directory() / "kernels"
+
+
+def write_hashes(folder: Path) -> None:
+    """Write the hashes of all kernels in a folder as it is now: what made it has rewritten them."""
+    for line, files in _files(folder).items():
+        (folder / f"{line}.lock").write_text(_hashes(files))
 
 
 def settle() -> None:
@@ -200,6 +194,8 @@ def _folder(path: str, root: Path) -> Path | None:
     module = _sources().module_of(Path(path))
     if module is None or not _is_writable(root):
         return None
+    if fault := kernel_archive.unpack(root):
+        _say_once(f"{fault}: they are compiled anew, which takes about a minute")
     folder = root / f"{module}-{_digest(module)}"
     if fault_of_place(folder):
         return None
@@ -210,15 +206,20 @@ def _folder(path: str, root: Path) -> Path | None:
 
 @functools.cache
 def _sources() -> Sources:
-    return Sources(Path(__file__).parents[1])
+    return Sources(Path(__file__).parents[2])
 
 
 @functools.cache
 def _digest(module: str) -> str:
     """Return a hash of what decides what the kernels of a module are, beyond signature and processor."""
-    versions = [sys.modules[name].__version__ for name in ("numba", "llvmlite", "numpy")]
+    versions = [sys.modules[name].__version__ for name in ("numba", "llvmlite")]
     options = [f"{name}={os.environ.get(name)}" for name in _OPTIONS]
     text = "\n".join(["with hashes", _sources().digest(module), *versions, *options])
+    return digest_of(text)
+
+
+def digest_of(text: str) -> str:
+    """Return the short hash of a text by which folders and archives are named."""
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 

@@ -6,8 +6,8 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from services import kernel_cache
-from services.mechanics.compiled import KERNELS
+from trocar.services import kernel_cache
+from trocar.services.mechanics.compiled import KERNELS
 
 _APART_S = 0.2
 

@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-PACKAGES = ("services", "protocol", "studies", "review", "tests")
+PACKAGES = ("trocar", "tests")
 
 _COMMENT = re.compile(r"#[^\n]*|\\\n")
 _FROM = re.compile(r"^[ \t]*from[ \t]+(\.*)([\w.]*)[ \t]+import[ \t]*(\([^)]*\)|[^\n]*)", re.MULTILINE)

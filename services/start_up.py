@@ -15,7 +15,7 @@ _PYTHONS = gc.get_threshold()
 
 
 def begin() -> None:
-    """Switch the garbage collector off where ``python -m services.NAME`` begins; `end` switches it on again."""
+    """Switch the garbage collector off where ``python -m trocar.services.NAME`` begins; `end` switches it on again."""
     if sys.argv[:1] == ["-m"] and _names_a_process(sys.orig_argv):
         gc.disable()
 
@@ -36,5 +36,5 @@ def _names_a_process(arguments: list[str]) -> bool:
     """Whether Python was asked for a folder of `services`: each of those calls `end`."""
     if "-m" not in arguments[:-1]:
         return False
-    package, *names = arguments[arguments.index("-m") + 1].split(".")
-    return package == "services" and len(names) == 1
+    package, _, name = arguments[arguments.index("-m") + 1].rpartition(".")
+    return package == "trocar.services" and bool(name)

@@ -8,12 +8,12 @@ from time import perf_counter_ns
 
 import numpy as np
 
-from services.mechanics.effects import EFFECTS, go_together
-from services.mechanics.reduction import ReducedDuct
-from services.mechanics.scenarios import PlayedScene, insertion
-from services.mechanics.scene import SceneModel
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
+from trocar.services.mechanics.effects import EFFECTS, go_together
+from trocar.services.mechanics.reduction import ReducedDuct
+from trocar.services.mechanics.scenarios import PlayedScene, insertion
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
 
 START_TICK = 500  # the jaws close on the catheter
 N_TICKS = 1300  # until it is 20 mm in

@@ -10,20 +10,20 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from services.mechanics.arrays import BoolArray, FloatArray
-from services.mechanics.bodies.wire_drive import WireMotion
-from services.mechanics.collision.pairs import NO_TOOL
-from services.mechanics.contact.laws import HAS_FRICTION
-from services.mechanics.reduction import ModalState
-from services.mechanics.rod import ImplicitIntegrator, RodState
-from services.mechanics.rod.energy import RodEnergy, rod_energy
-from services.mechanics.rod.model import RodModel, RodWork, allocate_work
-from services.mechanics.rod.twist import add_frame_forces
-from services.mechanics.scene.tools import N_TOOLS, ToolInputs
-from services.mechanics.simulation.simulation import Simulation, Watcher
-from services.mechanics.world import World
-from studies.grip_energy import Grips, enter_grips, stored_in_grips
-from studies.rod_forces import internal_forces
+from trocar.services.mechanics.arrays import BoolArray, FloatArray
+from trocar.services.mechanics.bodies.wire_drive import WireMotion
+from trocar.services.mechanics.collision.pairs import NO_TOOL
+from trocar.services.mechanics.contact.laws import HAS_FRICTION
+from trocar.services.mechanics.reduction import ModalState
+from trocar.services.mechanics.rod import ImplicitIntegrator, RodState
+from trocar.services.mechanics.rod.energy import RodEnergy, rod_energy
+from trocar.services.mechanics.rod.model import RodModel, RodWork, allocate_work
+from trocar.services.mechanics.rod.twist import add_frame_forces
+from trocar.services.mechanics.scene.tools import N_TOOLS, ToolInputs
+from trocar.services.mechanics.simulation.simulation import Simulation, Watcher
+from trocar.services.mechanics.world import World
+from trocar.studies.grip_energy import Grips, enter_grips, stored_in_grips
+from trocar.studies.rod_forces import internal_forces
 
 
 @dataclass(slots=True)

@@ -8,11 +8,11 @@ import numpy as np
 from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import LinearOperator, eigsh
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem import ShellModel
-from services.mechanics.fem.factorisation import factorise
-from services.mechanics.reduction.free_dofs import free_load, nodal_translations
-from services.mechanics.reduction.modal_state import ModalState
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.fem import ShellModel
+from trocar.services.mechanics.fem.factorisation import factorise
+from trocar.services.mechanics.reduction.free_dofs import free_load, nodal_translations
+from trocar.services.mechanics.reduction.modal_state import ModalState
 
 
 @dataclass(frozen=True, slots=True)

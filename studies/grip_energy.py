@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.simulation.simulation import Simulation
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.simulation.simulation import Simulation
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.scenarios import insertion
-from services.mechanics.scene import SceneModel
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.scenarios import insertion
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
 
 _EVERY_S = 1e-3
 

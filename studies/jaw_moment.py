@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.bodies.forceps.kinematics import N_CELLS
-from services.mechanics.collision.pairs import JAW_A, JAW_B
-from services.mechanics.contact.identity import SEGMENT, part_of
-from services.mechanics.simulation import Simulation
+from trocar.services.mechanics.bodies.forceps.kinematics import N_CELLS
+from trocar.services.mechanics.collision.pairs import JAW_A, JAW_B
+from trocar.services.mechanics.contact.identity import SEGMENT, part_of
+from trocar.services.mechanics.simulation import Simulation
 
 
 class JawMoment:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from services.mechanics.effects.gravity import GravitySettings
-from services.mechanics.scenarios import insertion_scene
-from services.mechanics.scene import ContactSettings, SceneModel
+from trocar.services.mechanics.effects.gravity import GravitySettings
+from trocar.services.mechanics.scenarios import insertion_scene
+from trocar.services.mechanics.scene import ContactSettings, SceneModel
 
 
 def paper_scene() -> SceneModel:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address
-from services.mechanics.rod.forces import add_internal_forces
-from services.mechanics.rod.model import RodModel, RodWork, allocate_work, model_at, work_at
-from services.mechanics.rod.state import RodState
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address
+from trocar.services.mechanics.rod.forces import add_internal_forces
+from trocar.services.mechanics.rod.model import RodModel, RodWork, allocate_work, model_at, work_at
+from trocar.services.mechanics.rod.state import RodState
 
 
 def internal_forces(model: RodModel, state: RodState, work: RodWork | None = None) -> FloatArray:

@@ -24,9 +24,9 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-from services import kernel_cache
-from services.cache_directory import cache_directory
-from services.source_closure import Sources
+from trocar.services import kernel_cache
+from trocar.services.cache_directory import cache_directory
+from trocar.services.source_closure import Sources
 
 #: A worker of the mechanics holds 0.7 GB, and beyond four the longest file decides.
 _MOST_WORKERS = 4
@@ -36,9 +36,10 @@ _ALONE = ("-m", "rig")
 _NOTHING_CHOSEN = 5
 _PREPARE = """
 import importlib, sys
-from services.runtime.process import Options, load_process_config
+from trocar.services.runtime.process import Options, load_process_config
 name, scene = sys.argv[1:]
-importlib.import_module(f"services.{name}.__main__").prepare(load_process_config(name, Options("stub", scene, ())))
+process = importlib.import_module(f"trocar.services.{name}.__main__")
+process.prepare(load_process_config(name, Options("stub", scene, ())))
 """
 
 
@@ -126,7 +127,7 @@ def compile_kernels() -> float:
 def _sources_of(*processes: str) -> str:
     """Return what names all that processes compile, and what compiles it."""
     sources = Sources(Path(__file__).parents[1])
-    made_of = [sources.digest(f"services.{name}.__main__") for name in processes]
+    made_of = [sources.digest(f"trocar.services.{name}.__main__") for name in processes]
     versions = [version(name) for name in ("numba", "llvmlite", "numpy")]
     return hashlib.sha256("\n".join([*made_of, *versions]).encode()).hexdigest()[:16]
 
@@ -160,7 +161,7 @@ def measure_rates(seed: int) -> int:
     """Run what is a matter of rates, write its tables, and return an exit code that says whether anything failed."""
     print(f"rates over fresh cases, seed {seed}; `python -m tests --long --seed {seed}` runs them again", flush=True)
     commands = [
-        ["-m", "services.cli.app", "stability", "--long", "--seed", f"{seed}", "--report", f"{_PAGE}"],
+        ["-m", "trocar.services.cli.app", "stability", "--long", "--seed", f"{seed}", "--report", f"{_PAGE}"],
         ["-m", "tests.proofs"],
     ]
     return max([subprocess.run([sys.executable, *command], check=False).returncode for command in commands])

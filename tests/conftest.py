@@ -21,20 +21,20 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-import services.runtime  # noqa: F401  first of all: it keeps the numerics libraries to one thread
-from services import kernel_cache
-from services.cache_directory import cache_directory
-from services.source_closure import Sources
+import trocar.services.entry  # noqa: F401  first of all: kernels and threads as in a process of the rig
 from tests.by_day import LONG
+from trocar.services import kernel_cache
+from trocar.services.cache_directory import cache_directory
+from trocar.services.source_closure import Sources
 
 #: The modules that make entries of the cache: their results follow from these and from what they import.
 MAKERS = (
-    "services.mechanics.reduction.nonlinear.quadratic_manifold",
-    "services.mechanics.reduction.reduce",
-    "services.mechanics.reduction.softening.training",
-    "services.mechanics.reduction.hyperelastic.energy_sampling",
-    "services.meshes.branching",
-    "services.meshes.cached",
+    "trocar.services.mechanics.reduction.nonlinear.quadratic_manifold",
+    "trocar.services.mechanics.reduction.reduce",
+    "trocar.services.mechanics.reduction.softening.training",
+    "trocar.services.mechanics.reduction.hyperelastic.energy_sampling",
+    "trocar.services.meshes.branching",
+    "trocar.services.meshes.cached",
 )
 _LIBRARIES = ("numpy", "scipy", "numba", "trimesh", "pyvista", "pyacvd")
 #: Files of ten seconds and more: the last of all would keep one worker while the others have nothing left.

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from protocol.bodies import Health
-from services.runtime.health import HealthReporter
+from trocar.protocol.bodies import Health
+from trocar.services.runtime.health import HealthReporter
 
 
 def report_of(reporter: HealthReporter) -> Health:

@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterable
 
 import msgspec
 
-import protocol.bodies as bodies
-from protocol import Frame, topic
-from services.runtime import bus
-from services.runtime.frame_batches import join
+import trocar.protocol.bodies as bodies
+from trocar.protocol import Frame, topic
+from trocar.services.runtime import bus
+from trocar.services.runtime.frame_batches import join
 
 
 class MemoryHub:
@@ -27,7 +27,7 @@ class MemoryHub:
 
 
 class MemoryBus:
-    """Same behaviour as `services.runtime.zmq_bus.ZmqBus`, without sockets and without waiting."""
+    """Same behaviour as `trocar.services.runtime.zmq_bus.ZmqBus`, without sockets and without waiting."""
 
     def __init__(
         self,

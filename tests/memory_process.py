@@ -10,14 +10,14 @@ from typing import Any
 
 import pytest
 
-import services.gateway.__main__ as gateway_process
-from protocol import TOPICS
-from protocol.topics import published_by, read_by
-from services.gateway import instrument
-from services.runtime import bus, health
-from services.runtime.health import HealthReporter
+import trocar.services.gateway.__main__ as gateway_process
 from tests import memory_bus
 from tests.memory_bus import MemoryBus, MemoryHub
+from trocar.protocol import TOPICS
+from trocar.protocol.topics import published_by, read_by
+from trocar.services.gateway import instrument
+from trocar.services.runtime import bus, health
+from trocar.services.runtime.health import HealthReporter
 
 
 @dataclass

@@ -6,8 +6,8 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
-from services.runtime.errors import UserError
 from tests.patience import PATIENCE_S
+from trocar.services.runtime.errors import UserError
 
 T = TypeVar("T")
 

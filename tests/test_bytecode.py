@@ -10,19 +10,22 @@ from pathlib import Path
 
 import pytest
 
-import services
+from trocar import services
 
 _SHOW = """
-import services.runtime.histogram as ours, protocol.frame, sys, json.decoder
+import trocar.services.entry
+import trocar.services.runtime.histogram as ours, trocar.protocol.frame, sys, json.decoder
 print(sys.dont_write_bytecode, sys.pycache_prefix, ours.PER_OCTAVE)
 """
 
 
 @pytest.fixture
 def tree(tmp_path: Path) -> Path:
-    root = Path(services.__file__).parents[1]
+    """Return a folder in which `trocar` is installed, with no links in it."""
+    installed, ours = tmp_path / "tree" / "trocar", Path(services.__file__).parents[1]
     for name in ("services", "protocol"):
-        shutil.copytree(root / name, tmp_path / "tree" / name, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(ours / name, installed / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy2(ours / "__init__.py", installed)
     return tmp_path / "tree"
 
 
@@ -43,7 +46,7 @@ def test_it_is_kept_in_the_cache_and_follows_the_source(tree: Path, tmp_path: Pa
     assert any(name.startswith("frame.") for name in kept)
     assert not any(name.startswith("decoder.") for name in kept), "what others wrote stays as it was"
     assert not list(tree.rglob("*.pyc"))
-    source = tree / "services" / "runtime" / "histogram.py"
+    source = tree / "trocar" / "services" / "runtime" / "histogram.py"
     source.write_text(source.read_text().replace("PER_OCTAVE = 16", "PER_OCTAVE = 32 "))
     assert _run(tree, cache, **forbidden) == "True None 32"
 
@@ -60,7 +63,7 @@ def test_what_an_image_has_beside_the_source_is_taken_until_the_source_is_newer(
     subprocess.run([sys.executable, "-m", "compileall", "-q", tree], check=True, env=beside)
     assert _run(tree, cache, **forbidden) == "True None 16"
     assert not list(cache.rglob("*.pyc"))
-    source = tree / "services" / "runtime" / "histogram.py"
+    source = tree / "trocar" / "services" / "runtime" / "histogram.py"
     source.write_text(source.read_text().replace("PER_OCTAVE = 16", "PER_OCTAVE = 32 "))
     os.utime(source, (2e9, 2e9))
     assert _run(tree, cache, **forbidden) == "True None 32"

@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[1]
 
 def test_every_module_that_makes_entries_names_the_folder() -> None:
     makers = {
-        ".".join(path.relative_to(ROOT).with_suffix("").parts)
+        ".".join(("trocar", *path.relative_to(ROOT).with_suffix("").parts))
         for path in (ROOT / "services").rglob("*.py")
         if re.search(r"(?<!def )\bfetch\((cache_dir|folder)", path.read_text(encoding="utf-8"))
     }

@@ -12,19 +12,20 @@ from pathlib import Path
 
 import pytest
 
-from services import kernel_cache
-from services.source_closure import Sources
 from tests.preloaded import Preloaded, Running
+from trocar.services import kernel_cache
+from trocar.services.source_closure import Sources
 
 pytestmark = pytest.mark.timeout(600)  # it waits for processes that compile
 
 ROOT = Path(kernel_cache.__file__).parent
-CALLEE = "from numba import njit\n\n@njit(cache=True)\ndef inner(x):\n    return x + 1\n"
+DECORATOR = "from trocar.services.mechanics.compiled import building_kernel\n"
+CALLEE = f"{DECORATOR}\n@building_kernel\ndef inner(x):\n    return x + 1\n"
 CALLER = (
-    "from numba import njit\nfrom services.parts import (  # brackets )\n    callee,\n)\n\n"
-    "inner = callee.inner\n\n@njit(cache=True)\ndef outer(x):\n    return 10 * inner(x)\n"
+    f"{DECORATOR}from trocar.services.parts import (  # brackets )\n    callee,\n)\n\n"
+    "inner = callee.inner\n\n@building_kernel\ndef outer(x):\n    return 10 * inner(x)\n"
 )
-ASK = "from services.caller import outer; print(outer({}), sum(outer.stats.cache_misses.values()))"
+ASK = "from trocar.services.caller import outer; print(outer({}), sum(outer.stats.cache_misses.values()))"
 NUMBA = "import numba; numba.njit(lambda x: x + 1)(1)"
 SLOW_INDEX = """
 import time
@@ -41,18 +42,14 @@ IndexDataCacheFile._save_index = slow
 @pytest.fixture
 def tree(tmp_path: Path) -> Path:
     """Return a small checkout: a kernel, another that it calls, and a module that neither knows."""
-    parts = tmp_path / "checkout" / "services" / "parts"
+    parts = tmp_path / "checkout" / "trocar" / "services" / "parts"
+    compiled = parts.parent / "mechanics" / "compiled"
     parts.mkdir(parents=True)
-    for name in (
-        "__init__",
-        "bytecode",
-        "cache_directory",
-        "kernel_cache",
-        "source_closure",
-        "start_up",
-        "trusted_path",
-    ):
+    compiled.mkdir(parents=True)
+    for name in ("__init__", "cache_directory", "kernel_cache", "source_closure", "trusted_path"):
         shutil.copy(ROOT / f"{name}.py", parts.parent)
+    for path in ("mechanics/__init__.py", "mechanics/compiled/__init__.py"):
+        shutil.copy(ROOT / path, parts.parent / path)
     (parts / "__init__.py").touch()
     (parts / "callee.py").write_text(CALLEE)
     (parts / "stranger.py").write_text("X = 1\n")
@@ -72,7 +69,7 @@ _numba: Preloaded
 
 
 def _start(tree: Path, argument: str, before: str = "", **variables: str) -> Running:
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_CACHE_")}
     environment |= {"NUMBA_CACHE_DIR": str(tree.parent / "kernels"), **variables}
     return _numba.start(before + ASK.format(argument), (), tree, environment)
 
@@ -98,7 +95,7 @@ def _edit(file: Path, text: str) -> None:
 
 def test_a_process_that_imports_numba_after_us_finds_the_same(tree: Path) -> None:
     """As every process of a rig does; the others here had numba before."""
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_CACHE_")}
     environment |= {"PYTHONPATH": str(tree), "NUMBA_CACHE_DIR": str(tree.parent / "kernels")}
     command = [sys.executable, "-c", ASK.format("1")]
     asked = [subprocess.run(command, env=environment, cwd=tree, capture_output=True, text=True) for _ in range(2)]
@@ -109,11 +106,11 @@ def test_a_process_that_imports_numba_after_us_finds_the_same(tree: Path) -> Non
 def test_an_edit_of_a_callee_compiles_its_callers_and_an_edit_elsewhere_does_not(tree: Path) -> None:
     assert _run(tree) == (20, 1)
     assert _run(tree) == (20, 0)
-    (tree / "services" / "parts" / "stranger.py").write_text("X = 2\n")
+    (tree / "trocar" / "services" / "parts" / "stranger.py").write_text("X = 2\n")
     assert _run(tree) == (20, 0)
-    _edit(tree / "services" / "parts" / "callee.py", CALLEE.replace("x + 1", "x + 2"))
+    _edit(tree / "trocar" / "services" / "parts" / "callee.py", CALLEE.replace("x + 1", "x + 2"))
     assert _run(tree) == (30, 1)
-    _edit(tree / "services" / "parts" / "callee.py", CALLEE)
+    _edit(tree / "trocar" / "services" / "parts" / "callee.py", CALLEE)
     assert _run(tree) == (20, 0), "what was there before is still there"
 
 
@@ -142,7 +139,7 @@ def test_a_folder_that_cannot_be_written_is_left_to_numba(tree: Path) -> None:
 def test_a_flipped_bit_and_a_foreign_pickle_are_neither_run_nor_read(tree: Path) -> None:
     assert _run(tree) == (20, 1)
     for kind in ("nbi", "nbc"):
-        (stored,) = (tree.parent / "kernels").glob(f"services.caller-*/*.{kind}")
+        (stored,) = (tree.parent / "kernels").glob(f"trocar.services.caller-*/*.{kind}")
         whole = stored.read_bytes()
         stored.write_bytes(whole[:-40] + bytes([whole[-40] ^ 1]) + whole[-39:])
         assert _run(tree) == (20, 1), "compiled anew"
@@ -169,42 +166,42 @@ def test_a_cache_that_others_may_write_to_is_not_read(tree: Path, name: str) -> 
 
 
 def test_every_way_to_import_is_followed(tmp_path: Path) -> None:
-    package = tmp_path / "services" / "a"
+    package = tmp_path / "trocar" / "a"
     package.mkdir(parents=True)
-    (tmp_path / "services" / "__init__.py").touch()
-    (package / "__init__.py").write_text("from services.a.far import X\n")
+    (tmp_path / "trocar" / "__init__.py").touch()
+    (package / "__init__.py").write_text("from trocar.a.far import X\n")
     for name in ("far", "near", "lazy", "plain", "strange"):
         (package / f"{name}.py").write_text("X = 1\n")
     (package / "user.py").write_text(
-        "import numpy as np\nimport services.a.plain as p\nfrom . import near\nfrom services.a import X\n"
+        "import numpy as np\nimport trocar.a.plain as p\nfrom . import near\nfrom trocar.a import X\n"
         "def f():\n    from .lazy import X\n"
     )
-    closure = Sources(tmp_path).closure("services.a.user")
-    assert closure == {f"services.a.{name}" for name in ("user", "near", "lazy", "plain", "far")} | {"services.a"}
+    closure = Sources(tmp_path).closure("trocar.a.user")
+    assert closure == {f"trocar.a.{name}" for name in ("user", "near", "lazy", "plain", "far")} | {"trocar.a"}
 
 
 def test_what_was_not_used_for_longest_is_forgotten_but_nothing_in_use(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    module = "services.mechanics.example"
+    module = "trocar.services.mechanics.example"
     for age in range(20):
         folder = tmp_path / f"{module}-{age:02}"
         folder.mkdir()
         os.utime(folder, (1_000_000 - age, 1_000_000 - age))
-    (tmp_path / "services.mechanics.other-1").mkdir()
-    os.utime(tmp_path / "services.mechanics.other-1", (0, 0))
+    (tmp_path / "trocar.services.mechanics.other-1").mkdir()
+    os.utime(tmp_path / "trocar.services.mechanics.other-1", (0, 0))
     os.utime(tmp_path / f"{module}-19")
     locator = kernel_cache.Locator(tmp_path / f"{module}-new", 1)
     locator.ensure_cache_path()
     kernel_cache._LOCK.release()
     kept = sorted(path.name.rpartition("-")[2] for path in tmp_path.glob(f"{module}-*"))
     assert kept == ["00", "01", "02", "03", "04", "05", "19", "new"]
-    assert (tmp_path / "services.mechanics.other-1").is_dir()
+    assert (tmp_path / "trocar.services.mechanics.other-1").is_dir()
 
 
 def test_a_folder_that_another_process_forgets_meanwhile_is_no_fault(tmp_path: Path) -> None:
-    gone = tmp_path / "services.mechanics.example-gone"
+    gone = tmp_path / "trocar.services.mechanics.example-gone"
     gone.symlink_to(tmp_path / "removed")  # is listed, and is not there when it is looked at
-    kernel_cache._forget_oldest(tmp_path / "services.mechanics.example-new")
+    kernel_cache._forget_oldest(tmp_path / "trocar.services.mechanics.example-new")
     assert gone.is_symlink()

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from services import kernel_progress
-from services.mechanics.compiled import KERNELS, kernel
+from trocar.services import kernel_progress
+from trocar.services.mechanics.compiled import KERNELS, kernel
 
 
 def test_what_is_compiled_is_counted_once_a_kernel(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services import cache_directory
-from services.cli.validation import validate
-from services.gateway.scene_hands import find_scene_hands
-from services.runtime.nan_guard import NanGuard
-from services.trusted_path import fault_of_place
+from trocar.services import cache_directory
+from trocar.services.cli.validation import validate
+from trocar.services.gateway.scene_hands import find_scene_hands
+from trocar.services.runtime.nan_guard import NanGuard
+from trocar.services.trusted_path import fault_of_place
 
 NOBODY = 65534
 

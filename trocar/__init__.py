@@ -11,70 +11,31 @@ release. Units are SI, arrays float64 unless stated otherwise, positions and for
 
 from __future__ import annotations
 
-from services.cache_directory import cache_directory
-from services.mechanics.arrays import FloatArray
-from services.mechanics.effects import EFFECTS, Effect, EffectEntry
-from services.mechanics.reduction.build import Progress, ignore_progress
-from services.mechanics.scenarios import PlayedScene as Motion
-from services.mechanics.scene import (
-    CatheterScene,
-    ContactSettings,
-    DuctScene,
-    ForcepsScene,
-    ProbeScene,
-    QualityLevel,
-)
-from services.mechanics.scene import SceneModel as Scene
-from services.mechanics.scene.tools import GraspHold
-from services.mechanics.scene.tools import ToolInputs as Hands
-from services.mechanics.scene.tools import ToolResults as HandResults
-from services.mechanics.simulation import Simulation
-from services.mechanics.world import World
-from services.runtime.errors import ConfigError
-from services.scenes import load_duct, load_scene
-from services.scenes.hands import hands_of
+from importlib import import_module
+from typing import TYPE_CHECKING
 
-
-def simulate(scene: Scene, progress: Progress = ignore_progress) -> Simulation:
-    """Return a simulation of a scene at rest; its duct is computed once and then cached.
-
-    Raises ConfigError: one sentence, if the duct of the scene is invalid.
-
-    Args:
-        scene: Scene. From `load_scene`, or constructed from its parts.
-        progress: callable, optional. Called with the name of each part of the work and its completed fraction, 0 to 1.
-    """
-    return Simulation(scene, load_duct(scene, cache_directory(), progress))
-
-
-def wall_m(simulation: Simulation) -> FloatArray:
-    """Return the present positions (n, 3) of the duct's middle surface's nodes, in scene axes."""
-    duct, n = simulation.duct.reduced, simulation.duct.n_loads
-    loads = simulation.duct.load_nodes[:n], simulation.duct.load_force_n[:n]
-    moved_m: FloatArray = duct.mesh.vertices_m + duct.displacements(simulation.duct.state.q, *loads)
-    return moved_m
-
-
-def tip_m(simulation: Simulation) -> FloatArray:
-    """Return a copy of the position (3,) of the catheter's tip, in scene axes."""
-    end_m: FloatArray = simulation.catheter.state.position_m[-1]
-    return end_m.copy()
-
-
-def expert(simulation: Simulation) -> Motion:
-    """Return the motion of an expert's hands; ``write_inputs(time_s, hands)`` writes it for ``duration_s``."""
-    return hands_of(simulation.scene, simulation.duct.reduced.mesh)
-
-
-def add_effect(name: str, kind: type[Effect], what: str) -> None:
-    """Register an effect of your own for the scenes of this process; it acts after all others.
-
-    Raises ValueError if there is an effect of this name.
-    """
-    if name in EFFECTS:
-        raise ValueError(f"there is an effect {name!r} already: {EFFECTS[name].what}")
-    EFFECTS[name] = EffectEntry(kind, what)
-
+if TYPE_CHECKING:
+    from trocar.front import CatheterScene as CatheterScene
+    from trocar.front import ConfigError as ConfigError
+    from trocar.front import ContactSettings as ContactSettings
+    from trocar.front import DuctScene as DuctScene
+    from trocar.front import Effect as Effect
+    from trocar.front import ForcepsScene as ForcepsScene
+    from trocar.front import GraspHold as GraspHold
+    from trocar.front import HandResults as HandResults
+    from trocar.front import Hands as Hands
+    from trocar.front import Motion as Motion
+    from trocar.front import ProbeScene as ProbeScene
+    from trocar.front import QualityLevel as QualityLevel
+    from trocar.front import Scene as Scene
+    from trocar.front import Simulation as Simulation
+    from trocar.front import World as World
+    from trocar.front import add_effect as add_effect
+    from trocar.front import expert as expert
+    from trocar.front import load_scene as load_scene
+    from trocar.front import simulate as simulate
+    from trocar.front import tip_m as tip_m
+    from trocar.front import wall_m as wall_m
 
 __all__ = [
     "CatheterScene",
@@ -99,3 +60,14 @@ __all__ = [
     "tip_m",
     "wall_m",
 ]
+
+
+def __getattr__(name: str) -> object:
+    """Return a public name: with the first one the library is imported, which takes a second."""
+    if name not in __all__:
+        raise AttributeError(f"module 'trocar' has no attribute {name!r}")
+    return getattr(import_module("trocar.front"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

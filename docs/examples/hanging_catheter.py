@@ -5,7 +5,7 @@ python docs/examples/hanging_catheter.py
 
 import numpy as np
 
-from services.mechanics.rod import ImplicitIntegrator, RoundTube, clamped, straight_rod
+from trocar.services.mechanics.rod import ImplicitIntegrator, RoundTube, clamped, straight_rod
 
 tube = RoundTube(outer_diameter_m=1.67e-3, inner_diameter_m=1.0e-3, youngs_modulus_pa=100e6, density_kg_m3=1100)
 catheter = tube.rod(n_segments=50, length_m=0.1, internal_damping_s=2e-3)

@@ -6,12 +6,12 @@ python docs/examples/insertion_to_vtu.py [folder]
 import sys
 from pathlib import Path
 
-from services.mechanics.scenarios import insertion
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from services.mechanics.surface.mesh import TriangleMesh
-from services.meshes import write_vtu
+from trocar.services.mechanics.scenarios import insertion
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.meshes import write_vtu
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "insertion")
 folder.mkdir(parents=True, exist_ok=True)

@@ -5,10 +5,10 @@ python docs/examples/pinched_duct.py
 
 import numpy as np
 
-from services.mechanics.scene import DuctScene, ForcepsScene, SceneModel
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.services.mechanics.scene import DuctScene, ForcepsScene, SceneModel
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
 
 forceps = ForcepsScene(port_position_m=(30e-3, 0, 150e-3), jaw_max_angle_rad=1.3)
 scene = SceneModel(duct=DuctScene(n_around=20, n_along=20, n_modes=40, membrane="cst"), forceps=(forceps, forceps))

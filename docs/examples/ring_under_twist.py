@@ -5,7 +5,7 @@ python docs/examples/ring_under_twist.py
 
 import numpy as np
 
-from services.mechanics.rod import ImplicitIntegrator, RoundTube, Supports, initial_frame, rod_along, roll
+from trocar.services.mechanics.rod import ImplicitIntegrator, RoundTube, Supports, initial_frame, rod_along, roll
 
 tube = RoundTube(outer_diameter_m=1.67e-3, inner_diameter_m=1.0e-3, youngs_modulus_pa=100e6, density_kg_m3=1100)
 catheter = tube.rod(n_segments=100, length_m=0.1, twist=True, internal_damping_s=1e-4, viscous_drag_n_s_m2=0.05)

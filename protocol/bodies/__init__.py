@@ -1,8 +1,8 @@
 """Every body that travels, one module per publisher."""
 
-from protocol.bodies.gateway import GatewayState, InstrumentState
-from protocol.bodies.haptics import ContactModel, GraspHold, LocalModel, ToolContacts, ToolState
-from protocol.bodies.health import (
+from trocar.protocol.bodies.gateway import GatewayState, InstrumentState
+from trocar.protocol.bodies.haptics import ContactModel, GraspHold, LocalModel, ToolContacts, ToolState
+from trocar.protocol.bodies.health import (
     Health,
     Histogram,
     LoopReport,
@@ -12,11 +12,11 @@ from protocol.bodies.health import (
     Stall,
     TopicReport,
 )
-from protocol.bodies.journal import Journal
-from protocol.bodies.physics import Catheter, ContactForces, Duct, PhysicsState, ToolReaction
-from protocol.bodies.supervisor import Order, ProcessReport, QualityReport, SupervisorState
-from protocol.bodies.training import Answer, Attempt
-from protocol.bodies.visualization import Hands, HandTarget
+from trocar.protocol.bodies.journal import Journal
+from trocar.protocol.bodies.physics import Catheter, ContactForces, Duct, PhysicsState, ToolReaction
+from trocar.protocol.bodies.supervisor import Order, ProcessReport, QualityReport, SupervisorState
+from trocar.protocol.bodies.training import Answer, Attempt
+from trocar.protocol.bodies.visualization import Hands, HandTarget
 
 __all__ = [
     "Answer",

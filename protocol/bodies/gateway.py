@@ -7,7 +7,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from protocol.vectors import IDENTITY_QUAT, ZERO3, Quat, Vec3
+from trocar.protocol.vectors import IDENTITY_QUAT, ZERO3, Quat, Vec3
 
 
 class InstrumentState(msgspec.Struct, array_like=True, frozen=True, kw_only=True):

@@ -8,9 +8,9 @@ from typing import Annotated, Self
 import msgspec
 from msgspec import Meta
 
-from protocol.arrays import Array, spec
-from protocol.table import TableRow, columns
-from protocol.vectors import ZERO3, ZERO9, Mat3, Vec3
+from trocar.protocol.arrays import Array, spec
+from trocar.protocol.table import TableRow, columns
+from trocar.protocol.vectors import ZERO3, ZERO9, Mat3, Vec3
 
 
 class LocalModel(TableRow, array_like=True, frozen=True, kw_only=True):

@@ -7,7 +7,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from protocol.arrays import Array, spec
+from trocar.protocol.arrays import Array, spec
 
 RUN_TICK, RUN_COUNT, RUN_STRIDE, RUN_FACTS, RUN_COLUMNS = 0, 1, 2, 3, 6
 

@@ -7,9 +7,9 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from protocol.arrays import Array, spec
-from protocol.table import TableRow, columns
-from protocol.vectors import ZERO3, ZERO9, Mat3, Vec3
+from trocar.protocol.arrays import Array, spec
+from trocar.protocol.table import TableRow, columns
+from trocar.protocol.vectors import ZERO3, ZERO9, Mat3, Vec3
 
 
 class Duct(msgspec.Struct, array_like=True, frozen=True, kw_only=True):

@@ -7,7 +7,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from protocol.vectors import Vec3
+from trocar.protocol.vectors import Vec3
 
 
 class HandTarget(msgspec.Struct, array_like=True, frozen=True, kw_only=True):

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from review.attempts.assessment import Assessment, metric_words
-from services.training.errors import ERRORS
-from services.training.scenario import ErrorCode
-from services.training.score import Band, ScoreRules
+from trocar.review.attempts.assessment import Assessment, metric_words
+from trocar.services.training.errors import ERRORS
+from trocar.services.training.scenario import ErrorCode
+from trocar.services.training.score import Band, ScoreRules
 
 _MOST = 3
 _NAMES = {

@@ -8,19 +8,19 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 
-from protocol.bodies import GatewayState, PhysicsState, SupervisorState
-from protocol.bodies.training import Attempt
-from protocol.topics import TICK_S
-from review.attempts.assessment import Assessment, RigQuality, series_of
-from review.attempts.experts import counts_of
-from review.attempts.metrics import TISSUE_LIMITS, metrics_of
-from review.attempts.trace import Trace
-from services.runtime.errors import UserError
-from services.training.judge import Judge
-from services.training.scenario import Scenario
-from services.training.score import Band, ScoreRules, score_of
-from services.training.site import Site
-from services.training.situation import TISSUES
+from trocar.protocol.bodies import GatewayState, PhysicsState, SupervisorState
+from trocar.protocol.bodies.training import Attempt
+from trocar.protocol.topics import TICK_S
+from trocar.review.attempts.assessment import Assessment, RigQuality, series_of
+from trocar.review.attempts.experts import counts_of
+from trocar.review.attempts.metrics import TISSUE_LIMITS, metrics_of
+from trocar.review.attempts.trace import Trace
+from trocar.services.runtime.errors import UserError
+from trocar.services.training.judge import Judge
+from trocar.services.training.scenario import Scenario
+from trocar.services.training.score import Band, ScoreRules, score_of
+from trocar.services.training.site import Site
+from trocar.services.training.situation import TISSUES
 
 Message = tuple[str, int, msgspec.Struct]
 TOPICS = ("gateway.state", "haptics.contacts", "physics.state", "supervisor.state", "training.attempt")

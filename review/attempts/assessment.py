@@ -7,10 +7,10 @@ from collections.abc import Iterable, Mapping
 import msgspec
 import numpy as np
 
-from review.attempts.trace import Columns
-from services.training.errors import ErrorEvent
-from services.training.procedure import Span
-from services.training.score import Score
+from trocar.review.attempts.trace import Columns
+from trocar.services.training.errors import ErrorEvent
+from trocar.services.training.procedure import Span
+from trocar.services.training.score import Score
 
 _SERIES_HZ = 10.0
 _DIGITS = 6

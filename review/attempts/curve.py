@@ -9,8 +9,8 @@ import msgspec
 import numpy as np
 from scipy.optimize import least_squares
 
-from review.attempts.motion import Values
-from services.training.score import CusumRates
+from trocar.review.attempts.motion import Values
+from trocar.services.training.score import CusumRates
 
 _FEWEST = 5
 

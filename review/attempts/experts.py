@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from services.runtime.errors import ConfigError
-from services.training.errors import ErrorEvent
-from services.training.score import Band, Range, ScoreRules
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.training.errors import ErrorEvent
+from trocar.services.training.score import Band, Range, ScoreRules
 
 ERRORS_NAME = "errors"
 

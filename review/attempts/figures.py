@@ -6,9 +6,9 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from review.attempts.assessment import Assessment
-from services.training.errors import ERRORS, ErrorEvent
-from services.training.procedure import PHASES
+from trocar.review.attempts.assessment import Assessment
+from trocar.services.training.errors import ERRORS, ErrorEvent
+from trocar.services.training.procedure import PHASES
 
 WIDTH, NARROW, LEFT, RIGHT = 900.0, 420.0, 56.0, 12.0
 TOP, HEIGHT, BOTTOM = 12.0, 190.0, 24.0

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from review.attempts import motion
-from review.attempts.motion import SAMPLE_HZ, Values
-from review.attempts.trace import Columns
-from services.training.procedure import Procedure
-from services.training.scenario import Scenario
-from services.training.situation import TISSUES
+from trocar.review.attempts import motion
+from trocar.review.attempts.motion import SAMPLE_HZ, Values
+from trocar.review.attempts.trace import Columns
+from trocar.services.training.procedure import Procedure
+from trocar.services.training.scenario import Scenario
+from trocar.services.training.situation import TISSUES
 
 Metrics = dict[str, float]
 TISSUE_LIMITS = {

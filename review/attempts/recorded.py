@@ -5,14 +5,14 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
-from review.attempts.assess import TOPICS, Terms, assess
-from review.attempts.assessment import Assessment
-from review.attempts.experts import load_band
-from services.recordings.reader import read_extras, read_messages
-from services.runtime.errors import ConfigError
-from services.training.scenario import Goal, Scenario, load_scenario
-from services.training.score import Band, ScoreRules
-from services.training.site import Site, read_site
+from trocar.review.attempts.assess import TOPICS, Terms, assess
+from trocar.review.attempts.assessment import Assessment
+from trocar.review.attempts.experts import load_band
+from trocar.services.recordings.reader import read_extras, read_messages
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.training.scenario import Goal, Scenario, load_scenario
+from trocar.services.training.score import Band, ScoreRules
+from trocar.services.training.site import Site, read_site
 
 #: What is done where a recording names no scenario: there is no depth that ends it, but the limits hold.
 PRACTICE = Scenario(name="practice", title="Practice without a goal", scene="", goal=Goal(depth_m=0.01))

@@ -12,14 +12,14 @@ from urllib.parse import quote
 import msgspec
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 
-from review.attempts.advice import advice
-from review.attempts.assessment import Assessment, metric_label, metric_words
-from review.attempts.curve import cusum, learning_curve
-from review.attempts.experts import is_proficient
-from review.attempts.figures import LEAD_S, NARROW, Chart, chart, timeline
-from services.training.errors import ERRORS, ErrorEvent
-from services.training.score import Band, ScoreRules
-from services.training.situation import TISSUES
+from trocar.review.attempts.advice import advice
+from trocar.review.attempts.assessment import Assessment, metric_label, metric_words
+from trocar.review.attempts.curve import cusum, learning_curve
+from trocar.review.attempts.experts import is_proficient
+from trocar.review.attempts.figures import LEAD_S, NARROW, Chart, chart, timeline
+from trocar.services.training.errors import ERRORS, ErrorEvent
+from trocar.services.training.score import Band, ScoreRules
+from trocar.services.training.situation import TISSUES
 
 DEFAULT_PAGE = "http://localhost:8080/"
 #: Named parts of a performance, which an instructor judges; GOALS, Vassiliou 2005, PMID 15972181.

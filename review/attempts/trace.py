@@ -6,11 +6,11 @@ from array import array
 
 import numpy as np
 
-from protocol.bodies import GatewayState
-from protocol.topics import TICK_S
-from review.attempts.motion import Values
-from services.training.procedure import PHASES, Procedure
-from services.training.situation import EVERY_TICKS, TISSUES, Situation
+from trocar.protocol.bodies import GatewayState
+from trocar.protocol.topics import TICK_S
+from trocar.review.attempts.motion import Values
+from trocar.services.training.procedure import PHASES, Procedure
+from trocar.services.training.situation import EVERY_TICKS, TISSUES, Situation
 
 HANDS = 2
 _PHASE_NUMBERS = {phase: number for number, phase in enumerate(PHASES)}

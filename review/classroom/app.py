@@ -14,11 +14,11 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.routing import Route
 
-from review.attempts.store.attempts import Store
-from review.classroom.roll import ClassRig, load_roll
-from review.classroom.watch import Watch
-from services.runtime.errors import UserError
-from services.runtime.web_host import KnownHost, listen
+from trocar.review.attempts.store.attempts import Store
+from trocar.review.classroom.roll import ClassRig, load_roll
+from trocar.review.classroom.watch import Watch
+from trocar.services.runtime.errors import UserError
+from trocar.services.runtime.web_host import KnownHost, listen
 
 _PAGE = Path(__file__).with_name("page.html")
 _HEADERS = {

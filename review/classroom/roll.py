@@ -9,9 +9,9 @@ from urllib.parse import urlsplit
 
 from pydantic import AfterValidator, Field, model_validator
 
-from services.runtime import config
-from services.runtime.errors import ConfigError
-from services.runtime.rig import Settings
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.runtime.rig import Settings
 
 
 def _is_page(address: str) -> str:

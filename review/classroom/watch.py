@@ -13,8 +13,8 @@ from urllib.parse import urlsplit
 
 import msgspec
 
-from review.classroom.roll import ClassRig
-from services.runtime.errors import UserError
+from trocar.review.classroom.roll import ClassRig
+from trocar.services.runtime.errors import UserError
 
 PERIOD_S = 1.0
 #: A page that has not answered for so long is shown as silent: what is known of the rig is old.

@@ -11,10 +11,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from review.attempts.curve import cusum, learning_curve
-from review.attempts.store.attempts import Listed, Store, StoreError
-from services.atomic_file import atomic_file
-from services.training.score import load_rules
+from trocar.review.attempts.curve import cusum, learning_curve
+from trocar.review.attempts.store.attempts import Listed, Store, StoreError
+from trocar.services.atomic_file import atomic_file
+from trocar.services.training.score import load_rules
 
 
 def run_list(database: str | None, trainee: str | None, scenario: str | None, as_json: bool) -> None:

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from protocol import TOPICS
-from review.export.tables import Columns, read_columns
-from services.nearest_word import did_you_mean
-from services.recordings.errors import RecordingError
+from trocar.protocol import TOPICS
+from trocar.review.export.tables import Columns, read_columns
+from trocar.services.nearest_word import did_you_mean
+from trocar.services.recordings.errors import RecordingError
 
 #: Formats, and what holds them beside the recording.
 FORMATS = {"csv": "a folder", "parquet": "a folder", "npz": "a file", "mp4": "a file"}
@@ -28,7 +28,7 @@ def run_export(file: Path, to: str, out: Path | None, topics: Collection[str], v
             raise RecordingError(f"there is no topic {topic!r}{did_you_mean(topic, TOPICS)}")
     place = out or file.with_suffix("" if FORMATS[to] == "a folder" else f".{to}")
     if to == "mp4":
-        from review.export.film import write_film
+        from trocar.review.export.film import write_film
 
         write_film(file, place, view)
     elif to == "npz":

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from review.attempts.assessment import Assessment
-from review.attempts.experts import load_band
-from review.attempts.recorded import assess_file
-from review.attempts.report import Past, render
-from services.atomic_file import atomic_file
-from services.runtime.errors import ConfigError
-from services.training.score import load_rules
+from trocar.review.attempts.assessment import Assessment
+from trocar.review.attempts.experts import load_band
+from trocar.review.attempts.recorded import assess_file
+from trocar.review.attempts.report import Past, render
+from trocar.services.atomic_file import atomic_file
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.training.score import load_rules
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ def _write(out: Path, found: Assessment, request: Request, trainee: str = "", pa
 
 
 def _kept(request: Request) -> tuple[Assessment, str, list[Past]]:
-    from review.attempts.store.attempts import Store
+    from trocar.review.attempts.store.attempts import Store
 
     with Store(request.database) as store:
         found, trainee = store.assessment(int(request.what))

@@ -8,10 +8,10 @@ import msgspec
 from rich.console import Console
 from rich.markup import escape
 
-from review.attempts.assessment import Assessment
-from review.attempts.recorded import assess_file
-from services.training.errors import ERRORS
-from services.training.score import load_rules
+from trocar.review.attempts.assessment import Assessment
+from trocar.review.attempts.recorded import assess_file
+from trocar.services.training.errors import ERRORS
+from trocar.services.training.score import load_rules
 
 
 def run_score(
@@ -42,7 +42,7 @@ def run_score(
 
 
 def _kept(found: list[Assessment], trainee: str, database: str | None, file: Path) -> list[int]:
-    from review.attempts.store.attempts import Store
+    from trocar.review.attempts.store.attempts import Store
 
     with Store(database) as store:
         return [store.add(each, trainee, file) for each in found]

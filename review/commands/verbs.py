@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from services.cli.options import Json
+from trocar.services.cli.options import Json
 
 Rules = Annotated[str, typer.Option(help="Rules of the score: a file, or the name of one in configs/scores.")]
 Experts = Annotated[Path | None, typer.Option(help="Reference attempts, as `trocar attempts export` writes them.")]
@@ -50,7 +50,7 @@ def classroom(
     port: Annotated[int, typer.Option(min=0, max=65535)] = 8090,
 ) -> None:
     """Show many rigs on one page: state, trainee, phase, last score, late or not, a picture on demand."""
-    from review.classroom.app import serve
+    from trocar.review.classroom.app import serve
 
     serve(file, host, port)
 
@@ -63,7 +63,7 @@ def export(
     view: Annotated[View, typer.Option(help="View of a film: the endoscope's, or X-ray.")] = View.SCOPE,
 ) -> None:
     """Write what a recording holds as tables with a column for each number, as arrays, or as a film."""
-    from review.commands.export import run_export
+    from trocar.review.commands.export import run_export
 
     run_export(file, to, out, topics or (), view)
 
@@ -78,7 +78,7 @@ def score(
     json: Json = False,
 ) -> None:
     """Judge the attempts in a recording: phases, errors, metrics and score."""
-    from review.commands.score import run_score
+    from trocar.review.commands.score import run_score
 
     run_score(file, scenario, rules, experts, trainee, database, json)
 
@@ -94,7 +94,7 @@ def report(
     page: Annotated[str, typer.Option(help="Address of the page that opens replays.")] = "http://localhost:8080/",
 ) -> None:
     """Write one HTML file about an attempt: what went wrong and when, and what to practise next."""
-    from review.commands.report import Request, run_report
+    from trocar.review.commands.report import Request, run_report
 
     run_report(Request(what, out, attempt, scenario, rules, experts, database, page))
 
@@ -107,7 +107,7 @@ def attempts_list(
     json: Json = False,
 ) -> None:
     """List the stored attempts."""
-    from review.commands.attempts import run_list
+    from trocar.review.commands.attempts import run_list
 
     run_list(database, trainee, scenario, json)
 
@@ -121,7 +121,7 @@ def attempts_curve(
     json: Json = False,
 ) -> None:
     """Show how a trainee learns: times, scores, and CUSUM of failures."""
-    from review.commands.attempts import run_curve
+    from trocar.review.commands.attempts import run_curve
 
     run_curve(database, trainee, scenario, rules, json)
 
@@ -135,7 +135,7 @@ def attempts_export(
     database: Database = None,
 ) -> None:
     """Write all data of a trainee as JSON, which `trocar score --experts` reads."""
-    from review.commands.attempts import run_export
+    from trocar.review.commands.attempts import run_export
 
     run_export(database, trainee, out)
 
@@ -148,6 +148,6 @@ def attempts_erase(
     json: Json = False,
 ) -> None:
     """Delete a trainee and all attempts."""
-    from review.commands.attempts import run_erase
+    from trocar.review.commands.attempts import run_erase
 
     run_erase(database, trainee, recordings, json)

@@ -9,15 +9,15 @@ from typing import cast
 
 import numpy as np
 
-from protocol import Frame
-from review.commands.export import missing
-from review.export.fluoroscopy import open_renderer
-from services.cli.rerun import load
-from services.recordings.errors import RecordingError
-from services.recordings.inputs import RecordedInputs
-from services.recordings.reader import read_extras, read_frames
-from services.runtime.bus import Bus
-from services.visualization.composer import Composer
+from trocar.protocol import Frame
+from trocar.review.commands.export import missing
+from trocar.review.export.fluoroscopy import open_renderer
+from trocar.services.cli.rerun import load
+from trocar.services.recordings.errors import RecordingError
+from trocar.services.recordings.inputs import RecordedInputs
+from trocar.services.recordings.reader import read_extras, read_frames
+from trocar.services.runtime.bus import Bus
+from trocar.services.visualization.composer import Composer
 
 
 class _Newest:

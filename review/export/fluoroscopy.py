@@ -14,15 +14,15 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from services.mechanics.arrays import Float32Array, FloatArray, IntArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.vectors import Vector, cross, dot, row, subtract
-from services.visualization.picture import Picture, PictureLayout
-from services.visualization.thick_wall import ThickWall
-from services.visualization.tube import sweep_tube, tube_triangles
+from trocar.services.mechanics.arrays import Float32Array, FloatArray, IntArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.vectors import Vector, cross, dot, row, subtract
+from trocar.services.visualization.picture import Picture, PictureLayout
+from trocar.services.visualization.thick_wall import ThickWall
+from trocar.services.visualization.tube import sweep_tube, tube_triangles
 
 if TYPE_CHECKING:
-    from services.visualization.render import Renderer
+    from trocar.services.visualization.render import Renderer
 
 WALL_1_M, CATHETER_1_M, STEEL_1_M = 60.0, 900.0, 950.0
 """Attenuation at some 60 keV: of the wall three times soft tissue's, or it would not be seen; of a catheter as of
@@ -111,7 +111,7 @@ def open_renderer(view: str, size: tuple[int, int]) -> Fluoroscope | Renderer:
     """
     if view == "fluoroscopy":
         return Fluoroscope(size)
-    from services.visualization.render import Renderer
+    from trocar.services.visualization.render import Renderer
 
     return Renderer(off_screen=True, size=size)
 

@@ -12,11 +12,11 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from protocol.arrays import Array
-from protocol.fields import Form, fields
-from protocol.table import TableRow
-from services.recordings.errors import RecordingError
-from services.recordings.reader import read_messages
+from trocar.protocol.arrays import Array
+from trocar.protocol.fields import Form, fields
+from trocar.protocol.table import TableRow
+from trocar.services.recordings.errors import RecordingError
+from trocar.services.recordings.reader import read_messages
 
 Values = npt.NDArray[Any]
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import trocar.services.entry  # noqa: F401  first: the environment of a process
+
+# isort: split
 import functools
 import importlib
 from collections.abc import Callable
@@ -14,8 +17,8 @@ from typing import Annotated, Any, cast
 
 import typer
 
-from services.cli import refusals
-from services.cli.options import Address, Json, Overrides, Rig, Scene, Token, finite
+from trocar.services.cli import refusals
+from trocar.services.cli.options import Address, Json, Overrides, Rig, Scene, Token, finite
 
 app = typer.Typer(
     name="trocar", no_args_is_help=True, add_completion=True, pretty_exceptions_enable=False,
@@ -38,7 +41,7 @@ def _verb(where: str, name: str | None = None, to: typer.Typer = app, **more: ob
         def call(**given: Any) -> None:
             module, _, function = where.partition(":")
             given = {key: tuple(value or ()) if key in _LISTS else value for key, value in given.items()}
-            getattr(importlib.import_module(f"services.{module}"), function)(**given, **more)
+            getattr(importlib.import_module(f"trocar.services.{module}"), function)(**given, **more)
 
         return cast(Verb, to.command(name)(call))
 
@@ -81,10 +84,10 @@ def up(
     overrides: Overrides = None,
 ) -> None:
     """Start the whole rig and stay with it until Ctrl-C."""
-    from services.supervisor.fork_link import ForkServer
+    from trocar.services.supervisor.fork_link import ForkServer
 
     with closing(ForkServer()) as fork_server:  # first: it imports on another core than all that follows
-        from services.cli.up import Request, run_up
+        from trocar.services.cli.up import Request, run_up
 
         shown = viewer and viewer.value
         run_up(Request(rig, scene, seconds, json_file, shown, tuple(overrides or ()), scenario), fork_server)
@@ -178,13 +181,13 @@ def replay(
 ) -> None:
     """Run a recording again: the same hands through the same physics, to the bit."""
     if check:
-        from services.cli.replay import run_check
+        from trocar.services.cli.replay import run_check
 
         return run_check(file, json)
-    from services.supervisor.fork_link import ForkServer
+    from trocar.services.supervisor.fork_link import ForkServer
 
     with closing(ForkServer()) as fork_server:
-        from services.cli.replay import ReplayRequest, run_replay
+        from trocar.services.cli.replay import ReplayRequest, run_replay
 
         shown = viewer and viewer.value
         asked = ReplayRequest(
@@ -228,7 +231,7 @@ def attempt(
     overrides: Overrides = None,
 ) -> None:
     """Restart the attempt, pause it, step through it, slow it down, or show its state."""
-    from services.cli.attempt import run_order, run_status
+    from trocar.services.cli.attempt import run_order, run_status
 
     if what is AttemptVerb.STATUS:
         run_status(rig, tuple(overrides or ()), json)

@@ -8,13 +8,13 @@ import urllib.error
 import urllib.request
 from typing import Any
 
-from services.runtime import config
-from services.runtime.errors import BusError, UserError
-from services.runtime.private_directory import open_text
-from services.runtime.rig import Rig
-from services.supervisor.commands import Command, What
-from services.supervisor.control import ask
-from services.supervisor.page_place import page_file
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import BusError, UserError
+from trocar.services.runtime.private_directory import open_text
+from trocar.services.runtime.rig import Rig
+from trocar.services.supervisor.commands import Command, What
+from trocar.services.supervisor.control import ask
+from trocar.services.supervisor.page_place import page_file
 
 PATIENCE_S = 3.0
 WHO = "the command line"

@@ -7,12 +7,12 @@ import secrets
 from collections.abc import Iterator
 from typing import Any
 
-import protocol.bodies as bodies
-from services.cli.arm import WHO, page_address, print_answer, state_at
-from services.runtime import config
-from services.runtime.errors import BusError, ConfigError
-from services.supervisor.commands import Command
-from services.training.scenario import Scenario, load_scenario, scenario_names
+import trocar.protocol.bodies as bodies
+from trocar.services.cli.arm import WHO, page_address, print_answer, state_at
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import BusError, ConfigError
+from trocar.services.supervisor.commands import Command
+from trocar.services.training.scenario import Scenario, load_scenario, scenario_names
 
 
 def made_of(name: str, scene: str | None, overrides: tuple[str, ...]) -> tuple[str, tuple[str, ...]]:

@@ -1,25 +1,29 @@
 """What a rig is called with, checked as far as no device and no eigenvalue is needed; the option at fault is named.
 
-``python -m services.cli.check_options OPTIONS`` is the check alone, of rig, scene and overrides as a list in JSON.
+``python -m trocar.services.cli.check_options OPTIONS`` is the check alone, of rig, scene and overrides as a list in
+JSON.
 """
 
 from __future__ import annotations
 
+import trocar.services.entry  # noqa: F401  first: the environment of a process
+
+# isort: split
 import json
 import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from typing import TypeVar
 
-from services.cache_directory import cache_directory
-from services.gateway.instrument import build_instruments
-from services.mechanics.scene import SceneModel
-from services.nearest_word import did_you_mean
-from services.runtime import config, endpoints, keys
-from services.runtime.errors import ConfigError, UserError
-from services.runtime.rig import Rig
-from services.runtime.scene_requirements import scene_requirements
-from services.scenes import check_duct, scene_file_type, scene_origins
+from trocar.services.cache_directory import cache_directory
+from trocar.services.gateway.instrument import build_instruments
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.nearest_word import did_you_mean
+from trocar.services.runtime import config, endpoints, keys
+from trocar.services.runtime.errors import ConfigError, UserError
+from trocar.services.runtime.rig import Rig
+from trocar.services.runtime.scene_requirements import scene_requirements
+from trocar.services.scenes import check_duct, scene_file_type, scene_origins
 
 T = TypeVar("T")
 Checked = tuple[T, config.Origins]

@@ -11,13 +11,13 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from services.cli import host_checks, probes
-from services.cli.host_checks import CheckResult, Verdict
-from services.cli.validation import RefusedError, validate
-from services.gateway.driver import check_host
-from services.runtime import config
-from services.runtime.endpoints import lock_holders
-from services.runtime.rig import Rig
+from trocar.services.cli import host_checks, probes
+from trocar.services.cli.host_checks import CheckResult, Verdict
+from trocar.services.cli.validation import RefusedError, validate
+from trocar.services.gateway.driver import check_host
+from trocar.services.runtime import config
+from trocar.services.runtime.endpoints import lock_holders
+from trocar.services.runtime.rig import Rig
 
 _MARKS = {Verdict.OK: "[green]ok[/]", Verdict.WARN: "[yellow]warn[/]", Verdict.FAIL: "[red]fail[/]"}
 

@@ -17,15 +17,15 @@ from enum import StrEnum
 from importlib import metadata
 from pathlib import Path
 
-from services.cache_directory import cache_directory
-from services.cli import preemption
-from services.recordings.place import fault_of_folder, nearest_there
-from services.runtime import endpoints
-from services.runtime.endpoints import lock_holders
-from services.runtime.errors import UserError
-from services.runtime.realtime import DMA_LATENCY, LOCKED_BYTES, lockable_bytes
-from services.runtime.rig import Rig
-from services.supervisor.page_place import DIST
+from trocar.services.cache_directory import cache_directory
+from trocar.services.cli import preemption
+from trocar.services.recordings.place import fault_of_folder, nearest_there
+from trocar.services.runtime import endpoints
+from trocar.services.runtime.endpoints import lock_holders
+from trocar.services.runtime.errors import UserError
+from trocar.services.runtime.realtime import DMA_LATENCY, LOCKED_BYTES, lockable_bytes
+from trocar.services.runtime.rig import Rig
+from trocar.services.supervisor.page_place import DIST
 
 _NEEDED = ("numpy", "scipy", "numba", "zmq", "msgspec", "msgpack", "can", "pydantic", "yaml")
 _SHOWN = ("trocar", "numpy", "scipy", "numba", "pyzmq", "msgspec")
@@ -126,7 +126,7 @@ def _memlock() -> CheckResult:
 def _ladder() -> CheckResult:
     """Say which scheduling classes a loop is granted; it takes the first of them."""
     script = (
-        "import json; from services.runtime.scheduling import SchedulingRequest, rungs_granted; "
+        "import json; from trocar.services.runtime.scheduling import SchedulingRequest, rungs_granted; "
         "print(json.dumps(rungs_granted(SchedulingRequest(80, 0.7, 0))))"
     )
     tried = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)

@@ -14,15 +14,24 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from services.cli import targets
-from services.cli.incidents import FLOOR_LATE_NS, UNKNOWN, WAITED, BadTick, incidents, is_floor, woken_ns, worst_ticks
-from services.cli.trace import trace
-from services.runtime import config, endpoints
-from services.runtime.errors import UserError
-from services.runtime.flight import flight_directory
-from services.runtime.flights import FILE_SUFFIX, Flight, Flights, ThreadTime, read_file, read_rings
-from services.supervisor.observers.observer import RigSight
-from services.supervisor.observers.thread_usage import ThreadUsage
+from trocar.services.cli import targets
+from trocar.services.cli.incidents import (
+    FLOOR_LATE_NS,
+    UNKNOWN,
+    WAITED,
+    BadTick,
+    incidents,
+    is_floor,
+    woken_ns,
+    worst_ticks,
+)
+from trocar.services.cli.trace import trace
+from trocar.services.runtime import config, endpoints
+from trocar.services.runtime.errors import UserError
+from trocar.services.runtime.flight import flight_directory
+from trocar.services.runtime.flights import FILE_SUFFIX, Flight, Flights, ThreadTime, read_file, read_rings
+from trocar.services.supervisor.observers.observer import RigSight
+from trocar.services.supervisor.observers.thread_usage import ThreadUsage
 
 _LOOK_S = 1.0
 _THREADS = 8

@@ -6,7 +6,7 @@ import json
 import sys
 from pathlib import Path
 
-from services.runtime import keys
+from trocar.services.runtime import keys
 
 
 def run_keys(directory: Path, as_json: bool) -> None:

@@ -8,11 +8,11 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from services.recordings.errors import RecordingError
-from services.recordings.reader import RecordedFrame, last_ns, read_frames
-from services.runtime.bus import Bus
-from services.supervisor.shown_recording import ReplayStatus
-from services.supervisor.supervisor import Supervisor
+from trocar.services.recordings.errors import RecordingError
+from trocar.services.recordings.reader import RecordedFrame, last_ns, read_frames
+from trocar.services.runtime.bus import Bus
+from trocar.services.supervisor.shown_recording import ReplayStatus
+from trocar.services.supervisor.supervisor import Supervisor
 
 TOPICS = ("gateway.state", "physics.state")
 _READ = (*TOPICS, "training.attempt")

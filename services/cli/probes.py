@@ -9,7 +9,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 
-from services.cli.host_checks import CheckResult, Verdict, finding
+from trocar.services.cli.host_checks import CheckResult, Verdict, finding
 
 _PACKAGES = {"OpenGL": "libopengl0", "GL": "libgl1", "EGL": "libegl1", "Xrender": "libxrender1"}
 _RENDER_S = 40.0

@@ -9,10 +9,10 @@ from typing import Any
 import msgpack
 import msgspec
 
-from protocol.fields import Field, Form, fields
-from protocol.frame import Header
-from protocol.topics import TOPICS
-from protocol.upgrades import body_type
+from trocar.protocol.fields import Field, Form, fields
+from trocar.protocol.frame import Header
+from trocar.protocol.topics import TOPICS
+from trocar.protocol.upgrades import body_type
 
 _LONG = 12
 

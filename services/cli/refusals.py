@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable
 from io import TextIOWrapper
 
-from services.runtime.errors import ConfigError, UserError
+from trocar.services.runtime.errors import ConfigError, UserError
 
 #: What the system refuses because of a path, a right or a disk.
 _OF_A_PERSON = (
@@ -28,7 +28,7 @@ def run(command: Callable[[], object]) -> None:
         print(f"trocar: {error}", file=sys.stderr)
         sys.exit(error.exit_code)
     except ModuleNotFoundError as error:
-        if error.name is None or error.name.partition(".")[0] in ("services", "protocol", "studies", "review"):
+        if error.name is None or error.name.partition(".")[0] == "trocar":
             raise
         print(
             f"trocar: the package {error.name} is not installed; `trocar doctor` says what brings it", file=sys.stderr

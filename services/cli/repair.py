@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterable
 from pathlib import Path
 
-from services.recordings.repair import repair
+from trocar.services.recordings.repair import repair
 
 
 def run_repair(files: Iterable[Path], as_json: bool) -> None:

@@ -11,16 +11,16 @@ from pathlib import Path
 
 import typer
 
-from services.cli import pictures
-from services.cli.rerun import compare
-from services.cli.up import Request, run_up
-from services.recordings.errors import RecordingError
-from services.recordings.inputs import read_inputs
-from services.recordings.reader import read_extras
-from services.runtime import config
-from services.runtime.zmq_bus import ZmqBus
-from services.supervisor.fork_link import ForkServer
-from services.supervisor.supervisor import Supervisor
+from trocar.services.cli import pictures
+from trocar.services.cli.rerun import compare
+from trocar.services.cli.up import Request, run_up
+from trocar.services.recordings.errors import RecordingError
+from trocar.services.recordings.inputs import read_inputs
+from trocar.services.recordings.reader import read_extras
+from trocar.services.runtime import config
+from trocar.services.runtime.zmq_bus import ZmqBus
+from trocar.services.supervisor.fork_link import ForkServer
+from trocar.services.supervisor.supervisor import Supervisor
 
 
 def run_check(path: Path, as_json: bool) -> None:
@@ -49,7 +49,7 @@ def run_check(path: Path, as_json: bool) -> None:
 
 @dataclass(frozen=True, slots=True)
 class ReplayRequest:
-    """What a person asked for: see `services.runtime.rig.ReplaySettings`."""
+    """What a person asked for: see `trocar.services.runtime.rig.ReplaySettings`."""
 
     file: Path
     rig: str

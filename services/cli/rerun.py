@@ -11,20 +11,20 @@ from typing import cast
 import msgspec
 import numpy as np
 
-from protocol import Frame
-from protocol.arrays import Array
-from protocol.bodies import PhysicsState, ToolContacts
-from services.cache_directory import cache_directory
-from services.haptics import __main__ as haptics
-from services.mechanics.reduction import ReducedDuct
-from services.mechanics.scene import SceneModel
-from services.physics import __main__ as physics
-from services.recordings.errors import RecordingError
-from services.recordings.injected_bus import InjectedProcess
-from services.recordings.inputs import Intake, RecordedInputs
-from services.runtime.loop import LoopMeter
-from services.runtime.process import Process
-from services.scenes import load_duct, load_scene
+from trocar.protocol import Frame
+from trocar.protocol.arrays import Array
+from trocar.protocol.bodies import PhysicsState, ToolContacts
+from trocar.services.cache_directory import cache_directory
+from trocar.services.haptics import __main__ as haptics
+from trocar.services.mechanics.reduction import ReducedDuct
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.physics import __main__ as physics
+from trocar.services.recordings.errors import RecordingError
+from trocar.services.recordings.injected_bus import InjectedProcess
+from trocar.services.recordings.inputs import Intake, RecordedInputs
+from trocar.services.runtime.loop import LoopMeter
+from trocar.services.runtime.process import Process
+from trocar.services.scenes import load_duct, load_scene
 
 _KEPT = 64  # states that haptics may still be about to see
 

@@ -10,11 +10,11 @@ from typing import Any
 import yaml
 from pydantic import BaseModel, TypeAdapter
 
-from services.nearest_word import did_you_mean
-from services.runtime import config
-from services.runtime.errors import ConfigError
-from services.runtime.rig import Rig
-from services.runtime.scene_requirements import BESIDE_THE_DUCT
+from trocar.services.nearest_word import did_you_mean
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.runtime.rig import Rig
+from trocar.services.runtime.scene_requirements import BESIDE_THE_DUCT
 
 KINDS = ("rig", "scene", "device")
 
@@ -58,16 +58,16 @@ def _type_of(kind: str) -> Any:
     if kind == "rig":
         return Rig
     if kind == "scene":
-        from services.scenes import scene_file_type
+        from trocar.services.scenes import scene_file_type
 
         return scene_file_type()
-    from services.gateway.device_files import DeviceFile
+    from trocar.services.gateway.device_files import DeviceFile
 
     return DeviceFile
 
 
 def _load(kind: str, name: str, overrides: tuple[str, ...]) -> tuple[Any, config.Origins]:
-    from services.cli.check_options import checked_rig, checked_scene
+    from trocar.services.cli.check_options import checked_rig, checked_scene
 
     if kind == "scene":
         return checked_scene(name, overrides)

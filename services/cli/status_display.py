@@ -11,8 +11,8 @@ from typing import Self
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
 
-from services.supervisor.state_machine import RigState
-from services.supervisor.supervisor import Event, Supervisor
+from trocar.services.supervisor.state_machine import RigState
+from trocar.services.supervisor.supervisor import Event, Supervisor
 
 _STYLES = {"warning": "yellow", "error": "red"}
 

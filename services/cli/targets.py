@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from services.atomic_file import atomic_file
-from services.runtime.errors import ConfigError, UserError
+from trocar.services.atomic_file import atomic_file
+from trocar.services.runtime.errors import ConfigError, UserError
 
 
 def look_at_file(option: str, path: Path | None, *, makes_folder: bool = False) -> None:

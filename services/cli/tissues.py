@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from services.mechanics.scene.tissue import TISSUES, Tissue
+from trocar.services.mechanics.scene.tissue import TISSUES, Tissue
 
 
 def run_tissues(as_json: bool) -> None:

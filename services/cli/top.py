@@ -14,17 +14,17 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-import protocol
-import protocol.bodies as bodies
-from services.runtime import config
-from services.runtime.bus import Bus
-from services.runtime.endpoints import lock_holders
-from services.runtime.errors import BusError
-from services.runtime.histogram import Quantiles
-from services.runtime.zmq_bus import ZmqBus
-from services.supervisor import figures
-from services.supervisor.dashboard import loop_row, topic_rows
-from services.supervisor.window import Window
+import trocar.protocol.bodies as bodies
+from trocar import protocol
+from trocar.services.runtime import config
+from trocar.services.runtime.bus import Bus
+from trocar.services.runtime.endpoints import lock_holders
+from trocar.services.runtime.errors import BusError
+from trocar.services.runtime.histogram import Quantiles
+from trocar.services.runtime.zmq_bus import ZmqBus
+from trocar.services.supervisor import figures
+from trocar.services.supervisor.dashboard import loop_row, topic_rows
+from trocar.services.supervisor.window import Window
 
 _TURN_S = 0.1
 _STALE_S = 1.0

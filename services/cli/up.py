@@ -8,17 +8,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from services.cli import targets, validation
-from services.cli.attempt import made_of
-from services.cli.status_display import StatusDisplay
-from services.runtime import config
-from services.runtime.errors import DeviceError, UserError
-from services.runtime.process import Options
-from services.supervisor import run_report, session
-from services.supervisor.fork_link import ForkServer
-from services.supervisor.supervisor import Supervisor
-from services.training.scenario import scenario_of
-from services.visualization.web import build
+from trocar.services.cli import targets, validation
+from trocar.services.cli.attempt import made_of
+from trocar.services.cli.status_display import StatusDisplay
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import DeviceError, UserError
+from trocar.services.runtime.process import Options
+from trocar.services.supervisor import run_report, session
+from trocar.services.supervisor.fork_link import ForkServer
+from trocar.services.supervisor.supervisor import Supervisor
+from trocar.services.training.scenario import scenario_of
+from trocar.services.visualization.web import build
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,10 +14,10 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from services.atomic_file import atomic_file, complete_lines
-from services.cache_directory import cache_directory, make_folders
-from services.runtime import config
-from services.runtime.errors import ConfigError, UserError
+from trocar.services.atomic_file import atomic_file, complete_lines
+from trocar.services.cache_directory import cache_directory, make_folders
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import ConfigError, UserError
 
 _REMEMBERED = 100
 
@@ -67,7 +67,7 @@ def _fingerprint(rig: str, scene: str | None, overrides: Sequence[str]) -> str:
 
 def _check(options: str) -> None:
     ran = subprocess.run(
-        [sys.executable, "-m", "services.cli.check_options", options],
+        [sys.executable, "-m", "trocar.services.cli.check_options", options],
         stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False,
     )  # fmt: skip
     if ran.returncode:

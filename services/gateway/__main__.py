@@ -9,26 +9,29 @@ that are waited for to measure their latency (`TIMED_EVERY`).
 
 from __future__ import annotations
 
+import trocar.services.entry  # noqa: F401  first: the environment of a process
+
+# isort: split
 import sys
 import time
 
-from protocol.bodies import GatewayState
-from services.gateway import scene_hands
-from services.gateway.attempt_orders import AttemptOrders
-from services.gateway.handle_schedule import HandleSchedule
-from services.gateway.instrument import Instrument, build_instruments
-from services.gateway.model_intake import ModelIntake
-from services.gateway.newest_frames import NewestFrames
-from services.gateway.rig_time import RigTime
-from services.gateway.scene_hands import SceneHands
-from services.gateway.supervisor_commands import SupervisorCommands
-from services.runtime.bus import Bus
-from services.runtime.health import LatencyPath
-from services.runtime.log import progress
-from services.runtime.loop import LoopMeter, Tick, sleep_until, ticks
-from services.runtime.process import Process, ProcessConfig, main
-from services.runtime.rig import ReplaySettings
-from services.runtime.stop_line import StopLine
+from trocar.protocol.bodies import GatewayState
+from trocar.services.gateway import scene_hands
+from trocar.services.gateway.attempt_orders import AttemptOrders
+from trocar.services.gateway.handle_schedule import HandleSchedule
+from trocar.services.gateway.instrument import Instrument, build_instruments
+from trocar.services.gateway.model_intake import ModelIntake
+from trocar.services.gateway.newest_frames import NewestFrames
+from trocar.services.gateway.rig_time import RigTime
+from trocar.services.gateway.scene_hands import SceneHands
+from trocar.services.gateway.supervisor_commands import SupervisorCommands
+from trocar.services.runtime.bus import Bus
+from trocar.services.runtime.health import LatencyPath
+from trocar.services.runtime.log import progress
+from trocar.services.runtime.loop import LoopMeter, Tick, sleep_until, ticks
+from trocar.services.runtime.process import Process, ProcessConfig, main
+from trocar.services.runtime.rig import ReplaySettings
+from trocar.services.runtime.stop_line import StopLine
 
 MODEL = "haptics.contact_model"
 ATTEMPT = "training.attempt"
@@ -245,7 +248,7 @@ def _rehearse(instruments: list[Instrument]) -> None:
 
 def _replay(process: Process, settings: ReplaySettings, meter: LoopMeter) -> int:
     """Replay a recording; return the tick at which hands continue."""
-    from services.gateway.replaying import Replay  # readers of recordings are not installed with every gateway
+    from trocar.services.gateway.replaying import Replay  # readers of recordings are not installed with every gateway
 
     replay = Replay(process, settings, meter)
     process.ready(meter)

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from services.gateway.script import COLUMNS, ROLL, draw_back
-from services.gateway.servo_arrays import READ_ROLL, READ_SIZE, READ_TEMPERATURE
-from services.gateway.simulated_arm import HAND_SIZE, filter_reading, hottest, place_hand, step_links, tremble
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.scene.minimum_jerk import minimum_jerk
+from trocar.services.gateway.script import COLUMNS, ROLL, draw_back
+from trocar.services.gateway.servo_arrays import READ_ROLL, READ_SIZE, READ_TEMPERATURE
+from trocar.services.gateway.simulated_arm import HAND_SIZE, filter_reading, hottest, place_hand, step_links, tremble
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.scene.minimum_jerk import minimum_jerk
 
 
 class ArmTick(Struct):

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from protocol import Frame
-from services.gateway.instrument import Instrument
-from services.gateway.rig_time import RigTime
+from trocar.protocol import Frame
+from trocar.services.gateway.instrument import Instrument
+from trocar.services.gateway.rig_time import RigTime
 
 
 class AttemptOrders:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from services.gateway.clock import Clock
+from trocar.services.gateway.clock import Clock
 
 _WINDOW_NS = 500_000_000
 #: Bits of a classic frame with a standard identifier, from start to the pause after it, without data; bits of these

@@ -17,9 +17,9 @@ from typing import Any
 
 import can
 
-from services.gateway import canbus, cansimple
-from services.gateway.host_check import HostCheck, text_of
-from services.runtime.errors import DeviceError
+from trocar.services.gateway import canbus, cansimple
+from trocar.services.gateway.host_check import HostCheck, text_of
+from trocar.services.runtime.errors import DeviceError
 
 #: Drives send a heartbeat ten times a second.
 _LISTEN_S = 0.5

@@ -10,9 +10,9 @@ from typing import Any
 
 import can
 
-from services.gateway.shared_bus import share
-from services.nearest_word import did_you_mean
-from services.runtime.errors import DeviceError
+from trocar.services.gateway.shared_bus import share
+from trocar.services.nearest_word import did_you_mean
+from trocar.services.runtime.errors import DeviceError
 
 #: Most frames of one `drain`: the backlog of half a second, and a bound on a tick's time.
 DRAIN_LIMIT = 512
@@ -54,7 +54,7 @@ def _open_slcan(settings: dict[str, Any]) -> can.BusABC:
         import serial  # noqa: F401
     except ImportError:
         raise ImportError("slcan needs pyserial, which is not installed") from None
-    from services.gateway.slcan import SlcanBus  # only here: python-can reports a missing pyserial itself
+    from trocar.services.gateway.slcan import SlcanBus  # only here: python-can reports a missing pyserial itself
 
     return share(settings, SlcanBus)
 

@@ -6,9 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from services.gateway.driver import ArmLimits
-from services.runtime.bounds import Torque, between
-from services.runtime.rig import Settings
+from trocar.services.gateway.driver import ArmLimits
+from trocar.services.runtime.bounds import Torque, between
+from trocar.services.runtime.rig import Settings
 
 _FORCE = between(0.01, 50.0, "N", "the strongest arm for a hand, a Premium High Force, gives 37.5 N")
 _CURRENT = between(0.01, 40.0, "A", "an ODrive S1 bears no more for long, and no motor turns with less")

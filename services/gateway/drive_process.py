@@ -1,4 +1,4 @@
-"""The emulated drives of a gateway, all in this one process: ``python -m services.gateway.drive_process``.
+"""The emulated drives of a gateway, all in this one process: ``python -m trocar.services.gateway.drive_process``.
 
 Its standard input is a socket for orders of the gateway; the process ends when it closes, as it does when the gateway
 dies. Each drive has a bus of its own. The cost is small and bounded: a tick every 2 ms, in which each drive reads a few
@@ -7,6 +7,9 @@ frames and sends one, all of 16 bytes, through non-blocking sockets.
 
 from __future__ import annotations
 
+import trocar.services.entry  # noqa: F401  first: the environment of a process
+
+# isort: split
 import array
 import os
 import signal
@@ -15,10 +18,10 @@ import struct
 import sys
 import time
 
-from services.gateway import can_frame, drive_orders
-from services.gateway.drive_orders import Add, Ask, BeginAgain, GoOn, Order, SetPace
-from services.gateway.emulated_drive import ESTIMATE_S, CanFrame, EmulatedDrive, Handle
-from services.runtime import realtime
+from trocar.services.gateway import can_frame, drive_orders
+from trocar.services.gateway.drive_orders import Add, Ask, BeginAgain, GoOn, Order, SetPace
+from trocar.services.gateway.emulated_drive import ESTIMATE_S, CanFrame, EmulatedDrive, Handle
+from trocar.services.runtime import realtime
 
 _MOTION_HZ = 1000
 _PERIOD_NS = round(ESTIMATE_S * 1e9)

@@ -1,7 +1,7 @@
 """Interfaces of device drivers, and loading a driver by its name in the rig file.
 
-A driver is a file in `services.gateway.drivers` with a class ``Driver`` derived from `Arm` or `GraspHandle`; it may
-have a ``check_host`` (see `host_check`). There is no registry. Drivers never raise from `read` or `write`, but set
+A driver is a file in `trocar.services.gateway.drivers` with a class ``Driver`` derived from `Arm` or `GraspHandle`; it
+may have a ``check_host`` (see `host_check`). There is no registry. Drivers never raise from `read` or `write`, but set
 their `fault`.
 """
 
@@ -15,17 +15,17 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import TypeVar, cast
 
-from protocol import Frame
-from services.gateway import drivers
-from services.gateway.clock import REAL_TIME, Clock
-from services.gateway.host_check import HostCheck
-from services.gateway.script import Motion
-from services.gateway.servo_law import servo_force
-from services.mechanics.arrays import FloatArray
-from services.nearest_word import did_you_mean
-from services.runtime import config
-from services.runtime.errors import ConfigError, DeviceError
-from services.runtime.rig import DriverSettings, Mount, Vector3
+from trocar.protocol import Frame
+from trocar.services.gateway import drivers
+from trocar.services.gateway.clock import REAL_TIME, Clock
+from trocar.services.gateway.host_check import HostCheck
+from trocar.services.gateway.script import Motion
+from trocar.services.gateway.servo_law import servo_force
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.nearest_word import did_you_mean
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import ConfigError, DeviceError
+from trocar.services.runtime.rig import DriverSettings, Mount, Vector3
 
 T = TypeVar("T")
 
@@ -210,7 +210,7 @@ def _module(name: str, where: str) -> ModuleType:
         near = did_you_mean(name, known)
         raise DeviceError(f"{where}: there is no driver {name!r}; known: {', '.join(known)}{near}")
     try:
-        return importlib.import_module(f"services.gateway.drivers.{name}")
+        return importlib.import_module(f"trocar.services.gateway.drivers.{name}")
     except ImportError as error:
         raise DeviceError(f"{where}: driver {name!r} needs {error.name}, which is not installed") from None
 

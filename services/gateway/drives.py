@@ -11,10 +11,10 @@ import subprocess
 import sys
 import threading
 
-from services.gateway import drive_orders
-from services.gateway.drive_orders import Add, Ask, Order
-from services.gateway.hand_motion import HandMotion
-from services.gateway.local_bus import LocalBus
+from trocar.services.gateway import drive_orders
+from trocar.services.gateway.drive_orders import Add, Ask, Order
+from trocar.services.gateway.hand_motion import HandMotion
+from trocar.services.gateway.local_bus import LocalBus
 
 _STOP_TIMEOUT_S = 2.0
 _ANSWER_TIMEOUT_S = 5.0
@@ -36,7 +36,7 @@ class DriveProcess:
         self._nodes: set[int] = set()
         self._orders, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         words = ["-" if each is None else str(each) for each in self._key]
-        command = [sys.executable, "-m", "services.gateway.drive_process", *words]
+        command = [sys.executable, "-m", "trocar.services.gateway.drive_process", *words]
         with theirs:
             self._process: subprocess.Popen[bytes] = subprocess.Popen(command, stdin=theirs.fileno())
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 import struct
 
-from services.gateway import cansimple
-from services.gateway.cansimple import AxisError, AxisState
+from trocar.services.gateway import cansimple
+from trocar.services.gateway.cansimple import AxisError, AxisState
 
 HEARTBEAT_S, ESTIMATE_S = 0.1, 0.002
 #: Counts of the encoder a turn, as of the handle with which real grasps were recorded.

@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import math
 
-from services.gateway.servo_arrays import (
+from trocar.services.gateway.servo_arrays import (
     LIMIT_COUNT,
     LIMIT_FRICTION,
     MEMORY_ANCHOR,
@@ -41,9 +41,9 @@ from services.gateway.servo_arrays import (
     NOW_OTHERS,
     NOW_RESERVED,
 )
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.vectors import Vector, dot, scaled
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.vectors import Vector, dot, scaled
 
 #: Time constant by which a common debt is forgiven, so that no hand stays limp; the arms' friction dissipates more.
 FORGIVEN_S = 1.0

@@ -8,16 +8,16 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from protocol.topics import TICK_S
-from services.gateway import pose, premium_model, virtual_hand
-from services.gateway.driver import Arm, ArmLimits, Place
-from services.gateway.servo_arrays import MEMORY_FORCE, READ_ROLL
-from services.gateway.slew import slew
-from services.gateway.virtual_hand import POSITION, STATE_SIZE
-from services.mechanics.arrays import FloatArray
-from services.runtime.bounds import Turn, between
-from services.runtime.errors import ConfigError
-from services.runtime.rig import Settings, Vector3
+from trocar.protocol.topics import TICK_S
+from trocar.services.gateway import pose, premium_model, virtual_hand
+from trocar.services.gateway.driver import Arm, ArmLimits, Place
+from trocar.services.gateway.servo_arrays import MEMORY_FORCE, READ_ROLL
+from trocar.services.gateway.slew import slew
+from trocar.services.gateway.virtual_hand import POSITION, STATE_SIZE
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.runtime.bounds import Turn, between
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.runtime.rig import Settings, Vector3
 
 #: Ticks between polls for a target, which arrives at 60 to 250 Hz.
 LOOK_EVERY = 4

@@ -7,12 +7,12 @@ from typing import Annotated
 
 from pydantic import Field
 
-from services.gateway.driver import GraspHandle, Place
-from services.gateway.servo_arrays import HANDLE_ANGLE, HANDLE_RATE
-from services.gateway.slew import slew
-from services.mechanics.arrays import FloatArray
-from services.runtime.bounds import between
-from services.runtime.rig import Settings
+from trocar.services.gateway.driver import GraspHandle, Place
+from trocar.services.gateway.servo_arrays import HANDLE_ANGLE, HANDLE_RATE
+from trocar.services.gateway.slew import slew
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.runtime.bounds import between
+from trocar.services.runtime.rig import Settings
 
 _OPENING = between(0.0, 1.5, "rad", "a handle is shut at 0, and no jaws open wider")
 

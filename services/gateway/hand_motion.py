@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from services.gateway.recording import read_table
-from services.gateway.scenario_script import scenario_player
-from services.gateway.script import COLUMNS, HANDLE, Motion, Player, read_player
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
-from services.mechanics.scene.minimum_jerk import minimum_jerk
+from trocar.services.gateway.recording import read_table
+from trocar.services.gateway.scenario_script import scenario_player
+from trocar.services.gateway.script import COLUMNS, HANDLE, Motion, Player, read_player
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.scene.minimum_jerk import minimum_jerk
 
 RATE_HZ = 1000.0
 _NO_PORT = (0.0, 0.0, 0.0)  # handle angles do not depend on the port

@@ -12,7 +12,7 @@ from typing import Any, Protocol, cast
 
 from evdev import InputDevice, ecodes, ff, list_devices
 
-from services.runtime.errors import DeviceError
+from trocar.services.runtime.errors import DeviceError
 
 _TICK_NS = 1_000_000
 #: Most events read in a tick; the rest is read in the next.

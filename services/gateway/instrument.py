@@ -7,15 +7,15 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-import protocol.bodies as bodies
-from protocol import Frame
-from protocol.bodies.haptics import MODEL_COLUMNS
-from services.gateway import pose, servo_arrays
-from services.gateway.driver import Arm, GraspHandle, Place, load_arm, load_grasp
-from services.gateway.engagement import State
-from services.gateway.scene_hands import SceneHand, fitted
-from services.gateway.servo import Servo, ServoLimits
-from services.runtime.rig import GatewaySettings, InstrumentSettings
+import trocar.protocol.bodies as bodies
+from trocar.protocol import Frame
+from trocar.protocol.bodies.haptics import MODEL_COLUMNS
+from trocar.services.gateway import pose, servo_arrays
+from trocar.services.gateway.driver import Arm, GraspHandle, Place, load_arm, load_grasp
+from trocar.services.gateway.engagement import State
+from trocar.services.gateway.scene_hands import SceneHand, fitted
+from trocar.services.gateway.servo import Servo, ServoLimits
+from trocar.services.runtime.rig import GatewaySettings, InstrumentSettings
 
 #: After so long without force because the tool pulls at something, a person would move, and the tool touches nothing
 #: until it is clear. A hand without force may have led it to where no way back is free.

@@ -8,7 +8,7 @@ from collections import deque
 
 import can
 
-from services.gateway import can_frame
+from trocar.services.gateway import can_frame
 
 #: Bytes read at once: a second of one handle's frames.
 _READ = 512 * can_frame.SIZE

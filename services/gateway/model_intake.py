@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from protocol import Frame
-from protocol.bodies.haptics import MODEL_COLUMNS
-from services.gateway.instrument import Instrument
-from services.gateway.servo_arrays import are_models
-from services.runtime.flat_view import flat_view
-from services.runtime.health import LatencyPath
+from trocar.protocol import Frame
+from trocar.protocol.bodies.haptics import MODEL_COLUMNS
+from trocar.services.gateway.instrument import Instrument
+from trocar.services.gateway.servo_arrays import are_models
+from trocar.services.runtime.flat_view import flat_view
+from trocar.services.runtime.health import LatencyPath
 
 #: Number of samples that a model may still answer; older ones have expired.
 _REMEMBERED = 128

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from protocol import Frame
-from services.runtime.bus import Bus
+from trocar.protocol import Frame
+from trocar.services.runtime.bus import Bus
 
 
 class NewestFrames:

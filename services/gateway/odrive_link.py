@@ -7,9 +7,9 @@ import struct
 
 import can
 
-from services.gateway import canbus, cansimple
-from services.gateway.bus_load import BusLoad
-from services.gateway.clock import Clock
+from trocar.services.gateway import canbus, cansimple
+from trocar.services.gateway.bus_load import BusLoad
+from trocar.services.gateway.clock import Clock
 
 _TORQUE_BYTES = 4
 

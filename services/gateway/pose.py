@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from services.gateway.servo_arrays import READ_POSITION, READ_ROLL, READ_VELOCITY
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
-from services.mechanics.scene.tool_orientation import tool_orientation
-from services.runtime.rig import Mount
+from trocar.services.gateway.servo_arrays import READ_POSITION, READ_ROLL, READ_VELOCITY
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.scene.tool_orientation import tool_orientation
+from trocar.services.runtime.rig import Mount
 
 
 def pack_mount(mount: Mount) -> FloatArray:

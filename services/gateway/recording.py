@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from protocol.topics import TICK_S
-from services.gateway.driver import Place
-from services.gateway.pose import pack_mount, to_arm
-from services.mechanics.arrays import FloatArray
-from services.runtime.errors import DeviceError
+from trocar.protocol.topics import TICK_S
+from trocar.services.gateway.driver import Place
+from trocar.services.gateway.pose import pack_mount, to_arm
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.runtime.errors import DeviceError
 
 _DTYPE = [(name, np.float64) for name in ("time_s", "x_m", "y_m", "z_m", "roll_rad", "handle_angle_rad")]
 
@@ -47,7 +47,7 @@ def read_hand(path: Path, columns: tuple[str, ...], place: Place) -> npt.NDArray
     """
     if path.suffix != ".mcap":
         return read_table(path, columns)
-    from services.recordings.reader import read_messages  # not installed with every gateway
+    from trocar.services.recordings.reader import read_messages  # not installed with every gateway
 
     mount, at_arm, rows = pack_mount(place.mount), np.zeros(3), list[tuple[float, ...]]()
     for _topic, _time_ns, state in read_messages(path, ("gateway.state",)):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import time
 
-from protocol.topics import TICK_S
-from services.recordings.inputs import Intake, read_inputs
-from services.recordings.schedule import ASK_AGAIN_NS, replayed
-from services.runtime.loop import LoopMeter, sleep_until
-from services.runtime.process import Process
-from services.runtime.rig import ReplaySettings
+from trocar.protocol.topics import TICK_S
+from trocar.services.recordings.inputs import Intake, read_inputs
+from trocar.services.recordings.schedule import ASK_AGAIN_NS, replayed
+from trocar.services.runtime.loop import LoopMeter, sleep_until
+from trocar.services.runtime.process import Process
+from trocar.services.runtime.rig import ReplaySettings
 
 _MODEL = "haptics.contact_model"
 _HOLD_NS = 20_000_000

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from services.gateway.script import Breakpoint, Motion, Player
-from services.mechanics.scenarios import SCENARIOS
-from services.nearest_word import did_you_mean
-from services.runtime.errors import ConfigError
-from services.runtime.rig import Vector3
+from trocar.services.gateway.script import Breakpoint, Motion, Player
+from trocar.services.mechanics.scenarios import SCENARIOS
+from trocar.services.nearest_word import did_you_mean
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.runtime.rig import Vector3
 
 
 def scenario_player(name: str, index: int, port_m: Vector3, pace: float = 1.0) -> Player:

@@ -10,12 +10,12 @@ import json
 
 import numpy as np
 
-from services.gateway.script import SCENE, Motion, draw_back
-from services.runtime import config
-from services.runtime.rig import GatewaySettings, InstrumentSettings, Settings, Vector3
-from services.runtime.scene_findings import find_in_scene
+from trocar.services.gateway.script import SCENE, Motion, draw_back
+from trocar.services.runtime import config
+from trocar.services.runtime.rig import GatewaySettings, InstrumentSettings, Settings, Vector3
+from trocar.services.runtime.scene_findings import find_in_scene
 
-_MODULE = "services.scenes.hand_motions"
+_MODULE = "trocar.services.scenes.hand_motions"
 
 
 class SceneHand(Settings):

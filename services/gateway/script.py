@@ -9,12 +9,12 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
-from services.mechanics.scene.minimum_jerk import minimum_jerk
-from services.runtime import config
-from services.runtime.errors import ConfigError
-from services.runtime.rig import Settings, Vector3
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.scene.minimum_jerk import minimum_jerk
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.runtime.rig import Settings, Vector3
 
 # Columns of a sampled script.
 HIP, ROLL, HANDLE, COLUMNS = 0, 3, 4, 5

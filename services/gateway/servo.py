@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from protocol.bodies.haptics import MODEL_COLUMNS
-from services.gateway import servo_arrays, servo_law
-from services.gateway.engagement import Engagement, State
-from services.mechanics.arrays import FloatArray
+from trocar.protocol.bodies.haptics import MODEL_COLUMNS
+from trocar.services.gateway import servo_arrays, servo_law
+from trocar.services.gateway.engagement import Engagement, State
+from trocar.services.mechanics.arrays import FloatArray
 
 #: Model, motion, limits, present tick, memory: see `servo_arrays`.
 Law = Callable[[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray], None]

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from protocol.bodies.haptics import MODEL_CONTACT, MODEL_GRASP_B, MODEL_GRASP_K
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
+from trocar.protocol.bodies.haptics import MODEL_CONTACT, MODEL_GRASP_B, MODEL_GRASP_K
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
 
 # Readings of an arm in its own frame: z up, origin at the middle of its workspace.
 READ_POSITION, READ_VELOCITY, READ_TEMPERATURE, READ_ROLL, READ_SIZE = 0, 3, 6, 7, 8

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 
-from protocol.bodies.haptics import (
+from trocar.protocol.bodies.haptics import (
     MODEL_ANGLE0,
     MODEL_B,
     MODEL_CONTACT,
@@ -28,8 +28,8 @@ from protocol.bodies.haptics import (
     MODEL_V0,
     MODEL_X0,
 )
-from services.gateway.energy_bound import book_work, bound_force, settle
-from services.gateway.servo_arrays import (
+from trocar.services.gateway.energy_bound import book_work, bound_force, settle
+from trocar.services.gateway.servo_arrays import (
     HANDLE_ANGLE,
     HANDLE_RATE,
     LIMIT_CONTINUOUS_FORCE,
@@ -51,10 +51,10 @@ from services.gateway.servo_arrays import (
     NOW_TEMPERATURE,
     NOW_TTL,
 )
-from services.gateway.slew import slew, slew_vector
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.vectors import Vector, dot, scaled
+from trocar.services.gateway.slew import slew, slew_vector
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.vectors import Vector, dot, scaled
 
 #: A model is used unchanged up to this age, and up to this share of its life.
 HOLD_S, HOLD_SHARE = 0.005, 0.25

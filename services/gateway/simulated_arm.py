@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 
-from protocol.topics import TICK_S
-from services.gateway import premium_model
-from services.gateway.premium_model import GEARS
-from services.gateway.servo_arrays import READ_POSITION, READ_TEMPERATURE, READ_VELOCITY
-from services.gateway.velocity_filter import butterworth, low_pass
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
+from trocar.protocol.topics import TICK_S
+from trocar.services.gateway import premium_model
+from trocar.services.gateway.premium_model import GEARS
+from trocar.services.gateway.servo_arrays import READ_POSITION, READ_TEMPERATURE, READ_VELOCITY
+from trocar.services.gateway.velocity_filter import butterworth, low_pass
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
 
 SUBSTEPS = 8
 #: Maxon RE25 118743: torque at stall, torque constant, resistance, its rise with temperature.

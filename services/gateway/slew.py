@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.vectors import Vector
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.vectors import Vector
 
 
 @kernel

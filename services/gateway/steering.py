@@ -9,17 +9,17 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, field_validator
 
-from services.gateway import input_events
-from services.gateway.driver import Place
-from services.gateway.hand_arm import HandArm, HandSettings
-from services.gateway.hand_grasp import HandGrasp, HandGraspSettings
-from services.gateway.host_check import HostCheck
-from services.gateway.input_events import Inputs, Kind
-from services.mechanics.arrays import FloatArray
-from services.nearest_word import did_you_mean
-from services.runtime.bounds import between
-from services.runtime.errors import DeviceError
-from services.runtime.rig import Settings
+from trocar.services.gateway import input_events
+from trocar.services.gateway.driver import Place
+from trocar.services.gateway.hand_arm import HandArm, HandSettings
+from trocar.services.gateway.hand_grasp import HandGrasp, HandGraspSettings
+from trocar.services.gateway.host_check import HostCheck
+from trocar.services.gateway.input_events import Inputs, Kind
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.nearest_word import did_you_mean
+from trocar.services.runtime.bounds import between
+from trocar.services.runtime.errors import DeviceError
+from trocar.services.runtime.rig import Settings
 
 #: Motions of the tool by axes: sideways and up as seen along the shaft, along the shaft, about it.
 MOTIONS = ("right", "up", "inward", "roll")

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from protocol import Frame
-from services.gateway.instrument import Instrument
-from services.runtime.stop_line import StopLine
+from trocar.protocol import Frame
+from trocar.services.gateway.instrument import Instrument
+from trocar.services.runtime.stop_line import StopLine
 
 
 class SupervisorCommands:

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
 
 
 def butterworth(cut_off_hz: float, period_s: float = 1e-3) -> FloatArray:

@@ -10,11 +10,11 @@ import math
 
 import numpy as np
 
-from protocol.topics import TICK_S
-from services.gateway.pose import to_arm
-from services.gateway.servo_arrays import READ_POSITION, READ_VELOCITY
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
+from trocar.protocol.topics import TICK_S
+from trocar.services.gateway.pose import to_arm
+from trocar.services.gateway.servo_arrays import READ_POSITION, READ_VELOCITY
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
 
 #: Critically damped at 10 Hz: quick enough for a hand, slow enough to smooth a mouse's steps.
 MASS_KG, STIFFNESS_N_M = 0.1, 400.0

@@ -2,30 +2,33 @@
 
 from __future__ import annotations
 
+import trocar.services.entry  # noqa: F401  first: the environment of a process
+
+# isort: split
 import sys
 import time
 from typing import TYPE_CHECKING
 
-from protocol import Frame
-from protocol.bodies import ContactModel, GatewayState, PhysicsState, ToolContacts
-from protocol.bodies.haptics import tool_table
-from services.cache_directory import cache_directory
-from services.haptics.grasping import Grasping
-from services.haptics.instruments import InstrumentTable
-from services.haptics.local_model import LocalModels
-from services.haptics.outputs import hold_body
-from services.haptics.reactions import Reactions
-from services.haptics.warm_up import warm_up
-from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.scene import SceneModel
-from services.runtime.journal import JournalWriter
-from services.runtime.log import progress
-from services.runtime.loop import LoopMeter, follow
-from services.runtime.process import Process, ProcessConfig, main
-from services.scenes import load_duct, load_scene
+from trocar.protocol import Frame
+from trocar.protocol.bodies import ContactModel, GatewayState, PhysicsState, ToolContacts
+from trocar.protocol.bodies.haptics import tool_table
+from trocar.services.cache_directory import cache_directory
+from trocar.services.haptics.grasping import Grasping
+from trocar.services.haptics.instruments import InstrumentTable
+from trocar.services.haptics.local_model import LocalModels
+from trocar.services.haptics.outputs import hold_body
+from trocar.services.haptics.reactions import Reactions
+from trocar.services.haptics.warm_up import warm_up
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.runtime.journal import JournalWriter
+from trocar.services.runtime.log import progress
+from trocar.services.runtime.loop import LoopMeter, follow
+from trocar.services.runtime.process import Process, ProcessConfig, main
+from trocar.services.scenes import load_duct, load_scene
 
 if TYPE_CHECKING:
-    from services.haptics.replaying import ReplayedHaptics
+    from trocar.services.haptics.replaying import ReplayedHaptics
 
 RATE_HZ = 1000.0
 STAGES = ("model", "detect", "send")
@@ -144,8 +147,10 @@ def _replay(
     """Return a replay of a recording, if the rig replays one."""
     if process.rig.replay is None:
         return None
-    from services.haptics.replaying import ReplayedHaptics  # readers of recordings are not installed with every rig
-    from services.recordings.schedule import read_schedule
+    from trocar.services.haptics.replaying import (
+        ReplayedHaptics,  # readers of recordings are not installed with every rig
+    )
+    from trocar.services.recordings.schedule import read_schedule
 
     schedule = read_schedule(process.rig.replay)
     return ReplayedHaptics(process, lambda inside: Haptics(inside, meter, *prepared), schedule)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from protocol.arrays import pack
-from protocol.bodies import Catheter, Duct
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.collision.placed_wall import Loads
-from services.mechanics.compiled import kernel
-from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.scene import SceneModel
+from trocar.protocol.arrays import pack
+from trocar.protocol.bodies import Catheter, Duct
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.collision.placed_wall import Loads
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.scene import SceneModel
 
 
 class DeformedScene:

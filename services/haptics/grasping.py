@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from protocol.arrays import Array
-from protocol.bodies import PhysicsState
-from services.haptics.deformed_scene import DeformedScene
-from services.haptics.jaw_touches import JawTouches
-from services.haptics.tool_tracker import ToolTracker
-from services.mechanics.arrays import FloatArray
-from services.mechanics.bodies.forceps.grasp import Grasp, JawState
-from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.scene import SceneModel
-from services.mechanics.scene.tools import GraspHold
-from services.mechanics.snapshot import Snapshot
+from trocar.protocol.arrays import Array
+from trocar.protocol.bodies import PhysicsState
+from trocar.services.haptics.deformed_scene import DeformedScene
+from trocar.services.haptics.jaw_touches import JawTouches
+from trocar.services.haptics.tool_tracker import ToolTracker
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.bodies.forceps.grasp import Grasp, JawState
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.scene.tools import GraspHold
+from trocar.services.mechanics.snapshot import Snapshot
 
 
 class Grasping:

@@ -7,10 +7,10 @@ from itertools import islice
 
 import numpy as np
 
-from protocol.bodies import InstrumentState
-from services.mechanics.arrays import FloatArray
-from services.mechanics.scene.tools import N_TOOLS
-from services.runtime.flat_view import flat_view
+from trocar.protocol.bodies import InstrumentState
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.scene.tools import N_TOOLS
+from trocar.services.runtime.flat_view import flat_view
 
 # Columns: three for the HIP, three for its velocity, three for the port, and these.
 VELOCITY, PORT, ROLL, HANDLE, HANDLE_RATE, INSTRUMENT_COLUMNS = 3, 6, 9, 10, 11, 12

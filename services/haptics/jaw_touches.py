@@ -6,29 +6,29 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from services.haptics.deformed_scene import DeformedScene
-from services.mechanics.arrays import FloatArray
-from services.mechanics.bodies.forceps.grasp import GRASP_GAP_M
-from services.mechanics.bodies.sections import segment_radii
-from services.mechanics.collision.candidate_list import MAX_ENTRIES, TOUCHING_M
-from services.mechanics.collision.candidates import Candidates, candidates_at
-from services.mechanics.collision.capsules import CapsuleMemory, Tools, capsules_at, detect_capsules
-from services.mechanics.collision.pairs import SHAFT, ContactPairs, pairs_at
-from services.mechanics.collision.pieces import N_TOOL_PIECES, write_piece_pair, write_pieces
-from services.mechanics.collision.placed_wall import Loads
-from services.mechanics.collision.wall_candidates import (
+from trocar.services.haptics.deformed_scene import DeformedScene
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.bodies.forceps.grasp import GRASP_GAP_M
+from trocar.services.mechanics.bodies.sections import segment_radii
+from trocar.services.mechanics.collision.candidate_list import MAX_ENTRIES, TOUCHING_M
+from trocar.services.mechanics.collision.candidates import Candidates, candidates_at
+from trocar.services.mechanics.collision.capsules import CapsuleMemory, Tools, capsules_at, detect_capsules
+from trocar.services.mechanics.collision.pairs import SHAFT, ContactPairs, pairs_at
+from trocar.services.mechanics.collision.pieces import N_TOOL_PIECES, write_piece_pair, write_pieces
+from trocar.services.mechanics.collision.placed_wall import Loads
+from trocar.services.mechanics.collision.wall_candidates import (
     WallCandidates,
     candidates_of,
     follow_wall,
     measure,
     wall_candidates,
 )
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Address
-from services.mechanics.compiled.vectors import row
-from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.scene import SceneModel
-from services.mechanics.scene.tools import N_TOOLS
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.struct import Address
+from trocar.services.mechanics.compiled.vectors import row
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.scene.tools import N_TOOLS
 
 #: Slightly above a grasp's gap, so that rounding of bounds does not hide a contact at just that gap.
 _LOOK_M = 1.1 * GRASP_GAP_M

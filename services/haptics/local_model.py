@@ -6,8 +6,8 @@ from typing import Annotated
 
 import numpy as np
 
-from protocol.arrays import Array
-from protocol.bodies.haptics import (
+from trocar.protocol.arrays import Array
+from trocar.protocol.bodies.haptics import (
     MODEL_ANGLE0,
     MODEL_B,
     MODEL_COLUMNS,
@@ -21,7 +21,7 @@ from protocol.bodies.haptics import (
     MODEL_V0,
     MODEL_X0,
 )
-from protocol.bodies.physics import (
+from trocar.protocol.bodies.physics import (
     REACTION_COLUMNS,
     REACTION_FORCE,
     REACTION_GRASP_STIFFNESS,
@@ -30,13 +30,13 @@ from protocol.bodies.physics import (
     REACTION_POSITION,
     REACTION_STIFFNESS,
 )
-from services.haptics.instruments import HANDLE_RATE, INSTRUMENT_COLUMNS, VELOCITY
-from services.haptics.reactions import is_held
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.scene import ProbeScene, ToolScene
-from services.mechanics.scene.tools import N_TOOLS
+from trocar.services.haptics.instruments import HANDLE_RATE, INSTRUMENT_COLUMNS, VELOCITY
+from trocar.services.haptics.reactions import is_held
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.scene import ProbeScene, ToolScene
+from trocar.services.mechanics.scene.tools import N_TOOLS
 
 #: Largest number of instruments in a device frame; those without a tool in the scene get the free model.
 _MOST = 8

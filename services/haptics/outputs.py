@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from protocol.bodies import GraspHold as HoldBody
-from services.mechanics.scene.tools import GraspHold
+from trocar.protocol.bodies import GraspHold as HoldBody
+from trocar.services.mechanics.scene.tools import GraspHold
 
 
 def hold_body(hold: GraspHold) -> HoldBody:

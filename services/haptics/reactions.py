@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from protocol.arrays import Array
-from protocol.bodies.physics import REACTION_CONTACTS, REACTION_HOLDS, ToolReaction
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
-from services.mechanics.scene.tools import N_TOOLS
-from services.runtime.flat_view import flat_view
+from trocar.protocol.arrays import Array
+from trocar.protocol.bodies.physics import REACTION_CONTACTS, REACTION_HOLDS, ToolReaction
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.scene.tools import N_TOOLS
+from trocar.services.runtime.flat_view import flat_view
 
 
 class Reactions:

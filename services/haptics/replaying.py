@@ -6,10 +6,10 @@ import time
 from collections.abc import Callable
 from typing import Generic, Protocol, TypeVar, cast
 
-from protocol import Frame
-from services.recordings.injected_bus import InjectedBus, InjectedProcess
-from services.recordings.schedule import ASK_AGAIN_NS, Schedule
-from services.runtime.process import Process
+from trocar.protocol import Frame
+from trocar.services.recordings.injected_bus import InjectedBus, InjectedProcess
+from trocar.services.recordings.schedule import ASK_AGAIN_NS, Schedule
+from trocar.services.runtime.process import Process
 
 _KEPT = 64  # states that may not have been used yet
 

@@ -6,18 +6,18 @@ from typing import Annotated
 
 import numpy as np
 
-from protocol.arrays import Array
-from protocol.bodies.haptics import TOOL_COLUMNS, TOOL_OPENING, TOOL_PORT, TOOL_POSITION, TOOL_ROLL
-from protocol.bodies.physics import REACTION_COLUMNS, REACTION_POSITION, REACTION_PROXY, REACTION_PROXY_OPENING
-from services.haptics.instruments import HANDLE, INSTRUMENT_COLUMNS, PORT, ROLL
-from services.haptics.reactions import is_held
-from services.mechanics.arrays import BoolArray, FloatArray
-from services.mechanics.bodies.forceps.grasp import JawState
-from services.mechanics.bodies.forceps.tool_body import ToolArrays, ToolBody, tools_at, update_poses
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.scene import SceneModel
-from services.mechanics.scene.tools import N_TOOLS
+from trocar.protocol.arrays import Array
+from trocar.protocol.bodies.haptics import TOOL_COLUMNS, TOOL_OPENING, TOOL_PORT, TOOL_POSITION, TOOL_ROLL
+from trocar.protocol.bodies.physics import REACTION_COLUMNS, REACTION_POSITION, REACTION_PROXY, REACTION_PROXY_OPENING
+from trocar.services.haptics.instruments import HANDLE, INSTRUMENT_COLUMNS, PORT, ROLL
+from trocar.services.haptics.reactions import is_held
+from trocar.services.mechanics.arrays import BoolArray, FloatArray
+from trocar.services.mechanics.bodies.forceps.grasp import JawState
+from trocar.services.mechanics.bodies.forceps.tool_body import ToolArrays, ToolBody, tools_at, update_poses
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.scene.tools import N_TOOLS
 
 
 class HandTables(Struct):

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.haptics.deformed_scene import nodes_exist
-from services.haptics.grasping import Grasping
-from services.haptics.instruments import InstrumentTable
-from services.haptics.local_model import LocalModels
-from services.haptics.reactions import Reactions
-from services.kernel_progress import told
-from services.mechanics.bodies.catheter import CatheterBody
-from services.mechanics.bodies.forceps.grasp import deepest_touches, rest_distance_m
-from services.mechanics.collision.pairs import DUCT_TRIANGLE
-from services.mechanics.effects import build_effects, by_stage
-from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.scene import SceneModel
-from services.mechanics.scene.tools import N_TOOLS
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.scene_catheter import scene_rod
-from services.runtime.log import progress
+from trocar.services.haptics.deformed_scene import nodes_exist
+from trocar.services.haptics.grasping import Grasping
+from trocar.services.haptics.instruments import InstrumentTable
+from trocar.services.haptics.local_model import LocalModels
+from trocar.services.haptics.reactions import Reactions
+from trocar.services.kernel_progress import told
+from trocar.services.mechanics.bodies.catheter import CatheterBody
+from trocar.services.mechanics.bodies.forceps.grasp import deepest_touches, rest_distance_m
+from trocar.services.mechanics.collision.pairs import DUCT_TRIANGLE
+from trocar.services.mechanics.effects import build_effects, by_stage
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.scene.tools import N_TOOLS
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.scene_catheter import scene_rod
+from trocar.services.runtime.log import progress
 
 
 def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:

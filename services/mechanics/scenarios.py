@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.mechanics.effects.base import NoSettings
-from services.mechanics.effects.friction import FrictionSettings
-from services.mechanics.effects.gravity import GravitySettings
-from services.mechanics.scene import CatheterScene, DuctScene, ForcepsScene, SceneModel, ToolScene
-from services.mechanics.scene.minimum_jerk import minimum_jerk
-from services.mechanics.scene.tools import N_TOOLS, ToolInputs
+from trocar.services.mechanics.effects.base import NoSettings
+from trocar.services.mechanics.effects.friction import FrictionSettings
+from trocar.services.mechanics.effects.gravity import GravitySettings
+from trocar.services.mechanics.scene import CatheterScene, DuctScene, ForcepsScene, SceneModel, ToolScene
+from trocar.services.mechanics.scene.minimum_jerk import minimum_jerk
+from trocar.services.mechanics.scene.tools import N_TOOLS, ToolInputs
 
 Vector3 = tuple[float, float, float]
 

@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from services.mechanics.arrays import AnyArray
-from services.mechanics.compiled.memory import SavedArrays
-from services.mechanics.compiled.struct import Struct
+from trocar.services.mechanics.arrays import AnyArray
+from trocar.services.mechanics.compiled.memory import SavedArrays
+from trocar.services.mechanics.compiled.struct import Struct
 
-_OURS = "services.mechanics."
+_OURS = "trocar.services.mechanics."
 _HOLDERS = (list, dict, set, deque)
 
 
@@ -26,7 +26,7 @@ class Snapshot:
     """The present state of `root` and of everything that it refers to.
 
     Args:
-        root: Objects of `services.mechanics`, or a tuple or list of them.
+        root: Objects of `trocar.services.mechanics`, or a tuple or list of them.
         constant: Objects that never change, with everything that they refer to.
     """
 

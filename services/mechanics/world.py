@@ -5,17 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from services.mechanics.arrays import BoolArray, FloatArray
-from services.mechanics.bodies.catheter import CatheterBody
-from services.mechanics.bodies.duct import DuctBody
-from services.mechanics.bodies.forceps import ToolBody
-from services.mechanics.collision.pairs import ContactPairs
-from services.mechanics.contact.candidate_search import CandidateSearch
-from services.mechanics.contact.holds import HoldRegistry
-from services.mechanics.contact.seal import IntroducerSeal
-from services.mechanics.contact.squeeze import JawSqueeze
-from services.mechanics.contact.system import ContactSystem
-from services.mechanics.scene import SceneModel
+from trocar.services.mechanics.arrays import BoolArray, FloatArray
+from trocar.services.mechanics.bodies.catheter import CatheterBody
+from trocar.services.mechanics.bodies.duct import DuctBody
+from trocar.services.mechanics.bodies.forceps import ToolBody
+from trocar.services.mechanics.collision.pairs import ContactPairs
+from trocar.services.mechanics.contact.candidate_search import CandidateSearch
+from trocar.services.mechanics.contact.holds import HoldRegistry
+from trocar.services.mechanics.contact.seal import IntroducerSeal
+from trocar.services.mechanics.contact.squeeze import JawSqueeze
+from trocar.services.mechanics.contact.system import ContactSystem
+from trocar.services.mechanics.scene import SceneModel
 
 
 class WorldEffect(Protocol):

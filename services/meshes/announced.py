@@ -6,7 +6,7 @@ import re
 import stat
 from pathlib import Path
 
-from services.meshes.errors import MeshError
+from trocar.services.meshes.errors import MeshError
 
 MOST_TRIANGLES_READ = 2_000_000
 """Reading and repairing takes about a kilobyte and 10 to 30 µs a triangle."""

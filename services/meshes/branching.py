@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from services.cache_directory import cache_directory
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.reduction.cache import Entry, fetch
-from services.mechanics.reduction.content_hash import hash_content, hash_sources
-from services.mechanics.surface.branched_tubes import Tube, union_distance_m
-from services.mechanics.surface.mesh import TriangleMesh
-from services.meshes.cached import MESH_LIBRARIES, read_entry, write_entry
-from services.meshes.errors import MeshError
-from services.meshes.openings import enclosed_volume_m3, find_openings
-from services.meshes.remeshing import remesh
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.reduction.cache import Entry, fetch
+from trocar.services.mechanics.reduction.content_hash import hash_content, hash_sources
+from trocar.services.mechanics.surface.branched_tubes import Tube, union_distance_m
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.meshes.cached import MESH_LIBRARIES, read_entry, write_entry
+from trocar.services.meshes.errors import MeshError
+from trocar.services.meshes.openings import enclosed_volume_m3, find_openings
+from trocar.services.meshes.remeshing import remesh
 
 EDGE_OF_RADIUS = 0.4
 """Of the narrowest tube: the edge where a scene names none."""

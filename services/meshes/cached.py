@@ -7,12 +7,12 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from services.cache_directory import cache_directory
-from services.mechanics.reduction.cache import Entry, fetch
-from services.mechanics.reduction.content_hash import hash_content, hash_sources
-from services.mechanics.surface.mesh import TriangleMesh
-from services.meshes.announced import judge_place
-from services.meshes.loading import OnStep, SurfaceSettings, load_duct_surface
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.reduction.cache import Entry, fetch
+from trocar.services.mechanics.reduction.content_hash import hash_content, hash_sources
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.meshes.announced import judge_place
+from trocar.services.meshes.loading import OnStep, SurfaceSettings, load_duct_surface
 
 MESH_LIBRARIES = ("trimesh", "pyvista", "pyacvd")
 
@@ -29,8 +29,8 @@ def load_mesh(
 ) -> TriangleMesh:
     """Return the duct in a surface file, from the cache if this file was made into it before.
 
-    See `services.meshes.loading.SurfaceSettings` for the choices. The entry's name is made of the file's bytes, the
-    choices, this package's code and the versions of the mesh libraries.
+    See `trocar.services.meshes.loading.SurfaceSettings` for the choices. The entry's name is made of the file's bytes,
+    the choices, this package's code and the versions of the mesh libraries.
     Raises MeshError if the surface cannot be used; the sentence names the file, the reason and the place.
     """
     settings = SurfaceSettings(units, clamped, mouth, edge_m, lumen_diameter_m)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.fem.frames import DEGENERATE_HEIGHT_RATIO
-from services.mechanics.surface.mesh import (
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.fem.frames import DEGENERATE_HEIGHT_RATIO
+from trocar.services.mechanics.surface.mesh import (
     TriangleMesh,
     edge_of_half_edges,
     half_edges,
@@ -17,8 +17,8 @@ from services.mechanics.surface.mesh import (
     unique_edges,
     vertex_components,
 )
-from services.meshes.crossings import crossing_triangles
-from services.meshes.winding import flipped_edges
+from trocar.services.meshes.crossings import crossing_triangles
+from trocar.services.meshes.winding import flipped_edges
 
 
 @dataclass(frozen=True)

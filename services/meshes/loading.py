@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from services.mechanics.surface.mesh import TriangleMesh, smallest_angles_rad
-from services.meshes.errors import MeshError
-from services.meshes.openings import SurfaceOpening, find_openings, lumen_diameter_m, name_ends, place_by_ends
-from services.meshes.plausibility import judge_size, judge_unit
-from services.meshes.reading import read_surface
-from services.meshes.remeshing import remesh
-from services.meshes.repairing import repair_surface
+from trocar.services.mechanics.surface.mesh import TriangleMesh, smallest_angles_rad
+from trocar.services.meshes.errors import MeshError
+from trocar.services.meshes.openings import SurfaceOpening, find_openings, lumen_diameter_m, name_ends, place_by_ends
+from trocar.services.meshes.plausibility import judge_size, judge_unit
+from trocar.services.meshes.reading import read_surface
+from trocar.services.meshes.remeshing import remesh
+from trocar.services.meshes.repairing import repair_surface
 
 SLIVER_ANGLE_RAD = np.radians(1.0)
 """A surface with a sharper triangle is not solved as it stands: its stiffness would swamp its neighbours'."""

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.surface.mesh import TriangleMesh, boundary_loops
-from services.meshes.errors import MeshError
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.surface.mesh import TriangleMesh, boundary_loops
+from trocar.services.meshes.errors import MeshError
 
 
 @dataclass(frozen=True)

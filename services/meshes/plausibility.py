@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.fem.memory import check_memory, solve_bytes
-from services.mechanics.surface.mesh import TriangleMesh
-from services.mechanics.surface.units import METRES_PER_UNIT
-from services.meshes.errors import MeshError
+from trocar.services.mechanics.fem.memory import check_memory, solve_bytes
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.surface.units import METRES_PER_UNIT
+from trocar.services.meshes.errors import MeshError
 
 DUCT_LENGTH_M = (1e-3, 2.0)
 """Whatever is shorter or longer is in another unit than was said."""

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.surface.mesh import TriangleMesh
-from services.mechanics.surface.units import METRES_PER_UNIT
-from services.meshes.announced import judge_file, judge_place
-from services.meshes.errors import MeshError
-from services.meshes.obj_file import read_obj
-from services.meshes.vtp_file import read_vtp
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.surface.units import METRES_PER_UNIT
+from trocar.services.meshes.announced import judge_file, judge_place
+from trocar.services.meshes.errors import MeshError
+from trocar.services.meshes.obj_file import read_obj
+from trocar.services.meshes.vtp_file import read_vtp
 
 COORDINATE_MAX_M = 1e9
 """Of a coordinate: beyond, the file is broken, and squares of lengths soon are not numbers."""

@@ -6,10 +6,10 @@ import warnings
 
 import numpy as np
 
-from services.mechanics.surface.mesh import TriangleMesh, boundary_loops, triangle_areas_m2
-from services.meshes.checking import check_surface
-from services.meshes.errors import MeshError
-from services.meshes.plausibility import judge_remeshing
+from trocar.services.mechanics.surface.mesh import TriangleMesh, boundary_loops, triangle_areas_m2
+from trocar.services.meshes.checking import check_surface
+from trocar.services.meshes.errors import MeshError
+from trocar.services.meshes.plausibility import judge_remeshing
 
 FEWEST_VERTICES = 32
 """Below this no tube keeps its ends."""

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.surface.mesh import TriangleMesh, boundary_loops, triangle_areas_m2
-from services.meshes.checking import check_surface
-from services.meshes.errors import MeshError
-from services.meshes.openings import enclosed_volume_m3, find_openings
-from services.meshes.winding import flipped_edges, wind_consistently
+from trocar.services.mechanics.surface.mesh import TriangleMesh, boundary_loops, triangle_areas_m2
+from trocar.services.meshes.checking import check_surface
+from trocar.services.meshes.errors import MeshError
+from trocar.services.meshes.openings import enclosed_volume_m3, find_openings
+from trocar.services.meshes.winding import flipped_edges, wind_consistently
 
 MERGE_RATIO = 1e-6
 """Vertices closer than this part of the surface's size are one vertex."""

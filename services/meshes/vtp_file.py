@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.meshes.errors import MeshError
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.meshes.errors import MeshError
 
 
 def read_vtp(path: Path) -> tuple[FloatArray, IntArray]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from services.mechanics.arrays import BoolArray, FloatArray, IntArray
-from services.mechanics.surface.mesh import TriangleMesh, half_edges, paired_half_edges, triangle_areas_m2
+from trocar.services.mechanics.arrays import BoolArray, FloatArray, IntArray
+from trocar.services.mechanics.surface.mesh import TriangleMesh, half_edges, paired_half_edges, triangle_areas_m2
 
 
 def flipped_edges(mesh: TriangleMesh) -> IntArray:

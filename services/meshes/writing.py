@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from services.atomic_file import atomic_file
-from services.mechanics.arrays import FloatArray
-from services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.atomic_file import atomic_file
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.surface.mesh import TriangleMesh
 
 
 def write_vtu(

@@ -2,32 +2,35 @@
 
 from __future__ import annotations
 
+import trocar.services.entry  # noqa: F401  first: the environment of a process
+
+# isort: split
 import sys
 import time
 from operator import add
 from typing import TYPE_CHECKING
 
-from protocol import Frame
-from services.cache_directory import cache_directory
-from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.scene import SceneModel
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.simulation import STAGE_NAMES
-from services.mechanics.snapshot import Snapshot
-from services.physics.duct_alone_loop import STAGES as DUCT_STAGES
-from services.physics.duct_alone_loop import run_duct_alone
-from services.physics.inputs import ContactsReader
-from services.physics.outputs import Outputs
-from services.physics.warm_up import warm_up, warm_up_contact
-from services.runtime.journal import JournalWriter
-from services.runtime.log import progress
-from services.runtime.loop import LoopMeter, TickClock, follow
-from services.runtime.nan_guard import NanGuard
-from services.runtime.process import Process, ProcessConfig, main
-from services.scenes import load_duct, load_scene
+from trocar.protocol import Frame
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.simulation import STAGE_NAMES
+from trocar.services.mechanics.snapshot import Snapshot
+from trocar.services.physics.duct_alone_loop import STAGES as DUCT_STAGES
+from trocar.services.physics.duct_alone_loop import run_duct_alone
+from trocar.services.physics.inputs import ContactsReader
+from trocar.services.physics.outputs import Outputs
+from trocar.services.physics.warm_up import warm_up, warm_up_contact
+from trocar.services.runtime.journal import JournalWriter
+from trocar.services.runtime.log import progress
+from trocar.services.runtime.loop import LoopMeter, TickClock, follow
+from trocar.services.runtime.nan_guard import NanGuard
+from trocar.services.runtime.process import Process, ProcessConfig, main
+from trocar.services.scenes import load_duct, load_scene
 
 if TYPE_CHECKING:
-    from services.physics.replaying import ReplayedPhysics
+    from trocar.services.physics.replaying import ReplayedPhysics
 
 RATE_HZ = 1000.0
 TICK_S = 1.0 / RATE_HZ
@@ -185,8 +188,10 @@ def _replay(process: Process, physics: Physics) -> ReplayedPhysics | None:
     """Return a replay of a recording, if the rig replays one."""
     if process.rig.replay is None:
         return None
-    from services.physics.replaying import ReplayedPhysics  # readers of recordings are not installed with every rig
-    from services.recordings.schedule import read_schedule
+    from trocar.services.physics.replaying import (
+        ReplayedPhysics,  # readers of recordings are not installed with every rig
+    )
+    from trocar.services.recordings.schedule import read_schedule
 
     return ReplayedPhysics(physics, read_schedule(process.rig.replay))
 

@@ -7,17 +7,17 @@ from operator import add
 
 import numpy as np
 
-from protocol.arrays import pack
-from protocol.bodies import Catheter, ContactForces, Duct, PhysicsState
-from protocol.bodies.physics import reaction_table
-from services.cache_directory import cache_directory
-from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.scene import SceneModel
-from services.mechanics.simulation.duct_alone import STAGE_NAMES, DuctAlone
-from services.physics.outputs import pack_contiguous
-from services.runtime.loop import CATCH_UP, LoopMeter, Tick, ticks
-from services.runtime.nan_guard import NanGuard
-from services.runtime.process import Process
+from trocar.protocol.arrays import pack
+from trocar.protocol.bodies import Catheter, ContactForces, Duct, PhysicsState
+from trocar.protocol.bodies.physics import reaction_table
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.simulation.duct_alone import STAGE_NAMES, DuctAlone
+from trocar.services.physics.outputs import pack_contiguous
+from trocar.services.runtime.loop import CATCH_UP, LoopMeter, Tick, ticks
+from trocar.services.runtime.nan_guard import NanGuard
+from trocar.services.runtime.process import Process
 
 STAGES = (*STAGE_NAMES, "send")
 _NO_TOOLS = reaction_table(())

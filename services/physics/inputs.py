@@ -7,17 +7,17 @@ from typing import Annotated
 
 import numpy as np
 
-from protocol.arrays import Array
-from protocol.bodies import GraspHold as HoldBody
-from protocol.bodies import ToolContacts
-from protocol.bodies.haptics import TOOL_COLUMNS, TOOL_OPENING, TOOL_PORT, TOOL_POSITION, TOOL_ROLL, tool_table
-from services.mechanics.arrays import BoolArray, FloatArray
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs
-from services.mechanics.simulation import Simulation
-from services.runtime.flat_view import flat_view
+from trocar.protocol.arrays import Array
+from trocar.protocol.bodies import GraspHold as HoldBody
+from trocar.protocol.bodies import ToolContacts
+from trocar.protocol.bodies.haptics import TOOL_COLUMNS, TOOL_OPENING, TOOL_PORT, TOOL_POSITION, TOOL_ROLL, tool_table
+from trocar.services.mechanics.arrays import BoolArray, FloatArray
+from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.runtime.flat_view import flat_view
 
 _TOOL_BYTES = 8 * TOOL_COLUMNS
 

@@ -7,11 +7,11 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol import Frame
-from protocol.arrays import Array
-from protocol.bodies import Catheter, ContactForces, Duct, PhysicsState
-from protocol.bodies.haptics import TOOL_COLUMNS, TOOL_OPENING, TOOL_POSITION
-from protocol.bodies.physics import (
+from trocar.protocol import Frame
+from trocar.protocol.arrays import Array
+from trocar.protocol.bodies import Catheter, ContactForces, Duct, PhysicsState
+from trocar.protocol.bodies.haptics import TOOL_COLUMNS, TOOL_OPENING, TOOL_POSITION
+from trocar.protocol.bodies.physics import (
     REACTION_COLUMNS,
     REACTION_CONTACTS,
     REACTION_FORCE,
@@ -25,16 +25,16 @@ from protocol.bodies.physics import (
     REACTION_PROXY_OPENING,
     REACTION_STIFFNESS,
 )
-from services.mechanics.arrays import ByteArray, FloatArray
-from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.contact.identity import TARGET_KIND, part_of
-from services.mechanics.contact.rows import ContactRows, rows_at
-from services.mechanics.scene.tools import N_TOOLS
-from services.mechanics.simulation import Simulation
-from services.runtime.bus import Bus
-from services.runtime.flat_view import flat_view
+from trocar.services.mechanics.arrays import ByteArray, FloatArray
+from trocar.services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.contact.identity import TARGET_KIND, part_of
+from trocar.services.mechanics.contact.rows import ContactRows, rows_at
+from trocar.services.mechanics.scene.tools import N_TOOLS
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.runtime.bus import Bus
+from trocar.services.runtime.flat_view import flat_view
 
 #: Ticks between measurements of the inserted length (60 Hz) for picture and score; one costs a third of a tick.
 _INSERTED_EVERY = 16
@@ -166,7 +166,7 @@ class Outputs:
 
 
 def pack_contiguous(values: NDArray[Any], dtype: str = "<f8") -> Array:
-    """Return the same as `protocol.arrays.pack` of a contiguous array of this dtype, in half the time."""
+    """Return the same as `trocar.protocol.arrays.pack` of a contiguous array of this dtype, in half the time."""
     return Array(dtype, values.shape, values.tobytes())
 
 

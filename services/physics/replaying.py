@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from protocol import Frame
-from services.recordings.schedule import Schedule
+from trocar.protocol import Frame
+from trocar.services.recordings.schedule import Schedule
 
 
 class Stepping(Protocol):

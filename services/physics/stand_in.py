@@ -10,12 +10,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from services.mechanics.effects import EFFECTS
-from services.mechanics.reduction.basis import ModalBasis
-from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.reduction.residual.blocks import Residual
-from services.mechanics.scene import QualityLevel, SceneModel
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.mechanics.effects import EFFECTS
+from trocar.services.mechanics.reduction.basis import ModalBasis
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.reduction.residual.blocks import Residual
+from trocar.services.mechanics.scene import QualityLevel, SceneModel
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 _N_AROUND, _N_ALONG = 8, 10
 _N_MODES = 4

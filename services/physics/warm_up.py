@@ -6,26 +6,26 @@ from dataclasses import replace
 
 import numpy as np
 
-from protocol.bodies.haptics import tool_table
-from services.kernel_progress import told
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, ContactPairs
-from services.mechanics.compiled.struct import Address
-from services.mechanics.contact.candidate_search import CandidateSearch
-from services.mechanics.contact.spheres import Spheres
-from services.mechanics.contact.state import ContactState
-from services.mechanics.contact.system import ContactSystem
-from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.rod import RodState
-from services.mechanics.rod.implicit import ImplicitIntegrator
-from services.mechanics.scene import SceneModel
-from services.mechanics.scene.tools import GraspHold, ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.duct_alone import DuctAlone
-from services.physics.inputs import ContactsReader
-from services.physics.outputs import Outputs
-from services.physics.stand_in import stand_in_duct, stand_in_scene
-from services.runtime.log import progress
+from trocar.protocol.bodies.haptics import tool_table
+from trocar.services.kernel_progress import told
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, ContactPairs
+from trocar.services.mechanics.compiled.struct import Address
+from trocar.services.mechanics.contact.candidate_search import CandidateSearch
+from trocar.services.mechanics.contact.spheres import Spheres
+from trocar.services.mechanics.contact.state import ContactState
+from trocar.services.mechanics.contact.system import ContactSystem
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.rod import RodState
+from trocar.services.mechanics.rod.implicit import ImplicitIntegrator
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.scene.tools import GraspHold, ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.duct_alone import DuctAlone
+from trocar.services.physics.inputs import ContactsReader
+from trocar.services.physics.outputs import Outputs
+from trocar.services.physics.stand_in import stand_in_duct, stand_in_scene
+from trocar.services.runtime.log import progress
 
 _STEPS = 20
 #: Steps with all contacts of tools placed deep in the wall; each may take half a second.

@@ -5,6 +5,9 @@ It is an ordinary process and is delayed now and then; meanwhile frames wait in 
 
 from __future__ import annotations
 
+import trocar.services.entry  # noqa: F401  first: the environment of a process
+
+# isort: split
 import logging
 import platform
 import sys
@@ -16,23 +19,23 @@ from importlib.metadata import version
 from pathlib import Path
 from shutil import disk_usage
 
-from protocol import Frame
-from protocol.topics import observed_by, read_by
-from services.cache_directory import cache_directory
-from services.recorder import attachments
-from services.recorder.losses import Losses, counts
-from services.recorder.picture import PictureRecorder
-from services.recorder.recording import RecordingWriter
-from services.recordings.provenance import machine, mechanics_digest
-from services.recordings.repair import repair_all
-from services.recordings.scene_update import SceneDrawing
-from services.runtime import realtime
-from services.runtime.bus import Bus
-from services.runtime.errors import UserError
-from services.runtime.log import progress
-from services.runtime.loop import LoopMeter, ticks
-from services.runtime.process import Process, ProcessConfig, main
-from services.scenes import load_duct, load_scene
+from trocar.protocol import Frame
+from trocar.protocol.topics import observed_by, read_by
+from trocar.services.cache_directory import cache_directory
+from trocar.services.recorder import attachments
+from trocar.services.recorder.losses import Losses, counts
+from trocar.services.recorder.picture import PictureRecorder
+from trocar.services.recorder.recording import RecordingWriter
+from trocar.services.recordings.provenance import machine, mechanics_digest
+from trocar.services.recordings.repair import repair_all
+from trocar.services.recordings.scene_update import SceneDrawing
+from trocar.services.runtime import realtime
+from trocar.services.runtime.bus import Bus
+from trocar.services.runtime.errors import UserError
+from trocar.services.runtime.log import progress
+from trocar.services.runtime.loop import LoopMeter, ticks
+from trocar.services.runtime.process import Process, ProcessConfig, main
+from trocar.services.scenes import load_duct, load_scene
 
 #: Longer than the period of sampled topics, far shorter than a turn.
 _PATIENCE_NS = 4_000_000

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 
 import yaml
 
-from services.mechanics.reduction import ReducedDuct
-from services.runtime import config
-from services.runtime.rig import Rig
-from services.scenes.duct_file import duct_file
+from trocar.services.mechanics.reduction import ReducedDuct
+from trocar.services.runtime import config
+from trocar.services.runtime.rig import Rig
+from trocar.services.scenes.duct_file import duct_file
 
 YAML, NPZ = "application/yaml", "application/x-npz"
 Attached = tuple[str, str, bytes]

@@ -16,10 +16,18 @@ from queue import SimpleQueue
 
 from mcap.records import Attachment, Channel, Header, Metadata, MetadataIndex, Schema
 
-from services.recordings.chunks import OpenChunk
-from services.recordings.errors import RecordingError
-from services.recordings.place import fault_of_folder
-from services.recordings.summary import MAGIC, StoredEntries, Summary, attachment_index, finish, record_bytes, write_at
+from trocar.services.recordings.chunks import OpenChunk
+from trocar.services.recordings.errors import RecordingError
+from trocar.services.recordings.place import fault_of_folder
+from trocar.services.recordings.summary import (
+    MAGIC,
+    StoredEntries,
+    Summary,
+    attachment_index,
+    finish,
+    record_bytes,
+    write_at,
+)
 
 #: Most bytes pending for the disk, about a quarter of a minute of a whole rig at full rate.
 PENDING_MAX = 128 << 20

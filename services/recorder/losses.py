@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-import protocol.bodies as bodies
+import trocar.protocol.bodies as bodies
 
 #: Reason of a loss if the bus gives no other.
 QUEUES = "the recorder was not run for longer than the queues hold"

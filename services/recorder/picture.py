@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from protocol import Frame
-from services.recordings.scene_update import LOG, SCENE, TRANSFORMS, SceneDrawing, log, transforms
+from trocar.protocol import Frame
+from trocar.services.recordings.scene_update import LOG, SCENE, TRANSFORMS, SceneDrawing, log, transforms
 
 #: Ten a second look continuous; each costs a few milliseconds.
 _PERIOD_NS = 100_000_000

@@ -9,14 +9,14 @@ from pathlib import Path
 
 from mcap.records import Attachment, Channel, Schema
 
-from protocol import TOPICS, Frame
-from services.recorder.disk import PENDING_MAX, RecordingFile
-from services.recorder.losses import Loss
-from services.recordings.chunks import OpenChunk
-from services.recordings.reader import channel_name
-from services.recordings.scene_update import SCHEMAS, descriptor
-from services.recordings.schema import PACKAGE, file_descriptor
-from services.recordings.transcode import to_protobuf
+from trocar.protocol import TOPICS, Frame
+from trocar.services.recorder.disk import PENDING_MAX, RecordingFile
+from trocar.services.recorder.losses import Loss
+from trocar.services.recordings.chunks import OpenChunk
+from trocar.services.recordings.reader import channel_name
+from trocar.services.recordings.scene_update import SCHEMAS, descriptor
+from trocar.services.recordings.schema import PACKAGE, file_descriptor
+from trocar.services.recordings.transcode import to_protobuf
 
 #: Size and age at which a chunk ends, the most that a crash loses.
 CHUNK_BYTES = 1 << 20

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from services.runtime.errors import UserError
+from trocar.services.runtime.errors import UserError
 
 
 class RecordingError(UserError):

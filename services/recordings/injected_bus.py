@@ -8,8 +8,8 @@ from typing import Any
 
 import msgspec
 
-from protocol import PROTOCOL_VERSION, TOPICS, Frame
-from services.runtime.bus import Bus
+from trocar.protocol import PROTOCOL_VERSION, TOPICS, Frame
+from trocar.services.runtime.bus import Bus
 
 
 class InjectedBus:

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import msgspec
 
-from protocol import Frame
-from protocol.bodies import Journal, PhysicsState, ToolContacts
-from services.recordings.errors import RecordingError
-from services.recordings.provenance import machine, mechanics_digest
-from services.recordings.reader import RecordedFrame, read_extras, read_frames
+from trocar.protocol import Frame
+from trocar.protocol.bodies import Journal, PhysicsState, ToolContacts
+from trocar.services.recordings.errors import RecordingError
+from trocar.services.recordings.provenance import machine, mechanics_digest
+from trocar.services.recordings.reader import RecordedFrame, read_extras, read_frames
 
 _DEVICES = "gateway.state"
 _JOURNALS = ("haptics.journal", "physics.journal")

@@ -19,10 +19,10 @@ from mcap.reader import SeekingReader
 from mcap.records import Attachment, Channel, DataEnd, Message, Metadata
 from mcap.stream_reader import StreamReader
 
-from protocol import TOPICS, Frame
-from services.recordings.errors import HoleError, RecordingError
-from services.recordings.summary import has_sound_index, is_closed, is_sound, record_stream, records
-from services.recordings.transcode import to_frame
+from trocar.protocol import TOPICS, Frame
+from trocar.services.recordings.errors import HoleError, RecordingError
+from trocar.services.recordings.summary import has_sound_index, is_closed, is_sound, record_stream, records
+from trocar.services.recordings.transcode import to_frame
 
 #: Exceptions of the libraries for truncated or inconsistent records.
 BROKEN = (McapError, EOFError, ValueError, OverflowError, struct.error, zstandard.ZstdError, zlib.error)

@@ -20,10 +20,10 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, ChunkIndex, DataEnd, Metadata, MetadataIndex, Schema
 from mcap.stream_reader import get_chunk_data_stream
 
-from services.recordings.chunks import message_indexes
-from services.recordings.errors import HoleError, RecordingError
-from services.recordings.reader import BROKEN
-from services.recordings.summary import (
+from trocar.services.recordings.chunks import message_indexes
+from trocar.services.recordings.errors import HoleError, RecordingError
+from trocar.services.recordings.reader import BROKEN
+from trocar.services.recordings.summary import (
     HEAD,
     MAGIC,
     Summary,

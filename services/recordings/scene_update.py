@@ -22,12 +22,12 @@ from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrim
 from google.protobuf.message import Message
 from mcap_protobuf.schema import build_file_descriptor_set
 
-from protocol.bodies import GatewayState, InstrumentState, PhysicsState, SupervisorState, ToolReaction
-from services.mechanics.arrays import Float32Array, FloatArray
-from services.mechanics.reduction import ReducedDuct
-from services.mechanics.scene import SceneModel
-from services.recordings import encoded
-from services.scenes.drawn_surface import DrawnSurface
+from trocar.protocol.bodies import GatewayState, InstrumentState, PhysicsState, SupervisorState, ToolReaction
+from trocar.services.mechanics.arrays import Float32Array, FloatArray
+from trocar.services.mechanics.reduction import ReducedDuct
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.recordings import encoded
+from trocar.services.scenes.drawn_surface import DrawnSurface
 
 WORLD = "world"
 SCENE, TRANSFORMS, LOG = "/scene", "/tf", "/log"

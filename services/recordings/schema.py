@@ -11,7 +11,7 @@ from functools import cache
 import msgspec
 from google.protobuf import descriptor_pb2
 
-from protocol.fields import Field, Form, fields, nested
+from trocar.protocol.fields import Field, Form, fields, nested
 
 PACKAGE = "trocar"
 ENVELOPE_FIELD = 1000

@@ -9,10 +9,10 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from protocol.arrays import Array
-from protocol.fields import fields
-from protocol.table import TableRow
-from services.recordings import encoded
+from trocar.protocol.arrays import Array
+from trocar.protocol.fields import fields
+from trocar.protocol.table import TableRow
+from trocar.services.recordings import encoded
 
 
 def encoded_rows(table: Array, row: type[msgspec.Struct], number: int) -> bytes:

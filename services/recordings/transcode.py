@@ -18,11 +18,11 @@ import msgspec
 from google.protobuf import descriptor_pool, message_factory
 from google.protobuf.message import Message
 
-from protocol import PROTOCOL_VERSION, TOPICS, Frame, soundness, upgrades
-from protocol.arrays import Array, Spec, pack
-from protocol.fields import Field, Form, fields
-from services.recordings.schema import PACKAGE, Envelope, file_descriptor, is_copied
-from services.recordings.table_rows import decoded_rows, encoded_rows
+from trocar.protocol import PROTOCOL_VERSION, TOPICS, Frame, soundness, upgrades
+from trocar.protocol.arrays import Array, Spec, pack
+from trocar.protocol.fields import Field, Form, fields
+from trocar.services.recordings.schema import PACKAGE, Envelope, file_descriptor, is_copied
+from trocar.services.recordings.table_rows import decoded_rows, encoded_rows
 
 Convert = Callable[[Any], Any]
 _INT64_MAX = (1 << 63) - 1

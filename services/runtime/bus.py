@@ -11,12 +11,12 @@ from typing import Protocol
 
 import msgspec
 
-import protocol
-import protocol.bodies as bodies
-from protocol import Frame, FrameError, Reason, Topic
-from services.runtime import frame_batches
-from services.runtime.clocks import ClockOffset
-from services.runtime.histogram import LatencyHistogram
+import trocar.protocol.bodies as bodies
+from trocar import protocol
+from trocar.protocol import Frame, FrameError, Reason, Topic
+from trocar.services.runtime import frame_batches
+from trocar.services.runtime.clocks import ClockOffset
+from trocar.services.runtime.histogram import LatencyHistogram
 
 #: A reader accepts up to this many times the topic's rate; further frames are refused undecoded.
 FLOOD_FACTOR = 3.0

@@ -17,10 +17,10 @@ from pathlib import Path
 
 import zmq
 
-from services.runtime.endpoints import endpoint
-from services.runtime.frame_batches import is_readable
-from services.runtime.keys import ZapAuthenticator
-from services.runtime.rig import LOOPBACK, Transport
+from trocar.services.runtime.endpoints import endpoint
+from trocar.services.runtime.frame_batches import is_readable
+from trocar.services.runtime.keys import ZapAuthenticator
+from trocar.services.runtime.rig import LOOPBACK, Transport
 
 #: Largest relative drift of two clocks slewed by NTP, each by up to 500 ppm.
 DRIFT = 1e-3

@@ -13,10 +13,10 @@ import yaml
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
-from services.nearest_word import did_you_mean
-from services.runtime import yaml_text
-from services.runtime.errors import ConfigError
-from services.runtime.rig import Rig
+from trocar.services.nearest_word import did_you_mean
+from trocar.services.runtime import yaml_text
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.runtime.rig import Rig
 
 T = TypeVar("T")
 Origins = dict[str, str]

@@ -1,9 +1,9 @@
 """Publisher and subscriber of the fast topics on one host, without threads: the loops send and receive themselves.
 
 libzmq sends and receives in a thread of its own, so one frame from loop to loop wakes three threads: the sender's, the
-reader's, and the reader itself. These ends use the same protocol (`services.runtime.zmtp`) on the same sockets, so that
-any ZeroMQ program can connect to them, but write when the loop sends and read when the loop reads: only the waiting
-thread is woken, or none.
+reader's, and the reader itself. These ends use the same protocol (`trocar.services.runtime.zmtp`) on the same sockets,
+so that any ZeroMQ program can connect to them, but write when the loop sends and read when the loop reads: only the
+waiting thread is woken, or none.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from protocol.frame import MAX_FRAME_BYTES
-from services.runtime import zmtp
+from trocar.protocol.frame import MAX_FRAME_BYTES
+from trocar.services.runtime import zmtp
 
 #: Most connections at one socket; a rig has at most half a dozen.
 MAX_PEERS = 64

@@ -16,14 +16,14 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
-from protocol.topics import PROCESSES, TOPICS, published_by
-from services.runtime.errors import BusError
-from services.runtime.private_directory import make_private, open_text
-from services.runtime.rig import Transport
+from trocar.protocol.topics import PROCESSES, TOPICS, published_by
+from trocar.services.runtime.errors import BusError
+from trocar.services.runtime.private_directory import make_private, open_text
+from trocar.services.runtime.rig import Transport
 
 _MAX_IPC_PATH = 107
 _PORTS = 8192
-#: Suffix of the endpoint of a topic's batches, see `services.runtime.frame_batches`.
+#: Suffix of the endpoint of a topic's batches, see `trocar.services.runtime.frame_batches`.
 _BATCHES = ".whole"
 
 

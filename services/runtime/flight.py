@@ -19,7 +19,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from services.runtime.private_directory import make_private, open_private
+from trocar.services.runtime.private_directory import make_private, open_private
 
 MAGIC = b"TROCARF1"
 #: First columns of a row, in ns; the stages follow.

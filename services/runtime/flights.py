@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from services.runtime.errors import BusError, UserError
-from services.runtime.flight import COLUMNS, HEADER_BYTES, MAGIC, ROWS_AT, SUFFIX
-from services.runtime.private_directory import open_private
+from trocar.services.runtime.errors import BusError, UserError
+from trocar.services.runtime.flight import COLUMNS, HEADER_BYTES, MAGIC, ROWS_AT, SUFFIX
+from trocar.services.runtime.private_directory import open_private
 
 #: Suffix of files with flights, in numpy's format.
 FILE_SUFFIX = ".npz"
@@ -37,7 +37,8 @@ class Flight:
     """The last ticks of one loop.
 
     Attributes:
-        rows: (ticks, 5 + stages) int64. Columns are `services.runtime.flight.COLUMNS`, then the stages; oldest first.
+        rows: (ticks, 5 + stages) int64. Columns are `trocar.services.runtime.flight.COLUMNS`, then the stages; oldest
+        first.
     """
 
     name: str

@@ -15,7 +15,7 @@ from itertools import accumulate, pairwise
 
 import zmq
 
-from protocol import Topic, topic
+from trocar.protocol import Topic, topic
 
 SENDS_PER_S = 60
 #: Most frames of a batch; readers count further ones as lost.

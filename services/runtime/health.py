@@ -7,14 +7,14 @@ import time
 from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass
 
-import protocol.bodies as bodies
-from services.runtime.bus import Bus
-from services.runtime.histogram import LatencyHistogram
-from services.runtime.loop import LoopMeter
-from services.runtime.realtime import Fact
-from services.runtime.rig import PATH_OWNERS
-from services.runtime.scheduling import step_aside
-from services.runtime.stage_times import StageTimes
+import trocar.protocol.bodies as bodies
+from trocar.services.runtime.bus import Bus
+from trocar.services.runtime.histogram import LatencyHistogram
+from trocar.services.runtime.loop import LoopMeter
+from trocar.services.runtime.realtime import Fact
+from trocar.services.runtime.rig import PATH_OWNERS
+from trocar.services.runtime.scheduling import step_aside
+from trocar.services.runtime.stage_times import StageTimes
 
 _PERIOD_NS = 100_000_000
 #: Shortest time between reports that are urgent.

@@ -10,8 +10,8 @@ from functools import cache, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-import protocol.bodies as bodies
-from protocol.arrays import pack
+import trocar.protocol.bodies as bodies
+from trocar.protocol.arrays import pack
 
 #: Buckets per doubling: edges are 4.4 % apart, so a bucket's middle is within 2.2 % of its durations.
 PER_OCTAVE = 16

@@ -1,12 +1,12 @@
-"""The journal of a loop: its inputs, so that a recording can be replayed (`protocol.bodies.Journal`)."""
+"""The journal of a loop: its inputs, so that a recording can be replayed (`trocar.protocol.bodies.Journal`)."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from protocol.arrays import pack
-from protocol.bodies.journal import RUN_COLUMNS, Journal
-from services.runtime.bus import Bus
+from trocar.protocol.arrays import pack
+from trocar.protocol.bodies.journal import RUN_COLUMNS, Journal
+from trocar.services.runtime.bus import Bus
 
 #: Number of ticks in a journal.
 _TICKS = 128

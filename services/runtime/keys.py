@@ -16,7 +16,7 @@ import zmq
 import zmq.auth
 from zmq.utils import z85
 
-from services.runtime.errors import ConfigError
+from trocar.services.runtime.errors import ConfigError
 
 _NAME = "rig"
 _ZAP = "inproc://zeromq.zap.01"

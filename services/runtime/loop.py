@@ -7,11 +7,11 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-import protocol.bodies as bodies
-from protocol import Frame
-from services.runtime.bus import Bus
-from services.runtime.flight import FlightRing
-from services.runtime.histogram import LatencyHistogram
+import trocar.protocol.bodies as bodies
+from trocar.protocol import Frame
+from trocar.services.runtime.bus import Bus
+from trocar.services.runtime.flight import FlightRing
+from trocar.services.runtime.histogram import LatencyHistogram
 
 
 @dataclass(slots=True)

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from services.cache_directory import make_folders
-from services.runtime.flat_view import flat_view
+from trocar.services.cache_directory import make_folders
+from trocar.services.runtime.flat_view import flat_view
 
 
 class NanGuard:

@@ -13,18 +13,18 @@ from dataclasses import dataclass, field, fields
 from types import FrameType
 from typing import Any
 
-from protocol.topics import observed_by, published_by, read_by, topic
-from services import start_up
-from services.runtime import config, endpoints, log, realtime
-from services.runtime.errors import BusError, UserError
-from services.runtime.flight import SUFFIX, FlightRing, flight_directory
-from services.runtime.health import HealthReporter
-from services.runtime.loop import LoopMeter
-from services.runtime.reservation_keeper import ReservationKeeper, ReservationPause
-from services.runtime.rig import Rig
-from services.runtime.scene_requirements import EVERYTHING, SceneRequirements, scene_requirements
-from services.runtime.scheduling import OFTEN_NS, SELDOM_NS, Scheduling
-from services.runtime.zmq_bus import ZmqBus
+from trocar.protocol.topics import observed_by, published_by, read_by, topic
+from trocar.services import start_up
+from trocar.services.runtime import config, endpoints, log, realtime
+from trocar.services.runtime.errors import BusError, UserError
+from trocar.services.runtime.flight import SUFFIX, FlightRing, flight_directory
+from trocar.services.runtime.health import HealthReporter
+from trocar.services.runtime.loop import LoopMeter
+from trocar.services.runtime.reservation_keeper import ReservationKeeper, ReservationPause
+from trocar.services.runtime.rig import Rig
+from trocar.services.runtime.scene_requirements import EVERYTHING, SceneRequirements, scene_requirements
+from trocar.services.runtime.scheduling import OFTEN_NS, SELDOM_NS, Scheduling
+from trocar.services.runtime.zmq_bus import ZmqBus
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +123,7 @@ def parse(process: str, arguments: Sequence[str] | None) -> Options:
     that one environment configures all containers of a rig.
     """
     environment = os.environ
-    parser = argparse.ArgumentParser(prog=f"python -m services.{process}")
+    parser = argparse.ArgumentParser(prog=f"python -m trocar.services.{process}")
     parser.add_argument(
         "--rig", default=environment.get("TROCAR_RIG") or "stub", help="rig file, or one's name in configs/rigs"
     )

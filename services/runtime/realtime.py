@@ -18,10 +18,10 @@ import threading
 from dataclasses import dataclass
 from pathlib import Path
 
-import protocol.bodies as bodies
-from services import start_up
-from services.runtime.autogroup import set_group_niceness
-from services.runtime.scheduling import (
+import trocar.protocol.bodies as bodies
+from trocar.services import start_up
+from trocar.services.runtime.autogroup import set_group_niceness
+from trocar.services.runtime.scheduling import (
     DEADLINE,
     OFTEN_NS,
     RUNGS,
@@ -82,7 +82,7 @@ def set_up(
         priority: SCHED_FIFO priority 1..89, None for the ordinary class.
         nice: Niceness of an ordinary process.
         share: Share of a core to reserve, if SCHED_FIFO is refused and SCHED_DEADLINE granted.
-        rungs: Scheduling classes to try, see `services.runtime.scheduling`.
+        rungs: Scheduling classes to try, see `trocar.services.runtime.scheduling`.
         beside_ns: Time and period to reserve for each of ZeroMQ's threads, likewise.
         awake: Whether cores must not sleep while a process with a priority lives, see `keep_awake`.
     """

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from services.runtime.flight import COLUMNS, ROWS_AT, FlightRing
-from services.runtime.loop import CATCH_UP, LoopMeter
-from services.runtime.private_directory import open_private
-from services.runtime.reservation import LONGEST_PAUSE_S, Reservation, need_of, pause_s
-from services.runtime.scheduling import PERIOD_NS, Scheduling
+from trocar.services.runtime.flight import COLUMNS, ROWS_AT, FlightRing
+from trocar.services.runtime.loop import CATCH_UP, LoopMeter
+from trocar.services.runtime.private_directory import open_private
+from trocar.services.runtime.reservation import LONGEST_PAUSE_S, Reservation, need_of, pause_s
+from trocar.services.runtime.scheduling import PERIOD_NS, Scheduling
 
 #: Periods of the adaptation, normally, and in the first seconds or while it is short; and the number of the first ones.
 _LOOK_EVERY_NS, _LOOK_SOON_NS, _FIRST_LOOKS = 1_000_000_000, 250_000_000, 20

@@ -8,9 +8,9 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, field_validator, model_validator
 
-from protocol.topics import TOPICS, observed_by, read_by
-from services.nearest_word import did_you_mean
-from services.runtime.bounds import Core, Metres, Port, Priority, Share, Torque, Turn, between
+from trocar.protocol.topics import TOPICS, observed_by, read_by
+from trocar.services.nearest_word import did_you_mean
+from trocar.services.runtime.bounds import Core, Metres, Port, Priority, Share, Torque, Turn, between
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 

@@ -14,11 +14,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from services.atomic_file import atomic_file
-from services.cache_directory import cache_directory, make_folders
-from services.runtime import config
-from services.runtime.errors import ConfigError, UserError
-from services.source_closure import Sources
+from trocar.services.atomic_file import atomic_file
+from trocar.services.cache_directory import cache_directory, make_folders
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import ConfigError, UserError
+from trocar.services.source_closure import Sources
 
 T = TypeVar("T")
 
@@ -52,7 +52,7 @@ def print_finding(find: Callable[[str, Sequence[str]], bytes]) -> None:
 
 
 def _name(module: str, data: dict[str, Any]) -> str:
-    code = Sources(Path(__file__).parents[2]).digest(module)
+    code = Sources(Path(__file__).parents[3]).digest(module)
     text = f"{code} {_surface_digest(data)} {json.dumps(data, sort_keys=True, default=str)}"
     return f"{module.rpartition('.')[2]}-{hashlib.sha256(text.encode()).hexdigest()[:32]}"
 

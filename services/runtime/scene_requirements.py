@@ -10,10 +10,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from protocol.topics import TOPICS
-from services.mechanics.scene.instruments import TOOLS, USUAL
-from services.runtime import config
-from services.runtime.rig import InstrumentSettings, Rig
+from trocar.protocol.topics import TOPICS
+from trocar.services.mechanics.scene.instruments import TOOLS, USUAL
+from trocar.services.runtime import config
+from trocar.services.runtime.rig import InstrumentSettings, Rig
 
 #: Processes that only serve tools and catheter; physics has its own clock without them.
 OF_CONTACT = ("gateway", "haptics", "training")

@@ -23,7 +23,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from services.runtime.autogroup import set_group_niceness
+from trocar.services.runtime.autogroup import set_group_niceness
 
 #: `struct sched_attr` (linux/sched/types.h), first version: size, policy, flags, nice, priority, runtime, deadline,
 #: period.

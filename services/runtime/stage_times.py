@@ -8,10 +8,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-import protocol.bodies as bodies
-from protocol.arrays import Array
-from services.runtime.flight import COLUMNS, ROWS_AT, FlightRing
-from services.runtime.histogram import quantile
+import trocar.protocol.bodies as bodies
+from trocar.protocol.arrays import Array
+from trocar.services.runtime.flight import COLUMNS, ROWS_AT, FlightRing
+from trocar.services.runtime.histogram import quantile
 
 #: Buckets reach from 128 ns to 134 ms, four to a doubling and equally wide within it, plus one below and above.
 _FIRST_OCTAVE, _OCTAVES, _PER_OCTAVE = 7, 20, 4

@@ -6,8 +6,8 @@ import socket
 from contextlib import suppress
 from pathlib import Path
 
-from services.runtime import endpoints
-from services.runtime.rig import Transport
+from trocar.services.runtime import endpoints
+from trocar.services.runtime.rig import Transport
 
 _PATIENCE_S = 1.0
 

@@ -8,7 +8,7 @@ from collections.abc import Awaitable, Callable
 from typing import Any
 from urllib.parse import urlsplit
 
-from services.runtime.errors import BusError
+from trocar.services.runtime.errors import BusError
 
 
 def host_of(header: str | None) -> str:

@@ -1,6 +1,6 @@
 """The bus over ZeroMQ: no broker, one PUB socket per topic and one for batches of a fast topic, single-part frames.
 
-On one host the loops send and receive the fast topics themselves (`services.runtime.direct`); libzmq handles all
+On one host the loops send and receive the fast topics themselves (`trocar.services.runtime.direct`); libzmq handles all
 others. In a rig on several hosts, processes with the same address in the rig file are on one host, and share its run
 directory.
 """
@@ -17,13 +17,13 @@ from typing import IO
 import msgspec
 import zmq
 
-import protocol.bodies as bodies
-from protocol import Frame, Reason, topic
-from services.runtime import bus, endpoints, keys
-from services.runtime.clocks import Clocks
-from services.runtime.direct import DirectReader, DirectSender
-from services.runtime.errors import BusError
-from services.runtime.frame_batches import (
+import trocar.protocol.bodies as bodies
+from trocar.protocol import Frame, Reason, topic
+from trocar.services.runtime import bus, endpoints, keys
+from trocar.services.runtime.clocks import Clocks
+from trocar.services.runtime.direct import DirectReader, DirectSender
+from trocar.services.runtime.errors import BusError
+from trocar.services.runtime.frame_batches import (
     SENDS_PER_S,
     BatchSender,
     batch_endpoint,
@@ -32,8 +32,8 @@ from services.runtime.frame_batches import (
     is_readable,
     lengths_and_frames,
 )
-from services.runtime.rig import Transport
-from services.runtime.scheduling import step_aside
+from trocar.services.runtime.rig import Transport
+from trocar.services.runtime.scheduling import step_aside
 
 #: Frames that a slow reader may fall behind before frames are lost and counted.
 _HIGH_WATER_MARK = 1000
@@ -59,7 +59,7 @@ class ZmqBus:
         transport: Settings of the rig file.
         publishes, reads: Topic names. Of state topics only the newest frame is read.
         reads_every: Topics of which every frame is read, regardless of the table, for recorders and sniffers. Fast ones
-            come in batches, so that no publisher waits for such a reader (`services.runtime.frame_batches`).
+            come in batches, so that no publisher waits for such a reader (`trocar.services.runtime.frame_batches`).
         samples: Topics of which a frame is read now and then, see `sample`.
     """
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from services.mechanics.scene import DuctScene, ForcepsScene
-from services.mechanics.scene.mesh_cells import MOST_NODES, MOST_NODES_ALL_PAIRS, accurate_cells
-from services.runtime import config
-from services.scenes.limits import LARGEST
+from trocar.services.mechanics.scene import DuctScene, ForcepsScene
+from trocar.services.mechanics.scene.mesh_cells import MOST_NODES, MOST_NODES_ALL_PAIRS, accurate_cells
+from trocar.services.runtime import config
+from trocar.services.scenes.limits import LARGEST
 
 AUTO = "auto"
 _NO_COPIES = ("curvature_1_m", "cut_angle_rad", "slit_length_m")

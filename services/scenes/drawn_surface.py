@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-import protocol.bodies as bodies
-from protocol.arrays import pack
-from services.mechanics.arrays import Float32Array, FloatArray, IntArray
-from services.mechanics.reduction import ReducedDuct
-from services.mechanics.reduction.large_rotations.warping import SectionFrame
+import trocar.protocol.bodies as bodies
+from trocar.protocol.arrays import pack
+from trocar.services.mechanics.arrays import Float32Array, FloatArray, IntArray
+from trocar.services.mechanics.reduction import ReducedDuct
+from trocar.services.mechanics.reduction.large_rotations.warping import SectionFrame
 
 
 class DrawnSurface:

@@ -6,15 +6,15 @@ import math
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.rod.elasticity import any_normal
-from services.mechanics.scenarios import ToolMotion
-from services.mechanics.scene import SceneModel, ToolScene
-from services.mechanics.surface.centreline import centrelines
-from services.mechanics.surface.mesh import TriangleMesh
-from services.mechanics.surface.opening import mouth_opening
-from services.runtime.errors import ConfigError
-from services.tube_paths import TubePaths
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.rod.elasticity import any_normal
+from trocar.services.mechanics.scenarios import ToolMotion
+from trocar.services.mechanics.scene import SceneModel, ToolScene
+from trocar.services.mechanics.surface.centreline import centrelines
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.surface.opening import mouth_opening
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.tube_paths import TubePaths
 
 PUSH_M_S, ROLL_RAD_S, BEND_RAD_S = 20e-3, 2.0, 1.5
 BEFORE_RADII, BEYOND_RADII, SHORT_RADII = 2.5, 1.0, 2.6

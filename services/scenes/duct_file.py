@@ -1,23 +1,26 @@
 """The duct of a scene as arrays, for who runs none of the mechanics: its surface and its modes.
 
-``python -m services.scenes.duct_file SCENE [KEY=VALUE ...]`` prints the file.
+``python -m trocar.services.scenes.duct_file SCENE [KEY=VALUE ...]`` prints the file.
 """
 
 from __future__ import annotations
 
+import trocar.services.entry  # noqa: F401  first: the environment of a process
+
+# isort: split
 import io
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from services.cache_directory import cache_directory
-from services.mechanics.reduction.build import ignore_progress
-from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.surface.centreline import centrelines
-from services.runtime.scene_findings import print_finding
-from services.scenes.load import load_scene
-from services.scenes.ready import load_duct
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.reduction.build import ignore_progress
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.surface.centreline import centrelines
+from trocar.services.runtime.scene_findings import print_finding
+from trocar.services.scenes.load import load_scene
+from trocar.services.scenes.ready import load_duct
 
 
 def duct_file(duct: ReducedDuct) -> bytes:

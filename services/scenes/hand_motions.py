@@ -1,30 +1,33 @@
 """What a scene's hands do, as text, for who moves the devices and runs none of the mechanics: the simulated ones.
 
-``python -m services.scenes.hand_motions SCENE [KEY=VALUE ...]`` prints it as JSON: importing what it takes needs two
-seconds and a hundred megabytes, which a process that runs at 1 kHz had better not have.
+``python -m trocar.services.scenes.hand_motions SCENE [KEY=VALUE ...]`` prints it as JSON: importing what it takes
+needs two seconds and a hundred megabytes, which a process that runs at 1 kHz had better not have.
 """
 
 from __future__ import annotations
 
+import trocar.services.entry  # noqa: F401  first: the environment of a process
+
+# isort: split
 import json
 from collections.abc import Iterable
 from typing import Any
 
-from services.cache_directory import cache_directory
-from services.mechanics.scenarios import ToolMotion
-from services.mechanics.scene import ToolScene
-from services.mechanics.simulation.scene_catheter import place_catheter
-from services.runtime.scene_findings import print_finding
-from services.scenes.hands import hands_of, out_of_the_way, with_strokes
-from services.scenes.load import load_scene
-from services.scenes.ready import load_surface
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.scenarios import ToolMotion
+from trocar.services.mechanics.scene import ToolScene
+from trocar.services.mechanics.simulation.scene_catheter import place_catheter
+from trocar.services.runtime.scene_findings import print_finding
+from trocar.services.scenes.hands import hands_of, out_of_the_way, with_strokes
+from trocar.services.scenes.load import load_scene
+from trocar.services.scenes.ready import load_surface
 
 STROKES = 8
 """A minute of them at the pace of the stub."""
 
 
 def hand_motions(scene_name: str, overrides: Iterable[str] = ()) -> list[dict[str, Any]]:
-    """Return for each tool of a scene its port and its motion, by the names of `services.gateway.script`.
+    """Return for each tool of a scene its port and its motion, by the names of `trocar.services.gateway.script`.
 
     Raises ConfigError: one sentence, if scene or surface cannot be used.
     """

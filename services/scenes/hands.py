@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.effects.friction import FrictionSettings
-from services.mechanics.scenarios import PlayedScene, ToolMotion
-from services.mechanics.scene import ForcepsScene, SceneModel, ToolScene
-from services.mechanics.scene.tools import N_TOOLS
-from services.mechanics.surface.mesh import TriangleMesh
-from services.mechanics.surface.opening import Opening, mouth_opening
-from services.scenes.driving_hands import driving_hands
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.effects.friction import FrictionSettings
+from trocar.services.mechanics.scenarios import PlayedScene, ToolMotion
+from trocar.services.mechanics.scene import ForcepsScene, SceneModel, ToolScene
+from trocar.services.mechanics.scene.tools import N_TOOLS
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.surface.opening import Opening, mouth_opening
+from trocar.services.scenes.driving_hands import driving_hands
 
 GRIP_BEHIND_TIP_M = 26e-3
 """The catheter is taken so far behind its tip: less and the jaws reach the mouth, more and it buckles."""

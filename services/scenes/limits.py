@@ -10,8 +10,8 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from services.mechanics.scene import CatheterScene, QualityLevel, SceneModel, ToolScene
-from services.mechanics.scene.tools import N_TOOLS
+from trocar.services.mechanics.scene import CatheterScene, QualityLevel, SceneModel, ToolScene
+from trocar.services.mechanics.scene.tools import N_TOOLS
 
 _POSITIVE = {
     "duct": "radius_m length_m n_around n_along thickness_m youngs_modulus_pa density_kg_m3 n_modes mesh_edge_m "

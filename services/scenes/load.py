@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from services.mechanics.scene import SceneModel
-from services.runtime import config
-from services.scenes.automatic_cells import take_automatic_cells
-from services.scenes.preset import take_tissue
-from services.scenes.scene_file import build_scene
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.runtime import config
+from trocar.services.scenes.automatic_cells import take_automatic_cells
+from trocar.services.scenes.preset import take_tissue
+from trocar.services.scenes.scene_file import build_scene
 
 
 def load_scene(name: str | Path, overrides: Iterable[str] = ()) -> SceneModel:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from services.mechanics.scene.tissue import TISSUES, Tissue, tissue
-from services.nearest_word import did_you_mean
-from services.runtime import config
-from services.runtime.errors import ConfigError
+from trocar.services.mechanics.scene.tissue import TISSUES, Tissue, tissue
+from trocar.services.nearest_word import did_you_mean
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import ConfigError
 
 
 def take_tissue(data: dict[str, Any], where: str, origins: config.Origins) -> None:

@@ -6,13 +6,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from services.mechanics.reduction.build import Progress, ignore_progress
-from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.scene import DuctScene, SceneModel
-from services.mechanics.scene.duct_tubes import duct_tubes
-from services.mechanics.simulation.scene_duct import build_scene_duct, check_scene_duct, scene_mesh
-from services.mechanics.surface.mesh import TriangleMesh
-from services.runtime.errors import ConfigError
+from trocar.services.mechanics.reduction.build import Progress, ignore_progress
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.scene import DuctScene, SceneModel
+from trocar.services.mechanics.scene.duct_tubes import duct_tubes
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct, check_scene_duct, scene_mesh
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.runtime.errors import ConfigError
 
 
 def check_duct(scene: SceneModel, cache: Path) -> None:
@@ -59,8 +59,11 @@ def _file_mesh(duct: DuctScene, cache: Path, progress: Progress) -> TriangleMesh
     if duct.mesh_file is None and not duct.branches:
         return None
     progress("surface", 0.0)
-    from services.meshes import MeshError, load_mesh  # mesh libraries take a second to import and most scenes need none
-    from services.meshes.branching import load_branching
+    from trocar.services.meshes import (  # mesh libraries take a second to import and most scenes need none
+        MeshError,
+        load_mesh,
+    )
+    from trocar.services.meshes.branching import load_branching
 
     if duct.mesh_file is None:
         try:

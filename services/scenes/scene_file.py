@@ -11,17 +11,17 @@ from typing import Any, get_type_hints
 import pydantic
 from typing_extensions import TypedDict
 
-from services.mechanics.effects import EFFECTS, check_bodies, check_ladder
-from services.mechanics.scene import SceneModel, ToolScene
-from services.mechanics.scene.instruments import TOOLS, USUAL
-from services.mechanics.simulation.scene_catheter import check_catheter
-from services.mechanics.simulation.scene_duct import check_duct_numbers
-from services.mechanics.simulation.scene_world import check_integrator
-from services.nearest_word import did_you_mean
-from services.runtime import config
-from services.runtime.errors import ConfigError
-from services.runtime.scene_requirements import has_duct_alone
-from services.scenes import limits
+from trocar.services.mechanics.effects import EFFECTS, check_bodies, check_ladder
+from trocar.services.mechanics.scene import SceneModel, ToolScene
+from trocar.services.mechanics.scene.instruments import TOOLS, USUAL
+from trocar.services.mechanics.simulation.scene_catheter import check_catheter
+from trocar.services.mechanics.simulation.scene_duct import check_duct_numbers
+from trocar.services.mechanics.simulation.scene_world import check_integrator
+from trocar.services.nearest_word import did_you_mean
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.runtime.scene_requirements import has_duct_alone
+from trocar.services.scenes import limits
 
 # The dataclasses inside have no configuration of their own and take this one.
 _STRICT = pydantic.ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)

@@ -1,18 +1,23 @@
-"""The supervisor as a process: ``python -m services.supervisor``. `trocar up` does the same and shows its status."""
+"""The supervisor as a process: ``python -m trocar.services.supervisor``. `trocar up` does the same and shows its
+status.
+"""
 
 from __future__ import annotations
 
+import trocar.services.entry  # noqa: F401  first: the environment of a process
+
+# isort: split
 import sys
 from collections.abc import Sequence
 from contextlib import closing
 
-from services import start_up
-from services.runtime.errors import UserError
-from services.runtime.process import parse
-from services.supervisor.fork_link import ForkServer
-from services.supervisor.session import SessionOptions, open_session, run_session
-from services.supervisor.state_machine import RigState
-from services.supervisor.supervisor import Event, Supervisor
+from trocar.services import start_up
+from trocar.services.runtime.errors import UserError
+from trocar.services.runtime.process import parse
+from trocar.services.supervisor.fork_link import ForkServer
+from trocar.services.supervisor.session import SessionOptions, open_session, run_session
+from trocar.services.supervisor.state_machine import RigState
+from trocar.services.supervisor.supervisor import Event, Supervisor
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Literal
 
 import msgspec
 
-import protocol.bodies as bodies
+import trocar.protocol.bodies as bodies
 
 if TYPE_CHECKING:
-    from services.supervisor.supervisor import Supervisor
+    from trocar.services.supervisor.supervisor import Supervisor
 
 What = Literal["arm", "safe_stop", "attempt", "replay", "switch"]
 Reply = Callable[[bodies.Answer], object]

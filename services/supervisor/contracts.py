@@ -7,9 +7,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-from services.runtime.histogram import quantile_ns
-from services.runtime.rig import PATH_OWNERS, Contracts, LoopContract, PathContract
-from services.supervisor.window import Window
+from trocar.services.runtime.histogram import quantile_ns
+from trocar.services.runtime.rig import PATH_OWNERS, Contracts, LoopContract, PathContract
+from trocar.services.supervisor.window import Window
 
 #: A budget is for a minute, and only counts as overdrawn while the last seconds still overdraw it.
 BUDGET_S, STILL_S = 60.0, 5.0

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import msgspec
 
-import protocol.bodies as bodies
-from services.runtime import endpoints
-from services.runtime.errors import BusError
-from services.runtime.rig import Transport
-from services.runtime.stop_line import stop_gateway
-from services.supervisor.commands import Command
-from services.supervisor.page_link import Link
-from services.supervisor.supervisor import Supervisor
+import trocar.protocol.bodies as bodies
+from trocar.services.runtime import endpoints
+from trocar.services.runtime.errors import BusError
+from trocar.services.runtime.rig import Transport
+from trocar.services.runtime.stop_line import stop_gateway
+from trocar.services.supervisor.commands import Command
+from trocar.services.supervisor.page_link import Link
+from trocar.services.supervisor.supervisor import Supervisor
 
 _PEERS = 8
 _HELLO_S = 1.0

@@ -10,18 +10,18 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import protocol.bodies as bodies
-from services.recordings.errors import HoleError
-from services.runtime import log
-from services.runtime.bus import Bus
-from services.runtime.errors import EndOfRig
-from services.supervisor import hang_detection
-from services.supervisor.exit_messages import how_it_ended, level_of, start_sentence
-from services.supervisor.floods import Floods
-from services.supervisor.fork_link import ForkServer
-from services.supervisor.launcher import Child
-from services.supervisor.loop_progress import LoopProgress
-from services.supervisor.member import Fault, Member, MemberState
+import trocar.protocol.bodies as bodies
+from trocar.services.recordings.errors import HoleError
+from trocar.services.runtime import log
+from trocar.services.runtime.bus import Bus
+from trocar.services.runtime.errors import EndOfRig
+from trocar.services.supervisor import hang_detection
+from trocar.services.supervisor.exit_messages import how_it_ended, level_of, start_sentence
+from trocar.services.supervisor.floods import Floods
+from trocar.services.supervisor.fork_link import ForkServer
+from trocar.services.supervisor.launcher import Child
+from trocar.services.supervisor.loop_progress import LoopProgress
+from trocar.services.supervisor.member import Fault, Member, MemberState
 
 #: How long a process may take to end by itself.
 END_S = 5.0

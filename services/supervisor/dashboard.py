@@ -13,17 +13,17 @@ from dataclasses import dataclass, field
 
 import msgspec
 
-import protocol.bodies as bodies
-from protocol.topics import TOPICS
-from services.runtime.histogram import Quantiles
-from services.runtime.rig import Rig
-from services.supervisor.figures import Figures, Latencies, Loop, Path, Traffic
-from services.supervisor.figures import of as figures_of
-from services.supervisor.observers.registry import Report
-from services.supervisor.observers.thread_usage import Usage
-from services.supervisor.page_link import RigStatus
-from services.supervisor.supervisor import Event
-from services.supervisor.window import Window
+import trocar.protocol.bodies as bodies
+from trocar.protocol.topics import TOPICS
+from trocar.services.runtime.histogram import Quantiles
+from trocar.services.runtime.rig import Rig
+from trocar.services.supervisor.figures import Figures, Latencies, Loop, Path, Traffic
+from trocar.services.supervisor.figures import of as figures_of
+from trocar.services.supervisor.observers.registry import Report
+from trocar.services.supervisor.observers.thread_usage import Usage
+from trocar.services.supervisor.page_link import RigStatus
+from trocar.services.supervisor.supervisor import Event
+from trocar.services.supervisor.window import Window
 
 EVENTS_SHOWN = 50
 UNKNOWN = math.nan

@@ -14,9 +14,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
-from services.runtime.quality_governor import Hysteresis
-from services.supervisor.contracts import Breach
-from services.supervisor.governor import Governor, Level
+from trocar.services.runtime.quality_governor import Hysteresis
+from trocar.services.supervisor.contracts import Breach
+from trocar.services.supervisor.governor import Governor, Level
 
 
 class ActionKind(Enum):

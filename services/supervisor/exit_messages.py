@@ -7,7 +7,7 @@ import signal
 from collections.abc import Sequence
 from pathlib import Path
 
-from services.supervisor.member import Member
+from trocar.services.supervisor.member import Member
 
 #: Most bytes of a rig's logs, sockets, locks and flight rings.
 _ROOM = 1 << 20

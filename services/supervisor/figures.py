@@ -9,9 +9,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-import protocol.bodies as bodies
-from services.runtime import stage_times
-from services.runtime.histogram import BUCKETS, PER_OCTAVE, Quantiles, edges_ns, late, quantiles_us
+import trocar.protocol.bodies as bodies
+from trocar.services.runtime import stage_times
+from trocar.services.runtime.histogram import BUCKETS, PER_OCTAVE, Quantiles, edges_ns, late, quantiles_us
 
 #: Limit of a bucket's count, so that sums over all buckets fit into 64 bits, whatever a peer sends.
 _COUNT_MAX = 1 << 50
@@ -167,7 +167,7 @@ class Traffic:
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """Counts of one stage of a tick, in the buckets of services.runtime.stage_times; `max_us` is of the last report."""
+    """Counts of one stage of a tick, in the buckets of `runtime.stage_times`; `max_us` is of the last report."""
 
     counts: NDArray[np.int64]
     sum_us: float

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import protocol.bodies as bodies
-from protocol import TOPICS
-from services.runtime.health import FLOOD
+import trocar.protocol.bodies as bodies
+from trocar.protocol import TOPICS
+from trocar.services.runtime.health import FLOOD
 
 _SAY_EVERY_S = 10.0
 

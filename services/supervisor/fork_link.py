@@ -20,11 +20,11 @@ from pathlib import Path
 
 import msgspec
 
-from services.runtime.private_directory import open_private
-from services.supervisor.fork_server import ALIVE, GO, ForkOrder
-from services.supervisor.processes import ENVIRONMENT
-from services.supervisor.restart_policy import MINUTE_S, RestartPolicy
-from services.supervisor.silence import Silence
+from trocar.services.runtime.private_directory import open_private
+from trocar.services.supervisor.fork_server import ALIVE, GO, ForkOrder
+from trocar.services.supervisor.processes import ENVIRONMENT
+from trocar.services.supervisor.restart_policy import MINUTE_S, RestartPolicy
+from trocar.services.supervisor.silence import Silence
 
 #: Timeouts of its imports, of a fork, and of a sign of life, on a busy machine.
 _IMPORTS_S, _FORK_S, _SILENT_S = 30.0, 5.0, 5.0
@@ -67,7 +67,7 @@ class ForkServer:
         self._link, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._link.setblocking(False)
         self._server = subprocess.Popen(
-            [sys.executable, "-m", "services.supervisor.fork_server", str(other.fileno()), _ROOM],
+            [sys.executable, "-m", "trocar.services.supervisor.fork_server", str(other.fileno()), _ROOM],
             # It inherits no descriptor of the caller, who may wait for the end of our output.
             stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
             env={**os.environ, **ENVIRONMENT},

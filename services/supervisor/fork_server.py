@@ -1,12 +1,15 @@
 """A process that imports the modules of the rig's processes once, and forks each process on request.
 
-``python -m services.supervisor.fork_server LINK ROOM``, started by the supervisor only (`fork_link`), whose end of the
-link decides its life. It runs no thread and opens nothing. ROOM pads its command line for those of its forks. A fork
-becomes a child of the supervisor, because the process between them ends at once.
+``python -m trocar.services.supervisor.fork_server LINK ROOM``, started by the supervisor only (`fork_link`), whose end
+of the link decides its life. It runs no thread and opens nothing. ROOM pads its command line for those of its forks. A
+fork becomes a child of the supervisor, because the process between them ends at once.
 """
 
 from __future__ import annotations
 
+import trocar.services.entry  # noqa: F401  first: the environment of a process
+
+# isort: split
 import ctypes
 import gc
 import importlib
@@ -21,7 +24,7 @@ from pathlib import Path
 import msgspec
 
 #: The slowest imports of the rig's processes; their pages are shared by all, also by processes that do not use them.
-IMPORTED = "services.scenes", "services.runtime.process", "services.kernel_progress"
+IMPORTED = "trocar.services.scenes", "trocar.services.runtime.process", "trocar.services.kernel_progress"
 READY, GO, ALIVE = b"ready", b"go", b"alive?"
 _ORDER_MAX = 1 << 16
 _LOOK_S = 0.5e-3
@@ -61,8 +64,8 @@ def main() -> None:
 
 def _call_a_kernel() -> None:
     """Call some kernel: with the first one numba imports 250 more modules, in each process that has not done so."""
-    from services import kernel_cache
-    from services.mechanics.compiled import vectors
+    from trocar.services import kernel_cache
+    from trocar.services.mechanics.compiled import vectors
 
     vectors.dot((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     kernel_cache.settle()

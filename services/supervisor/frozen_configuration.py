@@ -14,10 +14,10 @@ from typing import Any
 
 import yaml
 
-from services.runtime import config, endpoints
-from services.runtime.private_directory import make_private
-from services.runtime.process import Process
-from services.runtime.rig import Rig, Transport
+from trocar.services.runtime import config, endpoints
+from trocar.services.runtime.private_directory import make_private
+from trocar.services.runtime.process import Process
+from trocar.services.runtime.rig import Rig, Transport
 
 _LOOK_S = 1.0
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from services.runtime.quality_governor import Hysteresis, QualityGovernor
+from trocar.services.runtime.quality_governor import Hysteresis, QualityGovernor
 
 LEAST_ERROR_PERCENT = 0.02
 """Smaller errors are rounding, and count as none."""

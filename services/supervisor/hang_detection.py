@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from services.supervisor.member import Member, MemberState
+from trocar.services.supervisor.member import Member, MemberState
 
 #: Silence of a 1 kHz stream that is a hang: longer than stalls of a busy machine, short enough to notice in 100 ms.
 STREAM_SILENCE_S = 0.06

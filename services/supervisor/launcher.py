@@ -16,9 +16,9 @@ from collections.abc import Collection, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from services.runtime.private_directory import open_private
-from services.supervisor.processes import ProcessSpec
-from services.supervisor.scheduler_state import SchedulerState, Waits
+from trocar.services.runtime.private_directory import open_private
+from trocar.services.supervisor.processes import ProcessSpec
+from trocar.services.supervisor.scheduler_state import SchedulerState, Waits
 
 #: Longest line kept, to bound the memory for a child's output.
 _LINE_MAX = 2000
@@ -38,7 +38,7 @@ def _start(spec: ProcessSpec, arguments: Sequence[str], log_file: Path, pass_fds
             env={**os.environ, **spec.environment},
             pass_fds=pass_fds,
             # A Ctrl-C at the terminal is only for us, as children are ended in order; also for
-            # `services.runtime.autogroup`.
+            # `trocar.services.runtime.autogroup`.
             start_new_session=True,
         )
     popen.returncode = 0  # `Child.end` waits for it

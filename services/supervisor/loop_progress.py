@@ -9,8 +9,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from services.runtime.flight import SUFFIX
-from services.runtime.flights import open_ring, rows_written
+from trocar.services.runtime.flight import SUFFIX
+from trocar.services.runtime.flights import open_ring, rows_written
 
 
 class _Ring:

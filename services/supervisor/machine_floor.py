@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-import protocol.bodies as bodies
-from services.runtime.flight import SECONDS
-from services.supervisor.observers.lateness_floor import CoreLateness, scheduling_classes, take_rings
+import trocar.protocol.bodies as bodies
+from trocar.services.runtime.flight import SECONDS
+from trocar.services.supervisor.observers.lateness_floor import CoreLateness, scheduling_classes, take_rings
 
 #: Half of what a ring keeps.
 _LOOK_S = SECONDS / 2.0

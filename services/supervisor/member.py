@@ -8,15 +8,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-import protocol.bodies as bodies
-from services.runtime.rig import Rig
-from services.supervisor import contracts, figures
-from services.supervisor.launcher import Child
-from services.supervisor.processes import ProcessSpec
-from services.supervisor.restart_policy import RestartPolicy
-from services.supervisor.scheduler_state import Waits
-from services.supervisor.stall_messages import StallMessages
-from services.supervisor.window import Window
+import trocar.protocol.bodies as bodies
+from trocar.services.runtime.rig import Rig
+from trocar.services.supervisor import contracts, figures
+from trocar.services.supervisor.launcher import Child
+from trocar.services.supervisor.processes import ProcessSpec
+from trocar.services.supervisor.restart_policy import RestartPolicy
+from trocar.services.supervisor.scheduler_state import Waits
+from trocar.services.supervisor.stall_messages import StallMessages
+from trocar.services.supervisor.window import Window
 
 #: The gateway's report is made in parts, so that an earlier one may precede a command.
 _REPORT_S = 0.2

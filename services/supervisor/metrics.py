@@ -13,15 +13,15 @@ from typing import Literal, TypeVar
 import prometheus_client
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
 
-import protocol.bodies as bodies
-from services.runtime import stage_times
-from services.runtime.rig import Contracts
-from services.supervisor import task_metrics
-from services.supervisor.figures import Latencies, Stage
-from services.supervisor.observers.observer import Row
-from services.supervisor.observers.registry import Report
-from services.supervisor.observers.thread_usage import Counts, Usage
-from services.supervisor.state_machine import RigState
+import trocar.protocol.bodies as bodies
+from trocar.services.runtime import stage_times
+from trocar.services.runtime.rig import Contracts
+from trocar.services.supervisor import task_metrics
+from trocar.services.supervisor.figures import Latencies, Stage
+from trocar.services.supervisor.observers.observer import Row
+from trocar.services.supervisor.observers.registry import Report
+from trocar.services.supervisor.observers.thread_usage import Counts, Usage
+from trocar.services.supervisor.state_machine import RigState
 
 Level = Literal["summary", "full"]
 _Family = TypeVar("_Family", CounterMetricFamily, GaugeMetricFamily)

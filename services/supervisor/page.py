@@ -10,15 +10,15 @@ import hashlib
 import socket
 from pathlib import Path
 
-from services.supervisor.launcher import Child
-from services.supervisor.page_link import Heartbeat, Link, PageSetup, RigStatus
-from services.supervisor.page_place import page_file, write_page_file
-from services.supervisor.processes import ProcessSpec
-from services.supervisor.restart_policy import MINUTE_S, RestartPolicy
-from services.supervisor.silence import Silence
-from services.supervisor.supervisor import Supervisor
+from trocar.services.supervisor.launcher import Child
+from trocar.services.supervisor.page_link import Heartbeat, Link, PageSetup, RigStatus
+from trocar.services.supervisor.page_place import page_file, write_page_file
+from trocar.services.supervisor.processes import ProcessSpec
+from trocar.services.supervisor.restart_policy import MINUTE_S, RestartPolicy
+from trocar.services.supervisor.silence import Silence
+from trocar.services.supervisor.supervisor import Supervisor
 
-_PAGE = ProcessSpec("page", "services.supervisor.page_server")
+_PAGE = ProcessSpec("page", "trocar.services.supervisor.page_server")
 _TELL_S = 0.2
 #: Delay of a restart, and the number of them in a minute.
 _RETRY_S, _RETRIES = 2.0, 5

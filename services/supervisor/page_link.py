@@ -7,9 +7,9 @@ from typing import TypeVar
 
 import msgspec
 
-import protocol.bodies as bodies
-from services.supervisor.shown_recording import ReplayStatus
-from services.supervisor.supervisor import Event, Supervisor
+import trocar.protocol.bodies as bodies
+from trocar.services.supervisor.shown_recording import ReplayStatus
+from trocar.services.supervisor.supervisor import Event, Supervisor
 
 #: More than the largest status, two hundred events of a few hundred characters.
 _MESSAGE_MAX = 1 << 18

@@ -6,10 +6,10 @@ import json
 import os
 from pathlib import Path
 
-import services
-from services.runtime import endpoints
-from services.runtime.private_directory import open_text
-from services.runtime.rig import Transport
+from trocar import services
+from trocar.services.runtime import endpoints
+from trocar.services.runtime.private_directory import open_text
+from trocar.services.runtime.rig import Transport
 
 #: The built page, from services/visualization/web.
 DIST = Path(services.__file__).parent / "visualization" / "web" / "dist"

@@ -1,4 +1,4 @@
-"""The page's process: ``python -m services.supervisor.page_server LINK SOCKET``, started by the supervisor only.
+"""The page's process: ``python -m trocar.services.supervisor.page_server LINK SOCKET``, started by the supervisor only.
 
 It receives the processes' reports on the bus, and the supervisor's judgement over the link. It ends with the link, that
 is with the supervisor.
@@ -6,6 +6,9 @@ is with the supervisor.
 
 from __future__ import annotations
 
+import trocar.services.entry  # noqa: F401  first: the environment of a process
+
+# isort: split
 import asyncio
 import contextlib
 import os
@@ -19,18 +22,18 @@ from typing import get_args
 import msgspec
 import uvicorn
 
-import protocol.bodies as bodies
-from services.runtime.autogroup import set_group_niceness
-from services.runtime.bus import Bus
-from services.runtime.process import listen_as
-from services.runtime.rig import Rig
-from services.supervisor import control, dashboard
-from services.supervisor.metrics import Level, RigSource, registry
-from services.supervisor.observers.registry import Observers
-from services.supervisor.page_link import Heartbeat, Link, PageSetup, RigStatus
-from services.supervisor.state_machine import RigState
-from services.supervisor.task_metrics import Task
-from services.supervisor.web import EVENT_PERIOD_S, PageContext, build_app
+import trocar.protocol.bodies as bodies
+from trocar.services.runtime.autogroup import set_group_niceness
+from trocar.services.runtime.bus import Bus
+from trocar.services.runtime.process import listen_as
+from trocar.services.runtime.rig import Rig
+from trocar.services.supervisor import control, dashboard
+from trocar.services.supervisor.metrics import Level, RigSource, registry
+from trocar.services.supervisor.observers.registry import Observers
+from trocar.services.supervisor.page_link import Heartbeat, Link, PageSetup, RigStatus
+from trocar.services.supervisor.state_machine import RigState
+from trocar.services.supervisor.task_metrics import Task
+from trocar.services.supervisor.web import EVENT_PERIOD_S, PageContext, build_app
 
 _HEALTHY = (RigState.READY, RigState.RUNNING, RigState.DEGRADED)
 #: Silence of the supervisor after which the page is marked as outdated.

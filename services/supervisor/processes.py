@@ -39,10 +39,10 @@ class ProcessSpec:
 #: Visualization and training need the modal basis that haptics builds, and would only wait for it. The gateway ticks
 #: from its first second: on two cores it would take a quarter of the time while physics and haptics compile.
 TABLE = (
-    ProcessSpec("gateway", "services.gateway", starts_after=("haptics",), stream="gateway.state"),
-    ProcessSpec("physics", "services.physics", stream="physics.state"),
-    ProcessSpec("haptics", "services.haptics", stream="haptics.contact_model"),
-    ProcessSpec("visualization", "services.visualization", critical=False, starts_after=("haptics",)),
-    ProcessSpec("recorder", "services.recorder", critical=False),
-    ProcessSpec("training", "services.training", critical=False, starts_after=("haptics",)),
+    ProcessSpec("gateway", "trocar.services.gateway", starts_after=("haptics",), stream="gateway.state"),
+    ProcessSpec("physics", "trocar.services.physics", stream="physics.state"),
+    ProcessSpec("haptics", "trocar.services.haptics", stream="haptics.contact_model"),
+    ProcessSpec("visualization", "trocar.services.visualization", critical=False, starts_after=("haptics",)),
+    ProcessSpec("recorder", "trocar.services.recorder", critical=False),
+    ProcessSpec("training", "trocar.services.training", critical=False, starts_after=("haptics",)),
 )

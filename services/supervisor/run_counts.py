@@ -10,9 +10,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
-import protocol.bodies as bodies
-from services.supervisor.figures import Figures
-from services.supervisor.figures import of as figures_of
+import trocar.protocol.bodies as bodies
+from trocar.services.supervisor.figures import Figures
+from trocar.services.supervisor.figures import of as figures_of
 
 
 class Tally:

@@ -16,13 +16,13 @@ from typing import Any
 
 import msgspec
 
-import protocol.bodies as bodies
-from services.runtime.machine import processor_name
-from services.supervisor.dashboard import TopicRow, loop_row, topic_rows
-from services.supervisor.figures import Latencies, Loop
-from services.supervisor.run_counts import RunCounts
-from services.supervisor.state_machine import RigState
-from services.supervisor.supervisor import Supervisor
+import trocar.protocol.bodies as bodies
+from trocar.services.runtime.machine import processor_name
+from trocar.services.supervisor.dashboard import TopicRow, loop_row, topic_rows
+from trocar.services.supervisor.figures import Latencies, Loop
+from trocar.services.supervisor.run_counts import RunCounts
+from trocar.services.supervisor.state_machine import RigState
+from trocar.services.supervisor.supervisor import Supervisor
 
 #: Time after RUNNING that is left out, for effects of the start in queues and caches.
 SETTLE_S = 1.0

@@ -13,32 +13,32 @@ from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from services.recordings.errors import RecordingError
-from services.recordings.place import fault_of_folder
-from services.runtime import config, endpoints
-from services.runtime.endpoints import lock_holders
-from services.runtime.errors import BusError, UserError
-from services.runtime.flight import flight_directory, remove_rings
-from services.runtime.loop import LoopMeter
-from services.runtime.private_directory import make_private
-from services.runtime.process import Options, Process, load_process_config, open_process
-from services.runtime.rig import Rig
-from services.runtime.web_host import listen
-from services.supervisor import frozen_configuration
-from services.supervisor.control import Control
-from services.supervisor.crew import Launch
-from services.supervisor.fork_link import ForkServer
-from services.supervisor.frozen_configuration import ChangedFiles
-from services.supervisor.governor import Level
-from services.supervisor.loop_progress import LoopProgress
-from services.supervisor.machine_floor import MachineFloor
-from services.supervisor.member import Fault, MemberState
-from services.supervisor.page import Page
-from services.supervisor.page_link import PageSetup
-from services.supervisor.processes import TABLE, ProcessSpec
-from services.supervisor.runqueue_waits import OwnIoThreads
-from services.supervisor.state_machine import RigState
-from services.supervisor.supervisor import Event, Setup, Supervisor
+from trocar.services.recordings.errors import RecordingError
+from trocar.services.recordings.place import fault_of_folder
+from trocar.services.runtime import config, endpoints
+from trocar.services.runtime.endpoints import lock_holders
+from trocar.services.runtime.errors import BusError, UserError
+from trocar.services.runtime.flight import flight_directory, remove_rings
+from trocar.services.runtime.loop import LoopMeter
+from trocar.services.runtime.private_directory import make_private
+from trocar.services.runtime.process import Options, Process, load_process_config, open_process
+from trocar.services.runtime.rig import Rig
+from trocar.services.runtime.web_host import listen
+from trocar.services.supervisor import frozen_configuration
+from trocar.services.supervisor.control import Control
+from trocar.services.supervisor.crew import Launch
+from trocar.services.supervisor.fork_link import ForkServer
+from trocar.services.supervisor.frozen_configuration import ChangedFiles
+from trocar.services.supervisor.governor import Level
+from trocar.services.supervisor.loop_progress import LoopProgress
+from trocar.services.supervisor.machine_floor import MachineFloor
+from trocar.services.supervisor.member import Fault, MemberState
+from trocar.services.supervisor.page import Page
+from trocar.services.supervisor.page_link import PageSetup
+from trocar.services.supervisor.processes import TABLE, ProcessSpec
+from trocar.services.supervisor.runqueue_waits import OwnIoThreads
+from trocar.services.supervisor.state_machine import RigState
+from trocar.services.supervisor.supervisor import Event, Setup, Supervisor
 
 _TURN_S = 0.02
 #: Most open files of a process; the supervisor of a running rig had 98.

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import msgspec
 
-import protocol.bodies as bodies
+import trocar.protocol.bodies as bodies
 
 
 class ReplayStatus(msgspec.Struct, frozen=True, kw_only=True):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from services.supervisor.scheduler_state import SchedulerState
+from trocar.services.supervisor.scheduler_state import SchedulerState
 
 #: How long a signal may stop it.
 _STOPPED_S = 0.5

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-import protocol.bodies as bodies
+import trocar.protocol.bodies as bodies
 
 _SAY_EVERY_S = 1.0
 

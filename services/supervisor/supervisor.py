@@ -10,21 +10,21 @@ from pathlib import Path
 
 import msgspec
 
-import protocol.bodies as bodies
-from services.runtime.bus import Bus, new_incarnation
-from services.runtime.loop import LoopMeter
-from services.runtime.private_directory import open_text
-from services.runtime.rig import Rig
-from services.supervisor import contracts, hang_detection
-from services.supervisor.commands import Commands
-from services.supervisor.crew import Crew, Launch
-from services.supervisor.enforcement import Action, ActionKind, Enforcement, Ladder
-from services.supervisor.governor import Governor, Level
-from services.supervisor.machine_floor import MachineFloor, below_sleepers
-from services.supervisor.member import build_members
-from services.supervisor.processes import ProcessSpec
-from services.supervisor.shown_recording import ShownRecording
-from services.supervisor.state_machine import RigFacts, RigState, next_state
+import trocar.protocol.bodies as bodies
+from trocar.services.runtime.bus import Bus, new_incarnation
+from trocar.services.runtime.loop import LoopMeter
+from trocar.services.runtime.private_directory import open_text
+from trocar.services.runtime.rig import Rig
+from trocar.services.supervisor import contracts, hang_detection
+from trocar.services.supervisor.commands import Commands
+from trocar.services.supervisor.crew import Crew, Launch
+from trocar.services.supervisor.enforcement import Action, ActionKind, Enforcement, Ladder
+from trocar.services.supervisor.governor import Governor, Level
+from trocar.services.supervisor.machine_floor import MachineFloor, below_sleepers
+from trocar.services.supervisor.member import build_members
+from trocar.services.supervisor.processes import ProcessSpec
+from trocar.services.supervisor.shown_recording import ShownRecording
+from trocar.services.supervisor.state_machine import RigFacts, RigState, next_state
 
 #: How long the rig must be without faults before it counts as RUNNING (again).
 SETTLE_S = 1.0

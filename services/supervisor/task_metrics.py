@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 
-import protocol.bodies as bodies
-from services.training.errors import ERRORS
+import trocar.protocol.bodies as bodies
+from trocar.services.training.errors import ERRORS
 
 _STATES = ("armed", "running", "done", "abandoned")
 _OUTCOMES = ("success", "failure", "abandoned")

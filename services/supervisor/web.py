@@ -22,13 +22,13 @@ from starlette.routing import BaseRoute, Mount, Route
 from starlette.staticfiles import StaticFiles
 from starlette.types import Receive, Scope, Send
 
-import protocol.bodies as bodies
-from services.runtime.errors import BusError, ConfigError
-from services.runtime.rig import Rig
-from services.runtime.web_host import KnownHost, host_of
-from services.supervisor.commands import Command, What
-from services.supervisor.page_place import DIST
-from services.training.scenario import scenario_names, scenario_of
+import trocar.protocol.bodies as bodies
+from trocar.services.runtime.errors import BusError, ConfigError
+from trocar.services.runtime.rig import Rig
+from trocar.services.runtime.web_host import KnownHost, host_of
+from trocar.services.supervisor.commands import Command, What
+from trocar.services.supervisor.page_place import DIST
+from trocar.services.training.scenario import scenario_names, scenario_of
 
 EVENT_PERIOD_S = 0.2
 _ORDER_BYTES, _LINE_BYTES = 1024, 32
@@ -39,7 +39,7 @@ _UNTOLD = '<script id="rig" type="application/json">null'
 _NOT_KEPT = {"Cache-Control": "no-store"}
 _NOT_BUILT = """<!doctype html><title>Trocar</title><h1>The page is not built</h1>
 <p>The rig runs, but <code>services/visualization/web/dist</code> is missing. Build it once with
-<code>python -m services.visualization.web.build</code> and load this page again.</p>
+<code>python -m trocar.services.visualization.web.build</code> and load this page again.</p>
 <p>Meanwhile: <a href="/events">/events</a>, <a href="/metrics">/metrics</a>, and <code>trocar top</code>.</p>"""
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from itertools import chain, islice
 
-from services.supervisor.figures import Figures, Loop, Path
+from trocar.services.supervisor.figures import Figures, Loop, Path
 
 #: How long all reports are kept, and the spacing of those kept after that.
 _FINE_S, _COARSE_STEP_S = 6.0, 1.0

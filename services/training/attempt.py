@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from protocol.topics import TICK_S
-from services.training.scenario import Goal
+from trocar.protocol.topics import TICK_S
+from trocar.services.training.scenario import Goal
 
 #: Motion of a tool that starts an attempt; a tremor, or the sag of a held arm, is smaller.
 MOVED_M, OPENED_RAD = 4e-3, 0.15

@@ -8,9 +8,9 @@ from typing import Literal
 
 import msgspec
 
-from services.training.procedure import Procedure
-from services.training.scenario import ErrorCode, Phase, Scenario
-from services.training.situation import Situation
+from trocar.services.training.procedure import Procedure
+from trocar.services.training.scenario import ErrorCode, Phase, Scenario
+from trocar.services.training.situation import Situation
 
 Severity = Literal["critical", "consequential", "inconsequential", "coaching"]
 Evidence = Callable[[Situation, Procedure], float | None]

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from services.training.attempt import AttemptState, FollowedAttempt
-from services.training.rig_observer import RigObserver
-from services.training.scenario import Scenario
+from trocar.services.training.attempt import AttemptState, FollowedAttempt
+from trocar.services.training.rig_observer import RigObserver
+from trocar.services.training.scenario import Scenario
 
 #: Fraction of a force limit from which a hint asks for less.
 _NEAR = 0.8

@@ -6,11 +6,11 @@ from collections import Counter
 
 import msgspec
 
-from services.training.errors import ErrorEvent, ErrorLog
-from services.training.procedure import Procedure
-from services.training.scenario import Phase, Scenario
-from services.training.site import Site
-from services.training.situation import Situation, SituationReader
+from trocar.services.training.errors import ErrorEvent, ErrorLog
+from trocar.services.training.procedure import Procedure
+from trocar.services.training.scenario import Phase, Scenario
+from trocar.services.training.site import Site
+from trocar.services.training.situation import Situation, SituationReader
 
 
 class Judge:

@@ -6,9 +6,9 @@ import math
 
 import msgspec
 
-from protocol.topics import TICK_S
-from services.training.scenario import Phase, Scenario
-from services.training.situation import Hand, Situation
+from trocar.protocol.topics import TICK_S
+from trocar.services.training.scenario import Phase, Scenario
+from trocar.services.training.situation import Hand, Situation
 
 PHASES: dict[Phase, str] = {
     "P0": "traction",

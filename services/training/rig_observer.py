@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 
-from protocol import Frame, bodies
-from protocol.bodies.physics import ToolReaction
-from services.training.attempt import Observation
-from services.training.judge import Judge
-from services.tube_paths import TubePaths
+from trocar.protocol import Frame, bodies
+from trocar.protocol.bodies.physics import ToolReaction
+from trocar.services.training.attempt import Observation
+from trocar.services.training.judge import Judge
+from trocar.services.tube_paths import TubePaths
 
 TOPICS = ("gateway.state", "haptics.contacts", "physics.state")
 _CATHETER = 1

@@ -10,9 +10,9 @@ from typing import Literal
 
 from pydantic import ConfigDict
 
-from services.nearest_word import did_you_mean
-from services.runtime import config
-from services.runtime.errors import ConfigError
+from trocar.services.nearest_word import did_you_mean
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import ConfigError
 
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 

@@ -8,15 +8,15 @@ from pathlib import Path
 
 import msgspec
 
-from services.runtime import config
-from services.runtime.errors import ConfigError
-from services.training.errors import ErrorEvent, Severity
-from services.training.scenario import STRICT, ErrorCode, Scenario
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.training.errors import ErrorEvent, Severity
+from trocar.services.training.scenario import STRICT, ErrorCode, Scenario
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CusumRates:
-    """Rates for `review.attempts.curve.cusum`."""
+    """Rates for `trocar.review.attempts.curve.cusum`."""
 
     __pydantic_config__ = STRICT
 

@@ -11,9 +11,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from services.cache_directory import cache_directory
-from services.runtime.errors import ConfigError
-from services.runtime.scene_findings import find_in_scene
+from trocar.services.cache_directory import cache_directory
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.runtime.scene_findings import find_in_scene
 
 Values = NDArray[np.float64]
 Indices = NDArray[np.integer[Any]]
@@ -28,7 +28,7 @@ class Site(msgspec.Struct, frozen=True, kw_only=True):
         eye_m, looks_at_m: Position and aim of the endoscope; without them leaving the view is not judged.
         basis_hash, rim_gain: Mean outward displacement of the rim per modal coordinate of this basis, in 1/sqrt(kg);
             empty if unknown.
-        ways: Paths from the mouth to each named end, see `services.tube_paths`.
+        ways: Paths from the mouth to each named end, see `trocar.services.tube_paths`.
     """
 
     mouth_m: Vec3
@@ -46,7 +46,7 @@ class Site(msgspec.Struct, frozen=True, kw_only=True):
             raise ConfigError(f"goal.branch: the duct has no end {name!r}; it has: {', '.join(self.ways) or 'none'}")
 
 
-_MODULE = "services.scenes.duct_file"
+_MODULE = "trocar.services.scenes.duct_file"
 _WAY = "way_"
 _NEAREST, _FURTHEST = 2.0, 3.5
 _EYE = 0.85, 0.95, 0.95

@@ -10,17 +10,17 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.bodies import GatewayState, PhysicsState, ToolContacts
-from protocol.bodies.haptics import TOOL_PORT
-from protocol.bodies.physics import (
+from trocar.protocol.bodies import GatewayState, PhysicsState, ToolContacts
+from trocar.protocol.bodies.haptics import TOOL_PORT
+from trocar.protocol.bodies.physics import (
     REACTION_FORCE,
     REACTION_GRASP_TORQUE,
     REACTION_OPENING,
     REACTION_POSITION,
     REACTION_PROXY,
 )
-from protocol.topics import TICK_S
-from services.training.site import Site
+from trocar.protocol.topics import TICK_S
+from trocar.services.training.site import Site
 
 Vector = NDArray[np.float64]
 TISSUES = ("tool_duct", "tool_catheter", "catheter_wall")

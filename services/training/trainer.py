@@ -7,14 +7,14 @@ import time
 from collections import deque
 from collections.abc import Callable, Collection, Sequence
 
-from protocol import bodies
-from services.training.attempt import AttemptState, FollowedAttempt
-from services.training.hints import hint
-from services.training.judge import Judge
-from services.training.rig_observer import RigObserver
-from services.training.scenario import Scenario
-from services.training.score import ScoreRules, score_of
-from services.tube_paths import TubePaths
+from trocar.protocol import bodies
+from trocar.services.training.attempt import AttemptState, FollowedAttempt
+from trocar.services.training.hints import hint
+from trocar.services.training.judge import Judge
+from trocar.services.training.rig_observer import RigObserver
+from trocar.services.training.scenario import Scenario
+from trocar.services.training.score import ScoreRules, score_of
+from trocar.services.tube_paths import TubePaths
 
 #: Age after which an order is not executed, as its sender has given up.
 ORDER_S = 2.0

@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
+import trocar.services.entry  # noqa: F401  first: the environment of a process
+
+# isort: split
 import sys
 import time
 
 import numpy as np
 
-from services.cache_directory import cache_directory
-from services.mechanics.reduction import ReducedDuct
-from services.mechanics.scene import SceneModel
-from services.runtime.errors import EndOfRig
-from services.runtime.log import progress
-from services.runtime.loop import LoopMeter, ticks
-from services.runtime.process import Process, ProcessConfig, main
-from services.scenes import load_duct, load_scene
-from services.scenes.drawn_surface import DrawnSurface
-from services.visualization import tool_pose
-from services.visualization.composer import TOPICS, Composer
-from services.visualization.outputs import open_output
-from services.visualization.page_hands import TOPIC as HANDS
-from services.visualization.page_hands import PageHands
-from services.visualization.rig_state import RigNotice
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.reduction import ReducedDuct
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.runtime.errors import EndOfRig
+from trocar.services.runtime.log import progress
+from trocar.services.runtime.loop import LoopMeter, ticks
+from trocar.services.runtime.process import Process, ProcessConfig, main
+from trocar.services.scenes import load_duct, load_scene
+from trocar.services.scenes.drawn_surface import DrawnSurface
+from trocar.services.visualization import tool_pose
+from trocar.services.visualization.composer import TOPICS, Composer
+from trocar.services.visualization.outputs import open_output
+from trocar.services.visualization.page_hands import TOPIC as HANDS
+from trocar.services.visualization.page_hands import PageHands
+from trocar.services.visualization.rig_state import RigNotice
 
 #: Deadline of a picture, of 30 Hz, even if the rig file sets a faster rate.
 PICTURE_DEADLINE_NS = 33_333_333

@@ -11,8 +11,8 @@ import os
 import sys
 import time
 
-from services.visualization.feed import FeedMessage
-from services.visualization.render_pipe import FRAME, HELLO, RENDER, pack, read_message
+from trocar.services.visualization.feed import FeedMessage
+from trocar.services.visualization.render_pipe import FRAME, HELLO, RENDER, pack, read_message
 
 _IDLE_S = 20.0
 _START_TIMEOUT_S = 30.0
@@ -80,7 +80,7 @@ class CameraFeed:
         environment.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
         self._epoch = -1
         self._worker = await asyncio.create_subprocess_exec(
-            sys.executable, "-m", "services.visualization.render_worker",
+            sys.executable, "-m", "trocar.services.visualization.render_worker",
             stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE, env=environment,
         )  # fmt: skip
         return self._worker

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.visualization.picture import PictureLayout
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.visualization.picture import PictureLayout
 
 PRESETS = ("scope", "mouth", "side", "top", "ports")
 VIEW_ANGLE_DEG = 50.0

@@ -11,11 +11,11 @@ import math
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from services.mechanics.arrays import Float32Array, FloatArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.vectors import row, subtract
-from services.visualization.picture import Picture, PictureLayout
-from services.visualization.tissue import Bytes
+from trocar.services.mechanics.arrays import Float32Array, FloatArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.vectors import row, subtract
+from trocar.services.visualization.picture import Picture, PictureLayout
+from trocar.services.visualization.tissue import Bytes
 
 _LAMP_AT = np.array([-60.0, 35.0, 110.0], np.float32)  # across both usual tools, so that neither hides its own shadow
 _SUN = _LAMP_AT / np.linalg.norm(_LAMP_AT)

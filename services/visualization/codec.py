@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from services.mechanics.scene.instruments import DrawnPart
-from services.visualization.picture import Picture, PictureLayout, ToolShape
+from trocar.services.mechanics.scene.instruments import DrawnPart
+from trocar.services.visualization.picture import Picture, PictureLayout, ToolShape
 
 PROTOCOL = "trocar-view/1"
 _HEAD = struct.Struct("<4Q")

@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-import protocol.bodies as bodies
-from protocol import Frame
-from protocol.topics import observed_by
-from services.mechanics.bodies.sections import segment_radii
-from services.mechanics.reduction import ReducedDuct
-from services.mechanics.scene import ForcepsScene, SceneModel, ToolScene
-from services.runtime.bus import Bus
-from services.scenes.drawn_surface import DrawnSurface
-from services.visualization import tool_pose
-from services.visualization.picture import Picture, PictureLayout, ToolShape
+import trocar.protocol.bodies as bodies
+from trocar.protocol import Frame
+from trocar.protocol.topics import observed_by
+from trocar.services.mechanics.bodies.sections import segment_radii
+from trocar.services.mechanics.reduction import ReducedDuct
+from trocar.services.mechanics.scene import ForcepsScene, SceneModel, ToolScene
+from trocar.services.runtime.bus import Bus
+from trocar.services.scenes.drawn_surface import DrawnSurface
+from trocar.services.visualization import tool_pose
+from trocar.services.visualization.picture import Picture, PictureLayout, ToolShape
 
 #: Longer than the period of sampled topics, far shorter than a picture's.
 PATIENCE_NS = 4_000_000

@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 import time
 
-from services.runtime.health import LatencyPath
-from services.visualization.picture import Picture
+from trocar.services.runtime.health import LatencyPath
+from trocar.services.visualization.picture import Picture
 
 
 def display_name() -> str:

@@ -9,15 +9,15 @@ import pyvista as pv
 from scipy.spatial.transform import Rotation
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
-from services.mechanics.arrays import Float32Array, FloatArray, IntArray
-from services.visualization import instruments
-from services.visualization.cast_shadow import darkened, hidden
-from services.visualization.picture import PictureLayout, ToolShape
-from services.visualization.scenery import Piece
-from services.visualization.strain import Strain, colours_of_strain
-from services.visualization.thick_wall import ThickWall
-from services.visualization.tissue import DUCT, Bytes, TissueLook, rgb, tissue_colours
-from services.visualization.tube import spline, sweep_tube, tube_triangles
+from trocar.services.mechanics.arrays import Float32Array, FloatArray, IntArray
+from trocar.services.visualization import instruments
+from trocar.services.visualization.cast_shadow import darkened, hidden
+from trocar.services.visualization.picture import PictureLayout, ToolShape
+from trocar.services.visualization.scenery import Piece
+from trocar.services.visualization.strain import Strain, colours_of_strain
+from trocar.services.visualization.thick_wall import ThickWall
+from trocar.services.visualization.tissue import DUCT, Bytes, TissueLook, rgb, tissue_colours
+from trocar.services.visualization.tube import spline, sweep_tube, tube_triangles
 
 _STEEL, _SLEEVE, _CANNULA = "#b4bbc2", "#2a2e33", "#8ea4b8"
 _METAL = {"sleeve": _SLEEVE, "steel": _STEEL}

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 import pyvista as pv
 
-from services.mechanics.arrays import Float32Array
-from services.mechanics.scene.instruments import DrawnPart
-from services.visualization.picture import ToolShape
-from services.visualization.tube import sweep_tube, tube_triangles
+from trocar.services.mechanics.arrays import Float32Array
+from trocar.services.mechanics.scene.instruments import DrawnPart
+from trocar.services.visualization.picture import ToolShape
+from trocar.services.visualization.tube import sweep_tube, tube_triangles
 
 _RINGS, _ARCS = 64, 10
 

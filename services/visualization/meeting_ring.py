@@ -8,10 +8,10 @@ from __future__ import annotations
 import numpy as np
 import pyvista as pv
 
-from services.mechanics.arrays import Float32Array, FloatArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.vectors import cross, dot, row, subtract
-from services.visualization.picture import ToolShape
+from trocar.services.mechanics.arrays import Float32Array, FloatArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.vectors import cross, dot, row, subtract
+from trocar.services.visualization.picture import ToolShape
 
 REACH_M = 40e-3
 """Largest distance from the tip at which the ring is shown."""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from services.mechanics.arrays import Float32Array, IntArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.vectors import cross, row, subtract, unit
+from trocar.services.mechanics.arrays import Float32Array, IntArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.vectors import cross, row, subtract, unit
 
 
 @kernel

@@ -5,16 +5,16 @@ from __future__ import annotations
 import logging
 import time
 
-from services.runtime.errors import UserError
-from services.runtime.health import LatencyPath
-from services.runtime.loop import sleep_until
-from services.runtime.rig import ViewSettings
-from services.visualization import codec
-from services.visualization.camera_feed import CameraFeed
-from services.visualization.display import display_name, record
-from services.visualization.feed import FeedMessage, Feeds
-from services.visualization.page_hands import PageHands
-from services.visualization.picture import Picture, PictureLayout
+from trocar.services.runtime.errors import UserError
+from trocar.services.runtime.health import LatencyPath
+from trocar.services.runtime.loop import sleep_until
+from trocar.services.runtime.rig import ViewSettings
+from trocar.services.visualization import codec
+from trocar.services.visualization.camera_feed import CameraFeed
+from trocar.services.visualization.display import display_name, record
+from trocar.services.visualization.feed import FeedMessage, Feeds
+from trocar.services.visualization.page_hands import PageHands
+from trocar.services.visualization.picture import Picture, PictureLayout
 
 
 class Output:
@@ -69,7 +69,7 @@ class WebOutput(Output):
         self._feeds = Feeds(painted)
         self._camera = CameraFeed()
         try:
-            from services.visualization.server import ViewServer
+            from trocar.services.visualization.server import ViewServer
         except ImportError as error:
             raise UserError(f"visualization.viewer: web needs starlette (pip install trocar[web]): {error}") from None
         self._server = ViewServer(settings, self._feeds, self._camera, hands)
@@ -121,6 +121,6 @@ def open_output(settings: ViewSettings, painted: LatencyPath, log: logging.Logge
         return Output(painted)
     if viewer == "web":
         return WebOutput(settings, painted, log, hands)
-    from services.visualization.window import WindowOutput
+    from trocar.services.visualization.window import WindowOutput
 
     return WindowOutput(painted, log)

@@ -9,8 +9,8 @@ import pyvista as pv
 from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.vtkRenderingCore import vtkActor2D, vtkPolyDataMapper2D, vtkRenderer, vtkTextActor
 
-from services.visualization.picture import Picture, PictureLayout, ToolShape
-from services.visualization.scales import scales
+from trocar.services.visualization.picture import Picture, PictureLayout, ToolShape
+from trocar.services.visualization.scales import scales
 
 HELP = "1 scope 2 mouth 3 side 4 top 5 ports  M mirror F forces A aim S strain L lens  drag turns  H help  Q ends"
 _LENS = ((0.56, 0), (0.61, 140), (0.66, 255), (4.0, 255))  # radius over the shorter side, opacity

@@ -15,8 +15,8 @@ from typing import Protocol
 
 import msgspec
 
-from protocol import bodies
-from protocol.topics import topic
+from trocar.protocol import bodies
+from trocar.protocol.topics import topic
 
 #: WebSocket close codes for the page: not allowed, and taken over by another page.
 REFUSED, TAKEN_OVER = 4003, 4001

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from services.mechanics.arrays import Float32Array, IntArray
-from services.mechanics.scene.instruments import DrawnPart
+from trocar.services.mechanics.arrays import Float32Array, IntArray
+from trocar.services.mechanics.scene.instruments import DrawnPart
 
 
 @dataclass(frozen=True, slots=True)

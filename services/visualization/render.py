@@ -16,12 +16,19 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 from vtkmodules.vtkCommonTransforms import vtkTransform
 
-from services.visualization import cameras
-from services.visualization.cast_shadow import Rods
-from services.visualization.drawn_bodies import DrawnCatheter, DrawnDuct, DrawnPiece, ForceArrow, Tool, pose_matrix
-from services.visualization.meeting_ring import MeetingRing
-from services.visualization.picture import Picture, PictureLayout
-from services.visualization.scenery import scenery
+from trocar.services.visualization import cameras
+from trocar.services.visualization.cast_shadow import Rods
+from trocar.services.visualization.drawn_bodies import (
+    DrawnCatheter,
+    DrawnDuct,
+    DrawnPiece,
+    ForceArrow,
+    Tool,
+    pose_matrix,
+)
+from trocar.services.visualization.meeting_ring import MeetingRing
+from trocar.services.visualization.picture import Picture, PictureLayout
+from trocar.services.visualization.scenery import scenery
 
 _SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software")
 _NIGHT = "#0a0505"

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from services.runtime.quality_governor import Hysteresis, Load, QualityGovernor
-from services.visualization.render import Effects
+from trocar.services.runtime.quality_governor import Hysteresis, Load, QualityGovernor
+from trocar.services.visualization.render import Effects
 
 #: Picture rates below which quality is reduced: with a graphics processor, and in software.
 WANTED_HZ, WANTED_IN_SOFTWARE_HZ = 24.0, 12.0

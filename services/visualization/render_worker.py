@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import trocar.services.entry  # noqa: F401  first: the environment of a process
+
+# isort: split
 import io
 import os
 import sys
 
 from PIL import Image
 
-from services.visualization import codec
-from services.visualization.picture import PictureLayout
-from services.visualization.render import Renderer
-from services.visualization.render_pipe import FRAME, HELLO, IMAGE, RENDER, pack, read
+from trocar.services.visualization import codec
+from trocar.services.visualization.picture import PictureLayout
+from trocar.services.visualization.render import Renderer
+from trocar.services.visualization.render_pipe import FRAME, HELLO, IMAGE, RENDER, pack, read
 
 _JPEG_QUALITY = 80
 

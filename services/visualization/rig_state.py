@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 
-import protocol.bodies as bodies
-from services.runtime.bus import Bus
+import trocar.protocol.bodies as bodies
+from trocar.services.runtime.bus import Bus
 
 _TOPIC = "supervisor.state"
 

@@ -7,9 +7,9 @@ import pyvista as pv
 from vtkmodules.vtkCommonCore import vtkLookupTable
 from vtkmodules.vtkRenderingAnnotation import vtkScalarBarActor
 
-from services.mechanics.arrays import FloatArray
-from services.visualization.drawn_bodies import colour_of_force
-from services.visualization.strain import FULL, colours_of_strain
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.visualization.drawn_bodies import colour_of_force
+from trocar.services.visualization.strain import FULL, colours_of_strain
 
 _SHADES = 64
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.arrays import Float32Array, FloatArray, IntArray
-from services.visualization.normals import vertex_normals
-from services.visualization.picture import PictureLayout
-from services.visualization.tissue import COMMON_DUCT, LIVER, Bytes, TissueLook, tissue_colours
-from services.visualization.tube import spline, sweep_tube, tube_triangles
+from trocar.services.mechanics.arrays import Float32Array, FloatArray, IntArray
+from trocar.services.visualization.normals import vertex_normals
+from trocar.services.visualization.picture import PictureLayout
+from trocar.services.visualization.tissue import COMMON_DUCT, LIVER, Bytes, TissueLook, tissue_colours
+from trocar.services.visualization.tube import spline, sweep_tube, tube_triangles
 
 _UP = np.array([0.0, 0.0, 1.0])
 _BED_M = 0.26  # half of its width

@@ -19,12 +19,12 @@ from starlette.responses import PlainTextResponse, Response, StreamingResponse
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from services.runtime.loop import sleep_until
-from services.runtime.rig import ViewSettings
-from services.runtime.web_host import KnownHost, host_of, is_this_host, listen
-from services.visualization.camera_feed import CameraFeed
-from services.visualization.feed import Feed, Feeds
-from services.visualization.page_hands import PageHands
+from trocar.services.runtime.loop import sleep_until
+from trocar.services.runtime.rig import ViewSettings
+from trocar.services.runtime.web_host import KnownHost, host_of, is_this_host, listen
+from trocar.services.visualization.camera_feed import CameraFeed
+from trocar.services.visualization.feed import Feed, Feeds
+from trocar.services.visualization.page_hands import PageHands
 
 MAX_CLIENTS = 16
 #: Least rate of a client, which distinguishes a slow picture from a frozen one.

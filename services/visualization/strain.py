@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import Float32Array, FloatArray, IntArray
-from services.visualization.tissue import Bytes
+from trocar.services.mechanics.arrays import Float32Array, FloatArray, IntArray
+from trocar.services.visualization.tissue import Bytes
 
 FULL = 0.2
 """Strain at the end of the scale."""

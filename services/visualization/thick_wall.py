@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import Float32Array, FloatArray, IntArray
-from services.visualization.normals import vertex_normals
+from trocar.services.mechanics.arrays import Float32Array, FloatArray, IntArray
+from trocar.services.visualization.normals import vertex_normals
 
 REFINED_UP_TO = 3_000
 """Number of triangles above which a mid-surface needs no refinement."""

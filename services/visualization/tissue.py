@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from services.mechanics.arrays import Float32Array, FloatArray
+from trocar.services.mechanics.arrays import Float32Array, FloatArray
 
 Bytes = npt.NDArray[np.uint8]
 

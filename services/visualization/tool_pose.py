@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-import protocol.bodies as bodies
-from services.mechanics.arrays import FloatArray
-from services.mechanics.scene.tool_orientation import tool_orientation
+import trocar.protocol.bodies as bodies
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.scene.tool_orientation import tool_orientation
 
 
 def junction(instrument: bodies.InstrumentState, reaction: bodies.ToolReaction | None) -> FloatArray:

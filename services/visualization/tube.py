@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from services.mechanics.arrays import Float32Array, FloatArray, IntArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.vectors import along, cross, dot, row, scaled, subtract, unit
+from trocar.services.mechanics.arrays import Float32Array, FloatArray, IntArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.vectors import along, cross, dot, row, scaled, subtract, unit
 
 
 def tube_triangles(n_rings: int, sides: int) -> IntArray:

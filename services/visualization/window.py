@@ -11,15 +11,15 @@ import signal
 import sys
 import time
 
-from services.runtime.errors import DeviceError, UserError
-from services.runtime.health import LatencyPath
-from services.runtime.loop import sleep_until
-from services.visualization.display import display_name
-from services.visualization.feed import Feed
-from services.visualization.outputs import Output
-from services.visualization.picture import Picture, PictureLayout
-from services.visualization.render_governor import Demand
-from services.visualization.render_pipe import CLOSED, FRAME, HELLO, NOTICE, OPEN, PAINTED, pack, read_message
+from trocar.services.runtime.errors import DeviceError, UserError
+from trocar.services.runtime.health import LatencyPath
+from trocar.services.runtime.loop import sleep_until
+from trocar.services.visualization.display import display_name
+from trocar.services.visualization.feed import Feed
+from trocar.services.visualization.outputs import Output
+from trocar.services.visualization.picture import Picture, PictureLayout
+from trocar.services.visualization.render_governor import Demand
+from trocar.services.visualization.render_pipe import CLOSED, FRAME, HELLO, NOTICE, OPEN, PAINTED, pack, read_message
 
 #: Most pictures sent to the window and not drawn; meanwhile only the newest is kept.
 _IN_FLIGHT = 1
@@ -116,11 +116,11 @@ class WindowOutput(Output):
 
     async def _show_once(self) -> int:
         worker = await asyncio.create_subprocess_exec(
-            sys.executable, "-m", "services.visualization.window_worker",
+            sys.executable, "-m", "trocar.services.visualization.window_worker",
             stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE,
             # Threads of the software renderer would delay the loops: lateness was 4 instead of 1 ms.
             env={**os.environ, "LP_NUM_THREADS": "1"},
-            start_new_session=True,  # `services.runtime.autogroup`
+            start_new_session=True,  # `trocar.services.runtime.autogroup`
         )  # fmt: skip
         sending = asyncio.ensure_future(self._send(worker))
         try:

@@ -7,6 +7,9 @@ only count relative to its parent.
 
 from __future__ import annotations
 
+import trocar.services.entry  # noqa: F401  first: the environment of a process
+
+# isort: split
 import contextlib
 import json
 import os
@@ -14,15 +17,15 @@ import select
 import sys
 import time
 
-from services.runtime.autogroup import end_with_parent, set_group_niceness
-from services.runtime.scheduling import own_threads
-from services.visualization import cameras, codec
-from services.visualization.display import display_name
-from services.visualization.overlay import Overlay
-from services.visualization.picture import Picture, PictureLayout
-from services.visualization.render import Renderer
-from services.visualization.render_governor import RUNGS, RenderGovernor
-from services.visualization.render_pipe import CLOSED, FRAME, HELLO, NOTICE, OPEN, PAINTED, Splitter, pack
+from trocar.services.runtime.autogroup import end_with_parent, set_group_niceness
+from trocar.services.runtime.scheduling import own_threads
+from trocar.services.visualization import cameras, codec
+from trocar.services.visualization.display import display_name
+from trocar.services.visualization.overlay import Overlay
+from trocar.services.visualization.picture import Picture, PictureLayout
+from trocar.services.visualization.render import Renderer
+from trocar.services.visualization.render_governor import RUNGS, RenderGovernor
+from trocar.services.visualization.render_pipe import CLOSED, FRAME, HELLO, NOTICE, OPEN, PAINTED, Splitter, pack
 
 _SIZE = (1280, 720)
 _EVENTS_EVERY_S, _TELL_EVERY_S = 0.01, 0.25

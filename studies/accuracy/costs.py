@@ -15,9 +15,9 @@ from time import perf_counter_ns
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.reduction.modal_compliance import add_modal_compliance
-from studies.accuracy.study import Cost, Tick
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.reduction.modal_compliance import add_modal_compliance
+from trocar.studies.accuracy.study import Cost, Tick
 
 FLOOR = "fixed arithmetic"
 REPEATS = 8

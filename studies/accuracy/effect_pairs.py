@@ -12,8 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Colormap, LogNorm, Normalize, SymLogNorm
 from matplotlib.figure import SubFigure
 
-from services.mechanics.arrays import FloatArray
-from studies.accuracy.study import Row
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.studies.accuracy.study import Row
 
 COST = "cost of a tick"
 _DECADES = 3.0

@@ -10,8 +10,8 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from statistics import median
 
-from services.runtime.machine import processor_name
-from studies.accuracy.study import Cost, Draw
+from trocar.services.runtime.machine import processor_name
+from trocar.studies.accuracy.study import Cost, Draw
 
 PACKAGES = "numpy", "scipy", "numba"
 

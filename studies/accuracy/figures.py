@@ -11,10 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from services.atomic_file import atomic_file
-from studies.accuracy.figure_text import Name, place_names, plain_ticks
-from studies.accuracy.frontier import ROUNDING, frontier
-from studies.accuracy.study import Row
+from trocar.services.atomic_file import atomic_file
+from trocar.studies.accuracy.figure_text import Name, place_names, plain_ticks
+from trocar.studies.accuracy.frontier import ROUNDING, frontier
+from trocar.studies.accuracy.study import Row
 
 _COLUMNS, _WIDTH_IN, _HEIGHT_IN = 3, 4.4, 3.4
 _WIDE = 4.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from studies.accuracy.study import Cost, Row
+from trocar.studies.accuracy.study import Cost, Row
 
 ROUNDING = 1e-4
 """Errors below, in the unit of their quantity, are rounding: none of them is better than another."""

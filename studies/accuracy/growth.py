@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
-from studies.accuracy.figure_text import plain_ticks
-from studies.accuracy.figures import draw_panels, open_figure, save_figure
-from studies.accuracy.study import Row
+from trocar.studies.accuracy.figure_text import plain_ticks
+from trocar.studies.accuracy.figures import draw_panels, open_figure, save_figure
+from trocar.studies.accuracy.study import Row
 
 _ROOM_FOR_LEGEND = 0.35
 """Of the panel's height, above what is drawn."""

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from services.cache_directory import cache_directory
-from services.mechanics.scenarios import insertion
-from services.mechanics.scene import SceneModel
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from studies.accuracy.study import Draw, Error, Reference, Tick
-from studies.insertion_steps import insert, rms
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.scenarios import insertion
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.studies.accuracy.study import Draw, Error, Reference, Tick
+from trocar.studies.insertion_steps import insert, rms
 
 FORCE, TIP, DEPTH = "force over an insertion", "tip over an insertion", "insertion depth"
 TICK_S = 1e-3

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from services.atomic_file import atomic_file, complete_lines
-from studies.accuracy.study import Cost, Draw, Error, Reference
-from studies.result_folder import read_as_ours
+from trocar.services.atomic_file import atomic_file, complete_lines
+from trocar.studies.accuracy.study import Cost, Draw, Error, Reference
+from trocar.studies.result_folder import read_as_ours
 
 
 class StudyLog:

@@ -10,10 +10,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from services.atomic_file import atomic_file
-from studies.accuracy.facts import Facts
-from studies.accuracy.report import BUDGET_US
-from studies.accuracy.study import Row
+from trocar.services.atomic_file import atomic_file
+from trocar.studies.accuracy.facts import Facts
+from trocar.studies.accuracy.report import BUDGET_US
+from trocar.studies.accuracy.study import Row
 
 _TEMPLATE = Path(__file__).with_name("page.html")
 

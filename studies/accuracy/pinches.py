@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.cache_directory import cache_directory
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.fem import ShellModel
-from services.mechanics.reduction import ExactOscillator, ModalState, Newmark, ReducedDuct
-from services.mechanics.scene import DuctScene, SceneModel
-from services.mechanics.scene.duct_recipe import duct_recipe
-from services.mechanics.simulation.scene_duct import build_scene_duct, scene_mesh
-from services.mechanics.surface.mesh import TriangleMesh, triangle_areas_m2
-from studies.accuracy.study import Error
-from studies.full_model import DirectNewmark, rayleigh_damping_ratio
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.fem import ShellModel
+from trocar.services.mechanics.reduction import ExactOscillator, ModalState, Newmark, ReducedDuct
+from trocar.services.mechanics.scene import DuctScene, SceneModel
+from trocar.services.mechanics.scene.duct_recipe import duct_recipe
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct, scene_mesh
+from trocar.services.mechanics.surface.mesh import TriangleMesh, triangle_areas_m2
+from trocar.studies.accuracy.study import Error
+from trocar.studies.full_model import DirectNewmark, rayleigh_damping_ratio
 
 FORCE, WALL, MOTION, FREQUENCY = "force at the tool, pinch", "wall displacement", "motion after a push", "frequency"
 JAW_WIDTH_M = 1e-3

@@ -7,19 +7,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.reduction import ReducedDuct
-from services.mechanics.reduction.recipe import DuctRecipe
-from services.mechanics.reduction.softening.load_sites import Lumen
-from services.mechanics.reduction.softening.training import WallSoftening
-from services.mechanics.reduction.softening.training_squeezes import (
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.reduction import ReducedDuct
+from trocar.services.mechanics.reduction.recipe import DuctRecipe
+from trocar.services.mechanics.reduction.softening.load_sites import Lumen
+from trocar.services.mechanics.reduction.softening.training import WallSoftening
+from trocar.services.mechanics.reduction.softening.training_squeezes import (
     N_STEPS,
     Squeeze,
     draw_squeezes,
     follow,
     pressed_nodes,
 )
-from studies.accuracy.squeezed_wall import SqueezedWall
+from trocar.studies.accuracy.squeezed_wall import SqueezedWall
 
 SEED_OF_LOADS = 1000
 """Added to a study's seed: training has a seed of its own."""

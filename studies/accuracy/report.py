@@ -8,12 +8,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from services.atomic_file import atomic_file
-from studies.accuracy.costs import FLOOR
-from studies.accuracy.facts import Facts
-from studies.accuracy.frontier import ROUNDING, frontier
-from studies.accuracy.sections import read_section, write_section
-from studies.accuracy.study import Row, load_study, study_names
+from trocar.services.atomic_file import atomic_file
+from trocar.studies.accuracy.costs import FLOOR
+from trocar.studies.accuracy.facts import Facts
+from trocar.studies.accuracy.frontier import ROUNDING, frontier
+from trocar.studies.accuracy.sections import read_section, write_section
+from trocar.studies.accuracy.study import Row, load_study, study_names
 
 BUDGET_US = 500.0
 """Of a millisecond: what a tick may take when a core is shared with other loops and sometimes interrupted."""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from studies.accuracy.costs import FLOOR, measure_costs
-from studies.accuracy.log import StudyLog
-from studies.accuracy.study import Cost, Draw, Error, Reference, Row, load_study
-from studies.accuracy.workers import Workers
-from studies.progress import Tell
+from trocar.studies.accuracy.costs import FLOOR, measure_costs
+from trocar.studies.accuracy.log import StudyLog
+from trocar.studies.accuracy.study import Cost, Draw, Error, Reference, Row, load_study
+from trocar.studies.accuracy.workers import Workers
+from trocar.studies.progress import Tell
 
 
 def compute_reference(study: str, draw: Draw) -> Reference:

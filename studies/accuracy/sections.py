@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from services.atomic_file import atomic_file
-from studies.accuracy.facts import Facts
-from studies.accuracy.study import Cost, Row
+from trocar.services.atomic_file import atomic_file
+from trocar.studies.accuracy.facts import Facts
+from trocar.studies.accuracy.study import Cost, Row
 
 
 @dataclass(frozen=True, slots=True)

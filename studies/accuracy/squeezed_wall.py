@@ -6,13 +6,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.bodies.duct import DuctBody
-from services.mechanics.reduction import Newmark, ReducedDuct
-from services.mechanics.reduction.softened_wall.softening_step import SofteningStep
-from services.mechanics.reduction.softening.training import WallSoftening
-from services.mechanics.reduction.viscoelastic import NEVER, PronySeries, ViscousModes
-from services.mechanics.reduction.viscous_loads import ViscousLoads
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.bodies.duct import DuctBody
+from trocar.services.mechanics.reduction import Newmark, ReducedDuct
+from trocar.services.mechanics.reduction.softened_wall.softening_step import SofteningStep
+from trocar.services.mechanics.reduction.softening.training import WallSoftening
+from trocar.services.mechanics.reduction.viscoelastic import NEVER, PronySeries, ViscousModes
+from trocar.services.mechanics.reduction.viscous_loads import ViscousLoads
 
 DT_S = 1e-3
 RAMP = 0.6

@@ -10,8 +10,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Protocol, TypeVar, cast
 
-from services.mechanics.arrays import FloatArray
-from studies.accuracy import sweeps
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.studies.accuracy import sweeps
 
 Choice = str | int | float | bool
 Reference = Mapping[str, FloatArray]

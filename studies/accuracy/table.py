@@ -7,9 +7,9 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from services.atomic_file import atomic_file
-from studies.accuracy.frontier import frontier
-from studies.accuracy.study import Row
+from trocar.services.atomic_file import atomic_file
+from trocar.studies.accuracy.frontier import frontier
+from trocar.studies.accuracy.study import Row
 
 COLUMNS = (
     "study",

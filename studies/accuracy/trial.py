@@ -8,16 +8,16 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.reduction import ReducedDuct
-from services.mechanics.scene import SceneModel
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.scenes.hands import hands_of
-from studies.accuracy.costs import measure_costs
-from studies.accuracy.insertions import TICK_S, in_steps
-from studies.accuracy.study import Cost, Tick
-from studies.insertion_steps import rms
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.reduction import ReducedDuct
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.scenes.hands import hands_of
+from trocar.studies.accuracy.costs import measure_costs
+from trocar.studies.accuracy.insertions import TICK_S, in_steps
+from trocar.studies.accuracy.study import Cost, Tick
+from trocar.studies.insertion_steps import rms
 
 BuildDuct = Callable[[SceneModel], ReducedDuct]
 HELD_AT = 0.73

@@ -11,12 +11,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from services.mechanics.effects import EFFECTS
-from services.mechanics.scene import QualityLevel, SceneModel
-from studies.accuracy.insertions import TICK_S
-from studies.accuracy.study import Cost
-from studies.accuracy.trial import HELD_AT, Errors, Run, TrialBench, errors_of
-from studies.progress import Tell
+from trocar.services.mechanics.effects import EFFECTS
+from trocar.services.mechanics.scene import QualityLevel, SceneModel
+from trocar.studies.accuracy.insertions import TICK_S
+from trocar.studies.accuracy.study import Cost
+from trocar.studies.accuracy.trial import HELD_AT, Errors, Run, TrialBench, errors_of
+from trocar.studies.progress import Tell
 
 LEAST_ERROR_PERCENT = 0.02
 """Below, errors are rounding, and what frees time for less is free."""

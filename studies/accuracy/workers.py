@@ -7,7 +7,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from typing import Any, Protocol
 
-from studies.pool import open_pool
+from trocar.studies.pool import open_pool
 
 Call = tuple[Any, ...]
 CONNECT_S = 10.0

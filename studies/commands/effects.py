@@ -12,12 +12,12 @@ from rich.markup import escape
 from rich.progress import track
 from rich.table import Table
 
-from services.cache_directory import cache_directory
-from services.mechanics.effects import EFFECTS
-from services.mechanics.scene import SceneModel
-from services.runtime.errors import UserError
-from services.scenes import load_duct, load_scene
-from studies.effect_costs import EffectCost, measure_effect
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.effects import EFFECTS
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.runtime.errors import UserError
+from trocar.services.scenes import load_duct, load_scene
+from trocar.studies.effect_costs import EffectCost, measure_effect
 
 
 @dataclass(frozen=True)

@@ -10,14 +10,14 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from services.cli import targets
-from services.runtime import config
-from services.runtime.errors import ConfigError, UserError
-from studies.commands.progress_bar import progress_line
-from studies.fem.case import FemCase
-from studies.fem.output import save_vtu, to_json
-from studies.fem.run import FemResult, solve_case
-from studies.progress import Tell
+from trocar.services.cli import targets
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import ConfigError, UserError
+from trocar.studies.commands.progress_bar import progress_line
+from trocar.studies.fem.case import FemCase
+from trocar.studies.fem.output import save_vtu, to_json
+from trocar.studies.fem.run import FemResult, solve_case
+from trocar.studies.progress import Tell
 
 
 class Stages:
@@ -43,7 +43,7 @@ def fem_command(file: Path, json_file: Path | None = None, vtu_file: Path | None
     printed, but cannot be written.
 
     Args:
-        file: YAML, see `studies.fem.case.FemCase` and the examples in ``configs/fem``.
+        file: YAML, see `trocar.studies.fem.case.FemCase` and the examples in ``configs/fem``.
         json_file, vtu_file: Where to write numbers for programs, and fields for ParaView.
     """
     targets.look_at_file("--json", json_file)

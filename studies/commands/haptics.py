@@ -15,24 +15,31 @@ import msgspec
 from msgspec.structs import replace
 from rich.console import Console
 
-import services.runtime  # noqa: F401 - keeps linear algebra to one thread before numpy is loaded
-from services.cache_directory import cache_directory
-from services.cli import targets
-from services.runtime.errors import UserError
-from services.scenes import load_scene
-from studies.accuracy.facts import Facts
-from studies.accuracy.study import Draw, Size
-from studies.commands.progress_bar import progress_line
-from studies.commands.running_insertion import SCENE, run_insertion
-from studies.feel.compare import compare
-from studies.feel.figures import draw_borders, draw_energies, draw_transparency
-from studies.feel.late import answer_late, solve
-from studies.feel.measure import energies, hunts, passive_borders, slow_rows, stable_borders, told_rows, transparency
-from studies.feel.report import Felt, write_page
-from studies.feel.tracking import Running, find_running
-from studies.feel.z_width import z_widths
-from studies.pool import open_pool
-from studies.provenance import code_version
+from trocar.services.cache_directory import cache_directory
+from trocar.services.cli import targets
+from trocar.services.runtime.errors import UserError
+from trocar.services.scenes import load_scene
+from trocar.studies.accuracy.facts import Facts
+from trocar.studies.accuracy.study import Draw, Size
+from trocar.studies.commands.progress_bar import progress_line
+from trocar.studies.commands.running_insertion import SCENE, run_insertion
+from trocar.studies.feel.compare import compare
+from trocar.studies.feel.figures import draw_borders, draw_energies, draw_transparency
+from trocar.studies.feel.late import answer_late, solve
+from trocar.studies.feel.measure import (
+    energies,
+    hunts,
+    passive_borders,
+    slow_rows,
+    stable_borders,
+    told_rows,
+    transparency,
+)
+from trocar.studies.feel.report import Felt, write_page
+from trocar.studies.feel.tracking import Running, find_running
+from trocar.studies.feel.z_width import z_widths
+from trocar.studies.pool import open_pool
+from trocar.studies.provenance import code_version
 
 RUNNING = "running.json"
 

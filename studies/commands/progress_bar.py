@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from studies.progress import Tell
+from trocar.studies.progress import Tell
 
 EVERY_S = 10.0
 """Between two lines where there is no terminal."""

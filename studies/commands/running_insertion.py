@@ -12,11 +12,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from protocol.bodies import GatewayState, PhysicsState
-from services.runtime.errors import UserError
-from services.runtime.rig import Transport
-from services.runtime.zmq_bus import ZmqBus
-from studies.feel.tracking import is_inserted
+from trocar.protocol.bodies import GatewayState, PhysicsState
+from trocar.services.runtime.errors import UserError
+from trocar.services.runtime.rig import Transport
+from trocar.services.runtime.zmq_bus import ZmqBus
+from trocar.studies.feel.tracking import is_inserted
 
 #: Jaws hold the duct in it: where they slip, how far hangs on rounding, and no two runs are alike.
 SCENE = "default"
@@ -52,7 +52,7 @@ def _rig(directory: Path) -> Iterator[tuple[subprocess.Popen[bytes], ZmqBus]]:
     transport = Transport(directory=directory / "bus")
     log = (directory / "log").open("wb")
     process = subprocess.Popen(
-        [sys.executable, "-m", "services.supervisor", "--rig", "stub", "--scene", SCENE, *_options(directory)],
+        [sys.executable, "-m", "trocar.services.supervisor", "--rig", "stub", "--scene", SCENE, *_options(directory)],
         stdout=log, stderr=subprocess.STDOUT, start_new_session=True,
     )  # fmt: skip
     bus = ZmqBus(transport, reads_every=["gateway.state", "physics.state"])

@@ -14,15 +14,15 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from services.cli import targets
-from services.nearest_word import did_you_mean
-from services.runtime.errors import ConfigError, UserError
-from studies.commands.progress_bar import progress_line
-from studies.provenance import code_version
-from studies.stability.families import FAMILIES
-from studies.stability.family import Reach
-from studies.stability.report import changes, page, shown, worst_figures
-from studies.stability.suite import Log, Order, Result, list_cases, run_suite
+from trocar.services.cli import targets
+from trocar.services.nearest_word import did_you_mean
+from trocar.services.runtime.errors import ConfigError, UserError
+from trocar.studies.commands.progress_bar import progress_line
+from trocar.studies.provenance import code_version
+from trocar.studies.stability.families import FAMILIES
+from trocar.studies.stability.family import Reach
+from trocar.studies.stability.report import changes, page, shown, worst_figures
+from trocar.studies.stability.suite import Log, Order, Result, list_cases, run_suite
 
 
 @dataclass(frozen=True)

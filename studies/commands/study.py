@@ -12,23 +12,22 @@ from rich.console import Console
 from rich.table import Table
 
 # Keeps linear algebra to one thread before numpy is loaded, here and in the workers: sums are taken in one order.
-import services.runtime  # noqa: F401
-from services.atomic_file import atomic_file
-from services.cli import targets
-from services.first_sentence import first_sentence
-from services.nearest_word import did_you_mean
-from services.runtime.errors import ConfigError
-from studies.accuracy.facts import Facts
-from studies.accuracy.figures import draw_study
-from studies.accuracy.log import StudyLog
-from studies.accuracy.page import Text, held_figure, write_page
-from studies.accuracy.report import findings_of, microseconds, write_report
-from studies.accuracy.run import fill_costs, fill_errors, floors, table
-from studies.accuracy.study import Draw, Row, Size, load_study, study_names
-from studies.accuracy.table import frontier_rows, write_table
-from studies.accuracy.workers import open_workers
-from studies.commands.progress_bar import progress_line
-from studies.provenance import code_version
+from trocar.services.atomic_file import atomic_file
+from trocar.services.cli import targets
+from trocar.services.first_sentence import first_sentence
+from trocar.services.nearest_word import did_you_mean
+from trocar.services.runtime.errors import ConfigError
+from trocar.studies.accuracy.facts import Facts
+from trocar.studies.accuracy.figures import draw_study
+from trocar.studies.accuracy.log import StudyLog
+from trocar.studies.accuracy.page import Text, held_figure, write_page
+from trocar.studies.accuracy.report import findings_of, microseconds, write_report
+from trocar.studies.accuracy.run import fill_costs, fill_errors, floors, table
+from trocar.studies.accuracy.study import Draw, Row, Size, load_study, study_names
+from trocar.studies.accuracy.table import frontier_rows, write_table
+from trocar.studies.accuracy.workers import open_workers
+from trocar.studies.commands.progress_bar import progress_line
+from trocar.studies.provenance import code_version
 
 EVERY = "all"
 

@@ -13,19 +13,19 @@ import yaml
 from rich.console import Console
 from rich.table import Table
 
-from services.cache_directory import cache_directory
-from services.cli import targets
-from services.mechanics.scene import QualityLevel, SceneModel
-from services.runtime import config
-from services.runtime.errors import ConfigError
-from services.scenes import load_duct, load_scene, load_surface
-from services.scenes.hands import hands_of
-from studies.accuracy.insertions import TICK_S
-from studies.accuracy.study import Tick
-from studies.accuracy.trial import HELD_AT, Run, Trial
-from studies.accuracy.tuning import Rung, Tuned, count_runs, measure_ladder, tune, value_of
-from studies.commands.progress_bar import in_words, progress_line
-from studies.progress import Tell
+from trocar.services.cache_directory import cache_directory
+from trocar.services.cli import targets
+from trocar.services.mechanics.scene import QualityLevel, SceneModel
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.scenes import load_duct, load_scene, load_surface
+from trocar.services.scenes.hands import hands_of
+from trocar.studies.accuracy.insertions import TICK_S
+from trocar.studies.accuracy.study import Tick
+from trocar.studies.accuracy.trial import HELD_AT, Run, Trial
+from trocar.studies.accuracy.tuning import Rung, Tuned, count_runs, measure_ladder, tune, value_of
+from trocar.studies.commands.progress_bar import in_words, progress_line
+from trocar.studies.progress import Tell
 
 _CHOSEN = ("duct.n_modes", "catheter.n_segments", "catheter.integrator")
 _CELLS = ("duct.n_around", "duct.n_along")

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from services.cli.options import Json, Scene, finite
+from trocar.services.cli.options import Json, Scene, finite
 
 
 def add_to(app: typer.Typer) -> None:
@@ -22,7 +22,7 @@ def fem(
     vtu_file: Annotated[Path | None, typer.Option("--vtu", help="Write fields for ParaView.")] = None,
 ) -> None:
     """Solve your own shell: statics, frequencies, buckling of the case in a file."""
-    from studies.commands.fem import fem_command
+    from trocar.studies.commands.fem import fem_command
 
     fem_command(file, json_file, vtu_file)
 
@@ -35,7 +35,7 @@ def effects(
     json: Json = False,
 ) -> None:
     """List the physical effects: what each does, needs, and costs."""
-    from studies.commands.effects import run_effects
+    from trocar.studies.commands.effects import run_effects
 
     run_effects(scene or "default", measure, json)
 
@@ -70,7 +70,7 @@ def stability(
     json: Json = False,
 ) -> None:
     """Run hard cases, each judged by limits of energy, overlap, force and rest."""
-    from studies.commands.stability import Request, run_stability
+    from trocar.studies.commands.stability import Request, run_stability
 
     files = out, report, tuple(others or ()), against
     run_stability(Request(long, tuple(families or ()), seed, most, jobs, minutes, *files, json))
@@ -99,8 +99,8 @@ def study(
     json: Json = False,
 ) -> None:
     """Measure what accuracy costs: error against a converged reference, and time of a tick."""
-    from studies.accuracy.study import Size
-    from studies.commands.study import Request, run_study
+    from trocar.studies.accuracy.study import Size
+    from trocar.studies.commands.study import Request, run_study
 
     if quick and smallest:
         raise typer.BadParameter("--quick and --smallest are two sizes: say one of them")
@@ -121,7 +121,7 @@ def tune(
     json: Json = False,
 ) -> None:
     """Choose modes, mesh, particles, sweeps and effects of a scene for this machine, and say what was given up."""
-    from studies.commands.tune import Request, run_tune
+    from trocar.studies.commands.tune import Request, run_tune
 
     run_tune(Request(scene, tuple(overrides or ()), budget_us, out, json))
 
@@ -137,6 +137,6 @@ def haptics(
     json: Json = False,
 ) -> None:
     """Measure the haptics: how stiff a wall may be, what a moving hand feels, whether a hand can gain energy."""
-    from studies.commands.haptics import Request, run_haptics
+    from trocar.studies.commands.haptics import Request, run_haptics
 
     run_haptics(Request(hands, out, json, running))

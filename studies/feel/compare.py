@@ -11,18 +11,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.gateway.device_files import ArmFile
-from services.gateway.velocity_filter import butterworth
-from services.mechanics.arrays import FloatArray
-from services.runtime import config
-from studies.feel.hunt import MASSES_KG
-from studies.feel.laws import VISCOUS_N_S_M, Make, Walls
-from studies.feel.laws.bare import Bare
-from studies.feel.laws.chai3d import Chai3d
-from studies.feel.laws.eba import Eba
-from studies.feel.laws.energy_bound import EnergyBound
-from studies.feel.laws.openhaptics import OpenHaptics
-from studies.feel.laws.tdpa import Tdpa
+from trocar.services.gateway.device_files import ArmFile
+from trocar.services.gateway.velocity_filter import butterworth
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.runtime import config
+from trocar.studies.feel.hunt import MASSES_KG
+from trocar.studies.feel.laws import VISCOUS_N_S_M, Make, Walls
+from trocar.studies.feel.laws.bare import Bare
+from trocar.studies.feel.laws.chai3d import Chai3d
+from trocar.studies.feel.laws.eba import Eba
+from trocar.studies.feel.laws.energy_bound import EnergyBound
+from trocar.studies.feel.laws.openhaptics import OpenHaptics
+from trocar.studies.feel.laws.tdpa import Tdpa
 
 LAWS: dict[str, Make] = {
     "the rig's, energy bounded": EnergyBound,

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
-from studies.accuracy.figures import open_figure, save_figure
-from studies.feel.measure import DAMPINGS_N_S_M, WAYS, Border, Energies, Rendered
+from trocar.studies.accuracy.figures import open_figure, save_figure
+from trocar.studies.feel.measure import DAMPINGS_N_S_M, WAYS, Border, Energies, Rendered
 
 
 def draw_borders(passive: Sequence[Border], stable: Sequence[Border], stem: Path) -> list[Path]:

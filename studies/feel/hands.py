@@ -9,11 +9,11 @@ from functools import partial
 
 import numpy as np
 
-from protocol.bodies.haptics import MODEL_COLUMNS, MODEL_CONTACT, MODEL_F0, MODEL_K, MODEL_X0
-from protocol.topics import TICK_S
-from services.gateway import premium_model, servo_law
-from services.gateway.premium_model import GEARS
-from services.gateway.servo_arrays import (
+from trocar.protocol.bodies.haptics import MODEL_COLUMNS, MODEL_CONTACT, MODEL_F0, MODEL_K, MODEL_X0
+from trocar.protocol.topics import TICK_S
+from trocar.services.gateway import premium_model, servo_law
+from trocar.services.gateway.premium_model import GEARS
+from trocar.services.gateway.servo_arrays import (
     LIMIT_SIZE,
     MEMORY_FORCE,
     MEMORY_SIZE,
@@ -26,7 +26,7 @@ from services.gateway.servo_arrays import (
     READ_SIZE,
     READ_VELOCITY,
 )
-from services.gateway.simulated_arm import (
+from trocar.services.gateway.simulated_arm import (
     HAND_DAMPING,
     HAND_GRIP,
     HAND_RATE,
@@ -36,7 +36,7 @@ from services.gateway.simulated_arm import (
     STALL_NM,
     ArmState,
 )
-from services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.arrays import FloatArray
 
 TTL_S = 0.02
 #: Largest force and its rate: those of the stub rig.

@@ -1,10 +1,14 @@
-"""The hunt for hands that get energy out of the servo: ``python -m studies.feel.hunt [--pairs]``, as rows of a table.
+"""The hunt for hands that get energy out of the servo: ``python -m trocar.studies.feel.hunt [--pairs]``, as rows of a
+table.
 
 Searches begin anew at many places, half of them for the most energy, half for the most of all that went to and fro.
 """
 
 from __future__ import annotations
 
+import trocar.services.entry  # noqa: F401  first: the environment of a process
+
+# isort: split
 import argparse
 import sys
 from collections.abc import Callable
@@ -12,12 +16,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.gateway.device_files import ArmFile
-from services.mechanics.arrays import FloatArray
-from services.runtime import config
-from studies.feel.pairs import DIMENSIONS, books_of_pairs
-from studies.feel.search import search
-from studies.feel.wall_hands import GAINED, MOVED, RANGES, ArmAtWall, arm_at_wall, books_of, decode
+from trocar.services.gateway.device_files import ArmFile
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.runtime import config
+from trocar.studies.feel.pairs import DIMENSIONS, books_of_pairs
+from trocar.studies.feel.search import search
+from trocar.studies.feel.wall_hands import GAINED, MOVED, RANGES, ArmAtWall, arm_at_wall, books_of, decode
 
 #: Apparent mass at the tip, kg, and what holds it: vendors' data sheets at second hand, and a finger's part.
 MASSES_KG = {"phantom_premium_1_5": 0.1, "touch": 0.06, "touch_x": 0.07}

@@ -12,16 +12,16 @@ from pathlib import Path
 
 import numpy as np
 
-from protocol.bodies.haptics import MODEL_COLUMNS, MODEL_CONTACT, MODEL_F0, MODEL_K, MODEL_X0
-from protocol.topics import TICK_S
-from services.gateway.servo_arrays import MEMORY_FORCE, MEMORY_SIZE, NOW_AGE
-from services.gateway.servo_law import servo_force
-from services.mechanics.arrays import FloatArray, LongArray
-from services.mechanics.scenarios import insertion
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from studies.feel.hands import servo_settings
+from trocar.protocol.bodies.haptics import MODEL_COLUMNS, MODEL_CONTACT, MODEL_F0, MODEL_K, MODEL_X0
+from trocar.protocol.topics import TICK_S
+from trocar.services.gateway.servo_arrays import MEMORY_FORCE, MEMORY_SIZE, NOW_AGE
+from trocar.services.gateway.servo_law import servo_force
+from trocar.services.mechanics.arrays import FloatArray, LongArray
+from trocar.services.mechanics.scenarios import insertion
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.studies.feel.hands import servo_settings
 
 WITHIN = 0.05
 #: Added to every answer, ms; and the most that is added to each by itself, drawn evenly.

@@ -9,10 +9,10 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
 
-from studies.feel.hands import Attack, Book, attack_servo, random_attack
-from studies.feel.hunt import MASSES_KG, Hunted, hunt, hunt_pairs
-from studies.feel.slow_hands import TOLD, WALLS_N_M, Slow, feel_walls
-from studies.feel.virtual_wall import (
+from trocar.studies.feel.hands import Attack, Book, attack_servo, random_attack
+from trocar.studies.feel.hunt import MASSES_KG, Hunted, hunt, hunt_pairs
+from trocar.studies.feel.slow_hands import TOLD, WALLS_N_M, Slow, feel_walls
+from trocar.studies.feel.virtual_wall import (
     VirtualWall,
     measured_passive_friction,
     measured_stable_stiffness,
@@ -20,7 +20,7 @@ from studies.feel.virtual_wall import (
     response,
     stable_stiffness,
 )
-from studies.progress import Tell
+from trocar.studies.progress import Tell
 
 STIFFNESSES_N_M = (100.0, 200.0, 500.0, 1000.0, 2000.0, 3500.0)
 DAMPINGS_N_S_M = (0.0, 0.2, 0.5)

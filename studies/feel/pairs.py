@@ -11,11 +11,11 @@ import math
 
 import numpy as np
 
-from protocol.bodies.haptics import MODEL_B, MODEL_COLUMNS, MODEL_CONTACT, MODEL_F0, MODEL_K, MODEL_X0
-from protocol.topics import TICK_S
-from services.gateway import premium_model, simulated_arm
-from services.gateway.premium_model import GEARS
-from services.gateway.servo_arrays import (
+from trocar.protocol.bodies.haptics import MODEL_B, MODEL_COLUMNS, MODEL_CONTACT, MODEL_F0, MODEL_K, MODEL_X0
+from trocar.protocol.topics import TICK_S
+from trocar.services.gateway import premium_model, simulated_arm
+from trocar.services.gateway.premium_model import GEARS
+from trocar.services.gateway.servo_arrays import (
     MEMORY_ENERGY,
     MEMORY_FORCE,
     MEMORY_RESERVED,
@@ -27,8 +27,8 @@ from services.gateway.servo_arrays import (
     READ_SIZE,
     READ_VELOCITY,
 )
-from services.gateway.servo_law import servo_force
-from services.gateway.simulated_arm import (
+from trocar.services.gateway.servo_law import servo_force
+from trocar.services.gateway.simulated_arm import (
     COUNTS,
     HAND_DAMPING,
     HAND_GRIP,
@@ -41,11 +41,11 @@ from services.gateway.simulated_arm import (
     measure,
     step_links,
 )
-from services.gateway.velocity_filter import butterworth
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import building_kernel, kernel
-from studies.feel.hands import servo_settings
-from studies.feel.wall_hands import (
+from trocar.services.gateway.velocity_filter import butterworth
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import building_kernel, kernel
+from trocar.studies.feel.hands import servo_settings
+from trocar.studies.feel.wall_hands import (
     BOOK_SIZE,
     DAMPING,
     GAINED,

@@ -10,16 +10,16 @@ from pathlib import Path
 
 import numpy as np
 
-from services.atomic_file import atomic_file
-from studies.feel.compare import Compared
-from studies.feel.hunt import MASSES_KG, Hunted
-from studies.feel.late import TOOLS, WITHIN, Late
-from studies.feel.measure import TABLE_HZ, WAYS, Border, Energies, Rendered
-from studies.feel.report_tables import compared_lines, slow_lines, told_lines, words, z_widths_lines
-from studies.feel.slow_hands import Slow
-from studies.feel.tracking import WITHIN as TRACKED_WITHIN
-from studies.feel.tracking import Running
-from studies.feel.z_width import ZWidth, felt_shares
+from trocar.services.atomic_file import atomic_file
+from trocar.studies.feel.compare import Compared
+from trocar.studies.feel.hunt import MASSES_KG, Hunted
+from trocar.studies.feel.late import TOOLS, WITHIN, Late
+from trocar.studies.feel.measure import TABLE_HZ, WAYS, Border, Energies, Rendered
+from trocar.studies.feel.report_tables import compared_lines, slow_lines, told_lines, words, z_widths_lines
+from trocar.studies.feel.slow_hands import Slow
+from trocar.studies.feel.tracking import WITHIN as TRACKED_WITHIN
+from trocar.studies.feel.tracking import Running
+from trocar.studies.feel.z_width import ZWidth, felt_shares
 
 _MOST_LISTED = 12
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator, Sequence
 
-from studies.feel.compare import NOTICED, TRIED_N_M, Compared
-from studies.feel.slow_hands import Slow
-from studies.feel.z_width import DAMPINGS_N_S_M, ZWidth
+from trocar.studies.feel.compare import NOTICED, TRIED_N_M, Compared
+from trocar.studies.feel.slow_hands import Slow
+from trocar.studies.feel.z_width import DAMPINGS_N_S_M, ZWidth
 
 
 def words(text: str) -> Iterator[str]:

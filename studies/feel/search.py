@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.arrays import FloatArray
 
 _STEP = 0.25
 _SMALLEST_STEP = 1e-3

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from studies.feel.hunt import arm_of
-from studies.feel.wall_hands import (
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.studies.feel.hunt import arm_of
+from trocar.studies.feel.wall_hands import (
     ALONG,
     DAMPING,
     DEPTH,

@@ -14,19 +14,19 @@ import msgspec
 import numpy as np
 from scipy.sparse import csc_array
 
-from protocol.bodies import GatewayState, PhysicsState
-from services.mechanics.arrays import FloatArray
-from services.mechanics.bodies.forceps.kinematics import jaw_angle_from_handle
-from services.mechanics.fem.factorisation import factorise
-from services.mechanics.reduction import ReducedDuct
-from services.mechanics.reduction.free_dofs import free_load, nodal_translations
-from services.mechanics.scene import SceneModel
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from services.runtime.errors import UserError
-from services.runtime.loop import LoopMeter, TickClock
-from studies.accuracy.pinches import full_model
+from trocar.protocol.bodies import GatewayState, PhysicsState
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.bodies.forceps.kinematics import jaw_angle_from_handle
+from trocar.services.mechanics.fem.factorisation import factorise
+from trocar.services.mechanics.reduction import ReducedDuct
+from trocar.services.mechanics.reduction.free_dofs import free_load, nodal_translations
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.services.runtime.errors import UserError
+from trocar.services.runtime.loop import LoopMeter, TickClock
+from trocar.studies.accuracy.pinches import full_model
 
 TRACKED_DEPTH_M = 19.5e-3
 WITHIN = 0.05

@@ -20,8 +20,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import expm
 
-from protocol.bodies.haptics import MODEL_B, MODEL_COLUMNS, MODEL_CONTACT, MODEL_F0, MODEL_K
-from services.gateway.servo_arrays import (
+from trocar.protocol.bodies.haptics import MODEL_B, MODEL_COLUMNS, MODEL_CONTACT, MODEL_F0, MODEL_K
+from trocar.services.gateway.servo_arrays import (
     LIMIT_SIZE,
     MEMORY_FORCE,
     MEMORY_SIZE,
@@ -30,9 +30,9 @@ from services.gateway.servo_arrays import (
     NOW_SIZE,
     NOW_TTL,
 )
-from services.gateway.servo_law import servo_force
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
+from trocar.services.gateway.servo_law import servo_force
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
 
 #: Limits so wide that the law is linear.
 _WIDE = 1e12

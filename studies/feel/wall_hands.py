@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from protocol.bodies.haptics import MODEL_B, MODEL_COLUMNS, MODEL_CONTACT, MODEL_F0, MODEL_K, MODEL_X0
-from protocol.topics import TICK_S
-from services.gateway.device_files import ArmFile
-from services.gateway.servo_arrays import (
+from trocar.protocol.bodies.haptics import MODEL_B, MODEL_COLUMNS, MODEL_CONTACT, MODEL_F0, MODEL_K, MODEL_X0
+from trocar.protocol.topics import TICK_S
+from trocar.services.gateway.device_files import ArmFile
+from trocar.services.gateway.servo_arrays import (
     LIMIT_COUNT,
     LIMIT_FORCE,
     LIMIT_SIZE,
@@ -27,11 +27,11 @@ from services.gateway.servo_arrays import (
     NOW_SIZE,
     NOW_TTL,
 )
-from services.gateway.servo_law import damping_share, elastic_share, model_force, servo_force
-from services.gateway.velocity_filter import butterworth, low_pass
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import building_kernel, kernel
-from studies.feel.hands import FORCE_N, RATE_N_S, TTL_S
+from trocar.services.gateway.servo_law import damping_share, elastic_share, model_force, servo_force
+from trocar.services.gateway.velocity_filter import butterworth, low_pass
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import building_kernel, kernel
+from trocar.studies.feel.hands import FORCE_N, RATE_N_S, TTL_S
 
 _SUBSTEPS, LATEST, _GRIP_N = 4, 20, 15.0
 LEAVING = 150

@@ -14,10 +14,10 @@ from functools import partial
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from studies.feel.compare import TICK_S, Device, device_of, drawn_hands, stiffest_of
-from studies.feel.hunt import MASSES_KG
-from studies.feel.laws import Walls
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.studies.feel.compare import TICK_S, Device, device_of, drawn_hands, stiffest_of
+from trocar.studies.feel.hunt import MASSES_KG
+from trocar.studies.feel.laws import Walls
 
 #: Dampings of the wall, N s/m.
 DAMPINGS_N_S_M = (0.0, 0.5, 1.0, 2.0, 5.0)

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem.nonlinear import CorotationalShell, NonlinearLoad, PathPoint, PathSettings
-from services.mechanics.fem.nonlinear.corotational import Configuration
-from services.mechanics.fem.nonlinear.equilibrium import SMALLEST_STEP, adapted_step, lost_path
-from services.mechanics.fem.nonlinear.newton import MOST_ITERATIONS, Newton, NotConvergedError
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.fem.nonlinear import CorotationalShell, NonlinearLoad, PathPoint, PathSettings
+from trocar.services.mechanics.fem.nonlinear.corotational import Configuration
+from trocar.services.mechanics.fem.nonlinear.equilibrium import SMALLEST_STEP, adapted_step, lost_path
+from trocar.services.mechanics.fem.nonlinear.newton import MOST_ITERATIONS, Newton, NotConvergedError
 
 MOST_POINTS = 500
 """Of a path: it may wind for ever."""
@@ -29,7 +29,8 @@ def trace_arc_length(
     Raises ValueError if the path cannot be followed; the message says how far it went.
 
     Args:
-        shell, load, settings, on_point: As in `services.mechanics.fem.nonlinear.trace_path`; the first step is as long
+        shell, load, settings, on_point: As in `trocar.services.mechanics.fem.nonlinear.trace_path`; the first step is
+        as long
             as that of the load would be.
         most_points: After which the path is given up.
     """

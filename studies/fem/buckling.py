@@ -8,10 +8,10 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import LinearOperator, SuperLU, eigsh
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem.factorisation import factorise
-from services.mechanics.fem.shell_model import ShellModel, StaticSolution
-from studies.fem.geometric import geometric_stiffness, membrane_forces, pressure_stiffness
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.fem.factorisation import factorise
+from trocar.services.mechanics.fem.shell_model import ShellModel, StaticSolution
+from trocar.studies.fem.geometric import geometric_stiffness, membrane_forces, pressure_stiffness
 
 ESTIMATE = 0.01
 """Relative error to which the first load factor is estimated to place the shift."""

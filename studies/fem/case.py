@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from services.mechanics.fem.elements import BendingName, MembraneName
-from services.mechanics.surface.units import LengthUnit
+from trocar.services.mechanics.fem.elements import BendingName, MembraneName
+from trocar.services.mechanics.surface.units import LengthUnit
 
 LARGEST, SMALLEST = 1e30, 1e-30
 """Of any number in a file but zero: the solution multiplies several, and beyond 1e308 a product is infinite."""
@@ -47,7 +47,7 @@ def exactly_one(part: Part, *names: str) -> None:
 
 
 class ParametricMesh(Part):
-    """A duct by numbers; see `services.mechanics.surface.tube.DuctGeometry`."""
+    """A duct by numbers; see `trocar.services.mechanics.surface.tube.DuctGeometry`."""
 
     radius_m: Positive
     length_m: Positive
@@ -61,7 +61,7 @@ class ParametricMesh(Part):
 
 
 class PlateMesh(Part):
-    """See `studies.published.panel.Plate`."""
+    """See `trocar.studies.published.panel.Plate`."""
 
     length_m: Positive
     width_m: Positive
@@ -70,7 +70,7 @@ class PlateMesh(Part):
 
 
 class AnnulusMesh(Part):
-    """See `studies.published.panel.Annulus`."""
+    """See `trocar.studies.published.panel.Annulus`."""
 
     inner_radius_m: Positive
     outer_radius_m: Positive
@@ -80,7 +80,7 @@ class AnnulusMesh(Part):
 
 
 class CylinderMesh(Part):
-    """See `studies.published.panel.Cylinder`."""
+    """See `trocar.studies.published.panel.Cylinder`."""
 
     radius_m: Positive
     length_m: Positive
@@ -90,7 +90,7 @@ class CylinderMesh(Part):
 
 
 class SphereMesh(Part):
-    """See `studies.published.panel.Sphere`."""
+    """See `trocar.studies.published.panel.Sphere`."""
 
     radius_m: Positive
     n_around: int
@@ -100,7 +100,7 @@ class SphereMesh(Part):
 
 
 class DuctFile(Part):
-    """A tube from a surface file, repaired, with named open ends; see `services.meshes.loading.SurfaceSettings`."""
+    """A tube from a surface file, repaired, with named open ends; see `SurfaceSettings` of `meshes.loading`."""
 
     path: Path
     units: LengthUnit
@@ -135,7 +135,7 @@ class Mesh(Part):
 
 
 class Orthotropic(Part):
-    """See `services.mechanics.fem.section.Orthotropy`."""
+    """See `trocar.services.mechanics.fem.section.Orthotropy`."""
 
     axis: Vector
     modulus_ratio: Positive

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import IntArray
-from services.mechanics.fem import ShellModel, StaticSolution
-from services.mechanics.fem.elements import MEMBRANE_ELEMENTS
-from services.mechanics.fem.nonlinear import Configuration, PathPoint
-from services.mechanics.fem.thinness import thickness_over_width
-from services.mechanics.surface.mesh import unique_edges
-from studies.fem.case import FemCase
-from studies.fem.facets import drilling_excess, rim_eccentricity
-from studies.fem.select import select
+from trocar.services.mechanics.arrays import IntArray
+from trocar.services.mechanics.fem import ShellModel, StaticSolution
+from trocar.services.mechanics.fem.elements import MEMBRANE_ELEMENTS
+from trocar.services.mechanics.fem.nonlinear import Configuration, PathPoint
+from trocar.services.mechanics.fem.thinness import thickness_over_width
+from trocar.services.mechanics.surface.mesh import unique_edges
+from trocar.studies.fem.case import FemCase
+from trocar.studies.fem.facets import drilling_excess, rim_eccentricity
+from trocar.studies.fem.select import select
 
 THINNEST_RATIO = 2e-4
 """A fifth of what the thinnest walls compared with theory have; millimetres read as metres lie below."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.fem.elements.andes import ALPHA_B
-from services.mechanics.fem.section import ShellSection
-from services.mechanics.surface.mesh import (
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.fem.elements.andes import ALPHA_B
+from trocar.services.mechanics.fem.section import ShellSection
+from trocar.services.mechanics.surface.mesh import (
     TriangleMesh,
     edge_of_half_edges,
     half_edges,

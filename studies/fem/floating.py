@@ -15,11 +15,11 @@ import numpy as np
 from scipy.linalg import qr
 from scipy.sparse.linalg import LinearOperator, eigsh
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.fem.boundary_conditions import RANK_TOLERANCE, rigid_body_modes
-from services.mechanics.fem.modes import EigenModes
-from services.mechanics.fem.shell_model import ShellModel
-from services.mechanics.surface.mesh import TriangleMesh, vertex_components
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.fem.boundary_conditions import RANK_TOLERANCE, rigid_body_modes
+from trocar.services.mechanics.fem.modes import EigenModes
+from trocar.services.mechanics.fem.shell_model import ShellModel
+from trocar.services.mechanics.surface.mesh import TriangleMesh, vertex_components
 
 
 @dataclass(frozen=True)

@@ -7,15 +7,15 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.sparse import bsr_array
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem.assembly import BENDING_DOFS, CHUNK, MEMBRANE_DOFS, sum_triangles, to_global_axes
-from services.mechanics.fem.elements import MEMBRANE_ELEMENTS, choose
-from services.mechanics.fem.elements.dkt import normal_rotations
-from services.mechanics.fem.frames import local_coordinates, local_frames
-from services.mechanics.fem.nonlinear.follower_loads import pressure_chunks
-from services.mechanics.fem.section import plane_stress_matrices
-from services.mechanics.fem.shell_model import ShellModel, StaticSolution
-from services.mechanics.fem.triangle import shape_gradients, signed_areas
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.fem.assembly import BENDING_DOFS, CHUNK, MEMBRANE_DOFS, sum_triangles, to_global_axes
+from trocar.services.mechanics.fem.elements import MEMBRANE_ELEMENTS, choose
+from trocar.services.mechanics.fem.elements.dkt import normal_rotations
+from trocar.services.mechanics.fem.frames import local_coordinates, local_frames
+from trocar.services.mechanics.fem.nonlinear.follower_loads import pressure_chunks
+from trocar.services.mechanics.fem.section import plane_stress_matrices
+from trocar.services.mechanics.fem.shell_model import ShellModel, StaticSolution
+from trocar.services.mechanics.fem.triangle import shape_gradients, signed_areas
 
 # Means over a triangle of the products of its six quadratic shape functions: corners, then mid-sides 12, 23, 31.
 QUADRATIC_PRODUCTS = (

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.surface.mesh import TriangleMesh, triangle_areas_m2
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.surface.mesh import TriangleMesh, triangle_areas_m2
 
 
 def point_load(mesh: TriangleMesh, vertex: int, force_n: FloatArray) -> FloatArray:

@@ -8,15 +8,15 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from services.atomic_file import atomic_file
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem import StaticSolution
-from services.mechanics.fem.boundary_conditions import DOF_NAMES
-from services.mechanics.fem.nonlinear import PathPoint
-from services.mechanics.fem.nonlinear.rotations import logarithm
-from services.meshes.writing import write_vtu
-from studies.fem.run import FemResult
-from studies.fem.select import select
+from trocar.services.atomic_file import atomic_file
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.fem import StaticSolution
+from trocar.services.mechanics.fem.boundary_conditions import DOF_NAMES
+from trocar.services.mechanics.fem.nonlinear import PathPoint
+from trocar.services.mechanics.fem.nonlinear.rotations import logarithm
+from trocar.services.meshes.writing import write_vtu
+from trocar.studies.fem.run import FemResult
+from trocar.studies.fem.select import select
 
 
 def to_json(result: FemResult) -> dict[str, Any]:

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from services.mechanics.surface.mesh import TriangleMesh
-from services.meshes.winding import joined_triangles
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.meshes.winding import joined_triangles
 
 
 def face_outwards(mesh: TriangleMesh, actions: list[str]) -> TriangleMesh:

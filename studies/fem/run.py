@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 from scipy.sparse.linalg import ArpackNoConvergence
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.fem import (
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.fem import (
     EigenModes,
     ElementChoice,
     Orthotropy,
@@ -23,31 +23,31 @@ from services.mechanics.fem import (
     compute_modes,
     pressure_load,
 )
-from services.mechanics.fem.boundary_conditions import DOF_NAMES, held_dofs
-from services.mechanics.fem.memory import check_memory
-from services.mechanics.fem.nonlinear import (
+from trocar.services.mechanics.fem.boundary_conditions import DOF_NAMES, held_dofs
+from trocar.services.mechanics.fem.memory import check_memory
+from trocar.services.mechanics.fem.nonlinear import (
     CorotationalShell,
     NonlinearLoad,
     PathPoint,
     PathSettings,
     trace_path,
 )
-from services.mechanics.surface.mesh import TriangleMesh, unique_edges
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from services.meshes.errors import MeshError
-from services.meshes.loading import SurfaceSettings, load_duct_surface
-from services.meshes.reading import read_surface
-from services.meshes.repairing import merge_and_drop
-from services.meshes.winding import flipped_edges, wind_consistently
-from studies.fem.arc_length import MOST_POINTS, trace_arc_length
-from studies.fem.buckling import BucklingModes, compute_buckling
-from studies.fem.case import FemCase, Held, Load
-from studies.fem.cautions import find_cautions
-from studies.fem.floating import Floating, compute_floating_modes, find_floating
-from studies.fem.loads import surface_load
-from studies.fem.outward import face_outwards
-from studies.fem.select import place_mm, select
-from studies.published.panel import Annulus, Cylinder, Plate, Sphere
+from trocar.services.mechanics.surface.mesh import TriangleMesh, unique_edges
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.meshes.errors import MeshError
+from trocar.services.meshes.loading import SurfaceSettings, load_duct_surface
+from trocar.services.meshes.reading import read_surface
+from trocar.services.meshes.repairing import merge_and_drop
+from trocar.services.meshes.winding import flipped_edges, wind_consistently
+from trocar.studies.fem.arc_length import MOST_POINTS, trace_arc_length
+from trocar.studies.fem.buckling import BucklingModes, compute_buckling
+from trocar.studies.fem.case import FemCase, Held, Load
+from trocar.studies.fem.cautions import find_cautions
+from trocar.studies.fem.floating import Floating, compute_floating_modes, find_floating
+from trocar.studies.fem.loads import surface_load
+from trocar.studies.fem.outward import face_outwards
+from trocar.studies.fem.select import place_mm, select
+from trocar.studies.published.panel import Annulus, Cylinder, Plate, Sphere
 
 OnStage = Callable[[str, int], None]
 """Told the name of a stage and how many steps it is expected to take; then called with "" and 1 a step."""

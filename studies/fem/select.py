@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.surface.mesh import TriangleMesh
-from studies.fem.case import Where
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.studies.fem.case import Where
 
 
 def select(mesh: TriangleMesh, where: Where, key: str) -> IntArray:

@@ -12,9 +12,18 @@ import math
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.compiled import building_kernel
-from services.mechanics.compiled.vectors import Vector, along, cross, dot, row, row_of, squared_distance, subtract
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.compiled import building_kernel
+from trocar.services.mechanics.compiled.vectors import (
+    Vector,
+    along,
+    cross,
+    dot,
+    row,
+    row_of,
+    squared_distance,
+    subtract,
+)
 
 
 @building_kernel

@@ -7,14 +7,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.bodies.forceps.kinematics import tool_frame, tool_segments
-from services.mechanics.bodies.forceps.tool_body import ToolBody
-from services.mechanics.collision.pairs import JAW_A, JAW_B, SHAFT
-from services.mechanics.effects.gallstones import Gallstones
-from services.mechanics.effects.self_contact import SelfContactSettings
-from services.mechanics.simulation import Simulation
-from studies.judge.closest import count_layers, nearest_segments, nearest_strands, nearest_triangles
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.bodies.forceps.kinematics import tool_frame, tool_segments
+from trocar.services.mechanics.bodies.forceps.tool_body import ToolBody
+from trocar.services.mechanics.collision.pairs import JAW_A, JAW_B, SHAFT
+from trocar.services.mechanics.effects.gallstones import Gallstones
+from trocar.services.mechanics.effects.self_contact import SelfContactSettings
+from trocar.services.mechanics.simulation import Simulation
+from trocar.studies.judge.closest import count_layers, nearest_segments, nearest_strands, nearest_triangles
 
 BODIES = ("catheter", "particles", "strands", "stones", "shaft", "jaws", "tool in catheter")
 """What is told apart: the catheter's segments as capsules, its particles alone as spheres, the catheter in itself where

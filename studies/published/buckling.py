@@ -9,8 +9,8 @@ from typing import Literal
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.fem import (
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.fem import (
     ElementChoice,
     ShellModel,
     ShellSection,
@@ -18,10 +18,10 @@ from services.mechanics.fem import (
     clamp,
     pressure_load,
 )
-from services.mechanics.surface.mesh import TriangleMesh
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from studies.fem.buckling import compute_buckling
-from studies.published.shells import PLATE_SECTION, UNIT_DENSITY, mapped_patch, plate_rigidity
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.studies.fem.buckling import compute_buckling
+from trocar.studies.published.shells import PLATE_SECTION, UNIT_DENSITY, mapped_patch, plate_rigidity
 
 PlateLoad = Literal["one way", "both ways", "shear"]
 PLATE_COEFFICIENT: dict[tuple[PlateLoad, bool], float] = {

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, Support, clamp
-from services.mechanics.fem.nonlinear import CorotationalShell, NonlinearLoad, PathPoint
-from services.mechanics.surface.mesh import TriangleMesh
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.fem import ElementChoice, ShellModel, ShellSection, Support, clamp
+from trocar.services.mechanics.fem.nonlinear import CorotationalShell, NonlinearLoad, PathPoint
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 
 def _pairs(text: str) -> FloatArray:

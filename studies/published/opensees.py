@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.fem import ShellModel
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.fem import ShellModel
 
 # In loading order; the wheel ships them beside the module but does not always point the loader at them.
 BUNDLED_LIBRARIES = ("libquadmath.so.0", "libgfortran.so.4", "libblas.so.3", "liblapack.so.3")

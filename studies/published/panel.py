@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.surface.mesh import TriangleMesh
-from services.mechanics.surface.tube import MOST_TRIANGLES
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.surface.tube import MOST_TRIANGLES
 
 FULL_TURN_RAD = 2.0 * math.pi * (1.0 + 1e-6)
 """An angle written to seven digits may be a little more than a turn."""

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.rod import ImplicitIntegrator, RodState, clamped, rod_energy, straight_rod
-from studies.published.rods import EI, LENGTH_M, X, example_rod, step_to_rest
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.rod import ImplicitIntegrator, RodState, clamped, rod_energy, straight_rod
+from trocar.studies.published.rods import EI, LENGTH_M, X, example_rod, step_to_rest
 
 CATHETER_DAMPING_S = 2e-4  # of the material of a scene's catheter
 

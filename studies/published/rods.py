@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.rod import (
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.rod import (
     ImplicitIntegrator,
     RodProperties,
     RodState,

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.fem import (
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.fem import (
     ElementChoice,
     ShellModel,
     ShellSection,
@@ -20,9 +20,9 @@ from services.mechanics.fem import (
     clamp,
     compute_modes,
 )
-from services.mechanics.surface.mesh import TriangleMesh
-from services.mechanics.surface.tube import DuctGeometry, alternating_triangles, parametric_duct
-from studies.fem.loads import surface_load
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.surface.tube import DuctGeometry, alternating_triangles, parametric_duct
+from trocar.studies.fem.loads import surface_load
 
 UNIT_DENSITY = 1.0
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from studies.published.shells import UNIT_DENSITY
+from trocar.services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.studies.published.shells import UNIT_DENSITY
 
 POISSON_RATIO = 0.45
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.compiled import building_kernel
-from services.mechanics.compiled.vectors import row
-from studies.judge.closest import where_through
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.compiled import building_kernel
+from trocar.services.mechanics.compiled.vectors import row
+from trocar.studies.judge.closest import where_through
 
 
 @building_kernel

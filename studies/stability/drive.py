@@ -8,20 +8,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.cache_directory import cache_directory
-from services.mechanics.arrays import FloatArray
-from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.rod import RodProperties
-from services.mechanics.scene import SceneModel
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from services.mechanics.surface.mesh import TriangleMesh
-from studies.energy_book import EnergyBook
-from studies.stability.criteria import CRITERIA, HAND_SPEED_M_S, REST_S, REST_SPEED_M_S, Figures
-from studies.stability.finely import Explained, take_finely
-from studies.stability.hands import HandMotions
-from studies.stability.watch import Watch, is_at_rest
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.rod import RodProperties
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.studies.energy_book import EnergyBook
+from trocar.studies.stability.criteria import CRITERIA, HAND_SPEED_M_S, REST_S, REST_SPEED_M_S, Figures
+from trocar.studies.stability.finely import Explained, take_finely
+from trocar.studies.stability.hands import HandMotions
+from trocar.studies.stability.watch import Watch, is_at_rest
 
 QUIET_S = 0.1
 """So long in a row at rest ends a run."""

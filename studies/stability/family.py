@@ -9,7 +9,7 @@ from enum import Enum
 
 import numpy as np
 
-from studies.stability.drive import Driven, Play, drive
+from trocar.studies.stability.drive import Driven, Play, drive
 
 
 class Reach(Enum):

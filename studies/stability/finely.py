@@ -13,11 +13,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.collision.pairs import NO_TOOL
-from services.mechanics.scene.tools import N_TOOLS, ToolInputs
-from services.mechanics.simulation import Simulation
-from studies.stability.hands import HandMotions
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.collision.pairs import NO_TOOL
+from trocar.services.mechanics.scene.tools import N_TOOLS, ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.studies.stability.hands import HandMotions
 
 PARTS = 16
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.mechanics.arrays import BoolArray, FloatArray, IntArray
-from services.mechanics.scene import ToolScene
-from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs
+from trocar.services.mechanics.arrays import BoolArray, FloatArray, IntArray
+from trocar.services.mechanics.scene import ToolScene
+from trocar.services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs
 
 
 @dataclass(frozen=True, slots=True)

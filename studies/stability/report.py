@@ -13,11 +13,11 @@ from importlib.metadata import version
 from itertools import chain
 from typing import Any
 
-from services.runtime.machine import processor_name
-from studies.rates import rate
-from studies.stability.criteria import CRITERIA, failures, load_of
-from studies.stability.families import FAMILIES
-from studies.stability.suite import Order, Result, list_cases
+from trocar.services.runtime.machine import processor_name
+from trocar.studies.rates import rate
+from trocar.studies.stability.criteria import CRITERIA, failures, load_of
+from trocar.studies.stability.families import FAMILIES
+from trocar.studies.stability.suite import Order, Result, list_cases
 
 PACKAGES = "numpy", "scipy", "numba"
 

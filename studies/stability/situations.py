@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.mechanics.scenarios import insertion_scene
-from services.mechanics.scene import CatheterScene, SceneModel
-from studies.stability.hands import HandMotions, eased, junction, still
+from trocar.services.mechanics.scenarios import insertion_scene
+from trocar.services.mechanics.scene import CatheterScene, SceneModel
+from trocar.studies.stability.hands import HandMotions, eased, junction, still
 
 LEAD_STEPS = 250
 """Steps of 1 ms in which jaws close and everything comes to rest, before anything hard happens."""

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
-from studies.stability.hands import HandMotions, least_jerk
-from studies.stability.situations import LEAD_STEPS, Situation
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.studies.stability.hands import HandMotions, least_jerk
+from trocar.studies.stability.situations import LEAD_STEPS, Situation
 
 SPEEDS_M_S = 0.1, 0.3
 ROUNDING = 1e-6

@@ -13,12 +13,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import perf_counter
 
-from services.atomic_file import atomic_file, complete_lines
-from studies.pool import open_pool
-from studies.result_folder import read_as_ours
-from studies.stability.criteria import Figures, failures
-from studies.stability.families import FAMILIES
-from studies.stability.family import Case, Draw, Reach
+from trocar.services.atomic_file import atomic_file, complete_lines
+from trocar.studies.pool import open_pool
+from trocar.studies.result_folder import read_as_ours
+from trocar.studies.stability.criteria import Figures, failures
+from trocar.studies.stability.families import FAMILIES
+from trocar.studies.stability.family import Case, Draw, Reach
 
 AGAIN_EVERY = 10
 """One case in so many is run a second time, after another one."""

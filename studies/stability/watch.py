@@ -9,17 +9,17 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from services.mechanics.arrays import AnyArray, FloatArray
-from services.mechanics.collision.pairs import NO_TOOL
-from services.mechanics.contact.laws import HAS_GAP
-from services.mechanics.rod.model import RodModel
-from services.mechanics.scene.tools import N_TOOLS
-from services.mechanics.simulation import Simulation
-from studies.energy_book import EnergyFlow, implicit_integrator
-from studies.judge.overlaps import BODIES, IN_CATHETER, OF_TOOLS, OverlapJudge
-from studies.stability.criteria import CRITERIA, REST_SPEED_M_S, Figures
-from studies.stability.crossings import count_crossings
-from studies.stability.finely import Explained, contact_forces_n, nearest_on
+from trocar.services.mechanics.arrays import AnyArray, FloatArray
+from trocar.services.mechanics.collision.pairs import NO_TOOL
+from trocar.services.mechanics.contact.laws import HAS_GAP
+from trocar.services.mechanics.rod.model import RodModel
+from trocar.services.mechanics.scene.tools import N_TOOLS
+from trocar.services.mechanics.simulation import Simulation
+from trocar.studies.energy_book import EnergyFlow, implicit_integrator
+from trocar.studies.judge.overlaps import BODIES, IN_CATHETER, OF_TOOLS, OverlapJudge
+from trocar.studies.stability.criteria import CRITERIA, REST_SPEED_M_S, Figures
+from trocar.studies.stability.crossings import count_crossings
+from trocar.studies.stability.finely import Explained, contact_forces_n, nearest_on
 
 G_M_S2 = 9.81
 CROSSINGS_EVERY = 50

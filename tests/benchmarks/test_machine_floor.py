@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from services.runtime.private_directory import make_private
-from services.supervisor.observers.core_sleepers import PERIOD_NS, PHASES, Phases
+from trocar.services.runtime.private_directory import make_private
+from trocar.services.supervisor.observers.core_sleepers import PERIOD_NS, PHASES, Phases
 
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
 

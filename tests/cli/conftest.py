@@ -16,12 +16,12 @@ from pathlib import Path
 
 import pytest
 
-from services.cli import check_options, validation
-from services.cli.app import main
-from services.mechanics.scene import SceneModel
-from services.runtime.errors import UserError
-from services.scenes import check_duct
-from services.supervisor import fork_link
+from trocar.services.cli import check_options, validation
+from trocar.services.cli.app import main
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.runtime.errors import UserError
+from trocar.services.scenes import check_duct
+from trocar.services.supervisor import fork_link
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,9 @@ ROOT = Path(__file__).parents[2]
 
 def test_the_command_itself_imports_nothing_heavy() -> None:
     """`trocar --help` answers before numpy would have been imported."""
-    script = "import sys, services.cli.app; print(*sorted({'numpy', 'zmq', 'numba', 'uvicorn'} & set(sys.modules)))"
+    script = (
+        "import sys, trocar.services.cli.app; print(*sorted({'numpy', 'zmq', 'numba', 'uvicorn'} & set(sys.modules)))"
+    )
     ran = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=ROOT)
     assert ran.stdout.strip() == ""
 
@@ -32,7 +34,7 @@ def test_unknown_option_is_a_usage_error(trocar: Trocar) -> None:
 
 
 def test_a_package_that_is_not_installed_is_a_sentence(trocar: Trocar, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delitem(sys.modules, "services.cli.sniff", raising=False)
+    monkeypatch.delitem(sys.modules, "trocar.services.cli.sniff", raising=False)
     monkeypatch.setitem(sys.modules, "zmq", None)
     ran = trocar("sniff")
     assert ran.code == 1

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from services.cli import host_checks, probes
-from services.cli.host_checks import CheckResult, Verdict
-from services.gateway.hdapi import host_checks as arms
 from tests.cli.conftest import Trocar
 from tests.docs.reference import ROOT
 from tests.docs.test_pages import anchors
+from trocar.services.cli import host_checks, probes
+from trocar.services.cli.host_checks import CheckResult, Verdict
+from trocar.services.gateway.hdapi import host_checks as arms
 
 
 @pytest.fixture

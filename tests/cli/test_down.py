@@ -8,13 +8,13 @@ from typing import Literal
 
 import pytest
 
-from services.cli import down
-from services.runtime import endpoints
-from services.runtime.errors import UserError
-from services.runtime.flight import FlightRing, flight_directory
-from services.runtime.rig import Rig, SupervisorSettings, Transport
-from services.supervisor.observers.core_sleepers import PHASES
-from services.supervisor.page_place import page_file, write_page_file
+from trocar.services.cli import down
+from trocar.services.runtime import endpoints
+from trocar.services.runtime.errors import UserError
+from trocar.services.runtime.flight import FlightRing, flight_directory
+from trocar.services.runtime.rig import Rig, SupervisorSettings, Transport
+from trocar.services.supervisor.observers.core_sleepers import PHASES
+from trocar.services.supervisor.page_place import page_file, write_page_file
 
 
 @pytest.mark.parametrize("mode", ["launch", "attach"])

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from services.mechanics.effects import EFFECTS, EffectEntry
-from studies import effect_costs
 from tests.cli.conftest import Trocar
+from trocar.services.mechanics.effects import EFFECTS, EffectEntry
+from trocar.studies import effect_costs
 
 SMALL = Path(__file__).parents[1] / "scenes" / "small.yaml"
 

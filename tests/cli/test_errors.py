@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from services.runtime import config
 from tests.cli.conftest import Trocar
+from trocar.services.runtime import config
 
 ROOT = Path(__file__).parents[2]
 
@@ -122,7 +122,9 @@ def test_a_time_without_an_end_is_a_usage_error(trocar: Trocar, rig_file: Path, 
 def test_no_minutes_are_not_any_number_of_minutes(trocar: Trocar, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nought was taken for nothing said, and all cases were run."""
     given: list[float] = []
-    monkeypatch.setattr("studies.commands.stability.run_suite", lambda *arguments: given.append(arguments[-1]) or [])
+    monkeypatch.setattr(
+        "trocar.studies.commands.stability.run_suite", lambda *arguments: given.append(arguments[-1]) or []
+    )
     assert trocar("stability", "--minutes", "0").code == 0
     assert trocar("stability").code == 0
     assert given == [0.0, math.inf]
@@ -215,7 +217,7 @@ def test_missing_vendor_library(rig_file: Path) -> None:
     instrument = f"{{name: left, port_m: [0.0, 0.0, 0.1], arm: {arm}}}"
     others = ", ".join(f"{name}: {{enabled: false}}" for name in ("visualization", "physics", "haptics", "recorder"))
     rig_file.write_text(f"{rig_file.read_text()}processes: {{{others}}}\ngateway: {{instruments: [{instrument}]}}\n")
-    command = [sys.executable, "-m", "services.cli.app", "up", "--rig", str(rig_file)]
+    command = [sys.executable, "-m", "trocar.services.cli.app", "up", "--rig", str(rig_file)]
     ran = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, cwd=ROOT)
     assert ran.returncode == 4, ran.stderr
     assert "instrument 'left': OpenHaptics cannot be loaded: libHD-that-nobody-has.so" in ran.stderr

@@ -14,12 +14,12 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from services.cli.app import app
-from services.cli.incidents import incidents, worst_ticks
-from services.cli.latency import _cells, _show
-from services.cli.trace import trace
-from services.runtime.flight import COLUMNS, FlightRing, flight_directory, remove_rings
-from services.runtime.flights import Flight, Flights, ThreadTime, to_bytes
+from trocar.services.cli.app import app
+from trocar.services.cli.incidents import incidents, worst_ticks
+from trocar.services.cli.latency import _cells, _show
+from trocar.services.cli.trace import trace
+from trocar.services.runtime.flight import COLUMNS, FlightRing, flight_directory, remove_rings
+from trocar.services.runtime.flights import Flight, Flights, ThreadTime, to_bytes
 
 MS = 1_000_000
 START = 5_000 * MS

@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from services.cli import pictures
-from services.cli.pictures import PicturePlayer
-from services.recordings.reader import read_messages
 from tests.review.test_assess import recorded, word
 from tests.training.streams import GOOD, messages
+from trocar.services.cli import pictures
+from trocar.services.cli.pictures import PicturePlayer
+from trocar.services.recordings.reader import read_messages
 
 SAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "recordings" / "insertion-success.mcap"
 

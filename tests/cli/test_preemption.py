@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from services.cli import host_checks, preemption
-from services.cli.host_checks import Verdict
-from services.cli.preemption import is_prompt, model
+from trocar.services.cli import host_checks, preemption
+from trocar.services.cli.host_checks import Verdict
+from trocar.services.cli.preemption import is_prompt, model
 
 DYNAMIC = "#1 SMP PREEMPT_DYNAMIC Debian 6.12.9-1 (2025-01-10)"
 

@@ -8,15 +8,15 @@ import msgspec
 import numpy as np
 import pytest
 
-import protocol
-import protocol.bodies as bodies
-from protocol import TOPICS, Frame, topic
-from protocol.arrays import pack
-from protocol.bodies.physics import REACTION_COLUMNS
-from protocol.former import ContactModel2
-from protocol.upgrades import body_type
-from services.cli.raw_frames import unpack
+import trocar.protocol.bodies as bodies
 from tests.protocol import samples
+from trocar import protocol
+from trocar.protocol import TOPICS, Frame, topic
+from trocar.protocol.arrays import pack
+from trocar.protocol.bodies.physics import REACTION_COLUMNS
+from trocar.protocol.former import ContactModel2
+from trocar.protocol.upgrades import body_type
+from trocar.services.cli.raw_frames import unpack
 
 GOLDEN = sorted((Path(__file__).parents[1] / "protocol" / "golden").glob("*.msgpack"))
 

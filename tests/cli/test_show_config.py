@@ -5,11 +5,11 @@ import json
 import pytest
 import yaml
 
-from services.runtime import config
-from services.runtime.rig import Rig
-from services.scenes import build_scene, load_scene
 from tests.by_day import by_day
 from tests.cli.conftest import Trocar
+from trocar.services.runtime import config
+from trocar.services.runtime.rig import Rig
+from trocar.services.scenes import build_scene, load_scene
 
 
 def test_shown_rig_is_a_rig_file_again(trocar: Trocar) -> None:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-import protocol
-from protocol import Frame, bodies
-from services.cli.sniff import TopicTally
+from trocar import protocol
+from trocar.protocol import Frame, bodies
+from trocar.services.cli.sniff import TopicTally
 
 MS = 1_000_000
 

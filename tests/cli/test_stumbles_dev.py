@@ -13,7 +13,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 #: This interpreter, but it builds no page; and a pip that only writes down what it should install.
 _PYTHON = f"""#!/bin/sh
-[ "$2" = services.visualization.web.build ] || exec {sys.executable} "$@"
+[ "$2" = trocar.services.visualization.web.build ] || exec {sys.executable} "$@"
 """
 _PIP = '#!/bin/sh\necho "$@" >> pip.log\n'
 

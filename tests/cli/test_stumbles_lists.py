@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from services.cli import targets
-from services.first_sentence import first_sentence
-from services.runtime import config
-from services.runtime.errors import ConfigError
-from services.runtime.flights import FILE_SUFFIX, Flights, to_bytes
-from studies.accuracy.study import study_names
 from tests.cli.conftest import Trocar
+from trocar.services.cli import targets
+from trocar.services.first_sentence import first_sentence
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.runtime.flights import FILE_SUFFIX, Flights, to_bytes
+from trocar.studies.accuracy.study import study_names
 
 
 def test_every_scene_is_listed_with_a_sentence(trocar: Trocar) -> None:

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from services.cli import check_options, validation
-from services.nearest_word import did_you_mean
-from services.runtime.errors import ConfigError
 from tests.cli.conftest import Trocar
+from trocar.services.cli import check_options, validation
+from trocar.services.nearest_word import did_you_mean
+from trocar.services.runtime.errors import ConfigError
 
 
 @pytest.fixture

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from services.cli import targets
-from services.runtime.errors import ConfigError, UserError
 from tests.cli.conftest import Trocar
+from trocar.services.cli import targets
+from trocar.services.runtime.errors import ConfigError, UserError
 
 PLATE = """
 mesh: {parametric: {radius_m: 0.004, length_m: 0.02, n_around: 8, n_along: 4}}
@@ -155,7 +155,7 @@ def test_a_number_in_a_narrow_terminal_keeps_its_exponent(
 
 def test_a_name_that_the_terminal_cannot_write_is_escaped(case: Path) -> None:
     case.write_text(PLATE + 'probes: {"wall \u2603": {vertex: 3}}\n')
-    command = [sys.executable, "-m", "services.cli.app", "fem", str(case)]
+    command = [sys.executable, "-m", "trocar.services.cli.app", "fem", str(case)]
     environment = os.environ | {"PYTHONIOENCODING": "ascii"}
     ran = subprocess.run(
         command, capture_output=True, text=True, env=environment, check=False, cwd=Path(__file__).parents[2]

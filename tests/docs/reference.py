@@ -11,13 +11,13 @@ from typing import Any
 import typer
 from pydantic import TypeAdapter
 
-from protocol.bodies import SupervisorState
-from services.cli.app import add_installed_verbs, app
-from services.gateway.device_files import DeviceFile
-from services.runtime.rig import Rig
-from services.scenes import scene_file_type
-from services.supervisor.metrics import RigCollector, RigSource
-from services.supervisor.state_machine import RigState
+from trocar.protocol.bodies import SupervisorState
+from trocar.services.cli.app import add_installed_verbs, app
+from trocar.services.gateway.device_files import DeviceFile
+from trocar.services.runtime.rig import Rig
+from trocar.services.scenes import scene_file_type
+from trocar.services.supervisor.metrics import RigCollector, RigSource
+from trocar.services.supervisor.state_machine import RigState
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "docs" / "reference"

@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 
 import trocar
-from services.mechanics.scene.tools import ToolResults
 from trocar.envs import HandLimits
 from trocar.envs.hands import DeviceHands
+from trocar.services.mechanics.scene.tools import ToolResults
 
 PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "python-api.md").read_text(encoding="utf-8")
 SMALL = ("duct.n_around=20", "duct.n_along=26", "duct.n_modes=40", "catheter.n_segments=34")
-OURS = ("services.mechanics.", "trocar.")
+OURS = ("trocar.services.mechanics.", "trocar.")
 FRAMES = ("scene", "contact", "modes", "")
 #: Parts of parts that are told of; of all others only those that a simulation shows itself.
 FURTHER = ("simulation.catheter.state", "simulation.duct.state", "simulation.world.pairs")

@@ -16,16 +16,16 @@ import numpy as np
 import pytest
 
 import trocar
-from review.attempts.recorded import assess_file
-from services.cli.rerun import compare
-from services.mechanics.scene.tools import ToolInputs
-from services.recordings.inputs import read_inputs
-from services.training.score import load_rules
 from tests.by_day import by_day
 from tests.envs.walks import SMALL, walk
 from trocar.envs import Expert, Insertion, state
 from trocar.envs.cloning import read_demonstrations
 from trocar.envs.rollouts import rollouts
+from trocar.review.attempts.recorded import assess_file
+from trocar.services.cli.rerun import compare
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.recordings.inputs import read_inputs
+from trocar.services.training.score import load_rules
 
 RANGES = {"catheter.youngs_modulus_pa": (30e6, 60e6), "catheter.n_segments": (38, 42)}
 

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 import trocar
-from review.attempts.recorded import assess_file
-from services.cli.rerun import compare
-from services.recordings.inputs import read_inputs
-from services.training.score import load_rules
 from trocar.envs import Expert, Insertion, Navigation, navigation_state
 from trocar.envs.cloning import clone, read_demonstrations
 from trocar.envs.navigation import PUSH, STEER, TWIST, travel_m
 from trocar.envs.rollouts import rollouts
 from trocar.envs.state import places
+from trocar.review.attempts.recorded import assess_file
+from trocar.services.cli.rerun import compare
+from trocar.services.recordings.inputs import read_inputs
+from trocar.services.training.score import load_rules
 
 BRONCHI = ("right_upper", "right_lower", "left_upper", "left_lower")
 VESSELS = ("subclavian", "carotid", "brachiocephalic")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from services.gateway import premium_model
-from services.mechanics.arrays import FloatArray
+from trocar.services.gateway import premium_model
+from trocar.services.mechanics.arrays import FloatArray
 
 
 def energy_j(angles: FloatArray, rates: FloatArray) -> float:

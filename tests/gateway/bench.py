@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
-from services.gateway.clock import Clock
-from services.runtime.rig import DriverSettings
+from trocar.services.gateway.clock import Clock
+from trocar.services.runtime.rig import DriverSettings
 
 TICK_S = 1e-3
 _TICK_NS = 1_000_000

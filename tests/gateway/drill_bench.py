@@ -11,19 +11,19 @@ from typing import Any, cast
 import pytest
 import yaml
 
-import services.gateway.__main__ as gateway_process
-from protocol import topic
-from protocol.bodies import ContactModel, InstrumentState, LocalModel
-from services.gateway import instrument
-from services.gateway.drivers.grasp_odrive_can import OdriveGrasp
-from services.gateway.drivers.phantom_simulated import Driver as SimulatedArm
-from services.gateway.scene_hands import SceneHands
-from services.runtime import bus, config
-from services.runtime.loop import Tick
-from studies.feel.hands import Books
+import trocar.services.gateway.__main__ as gateway_process
 from tests.gateway.virtual_node import VirtualNode
 from tests.memory_bus import MemoryBus, MemoryHub
 from tests.memory_process import MemoryProcess, in_time_of
+from trocar.protocol import topic
+from trocar.protocol.bodies import ContactModel, InstrumentState, LocalModel
+from trocar.services.gateway import instrument
+from trocar.services.gateway.drivers.grasp_odrive_can import OdriveGrasp
+from trocar.services.gateway.drivers.phantom_simulated import Driver as SimulatedArm
+from trocar.services.gateway.scene_hands import SceneHands
+from trocar.services.runtime import bus, config
+from trocar.services.runtime.loop import Tick
+from trocar.studies.feel.hands import Books
 
 TICK_NS = 1_000_000
 TTL_S, RATE_N_S, TORQUE_NM, LIMIT_N = 0.02, 200.0, 0.3, 3.0

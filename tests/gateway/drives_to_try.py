@@ -15,9 +15,9 @@ from pathlib import Path
 import can
 import yaml
 
-from services.gateway import canbus, cansimple
 from tests.gateway.slcan_adapter import Adapter
 from tests.gateway.virtual_node import VirtualNode
+from trocar.services.gateway import canbus, cansimple
 
 NODES = (1, 2)
 _TICK_S = 1e-3

@@ -9,9 +9,9 @@ import math
 import sys
 import time
 
-from protocol.bodies import ContactModel, LocalModel
-from services.runtime import config, realtime
-from services.runtime.zmq_bus import ZmqBus
+from trocar.protocol.bodies import ContactModel, LocalModel
+from trocar.services.runtime import config, realtime
+from trocar.services.runtime.zmq_bus import ZmqBus
 
 TTL_S, RAMP_S = 0.02, 0.3
 

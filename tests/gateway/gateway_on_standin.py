@@ -9,8 +9,8 @@ import ctypes
 import sys
 from threading import Thread
 
-from services.gateway import __main__ as gateway
-from services.runtime.process import main
+from trocar.services.gateway import __main__ as gateway
+from trocar.services.runtime.process import main
 
 
 def obey(library: str) -> None:

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from protocol.bodies.haptics import MODEL_COLUMNS, MODEL_CONTACT, MODEL_F0, MODEL_K
-from services.gateway import servo_arrays
-from services.gateway.driver import Place
-from services.gateway.drivers.phantom_hdapi import Driver
-from services.runtime.rig import DriverSettings, Mount
 from tests.gateway.hdapi_library import HdapiStandIn
 from tests.gateway.kicks import ENDLESS_N, kicks_n
+from trocar.protocol.bodies.haptics import MODEL_COLUMNS, MODEL_CONTACT, MODEL_F0, MODEL_K
+from trocar.services.gateway import servo_arrays
+from trocar.services.gateway.driver import Place
+from trocar.services.gateway.drivers.phantom_hdapi import Driver
+from trocar.services.runtime.rig import DriverSettings, Mount
 
 RATE_N_S = 200.0
 TTL_MS = 20

@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from services.gateway.clock import REAL_TIME, Clock
-from services.mechanics.arrays import FloatArray, LongArray
 from tests.gateway.bench import BenchUnavailable, SteppedClock
+from trocar.services.gateway.clock import REAL_TIME, Clock
+from trocar.services.mechanics.arrays import FloatArray, LongArray
 
 SOURCES = Path(__file__).resolve().with_name("hdapi_standin")
 #: The devices that it has, by the names of the vendor's set-up; the first is the default one.

@@ -9,7 +9,7 @@ from typing import Any
 
 from evdev import AbsInfo, InputEvent, ecodes
 
-from services.gateway import input_events
+from trocar.services.gateway import input_events
 
 
 class InputStandIn:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.arrays import FloatArray
 
 #: Friction of an arm that takes whatever a force gives: the servo's law does not bound its energy.
 ENDLESS_N = math.inf

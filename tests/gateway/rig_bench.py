@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 import yaml
 
-from protocol import Frame
-from protocol.bodies import SupervisorState
-from services.runtime import config
-from services.runtime.zmq_bus import ZmqBus
 from tests.gateway.kicks import kicks_n
+from trocar.protocol import Frame
+from trocar.protocol.bodies import SupervisorState
+from trocar.services.runtime import config
+from trocar.services.runtime.zmq_bus import ZmqBus
 
 RATE_LIMIT_N_S = 200.0
 START_TIMEOUT_S = 400.0  # compiling every kernel on a busy machine
@@ -79,7 +79,7 @@ class Bench:
         return process
 
     def gateway(self) -> subprocess.Popen[bytes]:
-        return self.start("services.gateway", "--rig", str(self.rig_file))
+        return self.start("trocar.services.gateway", "--rig", str(self.rig_file))
 
     def haptics(self, force_n: float, *period_s: float) -> subprocess.Popen[bytes]:
         return self.start("tests.gateway.fake_haptics", str(self.rig_file), *map(str, (force_n, *period_s)))

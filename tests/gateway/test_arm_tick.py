@@ -2,11 +2,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.gateway import premium_model, simulated_arm
-from services.gateway.arm_tick import ArmTick, tick_arm
-from services.gateway.script import ROLL, Breakpoint, Motion, Player
-from services.gateway.servo_arrays import READ_ROLL, READ_SIZE
-from services.gateway.simulated_arm import ArmState
+from trocar.services.gateway import premium_model, simulated_arm
+from trocar.services.gateway.arm_tick import ArmTick, tick_arm
+from trocar.services.gateway.script import ROLL, Breakpoint, Motion, Player
+from trocar.services.gateway.servo_arrays import READ_ROLL, READ_SIZE
+from trocar.services.gateway.simulated_arm import ArmState
 
 PORT = (0.075, -0.06, 0.12)
 STAND = np.array([0.6, 0.8, 0.03, -0.01, 0.02, *premium_model.centre()])

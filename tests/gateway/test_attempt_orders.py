@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from protocol import Frame
-from protocol.bodies import Attempt, LocalModel
-from services.gateway.attempt_orders import AttemptOrders
-from services.gateway.rig_time import RigTime
-from services.gateway.servo import Servo, ServoLimits
 from tests.gateway.kicks import ENDLESS_N
+from trocar.protocol import Frame
+from trocar.protocol.bodies import Attempt, LocalModel
+from trocar.services.gateway.attempt_orders import AttemptOrders
+from trocar.services.gateway.rig_time import RigTime
+from trocar.services.gateway.servo import Servo, ServoLimits
 
 MS = 1_000_000
 RATE_N_S, FULL_N = 200.0, 2.0

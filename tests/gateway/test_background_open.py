@@ -9,9 +9,9 @@ from typing import Any
 import can
 import pytest
 
-from services.gateway import canbus, shared_bus
-from services.gateway.background_open import BackgroundOpen
-from services.runtime.errors import DeviceError
+from trocar.services.gateway import canbus, shared_bus
+from trocar.services.gateway.background_open import BackgroundOpen
+from trocar.services.runtime.errors import DeviceError
 
 
 class _StrangeError(Exception):

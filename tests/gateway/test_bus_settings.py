@@ -11,10 +11,10 @@ from typing import Any
 import can
 import pytest
 
-from services.gateway import canbus
-from services.runtime.errors import ConfigError
 from tests.gateway.test_can_buses import load
 from tests.gateway.virtual_node import VirtualNode
+from trocar.services.gateway import canbus
+from trocar.services.runtime.errors import ConfigError
 
 
 @pytest.mark.parametrize("bitrate", [0, -500_000, "fast", None, True, float("nan")])

@@ -14,16 +14,16 @@ import can
 import numpy as np
 import pytest
 
-from services.gateway import canbus, driver, servo_arrays
-from services.gateway.bus_load import BusLoad, frame_bits
-from services.gateway.cansimple import AxisState
-from services.gateway.driver import Place
-from services.runtime.errors import DeviceError
-from services.runtime.rig import DriverSettings, Mount
 from tests.gateway.bench import SteppedClock
 from tests.gateway.slcan_adapter import Adapter
 from tests.gateway.virtual_node import VirtualNode
 from tests.ports import free_port
+from trocar.services.gateway import canbus, driver, servo_arrays
+from trocar.services.gateway.bus_load import BusLoad, frame_bits
+from trocar.services.gateway.cansimple import AxisState
+from trocar.services.gateway.driver import Place
+from trocar.services.runtime.errors import DeviceError
+from trocar.services.runtime.rig import DriverSettings, Mount
 
 TORQUE_NM = 0.1
 

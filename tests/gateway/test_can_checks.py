@@ -13,12 +13,12 @@ from typing import Any
 
 import pytest
 
-from services.gateway import can_checks
-from services.gateway.driver import check_host
-from services.gateway.host_check import HostCheck
-from services.runtime.rig import DriverSettings
 from tests.gateway.virtual_node import VirtualNode
 from tests.patience import PATIENCE_S
+from trocar.services.gateway import can_checks
+from trocar.services.gateway.driver import check_host
+from trocar.services.gateway.host_check import HostCheck
+from trocar.services.runtime.rig import DriverSettings
 
 SOCKET: dict[str, Any] = {"interface": "socketcan", "channel": "can0"}
 #: For so many heartbeats that a machine which stands still meanwhile leaves some.

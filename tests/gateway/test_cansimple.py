@@ -7,9 +7,9 @@ import struct
 import cantools
 import pytest
 
-from services.gateway import cansimple
-from services.gateway.cansimple import AxisError, AxisState
-from services.runtime import config
+from trocar.services.gateway import cansimple
+from trocar.services.gateway.cansimple import AxisError, AxisState
+from trocar.services.runtime import config
 
 DBC = cantools.database.load_file(config.config_directory() / "devices" / "odrive.dbc")
 COMMANDS = {

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from services.gateway import premium_model
-from services.gateway.device_files import ArmFile, DeviceFile
-from services.gateway.instrument import build_instruments
-from services.runtime import config
-from services.runtime.errors import ConfigError, DeviceError
+from trocar.services.gateway import premium_model
+from trocar.services.gateway.device_files import ArmFile, DeviceFile
+from trocar.services.gateway.instrument import build_instruments
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import ConfigError, DeviceError
 
 CONFIGS = config.config_directory()
 

@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.gateway import driver, drives, servo_arrays
-from services.gateway.driver import Place
-from services.runtime.rig import DriverSettings, Mount
 from tests.patience import PATIENCE_S
+from trocar.services.gateway import driver, drives, servo_arrays
+from trocar.services.gateway.driver import Place
+from trocar.services.runtime.rig import DriverSettings, Mount
 
 _PLACES, _TICKS = 128, 5
 _PYTHON = sys.executable
@@ -28,8 +28,8 @@ _TRIMMING = "glibc.malloc.hugetlb=1:glibc.malloc.mmap_threshold=33554432:glibc.m
 #: Stands between the drive's loop and its sleep.
 _RUN = """
 import ctypes, resource, sys, time, types
-from services.gateway import drive_process
-from services.runtime import realtime
+from trocar.services.gateway import drive_process
+from trocar.services.runtime import realtime
 {prepare}
 libc = ctypes.CDLL(None)
 libc.malloc.restype = ctypes.c_void_p

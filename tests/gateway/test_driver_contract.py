@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from protocol.bodies.haptics import MODEL_COLUMNS, MODEL_F0
-from services.gateway import driver, servo_arrays
-from services.gateway.driver import Arm, GraspHandle, Place
-from services.runtime.errors import ConfigError, DeviceError
-from services.runtime.rig import Mount
 from tests.gateway.bench import TICK_S, Bench, BenchUnavailable, SteppedClock, open_bench
 from tests.patience import PATIENCE_S
+from trocar.protocol.bodies.haptics import MODEL_COLUMNS, MODEL_F0
+from trocar.services.gateway import driver, servo_arrays
+from trocar.services.gateway.driver import Arm, GraspHandle, Place
+from trocar.services.runtime.errors import ConfigError, DeviceError
+from trocar.services.runtime.rig import Mount
 
 WRITTEN = 0.01  # N or N m: little for every device
 SOON_S = 1.0  # a drive is asked and answers

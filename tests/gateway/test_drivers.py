@@ -15,15 +15,15 @@ import can
 import numpy as np
 import pytest
 
-from services.gateway import canbus, cansimple, driver, servo_arrays
-from services.gateway.cansimple import AxisError, AxisState
-from services.gateway.device_files import GraspFile
-from services.gateway.driver import Arm, Place
-from services.gateway.emulated_drive import ENCODER_COUNTS
-from services.runtime import config
-from services.runtime.errors import ConfigError, DeviceError
-from services.runtime.rig import DriverSettings, Mount
 from tests.gateway.virtual_node import VirtualNode
+from trocar.services.gateway import canbus, cansimple, driver, servo_arrays
+from trocar.services.gateway.cansimple import AxisError, AxisState
+from trocar.services.gateway.device_files import GraspFile
+from trocar.services.gateway.driver import Arm, Place
+from trocar.services.gateway.emulated_drive import ENCODER_COUNTS
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import ConfigError, DeviceError
+from trocar.services.runtime.rig import DriverSettings, Mount
 
 PLACE = Place("left", Mount(centre_m=(0.04, -0.03, 0.03)))
 TICK_NS = 1_000_000
@@ -45,14 +45,14 @@ def test_a_handle_is_no_arm() -> None:
 
 
 def test_a_missing_library_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delitem(sys.modules, "services.gateway.drivers.grasp_odrive_can")
+    monkeypatch.delitem(sys.modules, "trocar.services.gateway.drivers.grasp_odrive_can")
     monkeypatch.setitem(sys.modules, "can", None)
     with pytest.raises(DeviceError, match="instrument 'left': driver 'grasp_odrive_can' needs can, which is not"):
         driver.load_grasp(DriverSettings(driver="grasp_odrive_can"), PLACE)
 
 
 def test_drivers_load_only_what_is_named() -> None:
-    code = "import sys, services.gateway.driver; sys.exit('can' in sys.modules)"
+    code = "import sys, trocar.services.gateway.driver; sys.exit('can' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 

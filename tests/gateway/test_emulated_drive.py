@@ -4,9 +4,9 @@ import math
 
 import pytest
 
-from services.gateway import cansimple, emulated_drive
-from services.gateway.cansimple import AxisError, AxisState
-from services.gateway.emulated_drive import EmulatedDrive, Handle
+from trocar.services.gateway import cansimple, emulated_drive
+from trocar.services.gateway.cansimple import AxisError, AxisState
+from trocar.services.gateway.emulated_drive import EmulatedDrive, Handle
 
 WATCHDOG_S, DT_S = 0.05, 1e-3
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from services.gateway.energy_bound import FORGIVEN_S, MAX_STORED_J
-from services.gateway.premium_model import COUNT_M, FRICTION_N
-from services.gateway.servo_arrays import (
+from tests.gateway.test_servo_law import DT_S, Law
+from trocar.services.gateway.energy_bound import FORGIVEN_S, MAX_STORED_J
+from trocar.services.gateway.premium_model import COUNT_M, FRICTION_N
+from trocar.services.gateway.servo_arrays import (
     MEMORY_AT_ANCHOR,
     MEMORY_BY_STEPS,
     MEMORY_ENERGY,
@@ -15,7 +16,6 @@ from services.gateway.servo_arrays import (
     NOW_OTHERS,
     NOW_RESERVED,
 )
-from tests.gateway.test_servo_law import DT_S, Law
 
 WALL_N_M = 500.0
 

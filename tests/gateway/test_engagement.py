@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from services.gateway.engagement import SETTLE_S, Engagement, State
+from trocar.services.gateway.engagement import SETTLE_S, Engagement, State
 
 DT_S = 1e-3
 

@@ -16,12 +16,6 @@ import can
 import numpy as np
 import pytest
 
-from protocol import topic
-from protocol.bodies import ContactModel, SupervisorState
-from services.gateway import __main__ as gateway_process
-from services.gateway import cansimple
-from services.gateway.cansimple import AxisError
-from services.runtime import bus
 from tests.by_day import by_day
 from tests.gateway.drill_bench import (
     ENDS_S,
@@ -38,6 +32,12 @@ from tests.gateway.drill_bench import (
     at_once,
 )
 from tests.gateway.kicks import kicks_n
+from trocar.protocol import topic
+from trocar.protocol.bodies import ContactModel, SupervisorState
+from trocar.services.gateway import __main__ as gateway_process
+from trocar.services.gateway import cansimple
+from trocar.services.gateway.cansimple import AxisError
+from trocar.services.runtime import bus
 
 PRESSES_S, WRONG_S = 0.75, 0.4
 TTL_TICKS = round(TTL_S * 1e9) // TICK_NS

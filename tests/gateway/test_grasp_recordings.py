@@ -11,21 +11,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocol import Frame, decode, encode, topic
-from protocol.bodies import ContactModel, GatewayState, InstrumentState, LocalModel, ToolReaction
-from services.gateway import driver, instrument
-from services.gateway.driver import Place
-from services.gateway.emulated_drive import ENCODER_COUNTS, Handle
-from services.gateway.instrument import Instrument
-from services.gateway.recording import read_table
-from services.gateway.servo import Servo, ServoLimits
-from services.mechanics.bodies.forceps.kinematics import jaw_angle_from_handle
-from services.mechanics.scene import ForcepsScene
-from services.runtime.rig import DriverSettings, InstrumentSettings, Mount
 from tests.gateway.kicks import ENDLESS_N
 from tests.gateway.test_instrument import FakeArm
 from tests.gateway.virtual_node import VirtualNode
 from tests.haptics.models import local_model
+from trocar.protocol import Frame, decode, encode, topic
+from trocar.protocol.bodies import ContactModel, GatewayState, InstrumentState, LocalModel, ToolReaction
+from trocar.services.gateway import driver, instrument
+from trocar.services.gateway.driver import Place
+from trocar.services.gateway.emulated_drive import ENCODER_COUNTS, Handle
+from trocar.services.gateway.instrument import Instrument
+from trocar.services.gateway.recording import read_table
+from trocar.services.gateway.servo import Servo, ServoLimits
+from trocar.services.mechanics.bodies.forceps.kinematics import jaw_angle_from_handle
+from trocar.services.mechanics.scene import ForcepsScene
+from trocar.services.runtime.rig import DriverSettings, InstrumentSettings, Mount
 
 RECORDINGS = Path(__file__).resolve().parents[3] / "shared" / "data" / "grasp"
 NAMES = sorted(path.stem for path in RECORDINGS.glob("*.csv")) or ["any"]

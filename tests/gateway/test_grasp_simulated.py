@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.gateway import driver, drives, servo_arrays
-from services.gateway.driver import Place
-from services.gateway.drivers import grasp_simulated
-from services.runtime.errors import DeviceError
-from services.runtime.rig import DriverSettings, Mount
 from tests.patience import PATIENCE_S
+from trocar.services.gateway import driver, drives, servo_arrays
+from trocar.services.gateway.driver import Place
+from trocar.services.gateway.drivers import grasp_simulated
+from trocar.services.runtime.errors import DeviceError
+from trocar.services.runtime.rig import DriverSettings, Mount
 
 PLACE = Place("left", Mount(centre_m=(0.04, -0.03, 0.03)))
 #: Files of the kernel that list sockets with an address: what anybody may send to.

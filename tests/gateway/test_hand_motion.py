@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.gateway import hand_motion
-from services.runtime.errors import DeviceError
+from trocar.services.gateway import hand_motion
+from trocar.services.runtime.errors import DeviceError
 
 GRASP = Path(__file__).resolve().parents[3] / "shared" / "data" / "grasp"
 

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from services.gateway.handle_schedule import PATIENCE, HandleSchedule
+from trocar.services.gateway.handle_schedule import PATIENCE, HandleSchedule
 
 
 def test_each_handle_has_its_turn() -> None:

@@ -7,13 +7,13 @@ import ctypes
 import numpy as np
 import pytest
 
-from services.gateway import servo_arrays
-from services.gateway.engagement import SMALL_FORCE_N
-from services.gateway.hdapi import native
-from services.gateway.hdapi.constants import ERRORS, Style
-from services.gateway.hdapi.library import Library
-from services.mechanics.compiled import kernel
 from tests.gateway.hdapi_bench import FREE, LEFT, RATE_N_S, RIGHT, STEP_N, TTL_MS, HdapiBench
+from trocar.services.gateway import servo_arrays
+from trocar.services.gateway.engagement import SMALL_FORCE_N
+from trocar.services.gateway.hdapi import native
+from trocar.services.gateway.hdapi.constants import ERRORS, Style
+from trocar.services.gateway.hdapi.library import Library
+from trocar.services.mechanics.compiled import kernel
 
 REFUSALS, SCHEDULER, WARM = (0x0201, 0x0202, 0x0203, 0x0204), (0x0304, 0x0500, 0x0501), 0x0200
 UNKNOWN = 0x0777

@@ -6,10 +6,10 @@ import threading
 
 import numpy as np
 
-from services.gateway.hdapi.handover import Box, put, take
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address, reader
+from trocar.services.gateway.hdapi.handover import Box, put, take
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address, reader
 
 N = 20
 _at = reader(Box)

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from services.gateway.hdapi import host_checks
-from services.gateway.host_check import HostCheck
 from tests.gateway.bench import BenchUnavailable
 from tests.gateway.hdapi_library import HdapiStandIn
+from trocar.services.gateway.hdapi import host_checks
+from trocar.services.gateway.host_check import HostCheck
 
 NO_LIBRARY = "libHD-that-nobody-has.so"
 

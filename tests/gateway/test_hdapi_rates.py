@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.gateway import servo_arrays
 from tests.gateway.hdapi_bench import FREE, LEFT, RATE_N_S, RIGHT, HdapiBench, two_arms
+from trocar.services.gateway import servo_arrays
 
 
 @pytest.fixture

@@ -7,11 +7,11 @@ import time
 import numpy as np
 import pytest
 
-from services.gateway import servo_arrays
-from services.gateway.drivers.phantom_hdapi import Driver
-from services.gateway.hdapi.constants import TIMER_ERROR, Style
 from tests.gateway.hdapi_bench import FREE, LEFT, RIGHT, STEP_N, TTL_MS, HdapiBench
 from tests.patience import PATIENCE_S
+from trocar.services.gateway import servo_arrays
+from trocar.services.gateway.drivers.phantom_hdapi import Driver
+from trocar.services.gateway.hdapi.constants import TIMER_ERROR, Style
 
 
 def pull_out(arms: HdapiBench, *devices: int) -> None:

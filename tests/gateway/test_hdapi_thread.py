@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 import yaml
 
-from services.gateway.drivers import phantom_hdapi
 from tests.gateway.bench import BenchUnavailable
 from tests.gateway.hdapi_bench import HdapiBench
 from tests.gateway.hdapi_library import HdapiStandIn
 from tests.gateway.kicks import kicks_n
 from tests.gateway.rig_bench import RATE_LIMIT_N_S, Bench, forces
 from tests.patience import PATIENCE_S
+from trocar.services.gateway.drivers import phantom_hdapi
 
 FORCE_N = 2.0
 

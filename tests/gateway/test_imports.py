@@ -8,7 +8,8 @@ import sys
 
 def test_a_gateway_brings_no_solvers() -> None:
     code = (
-        "import sys, services.gateway.__main__; print(*{'scipy.sparse', 'scipy.linalg', 'pyvista'} & set(sys.modules))"
+        "import sys, trocar.services.gateway.__main__\n"
+        "print(*{'scipy.sparse', 'scipy.linalg', 'pyvista'} & set(sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == []

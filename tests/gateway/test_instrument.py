@@ -5,16 +5,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from protocol import Frame, decode, encode
-from protocol.bodies import GatewayState, LocalModel
-from services.gateway import instrument
-from services.gateway.driver import Arm, ArmLimits, GraspHandle
-from services.gateway.instrument import Instrument
-from services.gateway.servo import Servo, ServoLimits
-from services.gateway.servo_arrays import HANDLE_ANGLE, READ_POSITION, READ_ROLL
-from services.mechanics.arrays import FloatArray
-from services.runtime.rig import DriverSettings, InstrumentSettings, Mount
 from tests.gateway.kicks import ENDLESS_N
+from trocar.protocol import Frame, decode, encode
+from trocar.protocol.bodies import GatewayState, LocalModel
+from trocar.services.gateway import instrument
+from trocar.services.gateway.driver import Arm, ArmLimits, GraspHandle
+from trocar.services.gateway.instrument import Instrument
+from trocar.services.gateway.servo import Servo, ServoLimits
+from trocar.services.gateway.servo_arrays import HANDLE_ANGLE, READ_POSITION, READ_ROLL
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.runtime.rig import DriverSettings, InstrumentSettings, Mount
 
 TICK_NS = 1_000_000
 

@@ -12,10 +12,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from protocol.bodies import LocalModel
-from services.gateway.engagement import State
-from services.gateway.servo import Servo, ServoLimits
 from tests.gateway.kicks import ENDLESS_N
+from trocar.protocol.bodies import LocalModel
+from trocar.services.gateway.engagement import State
+from trocar.services.gateway.servo import Servo, ServoLimits
 
 TTL_S, HELD_S, SPRING_GONE_S, RATE_N_S = 0.020, 0.005, 0.015, 200.0
 LIMITS = ServoLimits(3.0, 1.0, RATE_N_S, 0.3, 1.2, 30e-6, ENDLESS_N)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from protocol.bodies.haptics import MODEL_CONTACT, MODEL_F0, MODEL_K, MODEL_X0
-from services.gateway.device_files import ArmFile
-from services.gateway.velocity_filter import butterworth, low_pass
-from services.runtime import config
 from tests.gateway.kicks import ENDLESS_N
 from tests.gateway.test_servo_law import DT_S, Law
+from trocar.protocol.bodies.haptics import MODEL_CONTACT, MODEL_F0, MODEL_K, MODEL_X0
+from trocar.services.gateway.device_files import ArmFile
+from trocar.services.gateway.velocity_filter import butterworth, low_pass
+from trocar.services.runtime import config
 
 ARMS = ("phantom_premium_1_5", "touch", "touch_x")
 

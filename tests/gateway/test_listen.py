@@ -4,10 +4,10 @@ import time
 from types import SimpleNamespace
 from typing import Any
 
-from services.gateway import __main__ as gateway
-from services.gateway.engagement import State
-from services.gateway.servo import Servo, ServoLimits
 from tests.gateway.kicks import ENDLESS_N
+from trocar.services.gateway import __main__ as gateway
+from trocar.services.gateway.engagement import State
+from trocar.services.gateway.servo import Servo, ServoLimits
 
 
 class Flood:

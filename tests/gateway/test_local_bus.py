@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import can
 import pytest
 
-from services.gateway import canbus
-from services.gateway.local_bus import LocalBus
+from trocar.services.gateway import canbus
+from trocar.services.gateway.local_bus import LocalBus
 
 Ends = tuple[LocalBus, LocalBus]
 

@@ -4,12 +4,12 @@ from typing import Any
 
 import pytest
 
-from protocol import Frame
-from protocol.bodies import ContactModel, LocalModel
-from services.gateway.model_intake import ModelIntake
-from services.mechanics.arrays import FloatArray
-from services.runtime.health import LatencyPath
-from services.runtime.histogram import LatencyHistogram
+from trocar.protocol import Frame
+from trocar.protocol.bodies import ContactModel, LocalModel
+from trocar.services.gateway.model_intake import ModelIntake
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.runtime.health import LatencyPath
+from trocar.services.runtime.histogram import LatencyHistogram
 
 FREE = LocalModel()
 PUSH = LocalModel(force_n=(0.1, 0.2, 0.3), reference_velocity_m_s=(4.0, 5.0, 6.0), in_contact=True)

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.gateway import servo_arrays
-from services.gateway.driver import Place, load_arm
-from services.gateway.hdapi.constants import ERRORS, WARM_MOTORS, Style
-from services.runtime.errors import DeviceError
-from services.runtime.rig import DriverSettings, Mount
 from tests.gateway.hdapi_bench import FREE, LEFT, RIGHT, STEP_N, HdapiBench, two_arms
+from trocar.services.gateway import servo_arrays
+from trocar.services.gateway.driver import Place, load_arm
+from trocar.services.gateway.hdapi.constants import ERRORS, WARM_MOTORS, Style
+from trocar.services.runtime.errors import DeviceError
+from trocar.services.runtime.rig import DriverSettings, Mount
 
 
 def test_axes_and_units(arms: HdapiBench) -> None:

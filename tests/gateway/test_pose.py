@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from services.gateway import pose, servo_arrays
-from services.runtime.rig import Mount
+from trocar.services.gateway import pose, servo_arrays
+from trocar.services.runtime.rig import Mount
 
 PORT = np.array([0.06, -0.1, 0.13])
 

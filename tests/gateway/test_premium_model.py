@@ -3,10 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from services.gateway import premium_model
-from services.gateway.premium_model import GEARS
-from services.mechanics.arrays import FloatArray
 from tests.gateway.arm_energy import energy_j
+from trocar.services.gateway import premium_model
+from trocar.services.gateway.premium_model import GEARS
+from trocar.services.mechanics.arrays import FloatArray
 
 POSTURES = [np.array(q) for q in ((0.0, 0.4, 0.4), (0.3, 0.9, 0.6), (-0.7, 0.2, 0.8), (0.5, -0.2, 0.3))]
 

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.gateway import pose
-from services.gateway.driver import Place
-from services.gateway.recording import read_hand, read_table
-from services.recordings.reader import read_messages
-from services.runtime.errors import DeviceError
-from services.runtime.rig import Mount
+from trocar.services.gateway import pose
+from trocar.services.gateway.driver import Place
+from trocar.services.gateway.recording import read_hand, read_table
+from trocar.services.recordings.reader import read_messages
+from trocar.services.runtime.errors import DeviceError
+from trocar.services.runtime.rig import Mount
 
 COLUMNS = ("time_s", "x_m")
 

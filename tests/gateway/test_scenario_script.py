@@ -3,11 +3,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from services.gateway.scenario_script import scenario_player
-from services.gateway.script import HANDLE, HIP, ROLL
-from services.mechanics.scenarios import SCENARIOS
-from services.mechanics.scene.tools import ToolInputs
-from services.runtime.errors import ConfigError
+from trocar.services.gateway.scenario_script import scenario_player
+from trocar.services.gateway.script import HANDLE, HIP, ROLL
+from trocar.services.mechanics.scenarios import SCENARIOS
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.runtime.errors import ConfigError
 
 
 @pytest.mark.parametrize("index", [0, 1])

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from services.gateway import scene_hands
-from services.gateway.instrument import build_instruments
-from services.gateway.scene_hands import find_scene_hands
-from services.gateway.script import HANDLE, HIP, ROLL, Player
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation.scene_catheter import place_catheter
-from services.runtime import config, scene_findings
-from services.runtime.errors import ConfigError
-from services.scenes import load_scene, load_surface
-from services.scenes.hands import STROKE_M, hands_of
+from trocar.services.gateway import scene_hands
+from trocar.services.gateway.instrument import build_instruments
+from trocar.services.gateway.scene_hands import find_scene_hands
+from trocar.services.gateway.script import HANDLE, HIP, ROLL, Player
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation.scene_catheter import place_catheter
+from trocar.services.runtime import config, scene_findings
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.scenes import load_scene, load_surface
+from trocar.services.scenes.hands import STROKE_M, hands_of
 
 PACE = 0.25
 
@@ -114,4 +114,4 @@ def test_what_a_surface_file_says_counts(kept_here, monkeypatch, tmp_path):
     surface, override = tmp_path / "a.stl", (f"duct.mesh_file={tmp_path}/a.stl",)
     for text, found in (("solid", b"one"), ("solid", b"one"), ("sphere", b"two"), ("solid", b"one")):
         surface.write_text(text)
-        assert scene_findings.find_in_scene("services.scenes.hand_motions", "default", override, bytes) == found
+        assert scene_findings.find_in_scene("trocar.services.scenes.hand_motions", "default", override, bytes) == found

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.gateway.script import HIP, Breakpoint, Motion, Player, Script, read_player
-from services.runtime import config
-from services.runtime.errors import ConfigError
+from trocar.services.gateway.script import HIP, Breakpoint, Motion, Player, Script, read_player
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import ConfigError
 
 PORT = (0.06, -0.1, 0.13)
 

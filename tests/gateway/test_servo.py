@@ -3,10 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from protocol.bodies import LocalModel
-from services.gateway.engagement import State
-from services.gateway.servo import OVERRUNS, Servo, ServoLimits
 from tests.gateway.kicks import ENDLESS_N, kicks_n
+from trocar.protocol.bodies import LocalModel
+from trocar.services.gateway.engagement import State
+from trocar.services.gateway.servo import OVERRUNS, Servo, ServoLimits
 
 TTL_S = 0.02
 LIMITS = ServoLimits(3.0, 1.0, 200.0, 0.3, 1.2, 30e-6, ENDLESS_N)

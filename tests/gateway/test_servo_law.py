@@ -6,13 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from protocol.bodies import LocalModel
-from protocol.bodies.haptics import MODEL_COLUMNS, MODEL_CONTACT, MODEL_K
-from services.gateway import servo_arrays, servo_law
-from services.gateway.premium_model import COUNT_M
-from services.gateway.servo import ServoLimits
-from services.mechanics.arrays import FloatArray
 from tests.gateway.kicks import ENDLESS_N
+from trocar.protocol.bodies import LocalModel
+from trocar.protocol.bodies.haptics import MODEL_COLUMNS, MODEL_CONTACT, MODEL_K
+from trocar.services.gateway import servo_arrays, servo_law
+from trocar.services.gateway.premium_model import COUNT_M
+from trocar.services.gateway.servo import ServoLimits
+from trocar.services.mechanics.arrays import FloatArray
 
 DT_S = 1e-3
 TTL_S = 0.02

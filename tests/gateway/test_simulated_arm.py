@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from services.gateway import premium_model, simulated_arm, velocity_filter
-from services.gateway.servo_arrays import READ_POSITION, READ_SIZE, READ_TEMPERATURE, READ_VELOCITY
-from services.gateway.simulated_arm import ArmState
-from services.mechanics.arrays import FloatArray
 from tests.gateway.arm_energy import energy_j
+from trocar.services.gateway import premium_model, simulated_arm, velocity_filter
+from trocar.services.gateway.servo_arrays import READ_POSITION, READ_SIZE, READ_TEMPERATURE, READ_VELOCITY
+from trocar.services.gateway.simulated_arm import ArmState
+from trocar.services.mechanics.arrays import FloatArray
 
 CENTRE = premium_model.centre()
 FREE = np.zeros(simulated_arm.HAND_SIZE)

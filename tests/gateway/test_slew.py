@@ -7,7 +7,7 @@ import math
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.gateway.slew import slew, slew_vector
+from trocar.services.gateway.slew import slew, slew_vector
 
 NUMBER = st.floats(-10.0, 10.0)
 VECTOR = st.tuples(NUMBER, NUMBER, NUMBER)

@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocol.bodies.haptics import MODEL_COLUMNS, MODEL_F0
-from services.gateway import driver, input_events, pose, servo_arrays, steering
-from services.gateway.driver import Place
-from services.gateway.instrument import build_instruments
-from services.runtime import config
-from services.runtime.errors import ConfigError, DeviceError
-from services.runtime.rig import DriverSettings, Mount
 from tests.gateway import input_stand_in
 from tests.gateway.input_stand_in import InputStandIn
+from trocar.protocol.bodies.haptics import MODEL_COLUMNS, MODEL_F0
+from trocar.services.gateway import driver, input_events, pose, servo_arrays, steering
+from trocar.services.gateway.driver import Place
+from trocar.services.gateway.instrument import build_instruments
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import ConfigError, DeviceError
+from trocar.services.runtime.rig import DriverSettings, Mount
 
 TICK_NS = 1_000_000
 MOUNT = Mount(centre_m=(0.065, -0.005, 0.02), yaw_rad=0.9)

@@ -2,10 +2,10 @@ from __future__ import annotations
 
 import pytest
 
-from protocol import Frame
-from protocol.bodies import SupervisorState
-from services.gateway.engagement import Engagement, State
-from services.gateway.supervisor_commands import SupervisorCommands
+from trocar.protocol import Frame
+from trocar.protocol.bodies import SupervisorState
+from trocar.services.gateway.engagement import Engagement, State
+from trocar.services.gateway.supervisor_commands import SupervisorCommands
 
 
 class Stub:

@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-import protocol
-from protocol import Frame
-from protocol.bodies import Hands, HandTarget
-from protocol.bodies.haptics import MODEL_COLUMNS, MODEL_F0
-from services.gateway import driver, pose, servo_arrays, virtual_hand
-from services.gateway.driver import Place
-from services.gateway.hand_arm import LOOK_EVERY
-from services.runtime.errors import ConfigError
-from services.runtime.rig import DriverSettings, Mount
+from trocar import protocol
+from trocar.protocol import Frame
+from trocar.protocol.bodies import Hands, HandTarget
+from trocar.protocol.bodies.haptics import MODEL_COLUMNS, MODEL_F0
+from trocar.services.gateway import driver, pose, servo_arrays, virtual_hand
+from trocar.services.gateway.driver import Place
+from trocar.services.gateway.hand_arm import LOOK_EVERY
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.runtime.rig import DriverSettings, Mount
 
 TICK_NS = 1_000_000
 MOUNT = Mount(centre_m=(0.065, -0.005, 0.02), yaw_rad=0.9)
@@ -138,7 +138,7 @@ def test_a_workspace_with_the_port_in_it_is_refused() -> None:
 
 
 def test_the_rig_for_a_mouse_has_its_hands_at_the_page() -> None:
-    from services.runtime import config
+    from trocar.services.runtime import config
 
     rig = config.load_rig("mouse")
     assert rig.page_hands() == ("left", "right")

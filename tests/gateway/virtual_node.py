@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import can
 
-from services.gateway import canbus, cansimple
-from services.gateway.emulated_drive import EmulatedDrive, Handle
 from tests.gateway.bench import TICK_S, SteppedClock
+from trocar.services.gateway import canbus, cansimple
+from trocar.services.gateway.emulated_drive import EmulatedDrive, Handle
 
 _WATCHDOG_S = 0.05
 

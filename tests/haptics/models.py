@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from protocol.bodies import InstrumentState, LocalModel, ToolReaction
-from protocol.bodies.physics import reaction_table
-from services.haptics.instruments import InstrumentTable
-from services.haptics.local_model import LocalModels
-from services.haptics.reactions import Reactions
-from services.mechanics.scene import ForcepsScene
+from trocar.protocol.bodies import InstrumentState, LocalModel, ToolReaction
+from trocar.protocol.bodies.physics import reaction_table
+from trocar.services.haptics.instruments import InstrumentTable
+from trocar.services.haptics.local_model import LocalModels
+from trocar.services.haptics.reactions import Reactions
+from trocar.services.mechanics.scene import ForcepsScene
 
 
 def local_model(

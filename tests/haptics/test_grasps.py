@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from protocol.bodies import GraspHold
-from services.mechanics.collision.pairs import CATHETER_SEGMENT
 from tests.physics.conftest import PORTS, Rig
+from trocar.protocol.bodies import GraspHold
+from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT
 
 FAR, ACROSS_RAD = (0.02, -0.05, 0.08), 0.5 * math.pi
 OPEN_RAD, CLOSING_TICKS = 0.5, 200

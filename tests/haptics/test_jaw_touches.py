@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from protocol.arrays import pack
-from protocol.bodies import Catheter, Duct
-from services.haptics.deformed_scene import DeformedScene
-from services.haptics.jaw_touches import JawTouches
-from services.mechanics.arrays import FloatArray
-from services.mechanics.bodies.forceps.grasp import GRASP_GAP_M, deepest_touches
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, JAW_B
-from services.mechanics.reduction import ReducedDuct
-from services.mechanics.scene import CatheterScene, DuctScene, SceneModel
-from studies.judge.closest import nearest_segments, nearest_triangles
 from tests.mechanics.collision.wall_cases import KINDS, coordinates, placed, wall
+from trocar.protocol.arrays import pack
+from trocar.protocol.bodies import Catheter, Duct
+from trocar.services.haptics.deformed_scene import DeformedScene
+from trocar.services.haptics.jaw_touches import JawTouches
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.bodies.forceps.grasp import GRASP_GAP_M, deepest_touches
+from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, JAW_B
+from trocar.services.mechanics.reduction import ReducedDuct
+from trocar.services.mechanics.scene import CatheterScene, DuctScene, SceneModel
+from trocar.studies.judge.closest import nearest_segments, nearest_triangles
 
 SCENE = SceneModel(duct=DuctScene(thickness_m=0.5e-3), catheter=CatheterScene(n_segments=30, length_m=60e-3))
 CATHETER_M, HALF_M = 0.5 * SCENE.catheter.outer_diameter_m, 0.5 * SCENE.duct.thickness_m

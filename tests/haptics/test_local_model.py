@@ -6,11 +6,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from protocol.bodies import InstrumentState, LocalModel, ToolReaction
-from services.mechanics.contact.lasting_compliance import LASTING_S
-from services.mechanics.scene import ForcepsScene
 from tests.haptics.models import local_model
 from tests.physics.conftest import Rig
+from trocar.protocol.bodies import InstrumentState, LocalModel, ToolReaction
+from trocar.services.mechanics.contact.lasting_compliance import LASTING_S
+from trocar.services.mechanics.scene import ForcepsScene
 
 INSTRUMENT = InstrumentState(
     name="0",

@@ -8,12 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from protocol.bodies import GatewayState, InstrumentState, ToolReaction, ToolState
-from protocol.bodies.physics import REACTION_CONTACTS, reaction_table
-from services.haptics.instruments import InstrumentTable
-from services.haptics.reactions import Reactions
-from services.haptics.tool_tracker import ToolTracker
-from services.mechanics.scene import ForcepsScene, SceneModel
+from trocar.protocol.bodies import GatewayState, InstrumentState, ToolReaction, ToolState
+from trocar.protocol.bodies.physics import REACTION_CONTACTS, reaction_table
+from trocar.services.haptics.instruments import InstrumentTable
+from trocar.services.haptics.reactions import Reactions
+from trocar.services.haptics.tool_tracker import ToolTracker
+from trocar.services.mechanics.scene import ForcepsScene, SceneModel
 
 PORT = (0.0, 0.0, 0.1)
 HIP, OTHER = (0.01, 0.0, 0.02), (-0.02, 0.01, 0.03)

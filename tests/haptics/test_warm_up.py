@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from protocol import Frame
-from services.cache_directory import cache_directory
-from services.haptics.warm_up import warm_up
-from services.mechanics.compiled import KERNELS
-from services.scenes import load_duct, load_scene
 from tests.haptics.test_grasps import ACROSS_RAD, CLOSING_TICKS, FAR, OPEN_RAD, round_catheter
 from tests.physics.conftest import SMALL, Rig, let_time_pass
+from trocar.protocol import Frame
+from trocar.services.cache_directory import cache_directory
+from trocar.services.haptics.warm_up import warm_up
+from trocar.services.mechanics.compiled import KERNELS
+from trocar.services.scenes import load_duct, load_scene
 
 
 @pytest.mark.timeout(600)  # on a machine that has compiled nothing yet

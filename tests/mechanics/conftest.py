@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from services.mechanics.scene import CatheterScene, DuctScene, ForcepsScene, SceneModel
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from services.scenes import build_scene
+from trocar.services.mechanics.scene import CatheterScene, DuctScene, ForcepsScene, SceneModel
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.services.scenes import build_scene
 
 SMALL_DUCT = DuctScene(n_around=12, n_along=14, n_modes=30, thickness_m=1e-3, youngs_modulus_pa=300e3, membrane="cst")
 

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics import scenarios
-from services.mechanics.contact.laws import number_of
-from services.mechanics.effects.mucus_drag import MucusDragSettings
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from studies.energy_book import EnergyBook
-from studies.paper_scene import paper_scene
+from trocar.services.mechanics import scenarios
+from trocar.services.mechanics.contact.laws import number_of
+from trocar.services.mechanics.effects.mucus_drag import MucusDragSettings
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.studies.energy_book import EnergyBook
+from trocar.studies.paper_scene import paper_scene
 
 
 class Course:

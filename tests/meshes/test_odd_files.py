@@ -6,11 +6,11 @@ import re
 
 import pytest
 
-from services.mechanics.surface.mesh import triangle_areas_m2
-from services.meshes.cached import load_mesh
-from services.meshes.errors import MeshError
-from services.meshes.reading import read_surface
 from tests.other_user import NOBODY, everybodys, needs_other_user
+from trocar.services.mechanics.surface.mesh import triangle_areas_m2
+from trocar.services.meshes.cached import load_mesh
+from trocar.services.meshes.errors import MeshError
+from trocar.services.meshes.reading import read_surface
 
 pytest.importorskip("trimesh", reason="the mesh extra is not installed")
 

@@ -7,13 +7,13 @@ from typing import get_args
 
 import pytest
 
-from services.mechanics.fem.memory import solve_bytes
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from services.mechanics.surface.units import METRES_PER_UNIT, LengthUnit
-from services.meshes.announced import MOST_TRIANGLES_READ
-from services.meshes.errors import MeshError
-from services.meshes.loading import SurfaceSettings, load_duct_surface
-from services.meshes.reading import read_surface
+from trocar.services.mechanics.fem.memory import solve_bytes
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.mechanics.surface.units import METRES_PER_UNIT, LengthUnit
+from trocar.services.meshes.announced import MOST_TRIANGLES_READ
+from trocar.services.meshes.errors import MeshError
+from trocar.services.meshes.loading import SurfaceSettings, load_duct_surface
+from trocar.services.meshes.reading import read_surface
 
 trimesh = pytest.importorskip("trimesh", reason="the mesh extra is not installed")
 
@@ -135,8 +135,8 @@ def test_a_model_that_does_not_fit_is_refused_before_it_is_assembled():
     script = """
 import resource
 from pathlib import Path
-from services.mechanics.fem import ShellModel, ShellSection, clamp
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.mechanics.fem import ShellModel, ShellSection, clamp
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 mesh = parametric_duct(DuctGeometry(4e-3, 40e-3, 250, 450))
 has = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
 resource.setrlimit(resource.RLIMIT_AS, (has + 10**9, has + 10**9))
@@ -150,8 +150,10 @@ ShellModel(mesh, ShellSection(5e-4, 1e5, 0.45, 1060.0), [clamp(mesh)])
 def test_a_duct_that_does_not_fit_is_refused_before_it_is_repaired(tmp_path, monkeypatch):
     """The repair of 720,000 triangles took a minute and a half, and then they were too many."""
     path = save(tmp_path / "tube.stl")
-    monkeypatch.setattr("services.mechanics.fem.memory.free_bytes", lambda: 1000.0)
-    monkeypatch.setattr("services.meshes.loading.repair_surface", lambda *_, **__: pytest.fail("it was repaired"))
+    monkeypatch.setattr("trocar.services.mechanics.fem.memory.free_bytes", lambda: 1000.0)
+    monkeypatch.setattr(
+        "trocar.services.meshes.loading.repair_surface", lambda *_, **__: pytest.fail("it was repaired")
+    )
     with pytest.raises(
         MeshError, match=r"tube.stl: mesh: 320 vertices take .* are free: use larger triangles, or give edge_m to"
     ):

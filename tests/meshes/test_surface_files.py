@@ -6,25 +6,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.mechanics.fem import ShellModel, ShellSection, clamp, compute_modes
-from services.mechanics.surface.mesh import (
+from trocar.services.mechanics.fem import ShellModel, ShellSection, clamp, compute_modes
+from trocar.services.mechanics.surface.mesh import (
     TriangleMesh,
     boundary_loops,
     smallest_angles_rad,
     triangle_areas_m2,
     unique_edges,
 )
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from services.meshes.cached import load_mesh
-from services.meshes.checking import check_surface
-from services.meshes.crossings import crossing_triangles
-from services.meshes.errors import MeshError
-from services.meshes.loading import SurfaceSettings, load_duct_surface
-from services.meshes.openings import enclosed_volume_m3, find_openings, lumen_diameter_m
-from services.meshes.reading import read_surface
-from services.meshes.remeshing import remesh
-from services.meshes.repairing import repair_surface
-from studies.fem.loads import point_load
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.meshes.cached import load_mesh
+from trocar.services.meshes.checking import check_surface
+from trocar.services.meshes.crossings import crossing_triangles
+from trocar.services.meshes.errors import MeshError
+from trocar.services.meshes.loading import SurfaceSettings, load_duct_surface
+from trocar.services.meshes.openings import enclosed_volume_m3, find_openings, lumen_diameter_m
+from trocar.services.meshes.reading import read_surface
+from trocar.services.meshes.remeshing import remesh
+from trocar.services.meshes.repairing import repair_surface
+from trocar.studies.fem.loads import point_load
 
 trimesh = pytest.importorskip("trimesh", reason="the mesh extra is not installed")
 
@@ -309,7 +309,7 @@ def test_a_scan_far_finer_than_the_wanted_edge_keeps_its_shape(n_around, n_along
 def test_the_cache_gives_the_same_mesh_without_reading_the_surface_again(tmp_path, monkeypatch):
     path = save(CONE, tmp_path / "duct.stl", 1e3)
     first = load_mesh(path, "mm", edge_m=1.5e-3, cache_dir=tmp_path)
-    monkeypatch.setattr("services.meshes.cached.load_duct_surface", None)
+    monkeypatch.setattr("trocar.services.meshes.cached.load_duct_surface", None)
     again = load_mesh(path, "mm", edge_m=1.5e-3, cache_dir=tmp_path)
     assert np.array_equal(first.vertices_m, again.vertices_m)
     assert np.array_equal(first.triangles, again.triangles)

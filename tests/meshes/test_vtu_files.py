@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from services.meshes.writing import write_vtu
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.meshes.writing import write_vtu
 
 pyvista = pytest.importorskip("pyvista", reason="the mesh extra is not installed")
 

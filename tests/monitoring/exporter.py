@@ -10,20 +10,20 @@ from pathlib import Path
 import msgspec
 import yaml
 
-import protocol.bodies as bodies
-from protocol import PROCESSES
-from services.runtime.config import load_rig
-from services.runtime.loop import LoopMeter
-from services.runtime.rig import PATH_OWNERS
-from services.runtime.stage_times import StageTimes
-from services.supervisor.figures import Latencies
-from services.supervisor.metrics import Level, RigCollector, RigSource
-from services.supervisor.observers.observer import Row
-from services.supervisor.observers.registry import Report
-from services.supervisor.observers.thread_usage import Counts
-from services.supervisor.state_machine import RigState
-from services.supervisor.task_metrics import Task
+import trocar.protocol.bodies as bodies
 from tests.supervisor.made_up import health, histogram, loop_report
+from trocar.protocol import PROCESSES
+from trocar.services.runtime.config import load_rig
+from trocar.services.runtime.loop import LoopMeter
+from trocar.services.runtime.rig import PATH_OWNERS
+from trocar.services.runtime.stage_times import StageTimes
+from trocar.services.supervisor.figures import Latencies
+from trocar.services.supervisor.metrics import Level, RigCollector, RigSource
+from trocar.services.supervisor.observers.observer import Row
+from trocar.services.supervisor.observers.registry import Report
+from trocar.services.supervisor.observers.thread_usage import Counts
+from trocar.services.supervisor.state_machine import RigState
+from trocar.services.supervisor.task_metrics import Task
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "deploy" / "monitoring"

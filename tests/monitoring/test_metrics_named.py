@@ -9,9 +9,7 @@ import prometheus_client
 import pytest
 import yaml
 
-import protocol.bodies as bodies
-from services.supervisor.metrics import registry
-from services.supervisor.task_metrics import Task, families
+import trocar.protocol.bodies as bodies
 from tests.monitoring.exporter import (
     DASHBOARDS,
     FOLDER,
@@ -25,6 +23,8 @@ from tests.monitoring.exporter import (
     recorded,
     whole_rig,
 )
+from trocar.services.supervisor.metrics import registry
+from trocar.services.supervisor.task_metrics import Task, families
 
 
 def _expressions() -> Iterator[tuple[str, str, str]]:

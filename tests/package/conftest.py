@@ -19,7 +19,8 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the wheel of this tree; its page is the one that `./dev` has built."""
     tree = tmp_path_factory.mktemp("tree")
     for name in _PARTS:
-        shutil.copytree(ROOT / name, tree / name, ignore=shutil.ignore_patterns("__pycache__", "node_modules"))
+        left_out = shutil.ignore_patterns("__pycache__", "node_modules")
+        shutil.copytree(ROOT / name, tree / name, symlinks=True, ignore=left_out)
     for name in _FILES:
         shutil.copy2(ROOT / name, tree / name)
     options = ["--no-build-isolation", "--no-deps", "--no-cache-dir", "--quiet", "--wheel-dir", str(tree / "out")]

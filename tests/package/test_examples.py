@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from services.mechanics.effects import EFFECTS
 from tests.package.conftest import ROOT
 from trocar.examples.ppo_baseline import ENVIRONMENT, RANGES
+from trocar.services.mechanics.effects import EFFECTS
 
 EXAMPLES = sorted(path.stem for path in (ROOT / "trocar" / "examples").glob("[a-z]*.py"))
 

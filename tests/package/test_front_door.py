@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 import trocar
-from services.mechanics.effects import EFFECTS
+from trocar.services.mechanics.effects import EFFECTS
 
 
 @pytest.fixture

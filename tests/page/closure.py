@@ -22,14 +22,14 @@ import numpy as np
 import yaml
 from PIL import Image
 
-from protocol.bodies import GatewayState, PhysicsState
-from services.runtime.rig import Transport
-from services.scenes.hand_motions import hand_motions
-from services.supervisor.page_place import page_file
-from services.visualization.web import build
 from tests.chromium import Chromium
 from tests.page.portrait import FINEST
 from tests.rig.conftest import Rig, running_rig
+from trocar.protocol.bodies import GatewayState, PhysicsState
+from trocar.services.runtime.rig import Transport
+from trocar.services.scenes.hand_motions import hand_motions
+from trocar.services.supervisor.page_place import page_file
+from trocar.services.visualization.web import build
 
 SIZE = (720, 640)
 WALL = ("duct.n_around=32", "duct.n_along=40", "effects.softening={}")

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import pytest
 
-from protocol.bodies import Attempt
 from tests.page.newcomer import Course, Mouse, attempt, begin_again, newcomer
+from trocar.protocol.bodies import Attempt
 
 
 @dataclass

@@ -20,14 +20,14 @@ from pathlib import Path
 
 from PIL import Image
 
-from services.runtime.rig import Transport
-from services.supervisor.page_place import page_file
 from tests.chromium import Chromium
 from tests.page.orders import order
 from tests.patience import PATIENCE_S
 from tests.rig.conftest import Rig, running_rig
+from trocar.services.runtime.rig import Transport
+from trocar.services.supervisor.page_place import page_file
 
-UP = ("-m", "services.cli.app", "up")
+UP = ("-m", "trocar.services.cli.app", "up")
 INSERTED_MM = 5.0
 #: Within so long a newcomer is to reach the goal.
 MOST_S = 90.0

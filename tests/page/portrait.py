@@ -12,11 +12,11 @@ import tempfile
 import time
 from pathlib import Path
 
-from services.runtime.rig import Transport
-from services.supervisor.page_place import page_file
-from services.visualization.web import build
 from tests.chromium import Chromium
 from tests.rig.conftest import running_rig
+from trocar.services.runtime.rig import Transport
+from trocar.services.supervisor.page_place import page_file
+from trocar.services.visualization.web import build
 
 SIZE = (1440, 860)
 INSERTED_MM = 15.0

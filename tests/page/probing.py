@@ -16,13 +16,13 @@ import numpy as np
 import yaml
 from PIL import Image
 
-from services.runtime.rig import Transport
-from services.scenes.hand_motions import hand_motions
-from services.supervisor.page_place import page_file
-from services.visualization.web import build
 from tests.chromium import Chromium
 from tests.page.newcomer import FINER
 from tests.rig.conftest import running_rig
+from trocar.services.runtime.rig import Transport
+from trocar.services.scenes.hand_motions import hand_motions
+from trocar.services.supervisor.page_place import page_file
+from trocar.services.visualization.web import build
 
 SIZE = (640, 560)
 MODULI_PA = (30e3, 300e3, 3e6)

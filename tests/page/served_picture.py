@@ -11,11 +11,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from services.supervisor.page_place import DIST
-from services.visualization.picture import Picture, PictureLayout
 from tests.chromium import Chromium
 from tests.patience import PATIENCE_S
 from tests.visualization.test_view_server import Show
+from trocar.services.supervisor.page_place import DIST
+from trocar.services.visualization.picture import Picture, PictureLayout
 
 SIZE = (1024, 768)
 #: As a browser with a graphics processor begins, though the processor draws; half the pixels, few pictures.

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from services.supervisor.page_place import DIST
 from tests import chromium
 from tests.chromium import Chromium
 from tests.patience import PATIENCE_S
+from trocar.services.supervisor.page_place import DIST
 
 pytestmark = [
     pytest.mark.timeout(600),

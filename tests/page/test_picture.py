@@ -13,14 +13,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.supervisor.page_place import DIST
-from services.visualization.picture import Picture, PictureLayout
 from tests import chromium
 from tests.chromium import Chromium
 from tests.page.served_picture import drawn, served
 from tests.patience import PATIENCE_S
 from tests.visualization.likeness import Pixels, likeness, mean_likeness, picture
 from tests.visualization.test_render import a_scene
+from trocar.services.supervisor.page_place import DIST
+from trocar.services.visualization.picture import Picture, PictureLayout
 
 pytestmark = [
     pytest.mark.timeout(600),

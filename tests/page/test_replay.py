@@ -15,14 +15,14 @@ from typing import Any
 import httpx
 import pytest
 
-from services.recordings.reader import read_messages
-from services.runtime.rig import Transport
-from services.supervisor.page_place import page_file
 from tests import chromium
 from tests.chromium import Chromium
 from tests.patience import PATIENCE_S
 from tests.ports import free_port
 from tests.with_us import with_us
+from trocar.services.recordings.reader import read_messages
+from trocar.services.runtime.rig import Transport
+from trocar.services.supervisor.page_place import page_file
 
 pytestmark = [
     pytest.mark.timeout(600),
@@ -65,7 +65,7 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shown]:
         f"visualization.port={free_port()}",
     )  # fmt: skip
     options = [word for each in settings for word in ("--set", each)]
-    command = [sys.executable, "-m", "services.cli.app", "replay", str(file), "--pictures", *options]
+    command = [sys.executable, "-m", "trocar.services.cli.app", "replay", str(file), "--pictures", *options]
     with (folder / "log").open("wb") as log:
         process = subprocess.Popen(with_us(command), stdin=subprocess.DEVNULL, stdout=log, stderr=log)
         place = page_file(Transport(directory=folder / "bus"))

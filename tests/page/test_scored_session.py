@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from protocol.bodies import Attempt
-from services.cli.app import add_installed_verbs, app
 from tests import chromium
 from tests.page.conftest import Made
 from tests.page.newcomer import Mouse
 from tests.patience import PATIENCE_S
+from trocar.protocol.bodies import Attempt
+from trocar.services.cli.app import add_installed_verbs, app
 
 pytestmark = [
     pytest.mark.rig,

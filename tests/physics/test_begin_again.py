@@ -6,9 +6,9 @@ import tracemalloc
 
 import numpy as np
 
-from services.mechanics.collision.pairs import CATHETER_SEGMENT
-from services.mechanics.scene.tools import GraspHold
 from tests.physics.conftest import Rig
+from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT
+from trocar.services.mechanics.scene.tools import GraspHold
 
 FAR = (0.02, -0.05, 0.08)
 

@@ -8,15 +8,15 @@ import msgspec
 import numpy as np
 import pytest
 
-from protocol import Frame
-from protocol.arrays import pack
-from protocol.bodies import GatewayState, GraspHold, InstrumentState
-from protocol.bodies.haptics import tool_table
-from services.mechanics.scene.tools import ToolInputs
-from services.physics.inputs import ContactsReader
 from tests.health_reports import report_of
 from tests.memory_bus import MemoryBus
 from tests.physics.conftest import STALE_S, Rig
+from trocar.protocol import Frame
+from trocar.protocol.arrays import pack
+from trocar.protocol.bodies import GatewayState, GraspHold, InstrumentState
+from trocar.protocol.bodies.haptics import tool_table
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.physics.inputs import ContactsReader
 
 FAR = (0.02, -0.05, 0.08)
 

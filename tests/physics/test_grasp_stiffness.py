@@ -8,19 +8,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from protocol.bodies import InstrumentState, LocalModel, ToolReaction, ToolState
-from protocol.bodies.haptics import tool_table
-from services.cache_directory import cache_directory
-from services.mechanics.collision.pairs import CATHETER_SEGMENT
-from services.mechanics.contact.lasting_compliance import LASTING_S
-from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.scene import ForcepsScene, SceneModel
-from services.mechanics.scene.tools import GraspHold, ToolInputs
-from services.mechanics.simulation import Simulation
-from services.physics.outputs import Outputs
-from services.scenes import load_duct, load_scene
 from tests.haptics.models import local_model
 from tests.physics.conftest import SMALL
+from trocar.protocol.bodies import InstrumentState, LocalModel, ToolReaction, ToolState
+from trocar.protocol.bodies.haptics import tool_table
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT
+from trocar.services.mechanics.contact.lasting_compliance import LASTING_S
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.scene import ForcepsScene, SceneModel
+from trocar.services.mechanics.scene.tools import GraspHold, ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.physics.outputs import Outputs
+from trocar.services.scenes import load_duct, load_scene
 
 RATIO = 1.6
 STEP_RAD = 1e-4

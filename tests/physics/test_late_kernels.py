@@ -18,27 +18,27 @@ from typing import Any
 
 import pytest
 
-from protocol.bodies import GatewayState, InstrumentState
-from services.cache_directory import cache_directory
-from services.haptics import __main__ as haptics_process
-from services.haptics.__main__ import Haptics
-from services.mechanics.compiled import KERNELS
-from services.mechanics.scene import SceneModel
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation.scene_catheter import place_catheter
-from services.physics import __main__ as physics_process
-from services.physics.__main__ import Physics
-from services.physics.duct_alone_loop import STAGES as DUCT_STAGES
-from services.physics.duct_alone_loop import DuctAlonePhysics
-from services.runtime.config import config_directory
-from services.runtime.loop import LoopMeter, Tick, TickClock
-from services.scenes import load_scene
-from services.scenes.hands import hands_of, out_of_the_way
-from services.scenes.ready import load_surface
 from tests.memory_bus import MemoryBus, MemoryHub
 from tests.memory_process import MemoryProcess
 from tests.physics.conftest import let_time_pass
 from tests.preloaded import Preloaded
+from trocar.protocol.bodies import GatewayState, InstrumentState
+from trocar.services.cache_directory import cache_directory
+from trocar.services.haptics import __main__ as haptics_process
+from trocar.services.haptics.__main__ import Haptics
+from trocar.services.mechanics.compiled import KERNELS
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation.scene_catheter import place_catheter
+from trocar.services.physics import __main__ as physics_process
+from trocar.services.physics.__main__ import Physics
+from trocar.services.physics.duct_alone_loop import STAGES as DUCT_STAGES
+from trocar.services.physics.duct_alone_loop import DuctAlonePhysics
+from trocar.services.runtime.config import config_directory
+from trocar.services.runtime.loop import LoopMeter, Tick, TickClock
+from trocar.services.scenes import load_scene
+from trocar.services.scenes.hands import hands_of, out_of_the_way
+from trocar.services.scenes.ready import load_surface
 
 #: Of the hands' motion; then they begin again. A rung of the ladder holds for so many ticks.
 TICKS, AGAIN, RUNG = 600, 200, 100

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from services.mechanics.simulation import Simulation
 from tests.memory_bus import MemoryBus
 from tests.physics.conftest import Rig
+from trocar.services.mechanics.simulation import Simulation
 
 FAR = (0.02, -0.05, 0.08)
 

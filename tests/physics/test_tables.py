@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from protocol.bodies import GraspHold, ToolContacts, ToolReaction, ToolState
-from protocol.bodies.haptics import TOOL_COLUMNS, tool_table
-from protocol.bodies.physics import reaction_table
-from services.physics.inputs import ContactsReader
-from services.physics.outputs import Outputs
 from tests.physics.conftest import Rig
+from trocar.protocol.bodies import GraspHold, ToolContacts, ToolReaction, ToolState
+from trocar.protocol.bodies.haptics import TOOL_COLUMNS, tool_table
+from trocar.protocol.bodies.physics import reaction_table
+from trocar.services.physics.inputs import ContactsReader
+from trocar.services.physics.outputs import Outputs
 
 FAR = (0.02, -0.05, 0.08)
 TOOLS = [

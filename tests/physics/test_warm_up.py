@@ -11,20 +11,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from services.cache_directory import cache_directory
-from services.haptics.warm_up import compile_for_physics
-from services.mechanics.collision.pairs import DUCT_TRIANGLE
-from services.mechanics.compiled import KERNELS
-from services.mechanics.effects import EFFECTS, go_together
-from services.mechanics.scene.tools import GraspHold, ToolInputs
-from services.mechanics.simulation import Simulation
-from services.physics.stand_in import stand_in_scene
-from services.physics.warm_up import answer_contacts, warm_up, warm_up_contact
-from services.runtime.config import config_directory
-from services.scenes import load_duct, load_scene
 from tests.mechanics.compiled.test_allocation import allocating
 from tests.physics.conftest import SMALL
 from tests.preloaded import Preloaded
+from trocar.services.cache_directory import cache_directory
+from trocar.services.haptics.warm_up import compile_for_physics
+from trocar.services.mechanics.collision.pairs import DUCT_TRIANGLE
+from trocar.services.mechanics.compiled import KERNELS
+from trocar.services.mechanics.effects import EFFECTS, go_together
+from trocar.services.mechanics.scene.tools import GraspHold, ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.physics.stand_in import stand_in_scene
+from trocar.services.physics.warm_up import answer_contacts, warm_up, warm_up_contact
+from trocar.services.runtime.config import config_directory
+from trocar.services.scenes import load_duct, load_scene
 
 pytestmark = pytest.mark.timeout(600)  # on a machine that has compiled nothing yet
 

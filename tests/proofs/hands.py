@@ -10,8 +10,8 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from studies.feel.hunt import GENERATIONS, MASSES_KG, hunt, hunt_pairs
 from tests.proofs.trials import Found, Proof, Try
+from trocar.studies.feel.hunt import GENERATIONS, MASSES_KG, hunt, hunt_pairs
 
 KINDS = (*MASSES_KG, "pairs")
 

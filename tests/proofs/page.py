@@ -7,9 +7,9 @@ import subprocess
 from collections.abc import Mapping, Sequence
 from textwrap import shorten
 
-from studies.rates import rate
 from tests.proofs import flat
 from tests.proofs.trials import Line, Proof, counted
+from trocar.studies.rates import rate
 
 _SHOWN, _LONGEST = 20, 120
 

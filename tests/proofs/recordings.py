@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 from mcap.reader import SeekingReader
 
-from services.recordings.errors import RecordingError
-from services.recordings.reader import read_extras, read_frames
-from services.recordings.repair import repair
 from tests.proofs.trials import Found, Proof, Try
 from tests.recorder.made_up import long_recording
+from trocar.services.recordings.errors import RecordingError
+from trocar.services.recordings.reader import read_extras, read_frames
+from trocar.services.recordings.repair import repair
 
 #: A recording whose attachment is a third of it.
 FRAMES, ATTACHED = 2_000, 70_000

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import random
 
-from protocol import TOPICS, FrameError, Reason, decode, encode
-from protocol.declared import fault
 from tests.protocol import samples
+from trocar.protocol import TOPICS, FrameError, Reason, decode, encode
+from trocar.protocol.declared import fault
 
 #: By topic, the bytes of a frame that is as it should be.
 SEEDS = {name: encode(samples.frame(name)) for name in TOPICS}

@@ -7,12 +7,12 @@ from typing import Any
 import msgspec
 import numpy as np
 
-import protocol
-from protocol import TOPICS, Frame, bodies
-from protocol.arrays import pack
-from protocol.bodies.haptics import tool_table
-from protocol.bodies.physics import reaction_table
-from protocol.fields import Field, Form, fields
+from trocar import protocol
+from trocar.protocol import TOPICS, Frame, bodies
+from trocar.protocol.arrays import pack
+from trocar.protocol.bodies.haptics import tool_table
+from trocar.protocol.bodies.physics import reaction_table
+from trocar.protocol.fields import Field, Form, fields
 
 INCARNATION = 0x1234_5678_9ABC
 

@@ -8,8 +8,8 @@ import msgspec
 import numpy as np
 from hypothesis import strategies as st
 
-from protocol.arrays import Array, Spec, pack
-from protocol.fields import Field, Form, fields
+from trocar.protocol.arrays import Array, Spec, pack
+from trocar.protocol.fields import Field, Form, fields
 
 finite = st.floats(allow_nan=False, allow_infinity=False, width=64, min_value=-1e9, max_value=1e9)
 

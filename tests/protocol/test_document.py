@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from protocol.document import document
+from trocar.protocol.document import document
 
 WIRE = Path(__file__).parents[2] / "docs" / "reference" / "wire.md"
 
 
 def test_the_page_is_the_code() -> None:
-    assert WIRE.read_text(encoding="utf-8") == document(), "run `python -m protocol.document`"
+    assert WIRE.read_text(encoding="utf-8") == document(), "run `python -m trocar.protocol.document`"

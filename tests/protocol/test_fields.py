@@ -9,10 +9,10 @@ import msgspec
 import pytest
 from msgspec import Meta
 
-from protocol.arrays import Array, pack, spec
-from protocol.declared import fault
-from protocol.fields import Field, Form, arrays, fields, nested
-from protocol.soundness import check
+from trocar.protocol.arrays import Array, pack, spec
+from trocar.protocol.declared import fault
+from trocar.protocol.fields import Field, Form, arrays, fields, nested
+from trocar.protocol.soundness import check
 
 
 class Inner(msgspec.Struct, array_like=True, frozen=True):

@@ -11,12 +11,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-import protocol
-from protocol import TOPICS, Frame, FrameError, Reason, bodies, decode, encode, peek, soundness
-from protocol.arrays import Array, pack
-from protocol.frame import MAX_FRAME_BYTES
 from tests.by_day import examples
 from tests.protocol import samples, strategies
+from trocar import protocol
+from trocar.protocol import TOPICS, Frame, FrameError, Reason, bodies, decode, encode, peek, soundness
+from trocar.protocol.arrays import Array, pack
+from trocar.protocol.frame import MAX_FRAME_BYTES
 
 numbers = st.integers(0, 2**48)
 

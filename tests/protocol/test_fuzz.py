@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from protocol import Reason
 from tests.protocol.garbled import SEEDS, garbled, outcome
+from trocar.protocol import Reason
 
 ROUNDS = 8_000
 CHUNKS = 4

@@ -10,8 +10,8 @@ from pathlib import Path
 import msgpack
 import pytest
 
-from protocol import TOPICS, FrameError, Reason, decode, encode
 from tests.protocol import samples
+from trocar.protocol import TOPICS, FrameError, Reason, decode, encode
 
 GOLDEN = Path(__file__).parent / "golden"
 

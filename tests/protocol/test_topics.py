@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from protocol import PROCESSES, TOPICS, topic
-from protocol.fields import fields, nested
-from protocol.topics import published_by, read_by
-from services.runtime.endpoints import endpoint
-from services.runtime.rig import Transport
+from trocar.protocol import PROCESSES, TOPICS, topic
+from trocar.protocol.fields import fields, nested
+from trocar.protocol.topics import published_by, read_by
+from trocar.services.runtime.endpoints import endpoint
+from trocar.services.runtime.rig import Transport
 
 
 def test_names_say_who_publishes() -> None:

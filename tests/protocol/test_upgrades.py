@@ -8,10 +8,10 @@ from dataclasses import replace
 import msgspec
 import pytest
 
-import protocol.upgrades as upgrades
-from protocol import TOPICS, FrameError, Reason, bodies, decode, encode
+import trocar.protocol.upgrades as upgrades
 from tests.protocol import samples
 from tests.protocol.test_golden import GOLDEN
+from trocar.protocol import TOPICS, FrameError, Reason, bodies, decode, encode
 
 NAME = "supervisor.state"
 

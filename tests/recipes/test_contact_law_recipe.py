@@ -12,12 +12,12 @@ pytestmark = pytest.mark.timeout(600)  # a changed copy of the tree compiles ane
 # forces are held over the next step, so their spring is soft: the catheter's own step damps nothing.
 HANGING = """
 from dataclasses import replace
-from services.mechanics.effects.gravity import GravitySettings
-from services.mechanics.effects.sticky_wall import StickyWallSettings
-from services.mechanics.scene import CatheterScene, ContactSettings, DuctScene, SceneModel
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.services.mechanics.effects.gravity import GravitySettings
+from trocar.services.mechanics.effects.sticky_wall import StickyWallSettings
+from trocar.services.mechanics.scene import CatheterScene, ContactSettings, DuctScene, SceneModel
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
 
 duct = DuctScene(n_around=12, n_along=14, n_modes=30, thickness_m=1e-3, youngs_modulus_pa=300e3, membrane="cst")
 catheter = CatheterScene(anchor="free", length_m=20e-3, n_segments=10, tip_position_m=(10e-3, 0.0, 2.6e-3))
@@ -58,7 +58,7 @@ def test_one_row_makes_a_law(followed: TreeCopy) -> None:
 def test_a_law_that_is_not_in_the_table_is_named(followed: TreeCopy) -> None:
     code = """
 try:
-    import services.mechanics.effects
+    import trocar.services.mechanics.effects
 except ValueError as error:
     print(error)
 """

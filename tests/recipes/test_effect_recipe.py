@@ -14,11 +14,11 @@ SMALL = """
 import hashlib
 import sys
 import numpy as np
-from services.mechanics.simulation import Simulation
-from studies.energy_book import EnergyBook
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from services.mechanics.scene.tools import ToolInputs
-from services.scenes import load_scene
+from trocar.services.mechanics.simulation import Simulation
+from trocar.studies.energy_book import EnergyBook
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.scenes import load_scene
 
 SMALL = ["duct.n_around=12", "duct.n_along=14", "duct.n_modes=30", "duct.thickness_m=1e-3", "duct.membrane=cst"]
 """
@@ -89,8 +89,8 @@ def test_without_its_name_in_the_scene_not_a_bit_changes(followed: TreeCopy, wit
 def test_its_settings_are_checked_with_the_path_of_the_key(followed: TreeCopy) -> None:
     options = ["force_n=[0, 0]", "force_n=strong", "force=1"]
     told = followed.python(f"""
-from services.runtime.errors import ConfigError
-from services.scenes import load_scene
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.scenes import load_scene
 for option in {options}:
     try:
         load_scene("stream", ["effects.current." + option])

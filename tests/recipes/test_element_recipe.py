@@ -35,7 +35,7 @@ WRONG_ROWS = {
 }
 FREQUENCIES = """
 from pathlib import Path
-from services.scenes import load_duct, load_scene
+from trocar.services.scenes import load_duct, load_scene
 small = ["duct.n_around=12", "duct.n_along=10", "duct.n_modes=4", "duct.residual=none"]
 scene = load_scene("my-insertion", small)
 print(scene.duct.membrane, *load_duct(scene, Path("cache"), lambda stage, fraction: None).basis.omega_rad_s)
@@ -67,7 +67,7 @@ def test_the_contract_sees_what_is_wrong_with_an_element(followed: TreeCopy) -> 
     text = table.read_text()
     for name in WRONG:
         _spoil(followed, name, name)
-    imports = "".join(f"from services.mechanics.fem.elements import {name}\n" for name in WRONG)
+    imports = "".join(f"from trocar.services.mechanics.fem.elements import {name}\n" for name in WRONG)
     membranes = "".join(f'    "{name}": Element({name}.stiffness),\n' for name in WRONG)
     bendings = "".join(f'    "{name}": {row},\n' for name, (row, _) in WRONG_ROWS.items())
     text = text.replace("\nMEMBRANE_ELEMENTS", f"{imports}\nMEMBRANE_ELEMENTS", 1)

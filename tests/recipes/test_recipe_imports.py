@@ -35,7 +35,7 @@ def test_a_file_of_a_recipe_imports_what_is_made_there(path: str, text: str) -> 
     indent = min(len(line) - len(line.lstrip()) for line in text.splitlines() if line.strip())
     tree = ast.parse("\n".join(line[indent:] for line in text.splitlines()))
     for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in ("services", "protocol"):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(("trocar.services", "trocar.protocol")):
             missing = {name.name for name in node.names} - exported(node.module or "")
             assert not missing, f"{path}: {node.module} does not make {missing}"
 

@@ -11,16 +11,16 @@ pytestmark = pytest.mark.timeout(600)  # a changed copy of the tree compiles ane
 # What the rig gets, what physics has of it, what is drawn, and what its own hand does to the duct.
 WITH_IT = """
 from dataclasses import replace
-from protocol.bodies import InstrumentState
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from services.runtime import config
-from services.runtime.scene_requirements import scene_requirements
-from services.scenes import load_scene
-from services.scenes.hands import hands_of
-from services.visualization.codec import decode_hello, encode_hello
-from services.visualization.composer import Composer
+from trocar.protocol.bodies import InstrumentState
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.services.runtime import config
+from trocar.services.runtime.scene_requirements import scene_requirements
+from trocar.services.scenes import load_scene
+from trocar.services.scenes.hands import hands_of
+from trocar.services.visualization.codec import decode_hello, encode_hello
+from trocar.services.visualization.composer import Composer
 from tests.memory_bus import MemoryBus, MemoryHub
 
 scene = load_scene("palpation", ("duct.n_around=12", "duct.n_along=14", "duct.n_modes=20"))

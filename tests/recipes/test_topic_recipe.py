@@ -13,9 +13,9 @@ pytestmark = pytest.mark.timeout(600)  # a changed copy of the tree compiles ane
 #: Physics sends; haptics reads, visualization and the supervisor observe, each with the sockets that its process opens.
 RUN = """
 import json, sys, threading, time
-from protocol.arrays import pack
-from protocol.bodies.physics import Temperature
-from services.runtime.process import Options, load_process_config, open_process
+from trocar.protocol.arrays import pack
+from trocar.protocol.bodies.physics import Temperature
+from trocar.services.runtime.process import Options, load_process_config, open_process
 
 def opened(name):
     return open_process(load_process_config(name, Options("rig.yaml", None, ())))
@@ -41,7 +41,7 @@ while not supervisor.stop() and time.monotonic() < until_s and len(found) < int(
             found[observer.name] = frame.body == body
 over.set()
 sender.join()
-from services.supervisor import dashboard, figures
+from trocar.services.supervisor import dashboard, figures
 from tests.health_reports import report_of
 windows = {name: figures.of(report_of(each.health)) for name, each in (("physics", physics), ("haptics", haptics))}
 found["dashboard"] = [row.publisher for row in dashboard.topic_rows(windows) if row.topic == topic]
@@ -51,7 +51,7 @@ print(json.dumps(found))
 READ = """
 import sys
 from pathlib import Path
-from services.recordings.reader import read_messages
+from trocar.services.recordings.reader import read_messages
 messages = list(read_messages(next(Path("recordings").glob("*.mcap")), ["physics.temperature"]))
 body = messages[0][2]
 print(len(messages), body.tick, body.temperature_k.view().tolist())
@@ -60,8 +60,8 @@ print(len(messages), body.tick, body.temperature_k.view().tolist())
 
 WAIT = """
 import time
-from services.runtime import config
-from services.runtime.zmq_bus import ZmqBus
+from trocar.services.runtime import config
+from trocar.services.runtime.zmq_bus import ZmqBus
 bus = ZmqBus(config.load_rig("rig.yaml").transport, reads=["recorder.health"])
 recorded, until_ns = 0, time.monotonic_ns() + 400_000_000_000
 while recorded < 10 and bus.wait("recorder.health", until_ns):
@@ -86,7 +86,7 @@ def test_a_frame_goes_from_the_publisher_to_everybody_whom_the_row_names(recipe:
 
 
 def test_it_is_recorded_sniffed_and_written_down(recipe: TreeCopy) -> None:
-    with recipe.start("-m", "services.recorder", "--rig", "rig.yaml"), recipe.start("-c", RUN, "900", "99"):
+    with recipe.start("-m", "trocar.services.recorder", "--rig", "rig.yaml"), recipe.start("-c", RUN, "900", "99"):
         sniffed = recipe.command("trocar sniff physics.temperature --rig rig.yaml --count 3 --json")
         recipe.python(WAIT)
     assert json.loads(sniffed.splitlines()[0])["body"]["temperature_k"]["values"] == [311.0]
@@ -100,7 +100,7 @@ def test_its_body_changes_and_old_bytes_are_still_understood(recipe: TreeCopy) -
     """Last of all, as the topic's body is another from then on."""
     recipe.follow("Changing a body")
     lifted = recipe.python(
-        "from pathlib import Path; import protocol;"
+        "from pathlib import Path; from trocar import protocol;"
         "old = Path('tests/protocol/golden/physics.temperature.v1.msgpack').read_bytes();"
         "print(protocol.decode(old).body.rise_k.view() + 310.15)"
     )

@@ -35,7 +35,7 @@ RECIPE = """
    ```diff
    --- services/scenes/__init__.py
    {anchor}
-   +from services.scenes.word import WORD as WORD
+   +from trocar.services.scenes.word import WORD as WORD
    ```
 
    and what it looks like then, for the reader:
@@ -47,7 +47,7 @@ RECIPE = """
 3. Look at it:
 
    ```sh
-   python -c "from services.scenes import WORD; print(WORD)" > word.txt
+   python -c "from trocar.services.scenes import WORD; print(WORD)" > word.txt
    ```
 
 ## Something else
@@ -74,7 +74,7 @@ def test_blocks_are_done_from_top_to_bottom(tree: TreeCopy, anchor: str) -> None
     tree.follow("Adding a word")
     assert (tree.root / "word.txt").read_text() == "trocar\n"
     assert not (ROOT / "services" / "scenes" / "word.py").exists()
-    assert str(tree.root) in tree.python("import protocol; print(protocol.__file__)")
+    assert str(tree.root) in tree.python("from trocar import protocol; print(protocol.__file__)")
 
 
 @pytest.mark.parametrize("stale", [" from nowhere import nothing", ""])

@@ -32,7 +32,7 @@ import msgspec, numba, pydantic, pytest, scipy.linalg, scipy.sparse.linalg, scip
 ROOT = Path(__file__).resolve().parents[2]
 RECIPES = Path("docs", "how-to", "recipes.md")
 _COPIED = ("services", "studies", "review", "protocol", "trocar", "configs", "docs", "tests", "pyproject.toml")
-_TROCAR = "from services.cli.app import main; main()"
+_TROCAR = "from trocar.services.cli.app import main; main()"
 _MODULE = "import runpy, sys; runpy.run_module(sys.argv.pop(1), run_name='__main__', alter_sys=True)"
 _LEFT_OUT = shutil.ignore_patterns("__pycache__", "node_modules", ".*", "*.mcap", "*.png")
 
@@ -44,7 +44,7 @@ class TreeCopy:
         self.root, self._forks = root, forks
         for name in _COPIED:
             if (ROOT / name).is_dir():
-                shutil.copytree(ROOT / name, root / name, ignore=_LEFT_OUT)
+                shutil.copytree(ROOT / name, root / name, symlinks=True, ignore=_LEFT_OUT)
             else:
                 shutil.copy2(ROOT / name, root / name)
             take_bytecode(ROOT, root, name)

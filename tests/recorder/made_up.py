@@ -8,9 +8,9 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from protocol import Frame
-from services.recorder.recording import RecordingWriter
 from tests.protocol import samples
+from trocar.protocol import Frame
+from trocar.services.recorder.recording import RecordingWriter
 
 MS = 1_000_000
 

@@ -12,13 +12,13 @@ import msgspec
 import numpy as np
 import yaml
 
-from protocol import Frame, topic
-from protocol.bodies import GatewayState, InstrumentState
-from services.recorder.recording import RecordingWriter
-from services.recordings.provenance import machine, mechanics_digest
-from services.runtime import bus, config
 from tests.memory_bus import MemoryBus
 from tests.physics.conftest import PORTS, SMALL, Rig
+from trocar.protocol import Frame, topic
+from trocar.protocol.bodies import GatewayState, InstrumentState
+from trocar.services.recorder.recording import RecordingWriter
+from trocar.services.recordings.provenance import machine, mechanics_digest
+from trocar.services.runtime import bus, config
 
 LADDER = "quality=[{name: full}, {name: steps of 2 ms, ticks_per_step: 2}]"
 RECORDED = ("gateway.state", "haptics.journal", "physics.journal", "physics.state", "haptics.contacts")

@@ -21,21 +21,21 @@ import yaml
 from mcap.reader import NonSeekingReader, SeekingReader
 from mcap.records import ChunkIndex
 
-from protocol import TOPICS
-from services.recorder import disk, recording
-from services.recorder.__main__ import Recording
-from services.recorder.recording import RecordingWriter
-from services.recordings.chunks import OpenChunk
-from services.recordings.errors import RecordingError
-from services.recordings.summary import StoredEntries
-from services.runtime.rig import Transport
-from services.runtime.zmq_bus import ZmqBus
 from tests.other_user import as_other_user, everybodys, needs_other_user
 from tests.physics.conftest import SMALL
 from tests.protocol import samples
 from tests.recorder.made_up import MS, long_recording, settle, state
 from tests.recorder.test_losses import Stub
 from tests.recorder.test_repair import ticks_by_index
+from trocar.protocol import TOPICS
+from trocar.services.recorder import disk, recording
+from trocar.services.recorder.__main__ import Recording
+from trocar.services.recorder.recording import RecordingWriter
+from trocar.services.recordings.chunks import OpenChunk
+from trocar.services.recordings.errors import RecordingError
+from trocar.services.recordings.summary import StoredEntries
+from trocar.services.runtime.rig import Transport
+from trocar.services.runtime.zmq_bus import ZmqBus
 
 __all__ = ["everybodys"]
 
@@ -126,7 +126,7 @@ def test_a_disk_that_is_full_from_the_start_is_a_sentence_and_leaves_nothing(tmp
 _LIMITED = """
 import resource, sys
 resource.setrlimit(resource.RLIMIT_FSIZE, (600_000, 600_000))
-from services.recorder.__main__ import main, run, whole
+from trocar.services.recorder.__main__ import main, run, whole
 sys.exit(main("recorder", run, sys.argv[1:], whole=whole))
 """
 

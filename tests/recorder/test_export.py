@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from pyarrow import parquet
 
-from review.commands.export import run_export
-from review.export.film import write_film
-from services.recordings.errors import RecordingError
-from services.recordings.reader import read_messages
+from trocar.review.commands.export import run_export
+from trocar.review.export.film import write_film
+from trocar.services.recordings.errors import RecordingError
+from trocar.services.recordings.reader import read_messages
 
 
 @pytest.fixture(autouse=True)

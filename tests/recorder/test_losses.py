@@ -11,18 +11,18 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
-import protocol
-from protocol import bodies
-from services.recorder.__main__ import Recording, take
-from services.recorder.losses import DISK, QUEUES, Loss, Losses, counts
-from services.runtime import bus as bus_module
-from services.runtime import config
-from services.runtime.bus import Inbox, Outbox
-from services.runtime.health import HealthReporter
-from services.runtime.rig import Transport
-from services.runtime.zmq_bus import ZmqBus
 from tests.memory_bus import MemoryBus, MemoryHub
 from tests.recorder.made_up import MS, state
+from trocar import protocol
+from trocar.protocol import bodies
+from trocar.services.recorder.__main__ import Recording, take
+from trocar.services.recorder.losses import DISK, QUEUES, Loss, Losses, counts
+from trocar.services.runtime import bus as bus_module
+from trocar.services.runtime import config
+from trocar.services.runtime.bus import Inbox, Outbox
+from trocar.services.runtime.health import HealthReporter
+from trocar.services.runtime.rig import Transport
+from trocar.services.runtime.zmq_bus import ZmqBus
 
 STATE = "gateway.state"
 

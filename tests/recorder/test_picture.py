@@ -14,19 +14,19 @@ from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from mcap.reader import make_reader
 
-from protocol.arrays import pack
-from protocol.bodies import Catheter, Duct, GatewayState, InstrumentState
-from services.cache_directory import cache_directory
-from services.recorder import attachments
-from services.recorder.picture import PictureRecorder
-from services.recorder.recording import RecordingWriter
-from services.recordings.reader import read_extras
-from services.recordings.repair import repair
-from services.recordings.scene_update import LOG, SCENE, TRANSFORMS, SceneDrawing
-from services.runtime.config import load_rig
-from services.scenes import load_duct, load_scene
 from tests.physics.conftest import SMALL
 from tests.protocol import samples
+from trocar.protocol.arrays import pack
+from trocar.protocol.bodies import Catheter, Duct, GatewayState, InstrumentState
+from trocar.services.cache_directory import cache_directory
+from trocar.services.recorder import attachments
+from trocar.services.recorder.picture import PictureRecorder
+from trocar.services.recorder.recording import RecordingWriter
+from trocar.services.recordings.reader import read_extras
+from trocar.services.recordings.repair import repair
+from trocar.services.recordings.scene_update import LOG, SCENE, TRANSFORMS, SceneDrawing
+from trocar.services.runtime.config import load_rig
+from trocar.services.scenes import load_duct, load_scene
 
 MS = 1_000_000
 

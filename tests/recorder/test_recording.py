@@ -14,18 +14,18 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from protocol import TOPICS, bodies, former
-from protocol.arrays import Array, Spec, pack
-from protocol.fields import arrays, fields
-from protocol.table import columns
-from services.recorder.recording import RecordingWriter
-from services.recordings import reader
-from services.recordings.reader import read_frames, read_messages, read_moments
-from services.recordings.schema import PACKAGE, file_descriptor
-from services.recordings.transcode import to_frame, to_protobuf
 from tests.by_day import examples
 from tests.protocol import samples, strategies
 from tests.recorder.made_up import long_recording, settle
+from trocar.protocol import TOPICS, bodies, former
+from trocar.protocol.arrays import Array, Spec, pack
+from trocar.protocol.fields import arrays, fields
+from trocar.protocol.table import columns
+from trocar.services.recorder.recording import RecordingWriter
+from trocar.services.recordings import reader
+from trocar.services.recordings.reader import read_frames, read_messages, read_moments
+from trocar.services.recordings.schema import PACKAGE, file_descriptor
+from trocar.services.recordings.transcode import to_frame, to_protobuf
 
 
 @pytest.mark.parametrize("name", TOPICS)

@@ -17,13 +17,13 @@ from mcap.reader import SeekingReader
 from mcap.writer import Writer
 from mcap_protobuf.decoder import DecoderFactory
 
-from services.cli.repair import run_repair
-from services.recorder.recording import RecordingWriter
-from services.recordings.errors import HoleError, RecordingError
-from services.recordings.reader import read_extras, read_frames
-from services.recordings.repair import repair, repair_all
-from services.recordings.summary import records
 from tests.recorder.made_up import long_recording, settle, state
+from trocar.services.cli.repair import run_repair
+from trocar.services.recorder.recording import RecordingWriter
+from trocar.services.recordings.errors import HoleError, RecordingError
+from trocar.services.recordings.reader import read_extras, read_frames
+from trocar.services.recordings.repair import repair, repair_all
+from trocar.services.recordings.summary import records
 
 
 def ticks_by_index(path: Path) -> list[int]:

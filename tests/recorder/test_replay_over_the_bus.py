@@ -12,24 +12,24 @@ from typing import Any
 
 import pytest
 
-from protocol import Frame
-from protocol.bodies import PhysicsState
-from protocol.topics import published_by, read_by
-from services.cli.rerun import Rerun, load
-from services.gateway.replaying import Replay
-from services.haptics import __main__ as haptics
-from services.haptics.__main__ import Haptics
-from services.haptics.replaying import ReplayedHaptics
-from services.physics import __main__ as physics
-from services.physics.__main__ import Physics
-from services.physics.replaying import ReplayedPhysics
-from services.recordings.inputs import RecordedInputs, read_inputs
-from services.recordings.schedule import read_schedule
-from services.runtime.health import HealthReporter
-from services.runtime.loop import LoopMeter, follow
-from services.runtime.rig import ReplaySettings, Transport
-from services.runtime.zmq_bus import ZmqBus
 from tests.physics.conftest import let_time_pass
+from trocar.protocol import Frame
+from trocar.protocol.bodies import PhysicsState
+from trocar.protocol.topics import published_by, read_by
+from trocar.services.cli.rerun import Rerun, load
+from trocar.services.gateway.replaying import Replay
+from trocar.services.haptics import __main__ as haptics
+from trocar.services.haptics.__main__ import Haptics
+from trocar.services.haptics.replaying import ReplayedHaptics
+from trocar.services.physics import __main__ as physics
+from trocar.services.physics.__main__ import Physics
+from trocar.services.physics.replaying import ReplayedPhysics
+from trocar.services.recordings.inputs import RecordedInputs, read_inputs
+from trocar.services.recordings.schedule import read_schedule
+from trocar.services.runtime.health import HealthReporter
+from trocar.services.runtime.loop import LoopMeter, follow
+from trocar.services.runtime.rig import ReplaySettings, Transport
+from trocar.services.runtime.zmq_bus import ZmqBus
 
 
 @dataclass

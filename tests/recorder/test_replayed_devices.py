@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from services.gateway import replaying
-from services.gateway.replaying import Replay
-from services.recordings.inputs import read_inputs
-from services.runtime.loop import LoopMeter
-from services.runtime.rig import ReplaySettings
+from trocar.services.gateway import replaying
+from trocar.services.gateway.replaying import Replay
+from trocar.services.recordings.inputs import read_inputs
+from trocar.services.runtime.loop import LoopMeter
+from trocar.services.runtime.rig import ReplaySettings
 
 
 class _Rig:

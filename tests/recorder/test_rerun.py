@@ -10,15 +10,15 @@ import pytest
 from msgspec import structs
 from typer.testing import CliRunner
 
-from protocol import Frame
-from services.cli.app import app
-from services.cli.rerun import compare
-from services.recordings import inputs as recorded_inputs
-from services.recordings.errors import RecordingError
-from services.recordings.inputs import read_inputs
-from services.recordings.reader import RecordedFrame
 from tests.recorder.conftest import TICKS
 from tests.recorder.recorded_rig import changed
+from trocar.protocol import Frame
+from trocar.services.cli.app import app
+from trocar.services.cli.rerun import compare
+from trocar.services.recordings import inputs as recorded_inputs
+from trocar.services.recordings.errors import RecordingError
+from trocar.services.recordings.inputs import read_inputs
+from trocar.services.recordings.reader import RecordedFrame
 
 
 def test_states_and_contacts_are_those_recorded_to_the_bit(recorded: Path) -> None:

@@ -12,11 +12,11 @@ from mcap.reader import make_reader
 from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 
-from services.cli.rerun import compare
-from services.recordings.errors import RecordingError
-from services.recordings.inputs import read_inputs
-from services.recordings.provenance import machine, mechanics_digest
-from services.recordings.reader import read_frames, read_messages
+from trocar.services.cli.rerun import compare
+from trocar.services.recordings.errors import RecordingError
+from trocar.services.recordings.inputs import read_inputs
+from trocar.services.recordings.provenance import machine, mechanics_digest
+from trocar.services.recordings.reader import read_frames, read_messages
 
 FOLDER = Path(__file__).parents[2] / "docs" / "examples" / "recordings"
 TICKS = 4000  # of what is run again here; `trocar replay FILE --check` runs all of it

@@ -14,25 +14,25 @@ import numpy as np
 import pytest
 import yaml
 
-import services.gateway.__main__ as gateway_process
-from protocol.bodies import GatewayState
-from services.cache_directory import cache_directory
-from services.gateway import replaying
-from services.gateway.drivers.phantom_simulated import Driver
-from services.gateway.scene_hands import SceneHands
-from services.haptics import __main__ as haptics_process
-from services.mechanics.arrays import FloatArray
-from services.physics import __main__ as physics_process
-from services.recorder.recording import RecordingWriter
-from services.recordings.provenance import machine, mechanics_digest
-from services.runtime import config, loop
-from services.runtime.loop import LoopMeter, TickClock
-from services.scenes import load_duct, load_scene
+import trocar.services.gateway.__main__ as gateway_process
 from tests.memory_bus import MemoryBus, MemoryHub
 from tests.memory_process import MemoryProcess, in_time_of
 from tests.physics.conftest import SMALL
 from tests.recorder.recorded_rig import RECORDED
 from tests.whole_rig import WholeRig, rig_file
+from trocar.protocol.bodies import GatewayState
+from trocar.services.cache_directory import cache_directory
+from trocar.services.gateway import replaying
+from trocar.services.gateway.drivers.phantom_simulated import Driver
+from trocar.services.gateway.scene_hands import SceneHands
+from trocar.services.haptics import __main__ as haptics_process
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.physics import __main__ as physics_process
+from trocar.services.recorder.recording import RecordingWriter
+from trocar.services.recordings.provenance import machine, mechanics_digest
+from trocar.services.runtime import config, loop
+from trocar.services.runtime.loop import LoopMeter, TickClock
+from trocar.services.scenes import load_duct, load_scene
 
 PRESS = Path(__file__).parents[1] / "rig" / "press.yaml"
 PRESSED_S, STRETCH_S, LIVE_TICKS = 1.2, 0.05, 1500

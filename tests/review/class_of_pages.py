@@ -14,10 +14,10 @@ import msgspec
 import uvicorn
 from starlette.types import ASGIApp
 
-from services.runtime.web_host import listen
-from services.supervisor.web import PageContext, build_app
 from tests.patience import PATIENCE_S
 from tests.supervisor.made_up import rig
+from trocar.services.runtime.web_host import listen
+from trocar.services.supervisor.web import PageContext, build_app
 
 TOKEN = "of the whole class 7"
 

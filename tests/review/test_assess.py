@@ -10,18 +10,18 @@ import msgspec
 import numpy as np
 import pytest
 
-from protocol import TOPICS, Frame
-from protocol.bodies import SupervisorState
-from review.attempts.assess import Terms, assess
-from review.attempts.assessment import Assessment
-from review.attempts.recorded import assess_file
-from services.mechanics.scenarios import insertion, miss
-from services.recorder.recording import RecordingWriter
-from services.runtime.errors import UserError
-from services.training.score import load_rules
-from services.training.site import Site
 from tests.training.simulated import SimulatedRig, attempt, patient
 from tests.training.streams import GOOD, SCENARIO, SITE, changed, messages
+from trocar.protocol import TOPICS, Frame
+from trocar.protocol.bodies import SupervisorState
+from trocar.review.attempts.assess import Terms, assess
+from trocar.review.attempts.assessment import Assessment
+from trocar.review.attempts.recorded import assess_file
+from trocar.services.mechanics.scenarios import insertion, miss
+from trocar.services.recorder.recording import RecordingWriter
+from trocar.services.runtime.errors import UserError
+from trocar.services.training.score import load_rules
+from trocar.services.training.site import Site
 
 __all__ = ["patient"]
 RULES = load_rules()

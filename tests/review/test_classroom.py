@@ -18,13 +18,13 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
-from review.classroom import app, watch
-from review.classroom.app import Classroom, build_app
-from review.classroom.roll import ClassRig
-from review.classroom.watch import Watch
 from tests.chromium import Chromium, find
 from tests.patience import PATIENCE_S
 from tests.review.class_of_pages import TOKEN, rigs, served, state, until, write_roll
+from trocar.review.classroom import app, watch
+from trocar.review.classroom.app import Classroom, build_app
+from trocar.review.classroom.roll import ClassRig
+from trocar.review.classroom.watch import Watch
 
 _WITH = {"X-Trocar-Token": TOKEN}
 #: httpx gives up after five seconds: a busy machine may take them.

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from review.export import fluoroscopy
-from review.export.fluoroscopy import CATHETER_1_M, STEEL_1_M, WALL_1_M, Fluoroscope, Lens, add_way, rod
-from services.mechanics.scene.instruments import DrawnPart
-from services.visualization.picture import Picture, PictureLayout, ToolShape
+from trocar.review.export import fluoroscopy
+from trocar.review.export.fluoroscopy import CATHETER_1_M, STEEL_1_M, WALL_1_M, Fluoroscope, Lens, add_way, rod
+from trocar.services.mechanics.scene.instruments import DrawnPart
+from trocar.services.visualization.picture import Picture, PictureLayout, ToolShape
 
 AHEAD_M, FOCAL = 0.5, 900.0
 SIZE = 121, 81
@@ -124,6 +124,6 @@ def test_the_lens_spreads_out_what_it_sees_and_keeps_it_within_the_picture():
 
 
 def test_it_needs_neither_display_nor_pyvista():
-    text = "import sys; sys.modules['pyvista'] = None; from review.export.fluoroscopy import open_renderer"
+    text = "import sys; sys.modules['pyvista'] = None; from trocar.review.export.fluoroscopy import open_renderer"
     text += "; open_renderer('fluoroscopy', (8, 6))"
     subprocess.run([sys.executable, "-c", text], check=True)

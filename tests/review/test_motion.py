@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from review.attempts import motion
-from review.attempts.metrics import force_metrics
+from trocar.review.attempts import motion
+from trocar.review.attempts.metrics import force_metrics
 
 HZ = 250.0
 

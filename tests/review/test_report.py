@@ -10,18 +10,18 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from protocol.bodies import SupervisorState
-from review.attempts.advice import advice
-from review.attempts.assessment import Assessment
-from review.attempts.experts import band_of
-from review.attempts.figures import ticks
-from review.attempts.report import Past, render
-from services.training.score import load_rules
 from tests import chromium
 from tests.patience import PATIENCE_S
 from tests.review.test_assess import assessed, told
 from tests.training.streams import GOOD, changed, messages
 from tests.training.test_errors import CASES
+from trocar.protocol.bodies import SupervisorState
+from trocar.review.attempts.advice import advice
+from trocar.review.attempts.assessment import Assessment
+from trocar.review.attempts.experts import band_of
+from trocar.review.attempts.figures import ticks
+from trocar.review.attempts.report import Past, render
+from trocar.services.training.score import load_rules
 
 RULES = load_rules()
 ERRING = CASES["E1", "traction"][0] | CASES["E10", "air flushed in"][0]

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from review.classroom.roll import load_roll
-from services.runtime.errors import ConfigError
+from trocar.review.classroom.roll import load_roll
+from trocar.services.runtime.errors import ConfigError
 
 _RIG = '[[rig]]\nname = "a"\naddress = "http://192.168.1.11:8080/"\n'
 _TOKEN = 'token = "sixteen characters at least"\n'

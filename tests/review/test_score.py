@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from review.attempts.curve import cusum, learning_curve
-from review.attempts.experts import band_of, is_proficient, load_band
-from services.runtime.errors import ConfigError
-from services.training.errors import ErrorEvent
-from services.training.score import CusumRates, load_rules, score_of
 from tests.training.streams import SCENARIO
+from trocar.review.attempts.curve import cusum, learning_curve
+from trocar.review.attempts.experts import band_of, is_proficient, load_band
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.training.errors import ErrorEvent
+from trocar.services.training.score import CusumRates, load_rules, score_of
 
 RULES = load_rules()
 

@@ -21,14 +21,14 @@ from alembic.migration import MigrationContext
 from sqlalchemy import create_engine, event, insert
 from typer.testing import CliRunner
 
-from review.attempts.assess import assess
-from review.attempts.assessment import Assessment
-from review.attempts.store.attempts import Store, StoreError
-from review.attempts.store.tables import Base, StoredAttempt, Trainee
-from services.cli.app import add_installed_verbs, app
 from tests.review import postgres
 from tests.review.test_assess import recorded, terms, told
 from tests.training.streams import GOOD, changed, messages
+from trocar.review.attempts.assess import assess
+from trocar.review.attempts.assessment import Assessment
+from trocar.review.attempts.store.attempts import Store, StoreError
+from trocar.review.attempts.store.tables import Base, StoredAttempt, Trainee
+from trocar.services.cli.app import add_installed_verbs, app
 
 RUN = CliRunner()
 ATTEMPTS, TRAINEES = 10_000, 100

@@ -12,12 +12,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from protocol.bodies import GatewayState, PhysicsState, SupervisorState
-from services.runtime.endpoints import lock_holders
-from services.runtime.rig import Transport
-from services.runtime.zmq_bus import ZmqBus
 from tests.ports import free_port
 from tests.with_us import with_us
+from trocar.protocol.bodies import GatewayState, PhysicsState, SupervisorState
+from trocar.services.runtime.endpoints import lock_holders
+from trocar.services.runtime.rig import Transport
+from trocar.services.runtime.zmq_bus import ZmqBus
 
 HERE = Path(__file__).parent
 SCENE = HERE.parent / "scenes" / "small.yaml"
@@ -126,7 +126,7 @@ def running_rig(
     *,
     keeps_solved: bool = False,
     rig: str = "stub",
-    program: tuple[str, ...] = ("-m", "services.supervisor"),
+    program: tuple[str, ...] = ("-m", "trocar.services.supervisor"),
 ) -> Iterator[Rig]:
     """Launch a rig in `directory`; yield it once it has started. It is not restarted if slow: the machine may be.
 

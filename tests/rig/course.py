@@ -9,8 +9,8 @@ from typing import Self
 
 import numpy as np
 
-from protocol.bodies import Catheter, GatewayState, PhysicsState
 from tests.rig.conftest import Observer
+from trocar.protocol.bodies import Catheter, GatewayState, PhysicsState
 
 PACE = 0.5
 """Of the hands: where a busy machine loses ticks they move on by less."""

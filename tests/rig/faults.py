@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from services.gateway.servo_law import MAX_STEP_S
-from services.mechanics.scene import ForcepsScene
-from services.runtime.config import load_rig
 from tests.patience import PATIENCE_S
 from tests.rig.conftest import Rig, Sample
+from trocar.services.gateway.servo_law import MAX_STEP_S
+from trocar.services.mechanics.scene import ForcepsScene
+from trocar.services.runtime.config import load_rig
 
 #: Of the gateway, each of a millisecond or more, in which force is gone: the ttl of models, and to let go. Counted in
 #: these, as a machine that stands still runs none; figures in time are in benchmarks/.

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from protocol.bodies import PhysicsState
-from services.runtime.flight import flight_directory
 from tests.rig.conftest import Rig, running_rig
+from trocar.protocol.bodies import PhysicsState
+from trocar.services.runtime.flight import flight_directory
 
 pytestmark = pytest.mark.timeout(600)
 

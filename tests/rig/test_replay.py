@@ -12,15 +12,15 @@ from pathlib import Path
 
 import pytest
 
-from protocol.bodies import PhysicsState
-from services.recordings.inputs import RecordedInputs, read_inputs
-from services.recordings.provenance import machine, mechanics_digest
-from services.runtime.rig import Transport
-from services.runtime.zmq_bus import ZmqBus
 from tests.patience import PATIENCE_S
 from tests.ports import free_port
 from tests.recorder.conftest import recorded
 from tests.with_us import with_us
+from trocar.protocol.bodies import PhysicsState
+from trocar.services.recordings.inputs import RecordedInputs, read_inputs
+from trocar.services.recordings.provenance import machine, mechanics_digest
+from trocar.services.runtime.rig import Transport
+from trocar.services.runtime.zmq_bus import ZmqBus
 
 __all__ = ["recorded"]
 pytestmark = pytest.mark.timeout(900)
@@ -64,7 +64,7 @@ def _replayed(inputs: RecordedInputs, folder: Path) -> dict[int, PhysicsState]:
         f"supervisor.web.port={free_port()}",
     )  # fmt: skip
     asked = ["--until", str(UNTIL_S), "--viewer", "none", *(word for each in settings for word in ("--set", each))]
-    command = [sys.executable, "-m", "services.cli.app", "replay", str(inputs.path), *asked]
+    command = [sys.executable, "-m", "trocar.services.cli.app", "replay", str(inputs.path), *asked]
     said: dict[int, PhysicsState] = {}
     with (folder / "log").open("wb") as log, closing(ZmqBus(transport, reads_every=["physics.state"])) as bus:
         process = subprocess.Popen(with_us(command), stdout=log, stderr=subprocess.STDOUT)

@@ -15,15 +15,15 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-import protocol.bodies as bodies
-from services.runtime import keys
-from services.runtime.rig import Transport
-from services.runtime.zmq_bus import ZmqBus
+import trocar.protocol.bodies as bodies
 from tests.patience import PATIENCE_S
 from tests.ports import free_port
 from tests.rig.conftest import SCENE, START_S, Observer
 from tests.rig.faults import HARD
 from tests.with_us import with_us
+from trocar.services.runtime import keys
+from trocar.services.runtime.rig import Transport
+from trocar.services.runtime.zmq_bus import ZmqBus
 
 HERE = Path(__file__).parent
 PORT = 23_000
@@ -161,7 +161,7 @@ class FarRig:
             *self._overrides,
         ]  # fmt: skip
         words = [word for setting in settings for word in ("--set", setting)]
-        command = [sys.executable, "-m", f"services.{name}", "--rig", "stub", "--scene", str(SCENE), *words]
+        command = [sys.executable, "-m", f"trocar.services.{name}", "--rig", "stub", "--scene", str(SCENE), *words]
         return self.hosts.start(host, command, self.folder / f"{name}.log")
 
     def until_it_runs(self) -> None:

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from services.runtime.rig import Transport
 from tests.patience import PATIENCE_S
+from trocar.services.runtime.rig import Transport
 
 
 @pytest.fixture

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from services.runtime import autogroup
-from services.supervisor.launcher import Child
-from services.supervisor.processes import ProcessSpec
 from tests.autogroups import may_be_set
+from trocar.services.runtime import autogroup
+from trocar.services.supervisor.launcher import Child
+from trocar.services.supervisor.processes import ProcessSpec
 
 GROUP = Path("/proc/self/autogroup")
-_SET = "from services.runtime import realtime; realtime.set_up(None, None, 7)"
+_SET = "from trocar.services.runtime import realtime; realtime.set_up(None, None, 7)"
 _TELL = "import os; print(os.getsid(0) == os.getpid(), open('/proc/self/autogroup').read())"
 
 needs_groups = pytest.mark.skipif(
@@ -34,7 +34,7 @@ def test_a_process_with_a_session_of_its_own_is_as_nice_to_others_as_to_its_own(
     assert _in_child(f"{_SET}; {_TELL}", session=True).endswith("nice 7")
 
 
-_CLIMB = """from services.runtime.scheduling import Scheduling, SchedulingRequest
+_CLIMB = """from trocar.services.runtime.scheduling import Scheduling, SchedulingRequest
 s = Scheduling.request(SchedulingRequest(5, 0.1, None, ("nice",)))"""
 
 

@@ -10,13 +10,13 @@ from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 import pytest
 from pydantic import AfterValidator, BaseModel
 
-from services.gateway.device_files import ArmFile, GraspFile
-from services.gateway.drivers.grasp_simulated import SimulatedGraspSettings
-from services.gateway.drivers.phantom_simulated import ArmSettings
-from services.gateway.hand_arm import HandSettings
-from services.gateway.steering import JawSettings, SteeringSettings
-from services.runtime.bounds import Bounds, Core
-from services.runtime.rig import Rig, Settings
+from trocar.services.gateway.device_files import ArmFile, GraspFile
+from trocar.services.gateway.drivers.grasp_simulated import SimulatedGraspSettings
+from trocar.services.gateway.drivers.phantom_simulated import ArmSettings
+from trocar.services.gateway.hand_arm import HandSettings
+from trocar.services.gateway.steering import JawSettings, SteeringSettings
+from trocar.services.runtime.bounds import Bounds, Core
+from trocar.services.runtime.rig import Rig, Settings
 
 MODELS = (Rig, ArmFile, GraspFile, ArmSettings, SimulatedGraspSettings, HandSettings, SteeringSettings, JawSettings)
 

@@ -17,17 +17,17 @@ import msgspec
 import pytest
 import zmq
 
-import protocol
-from protocol import TOPICS, Frame, bodies
-from services.runtime import bus as bus_module
-from services.runtime import endpoints
-from services.runtime.endpoints import endpoint, lock_holders
-from services.runtime.errors import BusError
-from services.runtime.frame_batches import SENDS_PER_S, batch_endpoint
-from services.runtime.rig import Transport
-from services.runtime.zmq_bus import ZmqBus
 from tests.memory_bus import MemoryBus, MemoryHub
 from tests.ports import base_port
+from trocar import protocol
+from trocar.protocol import TOPICS, Frame, bodies
+from trocar.services.runtime import bus as bus_module
+from trocar.services.runtime import endpoints
+from trocar.services.runtime.endpoints import endpoint, lock_holders
+from trocar.services.runtime.errors import BusError
+from trocar.services.runtime.frame_batches import SENDS_PER_S, batch_endpoint
+from trocar.services.runtime.rig import Transport
+from trocar.services.runtime.zmq_bus import ZmqBus
 
 STATE = "gateway.state"
 STALE_S = 60.0
@@ -285,7 +285,9 @@ def test_a_slow_reader_loses_frames_counts_them_and_delays_nobody(
         total = 10_000
         now_ns = time.monotonic_ns()
         with monkeypatch.context() as patch:
-            patch.setattr("services.runtime.zmq_bus.time.monotonic_ns", lambda: now_ns)  # all at once, on any machine
+            patch.setattr(
+                "trocar.services.runtime.zmq_bus.time.monotonic_ns", lambda: now_ns
+            )  # all at once, on any machine
             for tick in range(total):  # ends: what the slow one does not take is lost, not waited for
                 sender.publish(STATE, state(tick))
         assert quick.latest(STATE) is not None, "of those that came before its pipe was full"

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-import protocol
-from protocol import Frame, bodies, topic
-from services.runtime import bus as bus_module
-from services.runtime.bus import Inbox
-from services.runtime.clocks import DRIFT, ClockOffset
+from trocar import protocol
+from trocar.protocol import Frame, bodies, topic
+from trocar.services.runtime import bus as bus_module
+from trocar.services.runtime.bus import Inbox
+from trocar.services.runtime.clocks import DRIFT, ClockOffset
 
 STATE = "gateway.state"
 HOUR_NS = 3_600_000_000_000
@@ -106,7 +106,7 @@ def _said(sent_ns: int, origin_ns: int) -> bytes:
 
 
 def test_a_time_namespace_has_a_clock_of_its_own() -> None:
-    code = "import services.runtime.clocks as clocks; print(clocks._WHOSE.hex())"
+    code = "import trocar.services.runtime.clocks as clocks; print(clocks._WHOSE.hex())"
     command = [sys.executable, "-c", code]
     ours = [subprocess.run(command, check=True, capture_output=True, text=True).stdout for _ in range(2)]
     apart = subprocess.run(

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 import yaml
 
-from services.runtime.flight import FlightRing
-from services.runtime.realtime import DMA_LATENCY
+from trocar.services.runtime.flight import FlightRing
+from trocar.services.runtime.realtime import DMA_LATENCY
 
 ROOT = Path(__file__).resolve().parents[2]
 

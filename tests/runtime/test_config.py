@@ -10,10 +10,10 @@ from typing import Annotated, Any, Literal
 import pytest
 from pydantic import Field
 
-from services.gateway.device_files import DeviceFile
-from services.runtime import config
-from services.runtime.errors import ConfigError
-from services.runtime.rig import Rig, Settings
+from trocar.services.gateway.device_files import DeviceFile
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.runtime.rig import Rig, Settings
 
 
 def write(path: Path, text: str) -> Path:

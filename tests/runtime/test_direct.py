@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 import zmq
 
-from services.runtime import zmtp
-from services.runtime.direct import MAX_PEERS, DirectReader, DirectSender
 from tests.patience import PATIENCE_S
+from trocar.services.runtime import zmtp
+from trocar.services.runtime.direct import MAX_PEERS, DirectReader, DirectSender
 
 Eventually = Callable[[Callable[[], bool]], None]
 LENGTHS = (0, 1, 255, 256, 5470, 100_000, 1 << 20)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from services.runtime.flat_view import flat_view
+from trocar.services.runtime.flat_view import flat_view
 
 
 @pytest.mark.parametrize(("kind", "item"), [(np.float64, 2.5), (np.bool_, True), (np.int32, 7)])

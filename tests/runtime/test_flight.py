@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.runtime import stage_times
-from services.runtime.errors import BusError, UserError
-from services.runtime.flight import COLUMNS, FlightRing, flight_directory, is_memory, remove_rings
-from services.runtime.flights import Flights, ThreadTime, overrun_ns, read_file, read_ring, read_rings, to_bytes
-from services.runtime.loop import LoopMeter
 from tests.patience import PATIENCE_S
+from trocar.services.runtime import stage_times
+from trocar.services.runtime.errors import BusError, UserError
+from trocar.services.runtime.flight import COLUMNS, FlightRing, flight_directory, is_memory, remove_rings
+from trocar.services.runtime.flights import Flights, ThreadTime, overrun_ns, read_file, read_ring, read_rings, to_bytes
+from trocar.services.runtime.loop import LoopMeter
 
 MS = 1_000_000
 

@@ -11,10 +11,10 @@ import zmq
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol import bodies
-from services.runtime.frame_batches import SENDS_PER_S, BatchSender, join, lengths_and_frames, split
-from services.runtime.rig import Transport
-from services.runtime.zmq_bus import ZmqBus
+from trocar.protocol import bodies
+from trocar.services.runtime.frame_batches import SENDS_PER_S, BatchSender, join, lengths_and_frames, split
+from trocar.services.runtime.rig import Transport
+from trocar.services.runtime.zmq_bus import ZmqBus
 
 STATE = "gateway.state"
 MS = 1_000_000
@@ -202,7 +202,7 @@ def _sends(transport: Transport, n_observers: int, eventually: Callable[[Callabl
         batched = CountedSocket(sender._batches[STATE]._socket)
         sender._batches[STATE]._socket = batched  # type: ignore[assignment]
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("services.runtime.zmq_bus.time.monotonic_ns", lambda: now_ns)
+            patch.setattr("trocar.services.runtime.zmq_bus.time.monotonic_ns", lambda: now_ns)
             for tick in range(600):
                 now_ns += MS
                 sender.publish(STATE, bodies.GatewayState(tick=tick))

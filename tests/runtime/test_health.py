@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocol import bodies
-from services.runtime.health import HealthReporter
-from services.runtime.loop import LoopMeter
 from tests.memory_bus import MemoryBus, MemoryHub
+from trocar.protocol import bodies
+from trocar.services.runtime.health import HealthReporter
+from trocar.services.runtime.loop import LoopMeter
 
 MS = 1_000_000
 
@@ -21,7 +21,7 @@ class Loop:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now_ns = 1000 * MS
-        monkeypatch.setattr("services.runtime.health.time.monotonic_ns", lambda: self.now_ns)
+        monkeypatch.setattr("trocar.services.runtime.health.time.monotonic_ns", lambda: self.now_ns)
         hub = MemoryHub()
         self.meter = LoopMeter(1000.0, ("first", "second"))
         self._supervisor = MemoryBus(hub, reads_every=["gateway.health"])

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.runtime.histogram import BUCKETS, LatencyHistogram, edges_ns, late, quantiles_us
+from trocar.services.runtime.histogram import BUCKETS, LatencyHistogram, edges_ns, late, quantiles_us
 
 
 def test_the_deadline_is_an_edge_and_what_meets_it_is_in_time() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from services.runtime.journal import JournalWriter
+from trocar.services.runtime.journal import JournalWriter
 
 
 class Heard:

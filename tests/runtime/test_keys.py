@@ -14,18 +14,18 @@ import pytest
 import zmq
 from pydantic import ValidationError
 
-import protocol
-from protocol import Frame, bodies
-from services.runtime import keys
-from services.runtime.endpoints import endpoint
-from services.runtime.errors import ConfigError
-from services.runtime.health import HealthReporter
-from services.runtime.rig import Transport
-from services.runtime.zmq_bus import ZmqBus
 from tests.health_reports import report_of
 from tests.patience import PATIENCE_S
 from tests.ports import base_port
 from tests.runtime.between import Between
+from trocar import protocol
+from trocar.protocol import Frame, bodies
+from trocar.services.runtime import keys
+from trocar.services.runtime.endpoints import endpoint
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.runtime.health import HealthReporter
+from trocar.services.runtime.rig import Transport
+from trocar.services.runtime.zmq_bus import ZmqBus
 
 STATE = "gateway.state"
 PORT = base_port(23_800)

@@ -9,10 +9,10 @@ from dataclasses import replace
 
 import pytest
 
-from protocol import TOPICS, bodies
-from services.runtime import loop
-from services.runtime.loop import SHARE, DutyCycleLimiter, LoopMeter, TickClock, follow, ticks
 from tests.memory_bus import MemoryBus, MemoryHub
+from trocar.protocol import TOPICS, bodies
+from trocar.services.runtime import loop
+from trocar.services.runtime.loop import SHARE, DutyCycleLimiter, LoopMeter, TickClock, follow, ticks
 
 
 class Clock:

@@ -7,11 +7,11 @@ from collections.abc import Iterable
 
 import pytest
 
-from protocol import bodies
-from services.runtime import loop
-from services.runtime.loop import LoopMeter, TickClock, follow, ticks
 from tests.memory_bus import MemoryBus, MemoryHub
 from tests.runtime.test_loop import Clock, after
+from trocar.protocol import bodies
+from trocar.services.runtime import loop
+from trocar.services.runtime.loop import LoopMeter, TickClock, follow, ticks
 
 
 class Processor(Clock):

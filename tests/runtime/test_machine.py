@@ -1,7 +1,7 @@
 import platform
 from pathlib import Path
 
-from services.runtime.machine import processor_name
+from trocar.services.runtime.machine import processor_name
 
 
 def test_the_processor_is_named_as_the_kernel_names_it(tmp_path: Path) -> None:

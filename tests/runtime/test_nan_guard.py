@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.runtime.nan_guard import NanGuard
+from trocar.services.runtime.nan_guard import NanGuard
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])

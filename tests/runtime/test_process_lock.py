@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from services.runtime import endpoints
-from services.runtime.errors import BusError, ConfigError
-from services.runtime.process import ProcessConfig, main
+from trocar.services.runtime import endpoints
+from trocar.services.runtime.errors import BusError, ConfigError
+from trocar.services.runtime.process import ProcessConfig, main
 
 
 @pytest.fixture(autouse=True)

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-import services
-from services.runtime.quality_governor import Hysteresis, Load, QualityGovernor
+from trocar import services
+from trocar.services.runtime.quality_governor import Hysteresis, Load, QualityGovernor
 
 TABLE = Path(services.__file__).parent / "visualization" / "web" / "test" / "quality_governor.json"
 CASES = json.loads(TABLE.read_text())

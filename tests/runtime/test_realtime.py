@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from services.runtime import realtime
+from trocar.services.runtime import realtime
 
 
 def _in_child(code: str) -> str:
@@ -21,7 +21,7 @@ def _in_child(code: str) -> str:
 def test_every_thread_of_the_bus_runs_as_the_process_does() -> None:
     """Set up first, context second: the I/O threads inherit the class. (The other order is the classic mistake.)"""
     code = (
-        "from services.runtime import realtime; facts, _ = realtime.set_up(0, 10)\n"
+        "from trocar.services.runtime import realtime; facts, _ = realtime.set_up(0, 10)\n"
         "import zmq; context = zmq.Context(); socket = context.socket(zmq.PUB); socket.bind('inproc://x')\n"
         "fact = realtime.read_back(); print(facts[1].ok, fact.ok, fact.had); context.destroy(linger=0)"
     )
@@ -40,7 +40,7 @@ def test_a_core_that_is_not_there_is_reported() -> None:
 
 def test_a_niceness_that_is_refused_is_reported_and_the_process_goes_on() -> None:
     code = (
-        "import os; from services.runtime import realtime\n"
+        "import os; from trocar.services.runtime import realtime\n"
         "os.geteuid() == 0 and os.setuid(65534)\n"
         "fact = realtime.set_up(None, None, -10)[0][1]; print(fact.ok, fact.asked, '|', fact.had)"
     )
@@ -49,7 +49,8 @@ def test_a_niceness_that_is_refused_is_reported_and_the_process_goes_on() -> Non
 
 def test_a_process_that_is_nicer_than_asked_is_told() -> None:
     code = (
-        "import os; os.nice(7); from services.runtime import realtime; print(realtime.set_up(None, None, 0)[0][1].ok)"
+        "import os; os.nice(7); from trocar.services.runtime import realtime\n"
+        "print(realtime.set_up(None, None, 0)[0][1].ok)"
     )
     assert _in_child(code) == "False"
 
@@ -59,7 +60,7 @@ def test_cores_are_kept_awake_for_as_long_as_a_process_lives(tmp_path: Path) -> 
     device = tmp_path / "cpu_dma_latency"
     device.touch()
     code = (
-        "import os, subprocess, sys; from pathlib import Path; from services.runtime import realtime\n"
+        "import os, subprocess, sys; from pathlib import Path; from trocar.services.runtime import realtime\n"
         f"path = Path({str(device)!r}); fact = realtime.keep_awake(path)\n"
         "held = [os.readlink(each) for each in Path('/proc/self/fd').iterdir() if each.is_symlink()]\n"
         "look = 'import os; print(*(os.path.realpath(f\"/proc/self/fd/{n}\") for n in range(3, 64)))'\n"
@@ -96,7 +97,7 @@ def test_memory_is_locked_where_there_is_room_for_what_comes(
 
 def test_who_has_no_right_to_lock_more_may_lock_the_limit() -> None:
     code = (
-        "import os, resource; from services.runtime import realtime\n"
+        "import os, resource; from trocar.services.runtime import realtime\n"
         "hard = resource.getrlimit(resource.RLIMIT_MEMLOCK)[1]\n"
         "resource.setrlimit(resource.RLIMIT_MEMLOCK, (1 << 20, hard))\n"
         "os.geteuid() == 0 and os.setuid(65534)\n"
@@ -107,7 +108,7 @@ def test_who_has_no_right_to_lock_more_may_lock_the_limit() -> None:
 
 def test_a_rig_may_let_its_cores_sleep() -> None:
     code = (
-        "from services.runtime import realtime\n"
+        "from trocar.services.runtime import realtime\n"
         "for awake in (False, True):\n"
         "    print('idle cores' in [fact.name for fact in realtime.set_up(None, 10, awake=awake)[0]])"
     )
@@ -115,13 +116,13 @@ def test_a_rig_may_let_its_cores_sleep() -> None:
 
 
 def test_numerics_libraries_get_one_thread() -> None:
-    out = _in_child("import services.runtime, os; print(os.environ['OPENBLAS_NUM_THREADS'])")
+    out = _in_child("import trocar.services.runtime, os; print(os.environ['OPENBLAS_NUM_THREADS'])")
     assert out == os.environ.get("OPENBLAS_NUM_THREADS", "1")
 
 
 _FAULTS = """
 import ctypes, msgpack, resource
-from services.runtime import realtime
+from trocar.services.runtime import realtime
 {prepare}
 libc = ctypes.CDLL(None)
 libc.malloc.restype = ctypes.c_void_p
@@ -149,7 +150,7 @@ def test_memory_that_a_tick_frees_stays_with_the_process(monkeypatch: pytest.Mon
 
 _OBJECTS = """
 from pathlib import Path
-from services.runtime import realtime
+from trocar.services.runtime import realtime
 {prepare}
 pages = lambda: int(Path("/proc/self/statm").read_text().split()[0])
 places, sizes = [None] * 6000, {{pages()}}
@@ -173,7 +174,7 @@ def test_small_objects_that_come_and_go_neither_map_nor_unmap_memory() -> None:
 
 def test_larger_objects_have_room_in_the_heap_once_a_loop_runs() -> None:
     code = (
-        "import ctypes; from services.runtime import realtime\n"
+        "import ctypes; from trocar.services.runtime import realtime\n"
         "sbrk = ctypes.CDLL(None).sbrk; sbrk.argtypes, sbrk.restype = (ctypes.c_ssize_t,), ctypes.c_void_p\n"
         "realtime.keep_heap(); realtime.freeze_garbage_collector(); kept, end = [None] * 1000, sbrk(0)\n"
         "for k in range(1000): kept[k] = bytes(3000)\n"
@@ -185,7 +186,7 @@ def test_larger_objects_have_room_in_the_heap_once_a_loop_runs() -> None:
 def test_threads_of_zeromq_have_room_before_another_process_connects() -> None:
     """A thread's heap lies at a multiple of 64 MiB and has reserved the rest of these (glibc, `HEAP_MAX_SIZE`)."""
     code = (
-        "import re; from services.runtime import realtime; import zmq\n"
+        "import re; from trocar.services.runtime import realtime; import zmq\n"
         "def heaps(): return [(start, int(end, 16) - int(start, 16)) for start, end, last in re.findall(\n"
         "    r'^(\\w+)-(\\w+) rw.*\\n\\2-(\\w+) ---p', open('/proc/self/maps').read(), re.M)\n"
         "    if int(start, 16) % (64 << 20) == 0 and int(last, 16) - int(start, 16) == 64 << 20]\n"

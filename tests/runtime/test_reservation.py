@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.runtime.reservation import (
+from trocar.services.runtime.reservation import (
     LONGEST_PAUSE_S,
     MARGIN,
     MEAN_MARGIN,

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from services.runtime import reservation_keeper
-from services.runtime.loop import LoopMeter, TickClock
-from services.runtime.reservation import need_of
-from services.runtime.reservation_keeper import ReservationKeeper, ReservationPause, work_per_period
-from services.runtime.scheduling import Scheduling, SchedulingRequest
+from trocar.services.runtime import reservation_keeper
+from trocar.services.runtime.loop import LoopMeter, TickClock
+from trocar.services.runtime.reservation import need_of
+from trocar.services.runtime.reservation_keeper import ReservationKeeper, ReservationPause, work_per_period
+from trocar.services.runtime.scheduling import Scheduling, SchedulingRequest
 
 
 class Granting(Scheduling):

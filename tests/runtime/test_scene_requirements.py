@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from services.runtime import config
-from services.runtime.scene_requirements import scene_requirements
+from trocar.services.runtime import config
+from trocar.services.runtime.scene_requirements import scene_requirements
 
 
 @pytest.mark.parametrize(

@@ -13,19 +13,19 @@ from unittest.mock import Mock
 
 import pytest
 
-from services.gateway import drive_process
-from services.runtime import realtime, scheduling
-from services.runtime.config import load_rig
-from services.runtime.scheduling import Scheduling, SchedulingRequest
 from tests.patience import PATIENCE_S
+from trocar.services.gateway import drive_process
+from trocar.services.runtime import realtime, scheduling
+from trocar.services.runtime.config import load_rig
+from trocar.services.runtime.scheduling import Scheduling, SchedulingRequest
 
 RIGS = Path(__file__).parents[2] / "configs" / "rigs"
 
 #: Takes what is granted without FIFO, and tells it: as a thread, as its bus does, and as a child of it sees it.
 _TAKE = """
 import json, os, subprocess, sys, threading
-from services.runtime import scheduling
-from services.runtime.scheduling import Scheduling, SchedulingRequest, get_attributes
+from trocar.services.runtime import scheduling
+from trocar.services.runtime.scheduling import Scheduling, SchedulingRequest, get_attributes
 
 def refused(*_):
     raise PermissionError(1, "refused here")
@@ -35,7 +35,10 @@ threading.Thread(target=threading.Event().wait, daemon=True).start()
 asked = Scheduling.request(SchedulingRequest(80, {share}, min(os.sched_getaffinity(0))))
 before = get_attributes(0)[1]
 asked.resume(alone={alone}, period_ns={period_ns})
-child = "from services.runtime.scheduling import get_attributes; print(get_attributes(0)[1], get_attributes(0)[3])"
+child = (
+    "from trocar.services.runtime.scheduling import get_attributes;"
+    "print(get_attributes(0)[1], get_attributes(0)[3])"
+)
 ran = subprocess.run([sys.executable, "-c", child], capture_output=True, text=True, check=True).stdout.split()
 print(json.dumps(dict(
     had=asked.had, refused=asked.refused, before=before, child=[int(word) for word in ran],
@@ -55,7 +58,7 @@ def take(share: float = 0.3, *, alone: bool = False, period_ns: int = 1_000_000,
 
 def granted() -> dict[str, str]:
     code = (
-        "import json; from services.runtime.scheduling import SchedulingRequest, rungs_granted; "
+        "import json; from trocar.services.runtime.scheduling import SchedulingRequest, rungs_granted; "
         "print(json.dumps(rungs_granted(SchedulingRequest(80, 0.3, 0))))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -69,7 +72,7 @@ needs_nice = pytest.mark.skipif(not GRANTED["nice"].startswith("granted"), reaso
 #: Reserves a tenth of a core after the other, on threads that then do nothing, until the kernel refuses.
 _GREEDY = """
 import threading, time
-from services.runtime import scheduling
+from trocar.services.runtime import scheduling
 full = threading.Event()
 def hold():
     try:
@@ -86,7 +89,7 @@ input()
 #: Whether a thread that steps aside yields, in the class that it has.
 _ASIDE = """
 import os
-from services.runtime import scheduling
+from trocar.services.runtime import scheduling
 yielded = []
 os.sched_yield = lambda: yielded.append(1)
 scheduling.set_attributes(0, {policy}, {flags}, runtime_ns={runtime_ns})
@@ -156,10 +159,10 @@ def test_where_nothing_is_left_to_reserve_the_next_rung_is_taken() -> None:
 _LOOP = """
 import json, logging, tempfile, time
 from pathlib import Path
-from services.runtime import scheduling
-from services.runtime.loop import LoopMeter, ticks
-from services.runtime.reservation_keeper import ReservationKeeper, ReservationPause
-from services.runtime.scheduling import Scheduling, SchedulingRequest, get_attributes
+from trocar.services.runtime import scheduling
+from trocar.services.runtime.loop import LoopMeter, ticks
+from trocar.services.runtime.reservation_keeper import ReservationKeeper, ReservationPause
+from trocar.services.runtime.scheduling import Scheduling, SchedulingRequest, get_attributes
 
 asked = Scheduling.request(SchedulingRequest(80, {share}, rungs=("deadline", "nice")))
 meter = LoopMeter(1000.0)

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from protocol import bodies
-from services.runtime.clocks import ClockOffset
-from services.runtime.endpoints import endpoint
-from services.runtime.rig import Transport
-from services.runtime.zmq_bus import ZmqBus
 from tests.ports import base_port
 from tests.runtime.between import Between
+from trocar.protocol import bodies
+from trocar.services.runtime.clocks import ClockOffset
+from trocar.services.runtime.endpoints import endpoint
+from trocar.services.runtime.rig import Transport
+from trocar.services.runtime.zmq_bus import ZmqBus
 
 STATE, MODEL = "gateway.state", "haptics.contact_model"
 PORT = base_port(24_000)

@@ -11,16 +11,16 @@ from pathlib import Path
 
 import pytest
 
-from protocol import PROCESSES, TOPICS
-from protocol.topics import observed_by, published_by, read_by
-from services.supervisor.processes import TABLE
+from trocar.protocol import PROCESSES, TOPICS
+from trocar.protocol.topics import observed_by, published_by, read_by
+from trocar.services.supervisor.processes import TABLE
 
 #: Opens each process as its entry point does, up to the call of its loop, and tells which sockets there are then.
 OPEN = """
 import json, runpy, sys
-from services.runtime import endpoints, process
-from services.runtime.frame_batches import batch_endpoint
-from services.supervisor import session
+from trocar.services.runtime import endpoints, process
+from trocar.services.runtime.frame_batches import batch_endpoint
+from trocar.services.supervisor import session
 
 rig, scene = sys.argv[1:]
 entered = {}
@@ -39,14 +39,14 @@ def sockets(bus, transport, names, which, direct):
 
 process.main = entry
 found = {}
-import protocol
+from trocar import protocol
 for name in protocol.PROCESSES:
     options = process.Options(rig, scene, ())
     if name == "supervisor":
         opened = session.open_session(options)
     else:
         try:
-            runpy.run_module(f"services.{name}", run_name="__main__")
+            runpy.run_module(f"trocar.services.{name}", run_name="__main__")
         except SystemExit:
             pass
         config = process.load_process_config(name, options)

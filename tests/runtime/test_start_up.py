@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from services import start_up
 from tests.patience import PATIENCE_S
+from trocar.services import start_up
 
 SERVICES = Path(start_up.__file__).parent
 PROCESSES = sorted(path.parent.name for path in SERVICES.glob("*/__main__.py"))
-_BUILD = "services.mechanics.fem.nonlinear", "services.mechanics.reduction.softening.training"
+_BUILD = "trocar.services.mechanics.fem.nonlinear", "trocar.services.mechanics.reduction.softening.training"
 _SCIPY = "scipy.sparse", "scipy.spatial", "scipy.linalg", "scipy.optimize"
 #: By process, what only a basis is built with.
 BUILDERS = dict.fromkeys(PROCESSES, ()) | dict.fromkeys(
@@ -35,7 +35,7 @@ def collector() -> Iterator[None]:
 @pytest.mark.parametrize("process", PROCESSES)
 def test_a_process_imports_without_looking_for_garbage(process: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "argv", ["-m", "--rig", "stub"])
-    monkeypatch.setattr(sys, "orig_argv", ["python", "-m", f"services.{process}", "--rig", "stub"])
+    monkeypatch.setattr(sys, "orig_argv", ["python", "-m", f"trocar.services.{process}", "--rig", "stub"])
     start_up.begin()
     assert not gc.isenabled()
     start_up.end()
@@ -46,11 +46,11 @@ def test_a_process_imports_without_looking_for_garbage(process: str, monkeypatch
 @pytest.mark.parametrize(
     ("argv", "asked"),
     [
-        (["-m"], ["python", "-m", "services.gateway.drive_process"]),
-        (["-m"], ["python", "-m", "services.cli.app"]),
+        (["-m"], ["python", "-m", "trocar.services.gateway.drive_process"]),
+        (["-m"], ["python", "-m", "trocar.services.cli.app"]),
         (["-m"], ["python", "-m"]),
-        (["-c"], ["python", "-c", "import services"]),
-        (["/usr/bin/pytest"], ["python", "-m", "services.physics"]),
+        (["-c"], ["python", "-c", "from trocar import services"]),
+        (["/usr/bin/pytest"], ["python", "-m", "trocar.services.physics"]),
     ],
 )
 def test_nobody_else_does_who_would_not_switch_it_on_again(
@@ -78,7 +78,7 @@ def test_who_collects_while_a_loop_runs_looks_through_little_at_once_and_at_all_
     """The supervisor, for days: what has lived through two looks dies too."""
     script = (
         "import gc; pythons = gc.get_threshold()\n"
-        "from services import start_up; from services.runtime import realtime\n"
+        "from trocar.services import start_up; from trocar.services.runtime import realtime\n"
         "start_up.end(); realtime.freeze_garbage_collector(); gc.enable()\n"
         "print(gc.get_threshold() == pythons)\n"
     )
@@ -91,11 +91,11 @@ def test_a_process_collects_garbage_again_before_it_begins_and_imports_nothing_t
     """Each file of a process reaches `end`: a command line that is refused tells that it came so far."""
     script = (
         "import gc, runpy, sys\n"
-        f"sys.orig_argv[:] = ['python', '-m', 'services.{process}']; sys.argv[:] = ['-m']\n"
-        "import services; assert not gc.isenabled()\n"
+        f"sys.orig_argv[:] = ['python', '-m', 'trocar.services.{process}']; sys.argv[:] = ['-m']\n"
+        "import trocar.services.entry; assert not gc.isenabled()\n"
         f"sys.argv[:] = ['{process}', '--no-such-option']\n"
         "try:\n"
-        f"    runpy.run_module('services.{process}', run_name='__main__')\n"
+        f"    runpy.run_module('trocar.services.{process}', run_name='__main__')\n"
         "except SystemExit:\n"
         f"    print('on' if gc.isenabled() else 'off', *set({BUILDERS[process]!r}) & set(sys.modules))\n"
     )
@@ -104,6 +104,6 @@ def test_a_process_collects_garbage_again_before_it_begins_and_imports_nothing_t
 
 
 def test_a_supervisor_that_is_to_prepare_only_starts_no_rig() -> None:
-    command = [sys.executable, "-m", "services.supervisor", "--prepare-only"]
+    command = [sys.executable, "-m", "trocar.services.supervisor", "--prepare-only"]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

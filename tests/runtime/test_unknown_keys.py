@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.runtime import config
-from services.runtime.errors import ConfigError
-from services.runtime.rig import Rig
 from tests.by_day import examples
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.runtime.rig import Rig
 
 #: Every section of these is a class with settings; instruments, loops and processes among them.
 RIGS = {

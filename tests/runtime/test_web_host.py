@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import socket
 
-from services.runtime.web_host import listen
+from trocar.services.runtime.web_host import listen
 
 
 def test_a_connection_sends_at_once() -> None:

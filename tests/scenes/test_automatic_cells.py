@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from services.mechanics.scene.mesh_cells import MOST_NODES_ALL_PAIRS, accurate_cells
-from services.runtime.errors import ConfigError
-from services.scenes import load_scene, scene_origins
+from trocar.services.mechanics.scene.mesh_cells import MOST_NODES_ALL_PAIRS, accurate_cells
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.scenes import load_scene, scene_origins
 
 
 def scene_of(tmp_path, text, overrides=()):

@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from services.mechanics.bodies.sections import segment_radii
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.scene_catheter import place_catheter
-from services.mechanics.surface.centreline import centrelines
-from services.runtime.errors import ConfigError
-from services.scenes import load_scene
-from services.scenes.hands import hands_of
-from services.scenes.ready import load_duct, load_surface
-from services.tube_paths import TubePaths
 from tests.by_day import by_day
+from trocar.services.mechanics.bodies.sections import segment_radii
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.scene_catheter import place_catheter
+from trocar.services.mechanics.surface.centreline import centrelines
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.scenes import load_scene
+from trocar.services.scenes.hands import hands_of
+from trocar.services.scenes.ready import load_duct, load_surface
+from trocar.services.tube_paths import TubePaths
 
 
 def deepest_m(simulation):

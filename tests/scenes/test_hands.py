@@ -7,18 +7,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.mechanics.bodies.forceps.kinematics import tool_frame
-from services.mechanics.scenarios import insertion_scene
-from services.mechanics.scene import DuctScene, QualityLevel
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.duct_alone import DuctAlone
-from services.mechanics.simulation.scene_catheter import place_catheter
-from services.mechanics.simulation.scene_duct import scene_mesh
-from services.mechanics.surface.opening import mouth_opening
-from services.scenes import load_duct, load_scene
-from services.scenes.hands import STROKE_M, hands_of, roll_across, with_strokes
 from tests.by_day import by_day
+from trocar.services.mechanics.bodies.forceps.kinematics import tool_frame
+from trocar.services.mechanics.scenarios import insertion_scene
+from trocar.services.mechanics.scene import DuctScene, QualityLevel
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.duct_alone import DuctAlone
+from trocar.services.mechanics.simulation.scene_catheter import place_catheter
+from trocar.services.mechanics.simulation.scene_duct import scene_mesh
+from trocar.services.mechanics.surface.opening import mouth_opening
+from trocar.services.scenes import load_duct, load_scene
+from trocar.services.scenes.hands import STROKE_M, hands_of, roll_across, with_strokes
 
 ANATOMY = Path(__file__).parents[2].parent / "shared" / "data" / "anatomy" / "aorta-surface-open-ends.stl"
 

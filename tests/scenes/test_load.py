@@ -9,14 +9,14 @@ from typing import Any
 import pytest
 import yaml
 
-from services.mechanics.effects import EFFECTS
-from services.mechanics.effects.mucus_drag import MucusDragSettings
-from services.mechanics.scenarios import insertion_scene, miss
-from services.mechanics.scene import SceneModel
-from services.runtime import config
-from services.runtime.errors import ConfigError
-from services.scenes import check_duct, load_duct, load_scene, scene_file_type, scene_origins
-from studies.paper_scene import paper_scene
+from trocar.services.mechanics.effects import EFFECTS
+from trocar.services.mechanics.effects.mucus_drag import MucusDragSettings
+from trocar.services.mechanics.scenarios import insertion_scene, miss
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.scenes import check_duct, load_duct, load_scene, scene_file_type, scene_origins
+from trocar.studies.paper_scene import paper_scene
 
 SMALL = Path(__file__).parent / "small.yaml"
 SCENES = sorted((config.config_directory() / "scenes").glob("*.yaml"))

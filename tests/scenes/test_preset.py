@@ -5,9 +5,9 @@ import json
 import pytest
 from typer.testing import CliRunner
 
-from services.cli.app import app
-from services.mechanics.scene.tissue import TISSUES
-from services.scenes import load_scene, scene_origins
+from trocar.services.cli.app import app
+from trocar.services.mechanics.scene.tissue import TISSUES
+from trocar.services.scenes import load_scene, scene_origins
 
 
 def written(tmp_path, text):

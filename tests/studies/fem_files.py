@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import yaml
 
-from services.mechanics.surface.mesh import TriangleMesh
-from studies.commands.fem import fem_command
-from studies.published.shells import mapped_patch
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.studies.commands.fem import fem_command
+from trocar.studies.published.shells import mapped_patch
 
 DUCT = {
     "mesh": {"parametric": {"radius_m": 0.004, "length_m": 0.04, "n_around": 12, "n_along": 12}},

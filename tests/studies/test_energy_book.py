@@ -8,12 +8,12 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from studies.energy_book import EnergyBook, EnergyFlow
-from studies.stability.drive import reduced_duct
-from studies.stability.hands import still
-from studies.stability.situations import beside, with_catheter, without_friction
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.studies.energy_book import EnergyBook, EnergyFlow
+from trocar.studies.stability.drive import reduced_duct
+from trocar.studies.stability.hands import still
+from trocar.studies.stability.situations import beside, with_catheter, without_friction
 
 OPEN_RAD, ROLL_RAD, STEPS = 0.7, 0.15, 90
 LEAD = 20

@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 import yaml
 
-from services.mechanics.surface.mesh import TriangleMesh
-from services.runtime import config
-from services.runtime.errors import ConfigError
-from studies.commands.fem import fem_command
-from studies.fem import run as fem_run
-from studies.fem.case import FemCase
-from studies.fem.output import to_json
-from studies.fem.run import build_load, build_mesh, build_model, solve_case
-from studies.fem.select import select
-from studies.published.shells import DUCT_RITZ_HZ, mapped_patch
 from tests.by_day import by_day
 from tests.studies.fem_files import DUCT, changed, clamped, held, run, square, surface_case, write
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import ConfigError
+from trocar.studies.commands.fem import fem_command
+from trocar.studies.fem import run as fem_run
+from trocar.studies.fem.case import FemCase
+from trocar.studies.fem.output import to_json
+from trocar.studies.fem.run import build_load, build_mesh, build_model, solve_case
+from trocar.studies.fem.select import select
+from trocar.studies.published.shells import DUCT_RITZ_HZ, mapped_patch
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "configs" / "fem"
 

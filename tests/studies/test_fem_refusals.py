@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import ArpackNoConvergence
 
-from services.runtime.errors import ConfigError
-from studies.commands.fem import fem_command
-from studies.fem import run as fem_run
 from tests.studies.fem_files import DUCT, changed, clamped, held, run, square, surface_case, write
+from trocar.services.runtime.errors import ConfigError
+from trocar.studies.commands.fem import fem_command
+from trocar.studies.fem import run as fem_run
 
 
 @pytest.mark.parametrize("key", ["modes", "buckling"])
@@ -22,7 +22,7 @@ def test_an_iteration_that_gives_up_is_one_sentence(tmp_path, monkeypatch, key):
 
 def test_a_surface_too_large_to_solve_is_refused_before_it_is_looked_at(tmp_path, monkeypatch):
     path = surface_case(tmp_path, square(0.0), loads=[{"pressure_pa": 1.0}])
-    monkeypatch.setattr("services.mechanics.fem.memory.free_bytes", lambda: 1000.0)
+    monkeypatch.setattr("trocar.services.mechanics.fem.memory.free_bytes", lambda: 1000.0)
     monkeypatch.setattr(fem_run, "merge_and_drop", lambda *_: pytest.fail("it was looked at"))
     with pytest.raises(ConfigError, match=r"vertices take about .* GB to solve, .* GB are free: use larger triangles"):
         fem_command(path)

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from studies.pool import open_pool
 from tests.patience import PATIENCE_S
+from trocar.studies.pool import open_pool
 
 WORK = """
 import os, signal, sys, time
 from pathlib import Path
-from studies.pool import open_pool
+from trocar.studies.pool import open_pool
 
 def work(folder, much):
     (Path(folder) / str(os.getpid())).touch()

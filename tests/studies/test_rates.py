@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from studies.rates import interval, rate
+from trocar.studies.rates import interval, rate
 
 
 def test_the_interval_of_a_rate_is_that_of_clopper_and_pearson() -> None:

@@ -6,13 +6,13 @@ import time
 
 import pytest
 
-from services.scenes import load_scene
-from studies.accuracy.trial import Trial
-from studies.accuracy.tuning import count_runs
-from studies.commands import progress_bar
-from studies.commands.fem import Stages
-from studies.commands.progress_bar import Estimate, in_words, progress_line
-from studies.commands.tune import CountedTrial, expected_s
+from trocar.services.scenes import load_scene
+from trocar.studies.accuracy.trial import Trial
+from trocar.studies.accuracy.tuning import count_runs
+from trocar.studies.commands import progress_bar
+from trocar.studies.commands.fem import Stages
+from trocar.studies.commands.progress_bar import Estimate, in_words, progress_line
+from trocar.studies.commands.tune import CountedTrial, expected_s
 
 
 def test_the_rest_takes_as_long_as_what_is_done_did() -> None:

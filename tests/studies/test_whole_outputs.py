@@ -10,18 +10,18 @@ from pathlib import Path
 
 import pytest
 
-from services.atomic_file import atomic_file, complete_lines
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from services.meshes.writing import write_vtu
-from studies.accuracy.facts import Facts
-from studies.accuracy.log import StudyLog
-from studies.accuracy.report import write_report
-from studies.accuracy.study import Cost, Draw, Error, Row, Size
-from studies.accuracy.sweeps import modes
-from studies.commands.study import write_results
-from studies.stability import suite
-from studies.stability.family import Reach
 from tests.by_day import by_day
+from trocar.services.atomic_file import atomic_file, complete_lines
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.meshes.writing import write_vtu
+from trocar.studies.accuracy.facts import Facts
+from trocar.studies.accuracy.log import StudyLog
+from trocar.studies.accuracy.report import write_report
+from trocar.studies.accuracy.study import Cost, Draw, Error, Row, Size
+from trocar.studies.accuracy.sweeps import modes
+from trocar.studies.commands.study import write_results
+from trocar.studies.stability import suite
+from trocar.studies.stability.family import Reach
 
 DRAW = Draw(Size.SMALLEST, 0)
 ROWS = [Row("modes", "20 modes", "residual", "force", 1.0, "%", cost=Cost(1.0, 2.0, 0.1), choices={})]

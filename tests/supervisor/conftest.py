@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from services.runtime import bus
-from services.runtime.process import Options
-from services.supervisor import page, session, supervisor
-from services.supervisor.fork_link import ForkServer
 from tests.supervisor.fakes import Fakes
+from trocar.services.runtime import bus
+from trocar.services.runtime.process import Options
+from trocar.services.supervisor import page, session, supervisor
+from trocar.services.supervisor.fork_link import ForkServer
 
 
 @pytest.fixture(autouse=True)

@@ -15,13 +15,13 @@ import time
 
 import msgspec
 
-import protocol.bodies as bodies
-from services.recordings.errors import RecordingError
-from services.runtime import log
-from services.runtime.errors import ConfigError, EndOfRig
-from services.runtime.loop import LoopMeter, ticks
-from services.runtime.process import Process, main
+import trocar.protocol.bodies as bodies
 from tests.protocol import samples
+from trocar.services.recordings.errors import RecordingError
+from trocar.services.runtime import log
+from trocar.services.runtime.errors import ConfigError, EndOfRig
+from trocar.services.runtime.loop import LoopMeter, ticks
+from trocar.services.runtime.process import Process, main
 
 RATE_HZ = float(os.environ.get("FAKE_RATE", "200"))
 

@@ -8,13 +8,13 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from services.runtime.process import Options
-from services.supervisor import session
-from services.supervisor.fork_link import ForkServer
-from services.supervisor.processes import TABLE, ProcessSpec
-from services.supervisor.state_machine import RigState
-from services.supervisor.supervisor import Supervisor
 from tests.patience import PATIENCE_S
+from trocar.services.runtime.process import Options
+from trocar.services.supervisor import session
+from trocar.services.supervisor.fork_link import ForkServer
+from trocar.services.supervisor.processes import TABLE, ProcessSpec
+from trocar.services.supervisor.state_machine import RigState
+from trocar.services.supervisor.supervisor import Supervisor
 
 HERE = Path(__file__).parent
 Scenario = Iterator[None]

@@ -7,16 +7,16 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import protocol.bodies as bodies
-from services.runtime.histogram import LatencyHistogram
-from services.runtime.rig import Rig
-from services.supervisor.dashboard import Heard, Snapshot, snapshot
-from services.supervisor.governor import Level
-from services.supervisor.page_link import RigStatus
-from services.supervisor.processes import TABLE, ProcessSpec
-from services.supervisor.supervisor import Setup, Supervisor
+import trocar.protocol.bodies as bodies
 from tests.memory_bus import MemoryBus, MemoryHub
 from tests.protocol import samples
+from trocar.services.runtime.histogram import LatencyHistogram
+from trocar.services.runtime.rig import Rig
+from trocar.services.supervisor.dashboard import Heard, Snapshot, snapshot
+from trocar.services.supervisor.governor import Level
+from trocar.services.supervisor.page_link import RigStatus
+from trocar.services.supervisor.processes import TABLE, ProcessSpec
+from trocar.services.supervisor.supervisor import Setup, Supervisor
 
 MS = 1_000_000
 

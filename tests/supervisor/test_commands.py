@@ -7,12 +7,12 @@ from unittest.mock import Mock
 
 import pytest
 
-import protocol.bodies as bodies
-from services.supervisor.commands import Command, What
-from services.supervisor.crew import Launch
-from services.supervisor.launcher import Child
-from services.supervisor.state_machine import RigState
+import trocar.protocol.bodies as bodies
 from tests.supervisor.made_up import Bench, rig
+from trocar.services.supervisor.commands import Command, What
+from trocar.services.supervisor.crew import Launch
+from trocar.services.supervisor.launcher import Child
+from trocar.services.supervisor.state_machine import RigState
 
 
 @pytest.fixture

@@ -12,13 +12,13 @@ from pathlib import Path
 
 import pytest
 
-from services.supervisor.observers import lateness_floor
-from services.supervisor.observers.lateness_floor import LatenessFloor
-from services.supervisor.observers.observer import RigSight
-from services.supervisor.supervisor import Supervisor
 from tests.by_day import by_day
 from tests.patience import PATIENCE_S
 from tests.supervisor.fakes import Fakes, Scenario, page_servers, until, until_running
+from trocar.services.supervisor.observers import lateness_floor
+from trocar.services.supervisor.observers.lateness_floor import LatenessFloor
+from trocar.services.supervisor.observers.observer import RigSight
+from trocar.services.supervisor.supervisor import Supervisor
 
 pytestmark = pytest.mark.usefixtures("soon")
 
@@ -33,8 +33,8 @@ pytestmark = pytest.mark.usefixtures("soon")
 def test_a_page_that_hangs_or_ends_is_started_again(
     fakes: Fakes, monkeypatch: pytest.MonkeyPatch, number: signal.Signals, stopped_s: float, said: str
 ) -> None:
-    monkeypatch.setattr("services.supervisor.page._SILENT_S", 1.0)
-    monkeypatch.setattr("services.supervisor.silence._STOPPED_S", stopped_s)
+    monkeypatch.setattr("trocar.services.supervisor.page._SILENT_S", 1.0)
+    monkeypatch.setattr("trocar.services.supervisor.silence._STOPPED_S", stopped_s)
 
     def scenario(supervisor: Supervisor) -> Scenario:
         yield from until_running(supervisor)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-import protocol.bodies as bodies
-from services.runtime.rig import Contracts
-from services.supervisor import figures
-from services.supervisor.contracts import Breach, Standing, judge, path_limits_us, spent_s
-from services.supervisor.window import Window
+import trocar.protocol.bodies as bodies
 from tests.supervisor.made_up import health, histogram, loop_report
+from trocar.services.runtime.rig import Contracts
+from trocar.services.supervisor import figures
+from trocar.services.supervisor.contracts import Breach, Standing, judge, path_limits_us, spent_s
+from trocar.services.supervisor.window import Window
 
 BUDGET = Contracts.model_validate({"loops": {"physics": {"rate_hz": 1000, "miss_ratio": 0.001}}})
 PATHS = Contracts.model_validate({"paths": {"device_model": {"p99_us": 800, "stop_p99_us": 20000}}})

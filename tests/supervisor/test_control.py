@@ -16,17 +16,17 @@ import httpx
 import pytest
 from typer.testing import CliRunner
 
-from services.cli.app import app
-from services.gateway.engagement import State
-from services.gateway.supervisor_commands import SupervisorCommands
-from services.runtime.rig import Transport
-from services.runtime.stop_line import StopLine, stop_gateway
-from services.supervisor.control import Control, ask, control_path
-from services.supervisor.state_machine import RigState
-from services.supervisor.web import PageContext, build_app
 from tests.gateway.test_supervisor_commands import Stub, _frame
 from tests.review.class_of_pages import page
 from tests.supervisor.made_up import Bench, rig
+from trocar.services.cli.app import app
+from trocar.services.gateway.engagement import State
+from trocar.services.gateway.supervisor_commands import SupervisorCommands
+from trocar.services.runtime.rig import Transport
+from trocar.services.runtime.stop_line import StopLine, stop_gateway
+from trocar.services.supervisor.control import Control, ask, control_path
+from trocar.services.supervisor.state_machine import RigState
+from trocar.services.supervisor.web import PageContext, build_app
 
 
 @pytest.fixture

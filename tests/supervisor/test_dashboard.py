@@ -8,9 +8,9 @@ from typing import Any
 import msgspec
 import pytest
 
-import protocol.bodies as bodies
-from services.supervisor.dashboard import Heard
+import trocar.protocol.bodies as bodies
 from tests.supervisor.made_up import Bench, health, histogram, loop_report, rig, shown
+from trocar.services.supervisor.dashboard import Heard
 
 ROW = {
     "name",

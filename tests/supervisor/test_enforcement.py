@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from services.runtime.quality_governor import Hysteresis
-from services.supervisor.contracts import Breach
-from services.supervisor.enforcement import Action, ActionKind, Enforcement, Ladder
-from services.supervisor.governor import Level
+from trocar.services.runtime.quality_governor import Hysteresis
+from trocar.services.supervisor.contracts import Breach
+from trocar.services.supervisor.enforcement import Action, ActionKind, Enforcement, Ladder
+from trocar.services.supervisor.governor import Level
 
 LEVELS = tuple(Level(name) for name in ("full", "fewer", "fewest"))
 

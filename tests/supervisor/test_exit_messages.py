@@ -8,10 +8,10 @@ from typing import cast
 
 import pytest
 
-from services.supervisor.exit_messages import start_sentence
-from services.supervisor.launcher import Child
-from services.supervisor.member import Member
-from services.supervisor.processes import ProcessSpec
+from trocar.services.supervisor.exit_messages import start_sentence
+from trocar.services.supervisor.launcher import Child
+from trocar.services.supervisor.member import Member
+from trocar.services.supervisor.processes import ProcessSpec
 
 LOG = Path("picture.log")
 SENTENCE = "visualization: visualization.viewer: no window on display :97 within 30 s"

@@ -7,12 +7,12 @@ import math
 import numpy as np
 import pytest
 
-import protocol.bodies as bodies
-from services.runtime.histogram import LatencyHistogram
-from services.supervisor import figures
-from services.supervisor.run_counts import Tally
-from services.supervisor.window import Window
+import trocar.protocol.bodies as bodies
 from tests.supervisor.made_up import MS, health, histogram, loop_report
+from trocar.services.runtime.histogram import LatencyHistogram
+from trocar.services.supervisor import figures
+from trocar.services.supervisor.run_counts import Tally
+from trocar.services.supervisor.window import Window
 
 
 def test_a_window_is_newest_minus_oldest() -> None:
@@ -114,7 +114,7 @@ def test_a_histogram_of_another_size_counts_as_empty() -> None:
 
 
 def figures_array(length: int) -> object:
-    from protocol.arrays import pack
+    from trocar.protocol.arrays import pack
 
     return pack(np.ones(length), "<i8")
 

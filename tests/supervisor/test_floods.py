@@ -1,6 +1,6 @@
 """What the supervisor keeps of readers that say that somebody floods."""
 
-from services.supervisor.floods import Floods
+from trocar.services.supervisor.floods import Floods
 
 
 def test_a_reader_that_starts_anew_counts_from_zero_again() -> None:

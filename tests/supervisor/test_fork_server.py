@@ -15,20 +15,20 @@ from pathlib import Path
 
 import pytest
 
-from services.supervisor import fork_link, silence
-from services.supervisor.fork_link import ForkServer
-from services.supervisor.launcher import Child
-from services.supervisor.processes import ENVIRONMENT, ProcessSpec
-from services.supervisor.supervisor import Supervisor
 from tests.patience import PATIENCE_S
 from tests.supervisor.fakes import HERE, Fakes, Scenario, gone, until, until_running
+from trocar.services.supervisor import fork_link, silence
+from trocar.services.supervisor.fork_link import ForkServer
+from trocar.services.supervisor.launcher import Child
+from trocar.services.supervisor.processes import ENVIRONMENT, ProcessSpec
+from trocar.services.supervisor.supervisor import Supervisor
 
 pytestmark = pytest.mark.usefixtures("soon", "pageless")
 
 _TELLS = """
 import gc, os, signal, sys
 print(os.getppid(), os.getsid(0) == os.getpid(), os.getpgid(0) == os.getpid())
-print("numba" in sys.modules, "scipy.linalg" in sys.modules, "services.scenes" in sys.modules, "zmq" in sys.modules)
+print(*(name in sys.modules for name in ("numba", "scipy.linalg", "trocar.services.scenes", "zmq")))
 print(os.environ.get("FAKE_NAME"), sys.argv[0], sys.orig_argv[1:4], len(os.listdir("/proc/self/fd")), gc.isenabled())
 """
 _TIMER = ProcessSpec("timer", "timeit", environment={**ENVIRONMENT, "FAKE_NAME": "physics"})
@@ -37,7 +37,7 @@ _SLEEPS = "import time; print('here', flush=True); time.sleep(600)"
 _SUPERVISOR = f"""
 import sys, time
 from pathlib import Path
-from services.supervisor.fork_link import ForkServer
+from trocar.services.supervisor.fork_link import ForkServer
 server, child = ForkServer(), 0
 if sys.argv[2] == "forked":
     while (child := server.fork("timeit", ["-n1", "-r1", {_SLEEPS!r}], {{}}, Path(sys.argv[1]))) is None:

@@ -10,15 +10,15 @@ from pathlib import Path
 import pytest
 import yaml
 
-from services.gateway.device_files import ArmFile
-from services.runtime import config
-from services.runtime.errors import ConfigError
-from services.runtime.process import Options, load_process_config, parse
-from services.runtime.rig import Rig
-from services.supervisor import frozen_configuration
-from services.supervisor.supervisor import Supervisor
-from services.training.scenario import load_scenario, scenario_of
 from tests.supervisor.fakes import Fakes, Scenario, until, until_running
+from trocar.services.gateway.device_files import ArmFile
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.runtime.process import Options, load_process_config, parse
+from trocar.services.runtime.rig import Rig
+from trocar.services.supervisor import frozen_configuration
+from trocar.services.supervisor.supervisor import Supervisor
+from trocar.services.training.scenario import load_scenario, scenario_of
 
 SCENE = "catheter: {}\nduct: {mesh_file: wall.stl}\n"
 

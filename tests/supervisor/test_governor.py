@@ -9,10 +9,10 @@ from itertools import pairwise
 
 import pytest
 
-from services.runtime.quality_governor import Hysteresis
-from services.supervisor.contracts import Breach
-from services.supervisor.enforcement import Action, ActionKind, Enforcement, Ladder
-from services.supervisor.governor import Governor, Level
+from trocar.services.runtime.quality_governor import Hysteresis
+from trocar.services.supervisor.contracts import Breach
+from trocar.services.supervisor.enforcement import Action, ActionKind, Enforcement, Ladder
+from trocar.services.supervisor.governor import Governor, Level
 
 LEVELS = (
     Level("full", 400.0, 0.5, 0.5),

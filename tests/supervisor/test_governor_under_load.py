@@ -11,10 +11,10 @@ from collections import deque
 import numpy as np
 import pytest
 
-from services.supervisor.contracts import BREAKDOWN_RATE, BUDGET_S, STILL_S, Breach, Standing
-from services.supervisor.enforcement import Action, ActionKind, Enforcement, Ladder
-from services.supervisor.governor import TRY_SHARE, Level
 from tests.by_day import by_day
+from trocar.services.supervisor.contracts import BREAKDOWN_RATE, BUDGET_S, STILL_S, Breach, Standing
+from trocar.services.supervisor.enforcement import Action, ActionKind, Enforcement, Ladder
+from trocar.services.supervisor.governor import TRY_SHARE, Level
 
 TURN_S, RATE_HZ, BUDGET = 0.1, 1000.0, 1e-3
 PER_TURN = RATE_HZ * TURN_S

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import pytest
 
-from services.supervisor import hang_detection
-from services.supervisor.member import Member, MemberState
-from services.supervisor.processes import TABLE
-from services.supervisor.restart_policy import RestartPolicy
-from services.supervisor.scheduler_state import Waits
-from services.supervisor.window import Window
 from tests.supervisor.made_up import health
+from trocar.services.supervisor import hang_detection
+from trocar.services.supervisor.member import Member, MemberState
+from trocar.services.supervisor.processes import TABLE
+from trocar.services.supervisor.restart_policy import RestartPolicy
+from trocar.services.supervisor.scheduler_state import Waits
+from trocar.services.supervisor.window import Window
 
 LIMITS = hang_detection.Limits(heartbeat_s=0.5, stream_s=0.06, ready_s=10.0)
 

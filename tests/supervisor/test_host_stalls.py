@@ -12,9 +12,9 @@ from dataclasses import replace
 
 import pytest
 
-from services.supervisor.supervisor import Supervisor
 from tests.real_time import fifo_is_granted
 from tests.supervisor.fakes import Fakes, Scenario, until, until_running
+from trocar.services.supervisor.supervisor import Supervisor
 
 #: It takes every core from whatever runs beside it, and is judged by what a core had left.
 pytestmark = pytest.mark.rig

@@ -6,8 +6,8 @@ import time
 
 import zmq
 
-from services.supervisor.runqueue_waits import OwnIoThreads
 from tests.patience import PATIENCE_S
+from trocar.services.supervisor.runqueue_waits import OwnIoThreads
 
 
 def test_an_idle_bus_has_heard_everything_a_flooded_one_has_not() -> None:

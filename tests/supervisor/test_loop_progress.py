@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from services.runtime.flight import SUFFIX, FlightRing
-from services.supervisor.loop_progress import LoopProgress
+from trocar.services.runtime.flight import SUFFIX, FlightRing
+from trocar.services.supervisor.loop_progress import LoopProgress
 
 
 @pytest.fixture

@@ -9,9 +9,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from services.supervisor.run_report import RunReport
-from services.supervisor.state_machine import RigState
 from tests.supervisor.made_up import Bench, rig
+from trocar.services.supervisor.run_report import RunReport
+from trocar.services.supervisor.state_machine import RigState
 
 _TURN_S = 0.05
 #: Longer than any window of figures.

@@ -13,26 +13,26 @@ import numpy as np
 import prometheus_client
 import pytest
 
-import protocol.bodies as bodies
-from services.runtime.flight import FlightRing
-from services.runtime.flights import Flight, read_file, read_ring
-from services.runtime.loop import LoopMeter
-from services.runtime.stage_times import StageTimes
-from services.supervisor.dashboard import Heard
-from services.supervisor.figures import Latencies
-from services.supervisor.machine_floor import MachineFloor, below_sleepers
-from services.supervisor.metrics import RigSource, registry
-from services.supervisor.observers import incident_files
-from services.supervisor.observers.core_sleepers import PHASES, Phases
-from services.supervisor.observers.incident_files import IncidentFiles
-from services.supervisor.observers.lateness_floor import CoreLateness, has_deadline_loops
-from services.supervisor.observers.observer import RigSight, Row
-from services.supervisor.observers.registry import Report
-from services.supervisor.observers.thread_usage import Counts, ThreadUsage
-from services.supervisor.observers.wakeup_phase import idle_phase_ns
-from services.supervisor.state_machine import RigState
+import trocar.protocol.bodies as bodies
 from tests.real_time import fifo_is_granted
 from tests.supervisor.made_up import MS, health, histogram, loop_report
+from trocar.services.runtime.flight import FlightRing
+from trocar.services.runtime.flights import Flight, read_file, read_ring
+from trocar.services.runtime.loop import LoopMeter
+from trocar.services.runtime.stage_times import StageTimes
+from trocar.services.supervisor.dashboard import Heard
+from trocar.services.supervisor.figures import Latencies
+from trocar.services.supervisor.machine_floor import MachineFloor, below_sleepers
+from trocar.services.supervisor.metrics import RigSource, registry
+from trocar.services.supervisor.observers import incident_files
+from trocar.services.supervisor.observers.core_sleepers import PHASES, Phases
+from trocar.services.supervisor.observers.incident_files import IncidentFiles
+from trocar.services.supervisor.observers.lateness_floor import CoreLateness, has_deadline_loops
+from trocar.services.supervisor.observers.observer import RigSight, Row
+from trocar.services.supervisor.observers.registry import Report
+from trocar.services.supervisor.observers.thread_usage import Counts, ThreadUsage
+from trocar.services.supervisor.observers.wakeup_phase import idle_phase_ns
+from trocar.services.supervisor.state_machine import RigState
 
 #: The kernel adds up what a thread has run, and what it has waited, when it is switched, or as its timer ticks.
 TICK_NS = 10 * MS
@@ -53,7 +53,7 @@ def eventually(condition: Callable[[], bool], seconds: float = 60.0) -> None:
 
 def _floor(directory: Path, parent: str = "") -> subprocess.Popen[bytes]:
     code = f"import subprocess, sys; {parent}" if parent else ""
-    command = [sys.executable, "-m", "services.supervisor.observers.core_sleepers", str(directory)]
+    command = [sys.executable, "-m", "trocar.services.supervisor.observers.core_sleepers", str(directory)]
     if not code:
         return subprocess.Popen(command)
     return subprocess.Popen(
@@ -291,7 +291,7 @@ for _ in range(3):
 _ORDINARY = """
 import os, sys
 from pathlib import Path
-from services.supervisor.observers import core_sleepers
+from trocar.services.supervisor.observers import core_sleepers
 core_sleepers.pin_above_all = lambda core: os.sched_setaffinity(0, {core})
 core_sleepers.main(Path(sys.argv[1]))
 """

@@ -10,11 +10,11 @@ from pathlib import Path
 import httpx
 import pytest
 
-from services.supervisor import web
-from services.supervisor.commands import Command
-from services.supervisor.web import PageContext, build_app
 from tests.patience import PATIENCE_S
 from tests.review.class_of_pages import page, served, until
+from trocar.services.supervisor import web
+from trocar.services.supervisor.commands import Command
+from trocar.services.supervisor.web import PageContext, build_app
 
 #: More than the buffers of a socket hold after a few.
 _STATE = b'{"state":"running","padding":"' + b"x" * (1 << 20) + b'"}'

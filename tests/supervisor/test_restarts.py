@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from services.supervisor.restart_policy import RestartPolicy
+from trocar.services.supervisor.restart_policy import RestartPolicy
 
 
 def test_the_delay_grows_and_the_last_holds() -> None:

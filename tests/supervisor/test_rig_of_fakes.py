@@ -11,15 +11,15 @@ from pathlib import Path
 
 import pytest
 
-from services.runtime.errors import BusError
-from services.supervisor import session
-from services.supervisor.fork_link import ForkServer
-from services.supervisor.member import MemberState
-from services.supervisor.page import Page
-from services.supervisor.state_machine import RigState
-from services.supervisor.supervisor import Supervisor
 from tests.real_time import fifo_is_granted
 from tests.supervisor.fakes import Fakes, Scenario, gone, page_servers, until, until_running
+from trocar.services.runtime.errors import BusError
+from trocar.services.supervisor import session
+from trocar.services.supervisor.fork_link import ForkServer
+from trocar.services.supervisor.member import MemberState
+from trocar.services.supervisor.page import Page
+from trocar.services.supervisor.state_machine import RigState
+from trocar.services.supervisor.supervisor import Supervisor
 
 
 @pytest.fixture
@@ -56,7 +56,7 @@ def test_start_order_progress_no_second_rig_and_a_clean_end(fakes: Fakes) -> Non
     }  # they wait until haptics says that it has prepared
 
 
-@pytest.mark.parametrize("command", [["-m", "services.supervisor"], ["-m", "services.cli.app", "up"]])
+@pytest.mark.parametrize("command", [["-m", "trocar.services.supervisor"], ["-m", "trocar.services.cli.app", "up"]])
 def test_too_few_descriptors_are_a_sentence_before_anything_starts(command: list[str], tmp_path: Path) -> None:
     least = ["bash", "-c", 'ulimit -n 64; exec "$@"', "-", sys.executable, *command]
     environment = os.environ | {"TMPDIR": str(tmp_path), "XDG_RUNTIME_DIR": str(tmp_path)}
@@ -73,8 +73,8 @@ def test_a_rig_whose_place_for_flights_is_taken_by_somebody_runs_and_ends_all_th
     """In ``/dev/shm`` another user may have been there first: nothing can be looked at, nothing is to be removed."""
     (tmp_path / f"trocar-{os.getuid()}").mkdir()
     (tmp_path / f"trocar-{os.getuid()}").chmod(0o777)
-    monkeypatch.setattr("services.runtime.flight._MEMORY", tmp_path)
-    monkeypatch.setattr("services.runtime.flight.is_memory", lambda _directory: False)
+    monkeypatch.setattr("trocar.services.runtime.flight._MEMORY", tmp_path)
+    monkeypatch.setattr("trocar.services.runtime.flight.is_memory", lambda _directory: False)
     fakes.play(until_running)
 
 

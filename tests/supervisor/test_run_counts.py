@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pickle
 
-from services.supervisor.run_counts import RunCounts
 from tests.supervisor.made_up import health, loop_report
+from trocar.services.supervisor.run_counts import RunCounts
 
 
 def report(name, uptime_s, ticks, misses, pid=7):

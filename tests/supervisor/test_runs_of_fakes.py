@@ -19,12 +19,6 @@ import httpx
 import pytest
 import yaml
 
-from services.cli.arm import ask_at
-from services.runtime import config
-from services.runtime.zmq_bus import ZmqBus
-from services.supervisor import run_report, silence
-from services.supervisor.fork_link import ForkServer
-from services.supervisor.supervisor import Supervisor
 from tests.by_day import by_day
 from tests.cli.conftest import Trocar, trocar
 from tests.obeyed import until_obeyed
@@ -32,6 +26,12 @@ from tests.patience import PATIENCE_S
 from tests.ports import base_port
 from tests.supervisor.fakes import HERE, Fakes, Scenario, gone, page_servers, until, until_running
 from tests.with_us import with_us
+from trocar.services.cli.arm import ask_at
+from trocar.services.runtime import config
+from trocar.services.runtime.zmq_bus import ZmqBus
+from trocar.services.supervisor import run_report, silence
+from trocar.services.supervisor.fork_link import ForkServer
+from trocar.services.supervisor.supervisor import Supervisor
 
 __all__ = ["trocar"]
 
@@ -86,7 +86,7 @@ def test_report_counts_the_running_time_only(fakes: Fakes, tmp_path: Path) -> No
 def test_a_process_that_does_not_end_is_killed_and_counts_no_longer(
     fakes: Fakes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("services.supervisor.crew.END_S", 1.5)
+    monkeypatch.setattr("trocar.services.supervisor.crew.END_S", 1.5)
     report: list[run_report.RunReport] = []
     pids: list[int] = []
     asked_to_end_s: list[float] = []
@@ -111,10 +111,10 @@ import sys
 sys.path.insert(0, {root!r})
 from pathlib import Path
 from tests.supervisor.fakes import Fakes
-from services.runtime.process import Options
-from services.supervisor import session
-from services.cli import up, validation
-from services.visualization.web import build
+from trocar.services.runtime.process import Options
+from trocar.services.supervisor import session
+from trocar.services.cli import up, validation
+from trocar.services.visualization.web import build
 
 fakes = Fakes(Options({rig!r}, None, ()))
 real = session.SessionOptions
@@ -123,7 +123,7 @@ session.SessionOptions = lambda options, **rest: real(options, fakes.table(), **
 build.build_fault = lambda: "page: not the one of here"
 validation._check = lambda options: None  # what a scene is checked against takes a second to import
 sys.argv = ["trocar", "up", "--rig", {rig!r}, *sys.argv[1:]]
-from services.cli.app import main
+from trocar.services.cli.app import main
 main()
 """
 

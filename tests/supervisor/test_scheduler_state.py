@@ -14,11 +14,11 @@ from pathlib import Path
 
 import pytest
 
-from services.supervisor import runqueue_waits
-from services.supervisor.runqueue_waits import BusWaits, ThreadWait
-from services.supervisor.scheduler_state import SchedulerState
 from tests.patience import PATIENCE_S
 from tests.real_time import fifo_is_granted
+from trocar.services.supervisor import runqueue_waits
+from trocar.services.supervisor.runqueue_waits import BusWaits, ThreadWait
+from trocar.services.supervisor.scheduler_state import SchedulerState
 
 SPIN = "print(1, flush=True)\nwhile True: pass"
 #: Takes its core from everybody of the ordinary class until its file is there, or somebody has forgotten it.

@@ -1,7 +1,7 @@
 """What is said of stalls that a loop measures."""
 
-import protocol.bodies as bodies
-from services.supervisor.stall_messages import StallMessages
+import trocar.protocol.bodies as bodies
+from trocar.services.supervisor.stall_messages import StallMessages
 
 
 def stall(index: int, length_ms: float) -> bodies.Stall:

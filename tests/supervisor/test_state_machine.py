@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from services.supervisor.state_machine import RigFacts, RigState, next_state
+from trocar.services.supervisor.state_machine import RigFacts, RigState, next_state
 
 OFF, STARTING, READY = RigState.OFF, RigState.STARTING, RigState.READY
 RUNNING, DEGRADED, SAFE_STOP = RigState.RUNNING, RigState.DEGRADED, RigState.SAFE_STOP

@@ -11,14 +11,14 @@ import msgspec
 import pytest
 from prometheus_client import generate_latest
 
-import protocol.bodies as bodies
-from protocol.arrays import pack
-from services.runtime.histogram import BUCKETS
-from services.supervisor.governor import Level
-from services.supervisor.member import MemberState
-from services.supervisor.metrics import RigSource, registry
-from services.supervisor.state_machine import RigState
+import trocar.protocol.bodies as bodies
 from tests.supervisor.made_up import MS, Bench, rig, shown
+from trocar.protocol.arrays import pack
+from trocar.services.runtime.histogram import BUCKETS
+from trocar.services.supervisor.governor import Level
+from trocar.services.supervisor.member import MemberState
+from trocar.services.supervisor.metrics import RigSource, registry
+from trocar.services.supervisor.state_machine import RigState
 
 STRICT = {"contracts": {"loops": {"physics": {"rate_hz": 1000, "miss_ratio": 0.01}}}}
 

@@ -15,13 +15,13 @@ from prometheus_client.parser import text_string_to_metric_families
 from starlette.applications import Starlette
 from starlette.types import Message, Receive, Scope, Send
 
-import protocol.bodies as bodies
-from services.runtime.errors import BusError
-from services.supervisor.commands import Command
-from services.supervisor.metrics import Level, RigSource, registry
-from services.supervisor.state_machine import RigState
-from services.supervisor.web import PageContext, build_app
+import trocar.protocol.bodies as bodies
 from tests.supervisor.made_up import health, histogram, loop_report, rig
+from trocar.services.runtime.errors import BusError
+from trocar.services.supervisor.commands import Command
+from trocar.services.supervisor.metrics import Level, RigSource, registry
+from trocar.services.supervisor.state_machine import RigState
+from trocar.services.supervisor.web import PageContext, build_app
 
 
 @dataclass
@@ -115,7 +115,7 @@ def test_page_that_is_not_built_says_how_and_is_there_once_it_is(client: Client,
     """Loaded again, as the page itself asked for, it still said so: it was looked for at the start only."""
     answer = client.get("/")
     assert answer.status_code == 503
-    assert "python -m services.visualization.web.build" in answer.text
+    assert "python -m trocar.services.visualization.web.build" in answer.text
     assert client.get("/app.js").status_code == 404
     context.dist.mkdir()
     (context.dist / "index.html").write_text("<title>it is here</title>")

@@ -6,21 +6,21 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from protocol import Frame
-from protocol.bodies import GatewayState
-from review.attempts.assess import Message, Terms, assess
-from review.attempts.assessment import Assessment
-from services.cache_directory import cache_directory
-from services.mechanics.simulation import Simulation
-from services.scenes import load_duct, load_scene
-from services.scenes.hands import hands_of
-from services.training.attempt import FollowedAttempt
-from services.training.rig_observer import RigObserver
-from services.training.scenario import Scenario
-from services.training.score import load_rules
-from services.tube_paths import TubePaths
 from tests.training.simulated import SimulatedRig
 from tests.training.simulated import attempt as word
+from trocar.protocol import Frame
+from trocar.protocol.bodies import GatewayState
+from trocar.review.attempts.assess import Message, Terms, assess
+from trocar.review.attempts.assessment import Assessment
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.scenes import load_duct, load_scene
+from trocar.services.scenes.hands import hands_of
+from trocar.services.training.attempt import FollowedAttempt
+from trocar.services.training.rig_observer import RigObserver
+from trocar.services.training.scenario import Scenario
+from trocar.services.training.score import load_rules
+from trocar.services.tube_paths import TubePaths
 
 #: Of the hands' script in the stub rig.
 PACE = 0.2

@@ -9,12 +9,12 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from protocol import bodies
-from protocol.arrays import pack
-from protocol.bodies.haptics import tool_table
-from protocol.bodies.physics import reaction_table
-from services.training.scenario import Goal, Scenario
-from services.training.site import Site
+from trocar.protocol import bodies
+from trocar.protocol.arrays import pack
+from trocar.protocol.bodies.haptics import tool_table
+from trocar.protocol.bodies.physics import reaction_table
+from trocar.services.training.scenario import Goal, Scenario
+from trocar.services.training.site import Site
 
 MOUTH = np.array([0.04, 0.0, 0.0])
 SITE = Site(

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from services.training.attempt import AttemptState, FollowedAttempt, Observation
-from services.training.hints import hint
-from services.training.rig_observer import RigObserver
-from services.training.scenario import Goal, Scenario
+from trocar.services.training.attempt import AttemptState, FollowedAttempt, Observation
+from trocar.services.training.hints import hint
+from trocar.services.training.rig_observer import RigObserver
+from trocar.services.training.scenario import Goal, Scenario
 
 STILL = ((0.0, 0.0, 0.1, 0.5), (0.1, 0.0, 0.1, 0.5))
 MOVED = ((0.0, 0.01, 0.1, 0.5), (0.1, 0.0, 0.1, 0.5))

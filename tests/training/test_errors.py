@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from services.training.errors import ERRORS, RULES, ErrorEvent
-from services.training.judge import Judge
 from tests.training.streams import GOOD, SCENARIO, SITE, Channel, changed, messages
+from trocar.services.training.errors import ERRORS, RULES, ErrorEvent
+from trocar.services.training.judge import Judge
 
 #: Evidence: what makes it an error, and what is nearly one. Values stand for a tenth of a second longer than it takes.
 CASES: dict[tuple[str, str], tuple[dict[str, Channel], dict[str, Channel]]] = {}

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from services.cli.attempt import made_of
-from services.runtime import config
-from services.runtime.errors import ConfigError
-from services.scenes import load_scene
-from services.training.scenario import ASSUMPTION, LIMITS, load_scenario, scenario_names, scenario_of
 from tests.training.hands_attempt import attempt_of_hands
 from tests.training.simulated import patient
+from trocar.services.cli.attempt import made_of
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.scenes import load_scene
+from trocar.services.training.scenario import ASSUMPTION, LIMITS, load_scenario, scenario_names, scenario_of
 
 __all__ = ["patient"]
 

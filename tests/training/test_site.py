@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.cache_directory import cache_directory
-from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.surface.opening import mouth_opening
-from services.runtime import scene_findings
-from services.runtime.errors import ConfigError
-from services.scenes import load_duct, load_scene
-from services.scenes.duct_file import duct_file
-from services.training.site import Site, find_site, read_site
-from services.visualization.cameras import place
-from services.visualization.picture import PictureLayout
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.surface.opening import mouth_opening
+from trocar.services.runtime import scene_findings
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.scenes import load_duct, load_scene
+from trocar.services.scenes.duct_file import duct_file
+from trocar.services.training.site import Site, find_site, read_site
+from trocar.services.visualization.cameras import place
+from trocar.services.visualization.picture import PictureLayout
 
 
 @pytest.fixture(scope="module")

@@ -11,18 +11,18 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from protocol import TOPICS
-from protocol.arrays import pack
-from protocol.bodies import GatewayState, GraspHold, PhysicsState
-from protocol.bodies.physics import REACTION_GRASP_TORQUE
-from review.attempts.trace import Trace
-from services.training.judge import Judge
-from services.training.procedure import PHASES, Procedure
-from services.training.situation import Loads, Situation, SituationReader, segments_apart_m
 from tests.by_day import examples
 from tests.protocol import strategies
 from tests.training.streams import GOOD, SCENARIO, SITE, Channel, changed, messages
 from tests.training.test_errors import judged, pulse
+from trocar.protocol import TOPICS
+from trocar.protocol.arrays import pack
+from trocar.protocol.bodies import GatewayState, GraspHold, PhysicsState
+from trocar.protocol.bodies.physics import REACTION_GRASP_TORQUE
+from trocar.review.attempts.trace import Trace
+from trocar.services.training.judge import Judge
+from trocar.services.training.procedure import PHASES, Procedure
+from trocar.services.training.situation import Loads, Situation, SituationReader, segments_apart_m
 
 
 def test_loads_in_a_line_have_two_sides() -> None:

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from services.mechanics.reduction import ModalBasis, ReducedDuct, Residual
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.mechanics.reduction import ModalBasis, ReducedDuct, Residual
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 MODES = 5
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from services.visualization.cast_shadow import _ACROSS, _SUN, Rods, hidden
-from services.visualization.strain import FULL, Strain, colours_of_strain
-from services.visualization.thick_wall import ThickWall
 from tests.visualization.test_render import a_scene
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.visualization.cast_shadow import _ACROSS, _SUN, Rods, hidden
+from trocar.services.visualization.strain import FULL, Strain, colours_of_strain
+from trocar.services.visualization.thick_wall import ThickWall
 
 RADIUS_M = 2e-3
 ALONG, BESIDE = _ACROSS.T

@@ -6,13 +6,13 @@ import msgspec
 import numpy as np
 import pytest
 
-from protocol import bodies
-from protocol.arrays import pack
-from protocol.bodies.physics import reaction_table
-from services.mechanics.scene import CatheterScene, ForcepsScene, GuideWireScene, ProbeScene, SceneModel
-from services.visualization.composer import TOPICS, Composer
 from tests.memory_bus import MemoryBus, MemoryHub
 from tests.visualization.small_duct import MODES, make_duct
+from trocar.protocol import bodies
+from trocar.protocol.arrays import pack
+from trocar.protocol.bodies.physics import reaction_table
+from trocar.services.mechanics.scene import CatheterScene, ForcepsScene, GuideWireScene, ProbeScene, SceneModel
+from trocar.services.visualization.composer import TOPICS, Composer
 
 DUCT = make_duct()
 HASH = DUCT.basis.content_hash

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from protocol import bodies
-from protocol.arrays import pack
-from services.cache_directory import cache_directory
-from services.mechanics.bodies.wall_motion import wall_motion
-from services.mechanics.reduction import ReducedDuct
-from services.scenes import load_duct, load_scene
-from services.scenes.drawn_surface import DrawnSurface
+from trocar.protocol import bodies
+from trocar.protocol.arrays import pack
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.bodies.wall_motion import wall_motion
+from trocar.services.mechanics.reduction import ReducedDuct
+from trocar.services.scenes import load_duct, load_scene
+from trocar.services.scenes.drawn_surface import DrawnSurface
 
 SMALL = Path(__file__).parents[1] / "scenes" / "small.yaml"
 

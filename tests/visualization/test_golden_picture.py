@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.visualization import codec
-from services.visualization.picture import Picture, PictureLayout
-from services.visualization.render_pipe import FRAME, HELLO, RENDER, pack
 from tests.visualization.likeness import Pixels, likeness, mean_likeness, picture
 from tests.visualization.test_render import a_scene, pytestmark, render
+from trocar.services.visualization import codec
+from trocar.services.visualization.picture import Picture, PictureLayout
+from trocar.services.visualization.render_pipe import FRAME, HELLO, RENDER, pack
 
 __all__ = ["pytestmark"]
 GOLDEN = Path(__file__).parent / "golden" / "native.png"

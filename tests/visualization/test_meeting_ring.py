@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from services.visualization.meeting_ring import first_met_m
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.visualization.meeting_ring import first_met_m
 
 RADIUS_M = 4e-3
 

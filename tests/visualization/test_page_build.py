@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from services.visualization.web import build
+from trocar.services.visualization.web import build
 
 
 def node() -> Path:
@@ -79,7 +79,7 @@ def test_what_is_wrong_with_the_page_that_is_served_is_a_sentence(tmp_path, monk
     (tmp_path / "dist" / "stamp").write_text(build.fingerprint())
     assert build.build_fault() == ""
     (tmp_path / "src" / "main.js").write_text("changed")
-    assert "python -m services.visualization.web.build" in build.build_fault()
+    assert "python -m trocar.services.visualization.web.build" in build.build_fault()
 
 
 def test_without_node_the_build_says_what_to_install(monkeypatch, capsys):

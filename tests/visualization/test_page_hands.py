@@ -9,8 +9,8 @@ import json
 
 import pytest
 
-from protocol import bodies
-from services.visualization.page_hands import REFUSED, TAKEN_OVER, PageHands
+from trocar.protocol import bodies
+from trocar.services.visualization.page_hands import REFUSED, TAKEN_OVER, PageHands
 
 TOKEN = "what trocar up printed"
 AT = bodies.InstrumentState(name="left", position_m=(0.1, 0.2, 0.3), roll_rad=0.4)

@@ -10,11 +10,11 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
-from services.mechanics.scene import ForcepsScene
-from services.visualization import codec
-from services.visualization.picture import Picture, PictureLayout, ToolShape
-from services.visualization.render_pipe import FRAME, HELLO, RENDER, pack, read
 from tests.visualization.small_duct import make_duct
+from trocar.services.mechanics.scene import ForcepsScene
+from trocar.services.visualization import codec
+from trocar.services.visualization.picture import Picture, PictureLayout, ToolShape
+from trocar.services.visualization.render_pipe import FRAME, HELLO, RENDER, pack, read
 
 pytestmark = [
     pytest.mark.skipif(find_spec("pyvista") is None, reason="pyvista is not installed (extra `view`)"),
@@ -36,7 +36,7 @@ def a_scene() -> tuple[PictureLayout, Picture]:
 def render(*messages: bytes) -> list[bytes]:
     """Return what the worker answers; a worker that dies fails the test."""
     done = subprocess.run(
-        [sys.executable, "-m", "services.visualization.render_worker"],
+        [sys.executable, "-m", "trocar.services.visualization.render_worker"],
         input=b"".join(messages), capture_output=True, timeout=500,
     )  # fmt: skip
     assert done.returncode == 0, f"the worker ended with {done.returncode}: {done.stderr.decode()[-2000:]}"
@@ -56,8 +56,8 @@ _SURFACES = """
 import sys
 import numpy as np
 import pyvista as pv
-from services.visualization import codec
-from services.visualization.drawn_bodies import DrawnCatheter
+from trocar.services.visualization import codec
+from trocar.services.visualization.drawn_bodies import DrawnCatheter
 
 catheter = DrawnCatheter(pv.Plotter(off_screen=True), codec.decode_hello(sys.argv[1]))
 catheter.update(np.linspace([0.06, 0.0, 0.0], [0.03, 0.0, 0.0], 10, dtype=np.float32))

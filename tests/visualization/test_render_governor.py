@@ -2,7 +2,13 @@
 
 import pytest
 
-from services.visualization.render_governor import RUNGS, SOFTWARE_RUNG, WANTED_IN_SOFTWARE_HZ, Demand, RenderGovernor
+from trocar.services.visualization.render_governor import (
+    RUNGS,
+    SOFTWARE_RUNG,
+    WANTED_IN_SOFTWARE_HZ,
+    Demand,
+    RenderGovernor,
+)
 
 
 class Drawing:

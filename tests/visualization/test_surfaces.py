@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from services.visualization.normals import vertex_normals
-from services.visualization.tube import sweep_tube, tube_triangles
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.visualization.normals import vertex_normals
+from trocar.services.visualization.tube import sweep_tube, tube_triangles
 
 
 def _tube(n_around: int):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from services.visualization.thick_wall import ThickWall, boundary, refine
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.visualization.thick_wall import ThickWall, boundary, refine
 
 RADIUS_M, LENGTH_M, THICKNESS_M = 4e-3, 40e-3, 6e-4
 

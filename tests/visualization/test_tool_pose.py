@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from services.mechanics.bodies.forceps import tool_frame, tool_segments
-from services.visualization import tool_pose
-from services.visualization.drawn_bodies import pose_matrix
+from trocar.services.mechanics.bodies.forceps import tool_frame, tool_segments
+from trocar.services.visualization import tool_pose
+from trocar.services.visualization.drawn_bodies import pose_matrix
 
 
 def test_the_jaws_that_are_drawn_lie_on_the_segments_that_collide():

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics.scene import ForcepsScene, ProbeScene
-from services.visualization import codec
-from services.visualization.picture import Picture, PictureLayout, ToolShape
-from services.visualization.web import build
+from trocar.services.mechanics.scene import ForcepsScene, ProbeScene
+from trocar.services.visualization import codec
+from trocar.services.visualization.picture import Picture, PictureLayout, ToolShape
+from trocar.services.visualization.web import build
 
 _MILLIMETRES = 1000.0
 

@@ -7,13 +7,13 @@ from collections.abc import Awaitable, Callable
 
 import pytest
 
-import services.visualization.feed as feed_module
-from services.runtime.health import LatencyPath
-from services.runtime.histogram import LatencyHistogram
-from services.runtime.rig import SupervisorSettings
-from services.visualization import server
-from services.visualization.__main__ import composing_hz
-from services.visualization.feed import IN_FLIGHT, Feed, FeedMessage, Feeds
+import trocar.services.visualization.feed as feed_module
+from trocar.services.runtime.health import LatencyPath
+from trocar.services.runtime.histogram import LatencyHistogram
+from trocar.services.runtime.rig import SupervisorSettings
+from trocar.services.visualization import server
+from trocar.services.visualization.__main__ import composing_hz
+from trocar.services.visualization.feed import IN_FLIGHT, Feed, FeedMessage, Feeds
 
 
 def on_a_loop(test: Callable[[], Awaitable[None]]) -> Callable[[], None]:

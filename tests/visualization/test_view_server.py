@@ -14,19 +14,19 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from protocol import bodies
-from services.runtime.errors import UserError
-from services.runtime.health import LatencyPath
-from services.runtime.histogram import LatencyHistogram
-from services.runtime.rig import ViewSettings
-from services.visualization import codec
-from services.visualization.feed import IN_FLIGHT
-from services.visualization.outputs import WebOutput
-from services.visualization.page_hands import PageHands
-from services.visualization.picture import Picture
-from services.visualization.server import may_look
 from tests.patience import PATIENCE_S
 from tests.visualization.test_view_codec import a_layout, a_picture
+from trocar.protocol import bodies
+from trocar.services.runtime.errors import UserError
+from trocar.services.runtime.health import LatencyPath
+from trocar.services.runtime.histogram import LatencyHistogram
+from trocar.services.runtime.rig import ViewSettings
+from trocar.services.visualization import codec
+from trocar.services.visualization.feed import IN_FLIGHT
+from trocar.services.visualization.outputs import WebOutput
+from trocar.services.visualization.page_hands import PageHands
+from trocar.services.visualization.picture import Picture
+from trocar.services.visualization.server import may_look
 
 TOKEN = "what trocar up printed"
 LOG = logging.getLogger("test")

@@ -20,18 +20,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.mechanics.scene import ForcepsScene
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from services.runtime.errors import DeviceError
-from services.runtime.health import LatencyPath
-from services.runtime.histogram import LatencyHistogram
-from services.visualization import tool_pose
-from services.visualization import window as window_output
-from services.visualization.picture import Picture, PictureLayout, ToolShape
-from services.visualization.window import WindowOutput
 from tests.autogroups import may_be_set
 from tests.patience import PATIENCE_S
 from tests.virtual_display import VirtualDisplay
+from trocar.services.mechanics.scene import ForcepsScene
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.runtime.errors import DeviceError
+from trocar.services.runtime.health import LatencyPath
+from trocar.services.runtime.histogram import LatencyHistogram
+from trocar.services.visualization import tool_pose
+from trocar.services.visualization import window as window_output
+from trocar.services.visualization.picture import Picture, PictureLayout, ToolShape
+from trocar.services.visualization.window import WindowOutput
 
 _MISSING = [name for name in ("Xvfb", "xdotool") if shutil.which(name) is None]
 pytestmark = [
@@ -214,9 +214,9 @@ def test_a_thread_that_is_nicer_by_itself_stays_so() -> None:
     code = """if True:
         import os, sys, threading
         from unittest.mock import Mock
-        sys.modules["services.visualization.render"] = Mock()  # what draws takes a second to import
-        sys.modules["services.visualization.overlay"] = Mock()
-        from services.visualization.window_worker import _come_after
+        sys.modules["trocar.services.visualization.render"] = Mock()  # what draws takes a second to import
+        sys.modules["trocar.services.visualization.overlay"] = Mock()
+        from trocar.services.visualization.window_worker import _come_after
         asked, is_nice, end = max(7, os.nice(0)), threading.Event(), threading.Event()
         def be_nice():
             os.setpriority(os.PRIO_PROCESS, 0, 19)

@@ -12,20 +12,20 @@ from pathlib import Path
 
 import pytest
 
-from services.visualization import window as window_module
-from services.visualization.window import WindowOutput
 from tests.patience import PATIENCE_S
 from tests.visualization.test_window import Display, children, display, pytestmark, window
+from trocar.services.visualization import window as window_module
+from trocar.services.visualization.window import WindowOutput
 
 __all__ = ["display", "pytestmark", "window"]
 
 _DRAW = """
 import json
 from types import SimpleNamespace
-from services.visualization import codec
-from services.visualization.render_governor import RUNGS
-from services.visualization.render_pipe import FRAME, HELLO, NOTICE
-from services.visualization.window_worker import NativeWindow
+from trocar.services.visualization import codec
+from trocar.services.visualization.render_governor import RUNGS
+from trocar.services.visualization.render_pipe import FRAME, HELLO, NOTICE
+from trocar.services.visualization.window_worker import NativeWindow
 from tests.visualization.test_window import a_scene
 
 window, drawn, seen = NativeWindow(), [], {}

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.visualization import cameras
-from services.visualization.picture import Picture, PictureLayout
-from services.visualization.window import WindowOutput
 from tests.visualization.test_window import JUNCTIONS, PORTS, Display, a_scene, open_window, pytestmark, until
+from trocar.services.visualization import cameras
+from trocar.services.visualization.picture import Picture, PictureLayout
+from trocar.services.visualization.window import WindowOutput
 
 __all__ = ["pytestmark"]
 

@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from protocol.topics import TICK_S
-from services.mechanics.arrays import Float32Array, FloatArray
-from services.recordings.reader import read_extras, read_moments
-from services.training.site import read_site
 from trocar.envs.episode import FAST
 from trocar.envs.hands import HandLimits
 from trocar.envs.state import StateView, View
+from trocar.protocol.topics import TICK_S
+from trocar.services.mechanics.arrays import Float32Array, FloatArray
+from trocar.services.recordings.reader import read_extras, read_moments
+from trocar.services.training.site import read_site
 
 if TYPE_CHECKING:
     from trocar.envs.task import Task

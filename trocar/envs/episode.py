@@ -8,17 +8,17 @@ from pathlib import Path
 
 import numpy as np
 
-from protocol import Frame
-from protocol.topics import TICK_S
-from services.mechanics.arrays import FloatArray
-from services.training.judge import Judge
-from services.training.scenario import Scenario
-from services.training.score import ScoreRules
-from services.training.trainer import Trainer
 from trocar.envs.frames import TICK_NS, Framer
 from trocar.envs.hands import DeviceHands
 from trocar.envs.recording import EpisodeRecording
 from trocar.envs.stage import Stage
+from trocar.protocol import Frame
+from trocar.protocol.topics import TICK_S
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.training.judge import Judge
+from trocar.services.training.scenario import Scenario
+from trocar.services.training.score import ScoreRules
+from trocar.services.training.trainer import Trainer
 
 FAST = ("gateway.state", "haptics.contacts", "physics.state")
 """Topics of an observation."""

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import trocar
-from services.mechanics.arrays import Float32Array, FloatArray
-from services.mechanics.scene.tools import ToolInputs
-from services.tube_paths import TubePaths
+from trocar.services.mechanics.arrays import Float32Array, FloatArray
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.tube_paths import TubePaths
 
 if TYPE_CHECKING:
     from trocar.envs.task import Task

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import msgspec
 
-from protocol import PROTOCOL_VERSION, TOPICS, Frame
-from protocol.bodies import GatewayState, InstrumentState, PhysicsState, ToolContacts
-from services.haptics.outputs import hold_body
-from services.mechanics.arrays import FloatArray
-from services.mechanics.simulation import Simulation
-from services.physics.outputs import Outputs
 from trocar.envs.grips import Grips
 from trocar.envs.hands import DeviceHands
+from trocar.protocol import PROTOCOL_VERSION, TOPICS, Frame
+from trocar.protocol.bodies import GatewayState, InstrumentState, PhysicsState, ToolContacts
+from trocar.services.haptics.outputs import hold_body
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.physics.outputs import Outputs
 
 TICK_NS = 1_000_000
 NAMES = ("right", "left")
@@ -25,7 +25,7 @@ _ORDER = (
 )
 """Topics of the frames in a tick."""
 _MEASURED_EVERY = 16
-"""Ticks, as in `services.physics.outputs`."""
+"""Ticks, as in `trocar.services.physics.outputs`."""
 
 
 class Framer:

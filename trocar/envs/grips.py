@@ -6,16 +6,16 @@ from collections.abc import Callable
 
 import numpy as np
 
-from protocol.bodies import PhysicsState
-from protocol.bodies.haptics import tool_table
-from services.haptics.grasping import Grasping
-from services.haptics.instruments import HANDLE_RATE, INSTRUMENT_COLUMNS, PORT, ROLL
-from services.haptics.reactions import Reactions
-from services.mechanics.arrays import FloatArray
-from services.mechanics.collision.pairs import CATHETER_SEGMENT
-from services.mechanics.reduction import ReducedDuct
-from services.mechanics.scene import SceneModel
-from services.mechanics.scene.tools import N_TOOLS, GraspHold
+from trocar.protocol.bodies import PhysicsState
+from trocar.protocol.bodies.haptics import tool_table
+from trocar.services.haptics.grasping import Grasping
+from trocar.services.haptics.instruments import HANDLE_RATE, INSTRUMENT_COLUMNS, PORT, ROLL
+from trocar.services.haptics.reactions import Reactions
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT
+from trocar.services.mechanics.reduction import ReducedDuct
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.scene.tools import N_TOOLS, GraspHold
 
 
 class Grips:

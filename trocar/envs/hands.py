@@ -8,11 +8,11 @@ from typing import Annotated
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.scene import ToolScene
-from services.mechanics.scene.tools import N_TOOLS, ToolInputs
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.scene import ToolScene
+from trocar.services.mechanics.scene.tools import N_TOOLS, ToolInputs
 
 COLUMNS = 5
 """Columns of an action and of `DeviceHands.state`, a row a tool: junction J (3), roll, opening of the handle."""

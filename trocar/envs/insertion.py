@@ -7,12 +7,12 @@ from typing import Unpack
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.runtime.errors import ConfigError
 from trocar.envs import state
 from trocar.envs.episode import nearest_m
 from trocar.envs.hands import COLUMNS, DeviceHands, HandLimits
 from trocar.envs.task import Task, TaskOptions
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.runtime.errors import ConfigError
 
 GRIP_BEYOND_J_M = 10e-3
 """Distance from J at which jaws grasp."""

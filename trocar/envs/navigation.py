@@ -10,13 +10,13 @@ from typing import Unpack
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.scene import CatheterScene, DriveScene
-from services.runtime.errors import ConfigError
-from services.training.scenario import Scenario
 from trocar.envs import navigation_state
 from trocar.envs.hands import COLUMNS, DeviceHands, HandLimits
 from trocar.envs.task import Task, TaskOptions
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.scene import CatheterScene, DriveScene
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.training.scenario import Scenario
 
 PUSH, TWIST, STEER = range(3)
 """Columns of an action."""

@@ -6,14 +6,14 @@ import math
 
 import numpy as np
 
-from protocol.bodies import GatewayState, PhysicsState, ToolContacts
-from protocol.bodies.physics import REACTION_FORCE
-from protocol.topics import TICK_S
-from services.mechanics.arrays import Float32Array, FloatArray
-from services.training.scenario import Goal
-from services.training.site import Site
-from services.tube_paths import TubePaths
 from trocar.envs.state import Field, joined, most_of, points_m
+from trocar.protocol.bodies import GatewayState, PhysicsState, ToolContacts
+from trocar.protocol.bodies.physics import REACTION_FORCE
+from trocar.protocol.topics import TICK_S
+from trocar.services.mechanics.arrays import Float32Array, FloatArray
+from trocar.services.training.scenario import Goal
+from trocar.services.training.site import Site
+from trocar.services.tube_paths import TubePaths
 
 N_POINTS = 8
 SPACING_M = 5e-3

@@ -7,11 +7,11 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 import numpy.typing as npt
 
-from protocol import Frame
-from review.export.fluoroscopy import open_renderer
-from services.runtime.errors import ConfigError
-from services.visualization.composer import Composer
 from trocar.envs.stage import Stage
+from trocar.protocol import Frame
+from trocar.review.export.fluoroscopy import open_renderer
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.visualization.composer import Composer
 
 
 class _Newest:

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from services.runtime.errors import ConfigError
-from services.scenes import load_scene
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.scenes import load_scene
 
 Bound = int | float
 

@@ -10,16 +10,16 @@ from pathlib import Path
 import msgspec
 import yaml
 
-from protocol import Frame
-from services.recorder.attachments import NPZ, YAML
-from services.recorder.picture import PictureRecorder
-from services.recorder.recording import RecordingWriter
-from services.recordings.provenance import machine, mechanics_digest
-from services.recordings.scene_update import SceneDrawing
-from services.runtime import config
-from services.runtime.journal import JournalWriter
 from trocar.envs.frames import Framer
 from trocar.envs.stage import Stage
+from trocar.protocol import Frame
+from trocar.services.recorder.attachments import NPZ, YAML
+from trocar.services.recorder.picture import PictureRecorder
+from trocar.services.recorder.recording import RecordingWriter
+from trocar.services.recordings.provenance import machine, mechanics_digest
+from trocar.services.recordings.scene_update import SceneDrawing
+from trocar.services.runtime import config
+from trocar.services.runtime.journal import JournalWriter
 
 _WAITING_BYTES = 1 << 20
 """Bytes pending above which an episode, which is faster than the clock, waits for the disk and loses nothing."""

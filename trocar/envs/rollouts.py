@@ -11,9 +11,9 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from services.mechanics.arrays import Float32Array
-from studies.accuracy.workers import open_workers
 from trocar.envs.expert import Expert
+from trocar.services.mechanics.arrays import Float32Array
+from trocar.studies.accuracy.workers import open_workers
 
 Policy = Callable[[Float32Array], Float32Array]
 Settings = tuple[tuple[str, Any], ...]

@@ -6,18 +6,18 @@ from pathlib import Path
 
 import numpy as np
 
-from services.cache_directory import cache_directory
-from services.mechanics.reduction import ReducedDuct
-from services.mechanics.reduction.build import ignore_progress
-from services.mechanics.scene import SceneModel
-from services.mechanics.simulation import Simulation
-from services.mechanics.snapshot import Snapshot
-from services.runtime.errors import ConfigError
-from services.scenes import load_duct, load_scene
-from services.scenes.duct_file import duct_file
-from services.training.site import Site, read_site
-from services.tube_paths import TubePaths
 from trocar.envs.grips import Grips
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.reduction import ReducedDuct
+from trocar.services.mechanics.reduction.build import ignore_progress
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.snapshot import Snapshot
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.scenes import load_duct, load_scene
+from trocar.services.scenes.duct_file import duct_file
+from trocar.services.training.site import Site, read_site
+from trocar.services.tube_paths import TubePaths
 
 
 class Stage:

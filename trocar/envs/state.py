@@ -10,12 +10,12 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from protocol.bodies import GatewayState, PhysicsState, ToolContacts
-from protocol.bodies.physics import REACTION_COLUMNS, REACTION_FORCE, REACTION_PROXY_OPENING
-from protocol.topics import TICK_S
-from services.mechanics.arrays import Float32Array, FloatArray, IntArray
-from services.mechanics.scene.tools import N_TOOLS
-from services.training.site import Site
+from trocar.protocol.bodies import GatewayState, PhysicsState, ToolContacts
+from trocar.protocol.bodies.physics import REACTION_COLUMNS, REACTION_FORCE, REACTION_PROXY_OPENING
+from trocar.protocol.topics import TICK_S
+from trocar.services.mechanics.arrays import Float32Array, FloatArray, IntArray
+from trocar.services.mechanics.scene.tools import N_TOOLS
+from trocar.services.training.site import Site
 
 N_POINTS = 6
 SPACING_M = 8e-3

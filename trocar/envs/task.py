@@ -13,19 +13,19 @@ import numpy as np
 from gymnasium import spaces
 
 import trocar
-from protocol.topics import TICK_S
-from services.mechanics.arrays import Float32Array, FloatArray
-from services.mechanics.scene.tools import ToolInputs
-from services.runtime.errors import ConfigError
-from services.training.scenario import Scenario, load_scenario
-from services.training.score import load_rules
-from services.training.situation import EVERY_TICKS
 from trocar.envs.episode import FAST, Episode, Verdict
 from trocar.envs.hands import DeviceHands
 from trocar.envs.picture import Camera
 from trocar.envs.randomisation import Bound, Randomisation
 from trocar.envs.stage import Stage
 from trocar.envs.state import View
+from trocar.protocol.topics import TICK_S
+from trocar.services.mechanics.arrays import Float32Array, FloatArray
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.training.scenario import Scenario, load_scenario
+from trocar.services.training.score import load_rules
+from trocar.services.training.situation import EVERY_TICKS
 
 _MOST_TICKS = 40
 """Most ticks between two observations of the procedure, as in a recording at 25 Hz."""

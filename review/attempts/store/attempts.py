@@ -21,10 +21,10 @@ from sqlalchemy import Engine, create_engine, delete, event, make_url, select, t
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
 from sqlalchemy.orm import Session
 
-from review.attempts.assessment import Assessment
-from review.attempts.report import Past
-from review.attempts.store.tables import StoredAttempt, Trainee
-from services.runtime.errors import UserError
+from trocar.review.attempts.assessment import Assessment
+from trocar.review.attempts.report import Past
+from trocar.review.attempts.store.tables import StoredAttempt, Trainee
+from trocar.services.runtime.errors import UserError
 
 ENVIRONMENT = "TROCAR_ATTEMPTS"
 #: Any number, of the lock that is held while tables are made.

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from services.gateway import driver, input_events
-from services.gateway.driver import Place
-from services.gateway.host_check import HostCheck
-from services.gateway.steering import Axes, SteeredArm, SteeringSettings, check_inputs
-from services.runtime.rig import DriverSettings
+from trocar.services.gateway import driver, input_events
+from trocar.services.gateway.driver import Place
+from trocar.services.gateway.host_check import HostCheck
+from trocar.services.gateway.steering import Axes, SteeredArm, SteeringSettings, check_inputs
+from trocar.services.runtime.rig import DriverSettings
 
 #: Names are those of the kernel's gamepad layout. The first instrument has the left half, the second the right one.
 HALVES: tuple[dict[str, Axes], ...] = (

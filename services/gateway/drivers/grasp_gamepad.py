@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from services.gateway import driver, input_events
-from services.gateway.driver import Place
-from services.gateway.steering import Axes, JawSettings, SteeredGrasp
-from services.runtime.rig import DriverSettings
+from trocar.services.gateway import driver, input_events
+from trocar.services.gateway.driver import Place
+from trocar.services.gateway.steering import Axes, JawSettings, SteeredGrasp
+from trocar.services.runtime.rig import DriverSettings
 
 #: Left and right trigger; on pads without, the buttons in their place.
 TRIGGERS: tuple[Axes, ...] = ({"ABS_Z": 1.0, "BTN_TL2": 1.0}, {"ABS_RZ": 1.0, "BTN_TR2": 1.0})

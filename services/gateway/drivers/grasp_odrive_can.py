@@ -12,18 +12,18 @@ from typing import Annotated, Any
 import can
 from pydantic import Field, field_validator
 
-from services.gateway import can_checks, canbus, cansimple, driver
-from services.gateway.background_open import BackgroundOpen
-from services.gateway.cansimple import AxisError, AxisState
-from services.gateway.device_files import GraspFile
-from services.gateway.driver import GraspHandle, Place
-from services.gateway.host_check import HostCheck
-from services.gateway.odrive_link import OdriveLink
-from services.gateway.servo_arrays import HANDLE_ANGLE, HANDLE_RATE
-from services.mechanics.arrays import FloatArray
-from services.runtime import config
-from services.runtime.errors import DeviceError
-from services.runtime.rig import DriverSettings, Settings
+from trocar.services.gateway import can_checks, canbus, cansimple, driver
+from trocar.services.gateway.background_open import BackgroundOpen
+from trocar.services.gateway.cansimple import AxisError, AxisState
+from trocar.services.gateway.device_files import GraspFile
+from trocar.services.gateway.driver import GraspHandle, Place
+from trocar.services.gateway.host_check import HostCheck
+from trocar.services.gateway.odrive_link import OdriveLink
+from trocar.services.gateway.servo_arrays import HANDLE_ANGLE, HANDLE_RATE
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import DeviceError
+from trocar.services.runtime.rig import DriverSettings, Settings
 
 _ARM_TIMEOUT_S = 0.5
 #: How far below zero a handle pressed shut may be, as a share of its largest angle.

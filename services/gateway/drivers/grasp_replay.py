@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.gateway import driver
-from services.gateway.driver import GraspHandle, Place
-from services.gateway.drivers.replay import ArmReplaySettings
-from services.gateway.recording import Track, read_hand
-from services.gateway.servo_arrays import HANDLE_ANGLE, HANDLE_RATE
-from services.mechanics.arrays import FloatArray
-from services.runtime.rig import DriverSettings
+from trocar.services.gateway import driver
+from trocar.services.gateway.driver import GraspHandle, Place
+from trocar.services.gateway.drivers.replay import ArmReplaySettings
+from trocar.services.gateway.recording import Track, read_hand
+from trocar.services.gateway.servo_arrays import HANDLE_ANGLE, HANDLE_RATE
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.runtime.rig import DriverSettings
 
 
 class Driver(GraspHandle):

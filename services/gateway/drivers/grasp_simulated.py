@@ -8,16 +8,16 @@ from pathlib import Path
 import can
 from pydantic import Field
 
-from services.gateway import driver, drives, hand_motion
-from services.gateway.device_files import GraspFile
-from services.gateway.drive_orders import BeginAgain, GoOn, SetPace
-from services.gateway.driver import Place
-from services.gateway.drivers.grasp_odrive_can import OdriveGrasp
-from services.gateway.hand_motion import HandMotion
-from services.gateway.script import SCENE
-from services.runtime.bounds import Core, Pace, Priority, Turn
-from services.runtime.errors import DeviceError
-from services.runtime.rig import DriverSettings, Settings
+from trocar.services.gateway import driver, drives, hand_motion
+from trocar.services.gateway.device_files import GraspFile
+from trocar.services.gateway.drive_orders import BeginAgain, GoOn, SetPace
+from trocar.services.gateway.driver import Place
+from trocar.services.gateway.drivers.grasp_odrive_can import OdriveGrasp
+from trocar.services.gateway.hand_motion import HandMotion
+from trocar.services.gateway.script import SCENE
+from trocar.services.runtime.bounds import Core, Pace, Priority, Turn
+from trocar.services.runtime.errors import DeviceError
+from trocar.services.runtime.rig import DriverSettings, Settings
 
 _REPOSITORY = Path(__file__).resolve().parents[3]
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from services.gateway import driver, input_events
-from services.gateway.driver import Place
-from services.gateway.steering import JawSettings, SteeredGrasp
-from services.runtime.rig import DriverSettings
+from trocar.services.gateway import driver, input_events
+from trocar.services.gateway.driver import Place
+from trocar.services.gateway.steering import JawSettings, SteeredGrasp
+from trocar.services.runtime.rig import DriverSettings
 
 
 class Driver(SteeredGrasp):

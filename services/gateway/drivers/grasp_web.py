@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from services.gateway import driver
-from services.gateway.driver import Place
-from services.gateway.drivers.web import hand_of
-from services.gateway.hand_grasp import HandGrasp, HandGraspSettings
-from services.runtime.rig import DriverSettings
+from trocar.services.gateway import driver
+from trocar.services.gateway.driver import Place
+from trocar.services.gateway.drivers.web import hand_of
+from trocar.services.gateway.hand_grasp import HandGrasp, HandGraspSettings
+from trocar.services.runtime.rig import DriverSettings
 
 
 class Driver(HandGrasp):

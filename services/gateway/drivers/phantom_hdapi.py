@@ -7,19 +7,19 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from pydantic import Field
 
-from protocol.bodies.haptics import MODEL_COLUMNS
-from services.gateway import driver
-from services.gateway.device_files import ArmFile
-from services.gateway.driver import Arm, Place
-from services.gateway.engagement import SMALL_FORCE_N
-from services.gateway.hdapi import cells, exchange, host_checks, session
-from services.gateway.hdapi.constants import Calibration, Style, describe
-from services.gateway.hdapi.error_stack import unreachable
-from services.gateway.hdapi.library import DEFAULT
-from services.gateway.hdapi.open_arm import OpenArm, Terms
-from services.gateway.hdapi.reopening import Reopening
-from services.gateway.host_check import HostCheck
-from services.gateway.servo_arrays import (
+from trocar.protocol.bodies.haptics import MODEL_COLUMNS
+from trocar.services.gateway import driver
+from trocar.services.gateway.device_files import ArmFile
+from trocar.services.gateway.driver import Arm, Place
+from trocar.services.gateway.engagement import SMALL_FORCE_N
+from trocar.services.gateway.hdapi import cells, exchange, host_checks, session
+from trocar.services.gateway.hdapi.constants import Calibration, Style, describe
+from trocar.services.gateway.hdapi.error_stack import unreachable
+from trocar.services.gateway.hdapi.library import DEFAULT
+from trocar.services.gateway.hdapi.open_arm import OpenArm, Terms
+from trocar.services.gateway.hdapi.reopening import Reopening
+from trocar.services.gateway.host_check import HostCheck
+from trocar.services.gateway.servo_arrays import (
     LIMIT_SIZE,
     MEMORY_DEMAND,
     MEMORY_SIZE,
@@ -28,10 +28,10 @@ from services.gateway.servo_arrays import (
     READ_SIZE,
     READ_TEMPERATURE,
 )
-from services.mechanics.arrays import FloatArray
-from services.runtime import config
-from services.runtime.errors import DeviceError
-from services.runtime.rig import DriverSettings, Settings
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import DeviceError
+from trocar.services.runtime.rig import DriverSettings, Settings
 
 #: How long a started scheduler may take until its first call, and a released arm until it is free of force.
 _START_S, _LET_GO_S = 1.0, 0.05

@@ -7,18 +7,18 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from protocol.topics import TICK_S
-from services.gateway import driver, pose, premium_model, simulated_arm
-from services.gateway.arm_tick import ArmTick, tick_arm
-from services.gateway.device_files import ArmFile
-from services.gateway.driver import Arm, Place
-from services.gateway.script import ROLL, SCENE, Player, read_player
-from services.gateway.servo_arrays import READ_ROLL, READ_SIZE
-from services.gateway.simulated_arm import HAND_DAMPING, HAND_GRIP, HAND_STIFFNESS, HAND_TARGET
-from services.mechanics.arrays import FloatArray
-from services.runtime.bounds import Pace, between
-from services.runtime.errors import ConfigError
-from services.runtime.rig import DriverSettings, Settings
+from trocar.protocol.topics import TICK_S
+from trocar.services.gateway import driver, pose, premium_model, simulated_arm
+from trocar.services.gateway.arm_tick import ArmTick, tick_arm
+from trocar.services.gateway.device_files import ArmFile
+from trocar.services.gateway.driver import Arm, Place
+from trocar.services.gateway.script import ROLL, SCENE, Player, read_player
+from trocar.services.gateway.servo_arrays import READ_ROLL, READ_SIZE
+from trocar.services.gateway.simulated_arm import HAND_DAMPING, HAND_GRIP, HAND_STIFFNESS, HAND_TARGET
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.runtime.bounds import Pace, between
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.runtime.rig import DriverSettings, Settings
 
 _TICK_NS = 1_000_000
 #: Most ticks simulated at once: the arm of a process that was stopped resumes where it was.
@@ -165,7 +165,7 @@ class Driver(Arm):
 def choose_player(settings: ArmSettings, place: Place) -> Player | None:
     """Return the player that moves the hand of this instrument, None if it holds still."""
     if settings.scenario is not None:
-        from services.gateway.scenario_script import scenario_player  # only here: it imports the mechanics
+        from trocar.services.gateway.scenario_script import scenario_player  # only here: it imports the mechanics
 
         return scenario_player(settings.scenario, place.index, place.port_m, settings.pace)
     if settings.script == SCENE:

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from services.gateway import driver, premium_model
-from services.gateway.driver import Arm, ArmLimits, Place
-from services.gateway.recording import Track, read_hand
-from services.gateway.servo_arrays import READ_POSITION, READ_ROLL, READ_VELOCITY
-from services.mechanics.arrays import FloatArray
-from services.runtime.rig import DriverSettings, Settings
+from trocar.services.gateway import driver, premium_model
+from trocar.services.gateway.driver import Arm, ArmLimits, Place
+from trocar.services.gateway.recording import Track, read_hand
+from trocar.services.gateway.servo_arrays import READ_POSITION, READ_ROLL, READ_VELOCITY
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.runtime.rig import DriverSettings, Settings
 
 COLUMNS = ("time_s", "x_m", "y_m", "z_m")
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from protocol.bodies import Hands, HandTarget
-from services.gateway import driver
-from services.gateway.driver import Place
-from services.gateway.hand_arm import HandArm, HandSettings
-from services.runtime.rig import DriverSettings
+from trocar.protocol.bodies import Hands, HandTarget
+from trocar.services.gateway import driver
+from trocar.services.gateway.driver import Place
+from trocar.services.gateway.hand_arm import HandArm, HandSettings
+from trocar.services.runtime.rig import DriverSettings
 
 TOPIC = "visualization.hands"
 

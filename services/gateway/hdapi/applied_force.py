@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import math
 
-from protocol.bodies.haptics import MODEL_COLUMNS
-from services.gateway.engagement import SMALL_FORCE_N
-from services.gateway.hdapi import native
-from services.gateway.hdapi.cells import (
+from trocar.protocol.bodies.haptics import MODEL_COLUMNS
+from trocar.services.gateway.engagement import SMALL_FORCE_N
+from trocar.services.gateway.hdapi import native
+from trocar.services.gateway.hdapi.cells import (
     FORCE,
     ORDER_AGE,
     ORDER_ENABLED,
@@ -33,9 +33,9 @@ from services.gateway.hdapi.cells import (
     Functions,
     ServoCell,
 )
-from services.gateway.hdapi.constants import FORCE_OUTPUT, Calibration, Parameter
-from services.gateway.pose import force_to_arm, to_world
-from services.gateway.servo_arrays import (
+from trocar.services.gateway.hdapi.constants import FORCE_OUTPUT, Calibration, Parameter
+from trocar.services.gateway.pose import force_to_arm, to_world
+from trocar.services.gateway.servo_arrays import (
     LIMIT_SIZE,
     MEMORY_DEMAND,
     MEMORY_FORCE,
@@ -47,10 +47,10 @@ from services.gateway.servo_arrays import (
     NOW_TEMPERATURE,
     NOW_TTL,
 )
-from services.gateway.servo_law import servo_force
-from services.gateway.slew import slew_vector
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
+from trocar.services.gateway.servo_law import servo_force
+from trocar.services.gateway.slew import slew_vector
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
 
 #: An ordered force, or a pose, older than this is not trusted, nor one from as far in the future: a clock may go back.
 #: As a force of 3 N then falls to zero in 15 ms, the hand is free before a model's life of 20 ms.

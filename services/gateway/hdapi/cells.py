@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from protocol.bodies.haptics import MODEL_COLUMNS
-from services.gateway.hdapi.handover import Box
-from services.gateway.servo_arrays import LIMIT_SIZE, MEMORY_SIZE, NOW_SIZE
-from services.mechanics.arrays import FloatArray, IntArray, LongArray
-from services.mechanics.compiled.struct import Struct, reader
+from trocar.protocol.bodies.haptics import MODEL_COLUMNS
+from trocar.services.gateway.hdapi.handover import Box
+from trocar.services.gateway.servo_arrays import LIMIT_SIZE, MEMORY_SIZE, NOW_SIZE
+from trocar.services.mechanics.arrays import FloatArray, IntArray, LongArray
+from trocar.services.mechanics.compiled.struct import Struct, reader
 
 # From the gateway: time of writing, whether motors may be on, how often a person has armed the rig; then a force in the
 # frame of the arm or, with ORDER_LAW, the inputs of the force law (`servo_arrays`): age, life, gain, energy of the

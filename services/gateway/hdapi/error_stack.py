@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from services.gateway.hdapi import native
-from services.gateway.hdapi.cells import ArmCell, ServoCell, arm_at
-from services.gateway.hdapi.constants import (
+from trocar.services.gateway.hdapi import native
+from trocar.services.gateway.hdapi.cells import ArmCell, ServoCell, arm_at
+from trocar.services.gateway.hdapi.constants import (
     BAD_HANDLE,
     FIRST_LINK_ERROR,
     FIRST_REFUSAL,
@@ -15,7 +15,7 @@ from services.gateway.hdapi.constants import (
     TIMER_ERROR,
     WARM_MOTORS,
 )
-from services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled import kernel
 
 #: Most errors a frame, to bound its time; the others remain for the next one.
 _ERRORS_A_DRAIN = 32

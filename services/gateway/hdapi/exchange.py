@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from protocol.bodies.haptics import MODEL_COLUMNS
-from services.gateway.hdapi.cells import (
+from trocar.protocol.bodies.haptics import MODEL_COLUMNS
+from trocar.services.gateway.hdapi.cells import (
     ORDER_AGE,
     ORDER_ARMED,
     ORDER_ENABLED,
@@ -30,8 +30,8 @@ from services.gateway.hdapi.cells import (
     Port,
     port_at,
 )
-from services.gateway.hdapi.handover import put, take
-from services.gateway.servo_arrays import (
+from trocar.services.gateway.hdapi.handover import put, take
+from trocar.services.gateway.servo_arrays import (
     LIMIT_SIZE,
     MEMORY_REFUSED,
     MEMORY_RESERVED,
@@ -46,9 +46,9 @@ from services.gateway.servo_arrays import (
     READ_TEMPERATURE,
     READ_VELOCITY,
 )
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address
 
 NOTHING, AS_BEFORE, CHANGED = range(3)
 #: Frames in which an arm may return energy before another arm of the library knows: until the gateway reads what the

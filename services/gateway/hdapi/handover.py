@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from services.gateway.hdapi import native
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Struct
+from trocar.services.gateway.hdapi import native
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Struct
 
 #: Attempts of a reader; with a message a millisecond, a read of a microsecond is overtaken at most once.
 _TRIES = 3

@@ -8,10 +8,10 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from services.gateway.hdapi.constants import Parameter
-from services.gateway.hdapi.library import Library
-from services.gateway.host_check import HostCheck, text_of
-from services.runtime.errors import DeviceError
+from trocar.services.gateway.hdapi.constants import Parameter
+from trocar.services.gateway.hdapi.library import Library
+from trocar.services.gateway.host_check import HostCheck, text_of
+from trocar.services.runtime.errors import DeviceError
 
 #: Vendor and product of USB arms; sources disagree on one that has them the other way round. None: any product.
 _USB = (("2988", None), ("0301", "2988"))

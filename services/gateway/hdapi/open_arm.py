@@ -8,15 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.gateway.clock import Clock
-from services.gateway.hdapi import cells
-from services.gateway.hdapi.cells import ArmCell, Functions, Port
-from services.gateway.hdapi.constants import STYLES, Parameter, Style
-from services.gateway.hdapi.handover import Box
-from services.gateway.hdapi.library import Library
-from services.gateway.pose import pack_mount
-from services.gateway.velocity_filter import butterworth
-from services.runtime.rig import Mount, Vector3
+from trocar.services.gateway.clock import Clock
+from trocar.services.gateway.hdapi import cells
+from trocar.services.gateway.hdapi.cells import ArmCell, Functions, Port
+from trocar.services.gateway.hdapi.constants import STYLES, Parameter, Style
+from trocar.services.gateway.hdapi.handover import Box
+from trocar.services.gateway.hdapi.library import Library
+from trocar.services.gateway.pose import pack_mount
+from trocar.services.gateway.velocity_filter import butterworth
+from trocar.services.runtime.rig import Mount, Vector3
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from services.gateway.background_open import BackgroundOpen
-from services.gateway.clock import Clock
-from services.gateway.hdapi.cells import ArmCell, ServoCell
-from services.gateway.hdapi.open_arm import OpenArm
+from trocar.services.gateway.background_open import BackgroundOpen
+from trocar.services.gateway.clock import Clock
+from trocar.services.gateway.hdapi.cells import ArmCell, ServoCell
+from trocar.services.gateway.hdapi.open_arm import OpenArm
 
 #: Time for all forces to fall to zero at the rig's rate limit, and time after which the library is taken to hang.
 _LET_GO_NS, _PATIENCE_NS = 200_000_000, 20_000_000_000

@@ -19,9 +19,9 @@ from typing import Any
 
 from numba import types
 
-from services.gateway.hdapi import native
-from services.gateway.hdapi.applied_force import apply_order, give_up
-from services.gateway.hdapi.cells import (
+from trocar.services.gateway.hdapi import native
+from trocar.services.gateway.hdapi.applied_force import apply_order, give_up
+from trocar.services.gateway.hdapi.cells import (
     FORCE,
     GIMBAL,
     ORDER_ARMED,
@@ -51,15 +51,15 @@ from services.gateway.hdapi.cells import (
     arm_at,
     servo_at,
 )
-from services.gateway.hdapi.constants import CALLBACK_CONTINUE, CALLBACK_DONE, Calibration, Parameter, Style
-from services.gateway.hdapi.error_stack import drain, unreachable
-from services.gateway.hdapi.handover import put, take
-from services.gateway.servo_arrays import MEMORY_SIZE
-from services.gateway.servo_law import MAX_STEP_S
-from services.gateway.velocity_filter import design, low_pass
-from services.mechanics import compiled
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address
+from trocar.services.gateway.hdapi.constants import CALLBACK_CONTINUE, CALLBACK_DONE, Calibration, Parameter, Style
+from trocar.services.gateway.hdapi.error_stack import drain, unreachable
+from trocar.services.gateway.hdapi.handover import put, take
+from trocar.services.gateway.servo_arrays import MEMORY_SIZE
+from trocar.services.gateway.servo_law import MAX_STEP_S
+from trocar.services.gateway.velocity_filter import design, low_pass
+from trocar.services.mechanics import compiled
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address
 
 TICK_NS = 1_000_000
 #: Periods after which a frame is late.

@@ -14,15 +14,15 @@ from pathlib import Path
 
 import numpy as np
 
-from services.gateway.clock import Clock
-from services.gateway.hdapi.cells import ArmCell, Functions, ServoCell
-from services.gateway.hdapi.constants import MAX_SCHEDULER_PRIORITY, describe
-from services.gateway.hdapi.error_stack import unreachable
-from services.gateway.hdapi.library import Library
-from services.gateway.hdapi.open_arm import OpenArm, Terms, find_functions, open_arm
-from services.gateway.hdapi.reopening import Reopening
-from services.gateway.hdapi.servo_callback import callback
-from services.runtime.errors import DeviceError
+from trocar.services.gateway.clock import Clock
+from trocar.services.gateway.hdapi.cells import ArmCell, Functions, ServoCell
+from trocar.services.gateway.hdapi.constants import MAX_SCHEDULER_PRIORITY, describe
+from trocar.services.gateway.hdapi.error_stack import unreachable
+from trocar.services.gateway.hdapi.library import Library
+from trocar.services.gateway.hdapi.open_arm import OpenArm, Terms, find_functions, open_arm
+from trocar.services.gateway.hdapi.reopening import Reopening
+from trocar.services.gateway.hdapi.servo_callback import callback
+from trocar.services.runtime.errors import DeviceError
 
 RATE_HZ = 1000
 

@@ -7,12 +7,12 @@ from typing import Annotated, cast
 
 import numpy as np
 
-from services.mechanics.arrays import AnyArray, FloatArray, IntArray
-from services.mechanics.bodies.guide_wire import GuideWire, lay_at_rest
-from services.mechanics.bodies.sections import segment_radii, softness
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Struct, reader
-from services.mechanics.rod import (
+from trocar.services.mechanics.arrays import AnyArray, FloatArray, IntArray
+from trocar.services.mechanics.bodies.guide_wire import GuideWire, lay_at_rest
+from trocar.services.mechanics.bodies.sections import segment_radii, softness
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Struct, reader
+from trocar.services.mechanics.rod import (
     Introducer,
     RodProperties,
     RodState,
@@ -21,10 +21,10 @@ from services.mechanics.rod import (
     build_integrator,
     straight_rod,
 )
-from services.mechanics.rod.banded import RHS_BLOCK, empty_columns
-from services.mechanics.rod.free_step import FreeStep, begin_step, continue_sleep, is_at_rest
-from services.mechanics.rod.implicit import ImplicitIntegrator
-from services.mechanics.scene import CatheterScene
+from trocar.services.mechanics.rod.banded import RHS_BLOCK, empty_columns
+from trocar.services.mechanics.rod.free_step import FreeStep, begin_step, continue_sleep, is_at_rest
+from trocar.services.mechanics.rod.implicit import ImplicitIntegrator
+from trocar.services.mechanics.scene import CatheterScene
 
 BEARING_DIAMETERS = 5.0
 """Length over which the introducer's wall bears on the catheter, in outer diameters, for friction."""

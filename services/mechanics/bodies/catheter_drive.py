@@ -7,15 +7,15 @@ from collections.abc import Collection
 
 import numpy as np
 
-from services.mechanics.bodies.catheter import CatheterBody
-from services.mechanics.bodies.forceps import ToolBody
-from services.mechanics.bodies.sections import joint_curvature
-from services.mechanics.collision.pairs import CATHETER_SEGMENT
-from services.mechanics.compiled.vectors import cross, dot, row
-from services.mechanics.rod.material_frame import initial_frame, roll
-from services.mechanics.rod.twist import TwistModel, energy_at, frame_task
-from services.mechanics.scene import CatheterScene, SceneModel
-from services.mechanics.scene.tools import GraspHold
+from trocar.services.mechanics.bodies.catheter import CatheterBody
+from trocar.services.mechanics.bodies.forceps import ToolBody
+from trocar.services.mechanics.bodies.sections import joint_curvature
+from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT
+from trocar.services.mechanics.compiled.vectors import cross, dot, row
+from trocar.services.mechanics.rod.material_frame import initial_frame, roll
+from trocar.services.mechanics.rod.twist import TwistModel, energy_at, frame_task
+from trocar.services.mechanics.scene import CatheterScene, SceneModel
+from trocar.services.mechanics.scene.tools import GraspHold
 
 # Below any opening: the held catheter never opens the jaws.
 _NO_JAWS_RAD = -1e9

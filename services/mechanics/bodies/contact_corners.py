@@ -6,10 +6,10 @@ from typing import Annotated, Self
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.reduction.residual.node_numbering import forget_numbers, number_node
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.reduction.residual.node_numbering import forget_numbers, number_node
 
 
 class ContactCorners(Struct):

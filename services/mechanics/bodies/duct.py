@@ -6,15 +6,15 @@ import math
 
 import numpy as np
 
-from services.mechanics.arrays import AnyArray, FloatArray, IntArray
-from services.mechanics.bodies.duct_loads import DuctLoads, DuctMotion, correct, motion_at
-from services.mechanics.bodies.wall_motion import wall_motion
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address
-from services.mechanics.reduction.modal_state import ModalIntegrator, ModalState
-from services.mechanics.reduction.newmark import Newmark, newmark_step
-from services.mechanics.reduction.node_compliance import Loads
-from services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.arrays import AnyArray, FloatArray, IntArray
+from trocar.services.mechanics.bodies.duct_loads import DuctLoads, DuctMotion, correct, motion_at
+from trocar.services.mechanics.bodies.wall_motion import wall_motion
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address
+from trocar.services.mechanics.reduction.modal_state import ModalIntegrator, ModalState
+from trocar.services.mechanics.reduction.newmark import Newmark, newmark_step
+from trocar.services.mechanics.reduction.node_compliance import Loads
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
 
 _NO_LOADS: Loads = (np.zeros(0, np.int32), np.zeros((0, 3)))
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-from services.mechanics.arrays import FloatArray, IntArray, LongArray
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.reduction.node_compliance import NodeArrays, gather_and_displace
-from services.mechanics.reduction.residual.node_numbering import forget_numbers, number_node
-from services.mechanics.rod.free_step import FreeStep, step_at
+from trocar.services.mechanics.arrays import FloatArray, IntArray, LongArray
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.reduction.node_compliance import NodeArrays, gather_and_displace
+from trocar.services.mechanics.reduction.residual.node_numbering import forget_numbers, number_node
+from trocar.services.mechanics.rod.free_step import FreeStep, step_at
 
 
 class DuctMotion(Struct):

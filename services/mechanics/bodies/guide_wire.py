@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.rod import ImplicitIntegrator, RodProperties, RodState, RoundTube, Supports
-from services.mechanics.rod.guide_wire import GuideWireModel, Place, stored_energies, write_rod_properties
-from services.mechanics.rod.integrator import RodIntegrator
-from services.mechanics.rod.material_frame import initial_frame
-from services.mechanics.scene import CatheterScene, GuideWireScene
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.rod import ImplicitIntegrator, RodProperties, RodState, RoundTube, Supports
+from trocar.services.mechanics.rod.guide_wire import GuideWireModel, Place, stored_energies, write_rod_properties
+from trocar.services.mechanics.rod.integrator import RodIntegrator
+from trocar.services.mechanics.rod.material_frame import initial_frame
+from trocar.services.mechanics.scene import CatheterScene, GuideWireScene
 
 if TYPE_CHECKING:
-    from services.mechanics.rod.material_frame import Frame
+    from trocar.services.mechanics.rod.material_frame import Frame
 
 _FAR_M = 100.0  # longer than any wire
 # Steps to rest: so long that inertia is negligible; at rest when no particle moves further than `_RESTING_M` in one.

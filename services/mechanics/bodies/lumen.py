@@ -10,14 +10,14 @@ import math
 
 import numpy as np
 
-from services.mechanics.arrays import ByteArray, FloatArray, IntArray
-from services.mechanics.bodies.wall_motion import wall_motion
-from services.mechanics.collision.primitives import segment_pierces
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.vectors import Vector, along, cross, dot, row, squared_distance, subtract
-from services.mechanics.reduction import ReducedDuct
-from services.mechanics.surface.mesh import TriangleMesh, boundary_loops
-from services.mechanics.surface.rim_caps import fill_rim
+from trocar.services.mechanics.arrays import ByteArray, FloatArray, IntArray
+from trocar.services.mechanics.bodies.wall_motion import wall_motion
+from trocar.services.mechanics.collision.primitives import segment_pierces
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.vectors import Vector, along, cross, dot, row, squared_distance, subtract
+from trocar.services.mechanics.reduction import ReducedDuct
+from trocar.services.mechanics.surface.mesh import TriangleMesh, boundary_loops
+from trocar.services.mechanics.surface.rim_caps import fill_rim
 
 OUTSIDE = -1.0
 Caps = tuple[IntArray, IntArray, FloatArray]

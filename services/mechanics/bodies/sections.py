@@ -6,8 +6,8 @@ from typing import Literal
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.scene import CatheterScene
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.scene import CatheterScene
 
 _BEHIND = -1
 

@@ -10,21 +10,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.bodies.contact_corners import (
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.bodies.contact_corners import (
     ContactCorners,
     apply_corner_displacements,
     interpolate_corners,
     list_corners,
 )
-from services.mechanics.compiled import summing_kernel
-from services.mechanics.compiled.struct import Address
-from services.mechanics.reduction.coincident_points import copy_coincident, find_sources
-from services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
-from services.mechanics.reduction.modal_compliance import add_modal_compliance
-from services.mechanics.reduction.node_compliance import Loads, NodeArrays, NodeCompliance, PointRows, Points
-from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.reduction.residual.rotated_residual import RotatedResidual
+from trocar.services.mechanics.compiled import summing_kernel
+from trocar.services.mechanics.compiled.struct import Address
+from trocar.services.mechanics.reduction.coincident_points import copy_coincident, find_sources
+from trocar.services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
+from trocar.services.mechanics.reduction.modal_compliance import add_modal_compliance
+from trocar.services.mechanics.reduction.node_compliance import Loads, NodeArrays, NodeCompliance, PointRows, Points
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.reduction.residual.rotated_residual import RotatedResidual
 
 
 class PointCompliance:

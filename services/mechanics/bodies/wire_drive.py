@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.bodies.catheter import CatheterBody
-from services.mechanics.bodies.forceps import ToolBody
-from services.mechanics.bodies.guide_wire import frame_of
-from services.mechanics.rod.guide_wire import Place, insertion_forces
-from services.mechanics.scene import CatheterScene, SceneModel
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.bodies.catheter import CatheterBody
+from trocar.services.mechanics.bodies.forceps import ToolBody
+from trocar.services.mechanics.bodies.guide_wire import frame_of
+from trocar.services.mechanics.rod.guide_wire import Place, insertion_forces
+from trocar.services.mechanics.scene import CatheterScene, SceneModel
 
 # Largest slide in a step as a fraction of the protruding length, and largest turn in rad.
 _FARTHEST = 0.05

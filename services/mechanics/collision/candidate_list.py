@@ -22,11 +22,17 @@ from typing import Annotated
 
 import numpy as np
 
-from services.mechanics.arrays import BoolArray, FloatArray, IntArray, LongArray
-from services.mechanics.collision.clusters import GROUP_CLUSTERS, Clusters, enclose, enclose_group, vector_from_segment
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Struct
-from services.mechanics.compiled.vectors import dot, put_row, put_row_of, row, row_of, squared_distance
+from trocar.services.mechanics.arrays import BoolArray, FloatArray, IntArray, LongArray
+from trocar.services.mechanics.collision.clusters import (
+    GROUP_CLUSTERS,
+    Clusters,
+    enclose,
+    enclose_group,
+    vector_from_segment,
+)
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.struct import Struct
+from trocar.services.mechanics.compiled.vectors import dot, put_row, put_row_of, row, row_of, squared_distance
 
 #: A list is complete until piece and wall have moved by this. A thicker skin means longer lists, a thinner one more
 #: frequent rebuilds.

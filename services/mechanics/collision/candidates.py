@@ -14,18 +14,18 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-from services.mechanics.arrays import FloatArray, IntArray, LongArray
-from services.mechanics.collision.candidate_list import CandidateList, list_near, store_distance
-from services.mechanics.collision.clusters import centroid, vector_from_segment
-from services.mechanics.collision.primitives import (
+from trocar.services.mechanics.arrays import FloatArray, IntArray, LongArray
+from trocar.services.mechanics.collision.candidate_list import CandidateList, list_near, store_distance
+from trocar.services.mechanics.collision.clusters import centroid, vector_from_segment
+from trocar.services.mechanics.collision.primitives import (
     Places,
     closest_places,
     closest_segment_triangle,
     parameter_on_segment,
 )
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Struct, reader
-from services.mechanics.compiled.vectors import (
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.struct import Struct, reader
+from trocar.services.mechanics.compiled.vectors import (
     Vector,
     along,
     combine,

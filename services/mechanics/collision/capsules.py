@@ -11,13 +11,13 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-from services.mechanics.arrays import BoolArray, ByteArray, FloatArray
-from services.mechanics.collision.candidate_list import LOOK_AHEAD_M
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL, ContactPairs, pairs_at, write_pair
-from services.mechanics.collision.primitives import closest_of_segments
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import (
+from trocar.services.mechanics.arrays import BoolArray, ByteArray, FloatArray
+from trocar.services.mechanics.collision.candidate_list import LOOK_AHEAD_M
+from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL, ContactPairs, pairs_at, write_pair
+from trocar.services.mechanics.collision.primitives import closest_of_segments
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.compiled.vectors import (
     Vector,
     along,
     cross,

@@ -11,11 +11,11 @@ from typing import Annotated
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.collision.primitives import parameter_on_segment
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Struct
-from services.mechanics.compiled.vectors import Vector, along, put_row, row, scaled, squared_distance, subtract
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.collision.primitives import parameter_on_segment
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Struct
+from trocar.services.mechanics.compiled.vectors import Vector, along, put_row, row, scaled, squared_distance, subtract
 
 #: Maximum number of triangles of a cluster: their sphere is hardly larger than that of a triangle and its neighbours.
 CLUSTER_TRIANGLES = 24

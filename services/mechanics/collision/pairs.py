@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from services.mechanics.arrays import ByteArray, FloatArray, IntArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Struct, reader
-from services.mechanics.compiled.vectors import Vector, put_row
+from trocar.services.mechanics.arrays import ByteArray, FloatArray, IntArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Struct, reader
+from trocar.services.mechanics.compiled.vectors import Vector, put_row
 
 NO_TOOL = -1
 SHAFT, JAW_A, JAW_B = 0, 1, 2

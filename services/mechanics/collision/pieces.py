@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.collision.candidate_list import CandidateList
-from services.mechanics.collision.capsules import Segment, Tools, ends_of
-from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs, write_pair
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.vectors import Vector, put_row_of, row
-from services.mechanics.scene.tools import N_TOOLS
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.collision.candidate_list import CandidateList
+from trocar.services.mechanics.collision.capsules import Segment, Tools, ends_of
+from trocar.services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs, write_pair
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.vectors import Vector, put_row_of, row
+from trocar.services.mechanics.scene.tools import N_TOOLS
 
 #: Pieces of tools come first: three of each.
 N_TOOL_PIECES = 3 * N_TOOLS

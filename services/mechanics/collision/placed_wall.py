@@ -18,14 +18,20 @@ from typing import Annotated
 
 import numpy as np
 
-from services.mechanics.arrays import AnyArray, ByteArray, Float32Array, FloatArray, IntArray, LongArray
-from services.mechanics.collision.wall_bounds import WallBounds, bound_between, bound_motion, set_reference, wall_bounds
-from services.mechanics.compiled import inlined_kernel, kernel, summing_kernel
-from services.mechanics.compiled.struct import Struct
-from services.mechanics.compiled.vectors import along, dot, put_row, row, row_of
-from services.mechanics.reduction.large_rotations.warping_kernels import place_node, turn_vector
-from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.reduction.residual.blocks import BlockStore, block_between, own_softness
+from trocar.services.mechanics.arrays import AnyArray, ByteArray, Float32Array, FloatArray, IntArray, LongArray
+from trocar.services.mechanics.collision.wall_bounds import (
+    WallBounds,
+    bound_between,
+    bound_motion,
+    set_reference,
+    wall_bounds,
+)
+from trocar.services.mechanics.compiled import inlined_kernel, kernel, summing_kernel
+from trocar.services.mechanics.compiled.struct import Struct
+from trocar.services.mechanics.compiled.vectors import along, dot, put_row, row, row_of
+from trocar.services.mechanics.reduction.large_rotations.warping_kernels import place_node, turn_vector
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.reduction.residual.blocks import BlockStore, block_between, own_softness
 
 #: Maximum size of the cache of residual blocks (65 MB), and of cached rows, one for each loaded node.
 MAX_BLOCKS, MAX_ROWS = 1_800_000, 128

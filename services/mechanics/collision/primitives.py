@@ -7,8 +7,8 @@ or a corner, so they identify the feature.
 
 from __future__ import annotations
 
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.vectors import Vector, along, combine, cross, dot, squared_distance, subtract
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.vectors import Vector, along, combine, cross, dot, squared_distance, subtract
 
 Place = tuple[float, float, Vector]
 """A point of a segment and a point of a triangle: squared distance, parameter s, and barycentric weights."""

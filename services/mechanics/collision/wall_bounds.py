@@ -13,13 +13,13 @@ from typing import Annotated
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, LongArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Struct
-from services.mechanics.compiled.vectors import copy_rows, row, squared_distance
-from services.mechanics.reduction.large_rotations.warping import warped_tube
-from services.mechanics.reduction.large_rotations.warping_kernels import WarpedTube, string_axis
-from services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.arrays import FloatArray, LongArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Struct
+from trocar.services.mechanics.compiled.vectors import copy_rows, row, squared_distance
+from trocar.services.mechanics.reduction.large_rotations.warping import warped_tube
+from trocar.services.mechanics.reduction.large_rotations.warping_kernels import WarpedTube, string_axis
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
 
 _BLOCKS = 8
 """Number of blocks of modes; blocks of soft modes, which move far, are smaller."""

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.collision.candidate_list import (
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.collision.candidate_list import (
     APPEARED,
     DUE,
     NEW_REFERENCE,
@@ -22,9 +22,9 @@ from services.mechanics.collision.candidate_list import (
     select_due,
     set_wanted_gaps,
 )
-from services.mechanics.collision.candidates import Candidates, write_closest
-from services.mechanics.collision.clusters import Clusters, cluster_triangles
-from services.mechanics.collision.placed_wall import (
+from trocar.services.mechanics.collision.candidates import Candidates, write_closest
+from trocar.services.mechanics.collision.clusters import Clusters, cluster_triangles
+from trocar.services.mechanics.collision.placed_wall import (
     Loads,
     PlacedWall,
     bound_since,
@@ -33,10 +33,10 @@ from services.mechanics.collision.placed_wall import (
     place_wall,
     request_node,
 )
-from services.mechanics.collision.wall_bounds import WallBounds, bound_between, set_reference, wall_bounds
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Struct, reader
-from services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.collision.wall_bounds import WallBounds, bound_between, set_reference, wall_bounds
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.struct import Struct, reader
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
 
 
 class WallCandidates(Struct):

@@ -5,16 +5,26 @@ Argument types of kernels are described in `docs/reference/kernels.md`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, TypeVar
 
-from numba import cfunc, njit, types
+from numba import cfunc, config, njit, types
 from numba.extending import models, register_model, typeof_impl
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 #: All kernels of the modules imported so far, for code that counts or checks them.
 KERNELS: list[Any] = []
+
+#: Where numba looks for a compiled kernel of ours: a class that numba imports by its name. Other functions are none of
+#: its business, and it says so: for them numba goes on to its own.
+_LOCATORS = (
+    "trocar.services.kernel_cache.Locator,UserProvidedCacheLocator,InTreeCacheLocator,UserWideCacheLocator,"
+    "IPythonCacheLocator"
+)
+_setting = threading.Lock()
 
 _OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
@@ -39,19 +49,34 @@ def summing_kernel(function: F) -> F:
 
 def building_kernel(function: F) -> F:
     """Compile a function that prepares a scene and may allocate; decorator. No kernel of a tick calls it."""
-    compiled: F = njit(cache=True, nogil=True)(function)
+    with _located():
+        compiled: F = njit(cache=True, nogil=True)(function)
     return compiled
 
 
 def callback(signature: Any, function: Callable[..., Any]) -> Any:
     """Compile a function that a C library calls, and may call kernels; return numba's `CFunc`, compiled."""
-    return cfunc(signature, cache=True, nopython=True, error_model="numpy")(function)
+    with _located():
+        return cfunc(signature, cache=True, nopython=True, error_model="numpy")(function)
 
 
 def _compiled(function: F, **options: Any) -> F:
-    compiled: F = njit(**options)(function)
+    with _located():
+        compiled: F = njit(**options)(function)
     KERNELS.append(compiled)
     return compiled
+
+
+@contextmanager
+def _located() -> Iterator[None]:
+    """Let numba ask our locator for what is decorated meanwhile; its settings are those of whoever imports us."""
+    with _setting:
+        before = config.CACHE_LOCATOR_CLASSES
+        config.CACHE_LOCATOR_CLASSES = before or _LOCATORS
+        try:
+            yield
+        finally:
+            config.CACHE_LOCATOR_CLASSES = before
 
 
 class _KernelType(types.Dispatcher):  # type: ignore[misc]  # numba has no types

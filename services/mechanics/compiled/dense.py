@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.compiled import kernel, summing_kernel
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.compiled import kernel, summing_kernel
 
 #: Columns of a panel. The trailing matrix is loaded and stored once for each panel, not once for each column.
 PANEL = 4

@@ -10,8 +10,8 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from services.mechanics.arrays import AnyArray, LongArray
-from services.mechanics.compiled import kernel
+from trocar.services.mechanics.arrays import AnyArray, LongArray
+from trocar.services.mechanics.compiled import kernel
 
 
 def copy_table(targets: Sequence[AnyArray], sources: Sequence[AnyArray]) -> LongArray:

@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Generic, NoReturn, Self, TypeVar, dataclass_tr
 import numpy as np
 from numba.extending import NativeValue, intrinsic, typeof_impl, unbox
 
-from services.mechanics.compiled.layout import (
+from trocar.services.mechanics.compiled.layout import (
     ArrayField,
     Field,
     Layout,
@@ -24,7 +24,7 @@ from services.mechanics.compiled.layout import (
     check_array,
     layout_of,
 )
-from services.mechanics.compiled.struct_type import StructType, load_word
+from trocar.services.mechanics.compiled.struct_type import StructType, load_word
 
 S_co = TypeVar("S_co", bound="Struct", covariant=True)
 

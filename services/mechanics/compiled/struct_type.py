@@ -19,7 +19,7 @@ from numba.experimental import structref
 from numba.extending import lower_getattr_generic, lower_setattr_generic, models, register_model
 from numpy import dtype
 
-from services.mechanics.compiled.layout import ArrayField, Field, Layout, ScalarField, StructField
+from trocar.services.mechanics.compiled.layout import ArrayField, Field, Layout, ScalarField, StructField
 
 _INT = ir.IntType(64)
 _SCALARS = {"float": types.float64, "int": types.int64, "bool": types.boolean}

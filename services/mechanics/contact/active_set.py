@@ -12,22 +12,22 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.dense import factorise, solve_factorised
-from services.mechanics.compiled.vectors import along, copy_rows, put_row
-from services.mechanics.compiled.vectors import row as vector
-from services.mechanics.contact.admissible import normal_range, project, slides, step_to_bounds
-from services.mechanics.contact.laws import HAS_FRICTION
-from services.mechanics.contact.newton import (
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.dense import factorise, solve_factorised
+from trocar.services.mechanics.compiled.vectors import along, copy_rows, put_row
+from trocar.services.mechanics.compiled.vectors import row as vector
+from trocar.services.mechanics.contact.admissible import normal_range, project, slides, step_to_bounds
+from trocar.services.mechanics.contact.laws import HAS_FRICTION
+from trocar.services.mechanics.contact.newton import (
     complete_response,
     cost_in_sweeps,
     list_unknowns,
     n_unknowns_of,
     solve_newton_step,
 )
-from services.mechanics.contact.problem import ContactProblem
-from services.mechanics.contact.sweeps import sweep, update_motion
+from trocar.services.mechanics.contact.problem import ContactProblem
+from trocar.services.mechanics.contact.sweeps import sweep, update_motion
 
 # Cost in sweeps after which a sequence ends, and sweeps look for missing contacts.
 MAX_COST = 30

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.contact.laws import (
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.contact.laws import (
     HAS_FRICTION,
     IS_DAMPER,
     MAX_COMPRESSION,
@@ -18,8 +18,8 @@ from services.mechanics.contact.laws import (
     MAX_TENSION,
     NEEDS_LIMIT,
 )
-from services.mechanics.contact.problem import ContactProblem, add_unknown, set_force
-from services.mechanics.contact.rows import ContactRows
+from trocar.services.mechanics.contact.problem import ContactProblem, add_unknown, set_force
+from trocar.services.mechanics.contact.rows import ContactRows
 
 # A force above this fraction of its limit counts as sliding: local solves reach the limit only up to rounding.
 ON_THE_LIMIT = 1.0 - 1e-9

@@ -7,23 +7,29 @@ from typing import Annotated
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.bodies.duct_loads import DuctLoads, loads_at
-from services.mechanics.bodies.forceps.tool_body import ToolPoses, move_back, move_to_proxies
-from services.mechanics.bodies.sections import segment_radii
-from services.mechanics.collision.candidate_list import (
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.bodies.duct_loads import DuctLoads, loads_at
+from trocar.services.mechanics.bodies.forceps.tool_body import ToolPoses, move_back, move_to_proxies
+from trocar.services.mechanics.bodies.sections import segment_radii
+from trocar.services.mechanics.collision.candidate_list import (
     LOOK_AHEAD_M,
     TOUCHING_M,
     CandidateList,
     copy_ends,
     set_wanted_gaps,
 )
-from services.mechanics.collision.candidates import Candidates
-from services.mechanics.collision.capsules import CapsuleMemory, detect_capsules
-from services.mechanics.collision.pairs import DUCT_TRIANGLE, ContactPairs, pairs_at
-from services.mechanics.collision.pieces import N_TOOL_PIECES, put_piece, write_pieces
-from services.mechanics.collision.placed_wall import Loads, PlacedWall, copy_configuration, place_requested, place_wall
-from services.mechanics.collision.wall_candidates import (
+from trocar.services.mechanics.collision.candidates import Candidates
+from trocar.services.mechanics.collision.capsules import CapsuleMemory, detect_capsules
+from trocar.services.mechanics.collision.pairs import DUCT_TRIANGLE, ContactPairs, pairs_at
+from trocar.services.mechanics.collision.pieces import N_TOOL_PIECES, put_piece, write_pieces
+from trocar.services.mechanics.collision.placed_wall import (
+    Loads,
+    PlacedWall,
+    copy_configuration,
+    place_requested,
+    place_wall,
+)
+from trocar.services.mechanics.collision.wall_candidates import (
     WallCandidates,
     follow_end,
     follow_wall,
@@ -31,19 +37,19 @@ from services.mechanics.collision.wall_candidates import (
     request_triangle,
     wall_candidates,
 )
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import along, row
-from services.mechanics.contact.engagement import engage_tools
-from services.mechanics.contact.identity import TARGET, TARGET_KIND, part_of
-from services.mechanics.contact.laws import HAS_GAP
-from services.mechanics.contact.price import piece_of, write_capsule_violations, write_chosen, write_violations
-from services.mechanics.contact.spheres import Spheres
-from services.mechanics.contact.state import ContactState, state_at
-from services.mechanics.contact.system import STRATEGIES, ContactSystem
-from services.mechanics.contact.working_set import IMPLIED_M, WorkingSet, age_members, choose, renew_member
-from services.mechanics.reduction import ReducedDuct
-from services.mechanics.scene import SceneModel
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.compiled.vectors import along, row
+from trocar.services.mechanics.contact.engagement import engage_tools
+from trocar.services.mechanics.contact.identity import TARGET, TARGET_KIND, part_of
+from trocar.services.mechanics.contact.laws import HAS_GAP
+from trocar.services.mechanics.contact.price import piece_of, write_capsule_violations, write_chosen, write_violations
+from trocar.services.mechanics.contact.spheres import Spheres
+from trocar.services.mechanics.contact.state import ContactState, state_at
+from trocar.services.mechanics.contact.system import STRATEGIES, ContactSystem
+from trocar.services.mechanics.contact.working_set import IMPLIED_M, WorkingSet, age_members, choose, renew_member
+from trocar.services.mechanics.reduction import ReducedDuct
+from trocar.services.mechanics.scene import SceneModel
 
 #: Maximum number of closest pairs: a duct that two jaws have pinched shut has 600 within a millimetre.
 CAPACITY = 4096

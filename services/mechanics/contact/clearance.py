@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.bodies.forceps.kinematics import N_CELLS, N_SEGMENTS
-from services.mechanics.bodies.forceps.tool_body import ToolArrays
-from services.mechanics.collision.pairs import DUCT_TRIANGLE, JAW_A, SHAFT
-from services.mechanics.collision.pieces import N_TOOL_PIECES
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.vectors import Vector, along, dot, row, row_of, scaled, subtract
+from trocar.services.mechanics.bodies.forceps.kinematics import N_CELLS, N_SEGMENTS
+from trocar.services.mechanics.bodies.forceps.tool_body import ToolArrays
+from trocar.services.mechanics.collision.pairs import DUCT_TRIANGLE, JAW_A, SHAFT
+from trocar.services.mechanics.collision.pieces import N_TOOL_PIECES
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.vectors import Vector, along, dot, row, row_of, scaled, subtract
 
 Surface = tuple[float, float, float, Vector]
 """Allowed overlap (m) along the piece's normal; that along the surface's normal; its slope (m/rad); this normal."""

@@ -6,11 +6,11 @@ the end. Only the lower triangle is built, because W is symmetric as each body's
 
 from __future__ import annotations
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.collision.pairs import NO_TOOL
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.vectors import Vector, dot
-from services.mechanics.contact.rows import ContactRows
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.collision.pairs import NO_TOOL
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.vectors import Vector, dot
+from trocar.services.mechanics.contact.rows import ContactRows
 
 Block = tuple[Vector, Vector, Vector]
 

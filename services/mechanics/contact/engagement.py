@@ -10,13 +10,13 @@ and it may not grow. If the simulation itself decides that jaws hold the wall, t
 
 from __future__ import annotations
 
-from services.mechanics.bodies.forceps.kinematics import N_SEGMENTS
-from services.mechanics.collision.candidates import Candidates
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, SHAFT, ContactPairs, pairs_at
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address
-from services.mechanics.contact.geometry import ContactGeometry, geometry_at
-from services.mechanics.contact.working_set import SHARE_OF_WALL
+from trocar.services.mechanics.bodies.forceps.kinematics import N_SEGMENTS
+from trocar.services.mechanics.collision.candidates import Candidates
+from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT, SHAFT, ContactPairs, pairs_at
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address
+from trocar.services.mechanics.contact.geometry import ContactGeometry, geometry_at
+from trocar.services.mechanics.contact.working_set import SHARE_OF_WALL
 
 # Largest overlap of a tool that engages: contacts at rest overlap by less, and the force at this depth is not felt.
 CLEAR_M = 10e-6

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.collision.pairs import NO_TOOL
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.vectors import row as vector
-from services.mechanics.contact.laws import FIXES_DISTANCE, HAS_GAP
-from services.mechanics.contact.rows import ContactRows, in_frame
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.collision.pairs import NO_TOOL
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.vectors import row as vector
+from trocar.services.mechanics.contact.laws import FIXES_DISTANCE, HAS_GAP
+from trocar.services.mechanics.contact.rows import ContactRows, in_frame
 
 
 @kernel

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.bodies.catheter import CatheterBody
-from services.mechanics.bodies.duct import DuctBody
-from services.mechanics.bodies.forceps.tool_body import ToolArrays, ToolBody
-from services.mechanics.compiled.struct import Struct, reader
-from services.mechanics.contact.spheres import Spheres, no_spheres
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.bodies.catheter import CatheterBody
+from trocar.services.mechanics.bodies.duct import DuctBody
+from trocar.services.mechanics.bodies.forceps.tool_body import ToolArrays, ToolBody
+from trocar.services.mechanics.compiled.struct import Struct, reader
+from trocar.services.mechanics.contact.spheres import Spheres, no_spheres
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-from services.mechanics.arrays import BoolArray, ByteArray, FloatArray, IntArray, LongArray
-from services.mechanics.bodies.forceps.tool_body import ToolArrays
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, SHAFT
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import (
+from trocar.services.mechanics.arrays import BoolArray, ByteArray, FloatArray, IntArray, LongArray
+from trocar.services.mechanics.bodies.forceps.tool_body import ToolArrays
+from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT, SHAFT
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.compiled.vectors import (
     Vector,
     along,
     combine,
@@ -22,13 +22,13 @@ from services.mechanics.compiled.vectors import (
     tangents,
     unit,
 )
-from services.mechanics.compiled.vectors import row as vector
-from services.mechanics.contact.geometry import ContactGeometry
-from services.mechanics.contact.identity import hold_identity
-from services.mechanics.contact.laws import number_of
-from services.mechanics.contact.rows import ContactRows, in_world
-from services.mechanics.contact.state import ContactState, state_at
-from services.mechanics.contact.writer import (
+from trocar.services.mechanics.compiled.vectors import row as vector
+from trocar.services.mechanics.contact.geometry import ContactGeometry
+from trocar.services.mechanics.contact.identity import hold_identity
+from trocar.services.mechanics.contact.laws import number_of
+from trocar.services.mechanics.contact.rows import ContactRows, in_world
+from trocar.services.mechanics.contact.state import ContactState, state_at
+from trocar.services.mechanics.contact.writer import (
     NO_ROOM,
     add_tool_motion,
     append_row,
@@ -36,7 +36,7 @@ from services.mechanics.contact.writer import (
     put_on_duct,
     put_on_tool,
 )
-from services.mechanics.rod.curve import point_on_curve
+from trocar.services.mechanics.rod.curve import point_on_curve
 
 _GRIP = number_of("grip")
 # Axis of a catheter's row that is tangential to the catheter; the first axis is across the jaws.

@@ -6,14 +6,14 @@ import math
 
 import numpy as np
 
-from services.mechanics.arrays import AnyArray, FloatArray
-from services.mechanics.bodies.forceps.tool_body import ToolBody
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A
-from services.mechanics.contact.hold_rows import HoldArrays, append_holds, slide_holds
-from services.mechanics.contact.system import ContactSystem
-from services.mechanics.rod.curve import point_on_curve
-from services.mechanics.scene import ToolScene
-from services.mechanics.scene.tools import GraspHold
+from trocar.services.mechanics.arrays import AnyArray, FloatArray
+from trocar.services.mechanics.bodies.forceps.tool_body import ToolBody
+from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A
+from trocar.services.mechanics.contact.hold_rows import HoldArrays, append_holds, slide_holds
+from trocar.services.mechanics.contact.system import ContactSystem
+from trocar.services.mechanics.rod.curve import point_on_curve
+from trocar.services.mechanics.scene import ToolScene
+from trocar.services.mechanics.scene.tools import GraspHold
 
 # Tolerance of barycentric weights from another process, which may have rounded them.
 WEIGHT_TOLERANCE = 1e-3

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
 
 
 class BitField(NamedTuple):

@@ -5,26 +5,26 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.bodies.catheter import CatheterTouch, list_particles, touch_at
-from services.mechanics.bodies.duct_loads import DuctLoads, loads_at
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address
-from services.mechanics.contact.delassus import add_rod_compliance, add_tool_compliance, rotate_to_contact_frames
-from services.mechanics.contact.free_motion import free_motion
-from services.mechanics.contact.geometry import Bodies
-from services.mechanics.contact.passivity import solve_passively
-from services.mechanics.contact.solver import NEAR
-from services.mechanics.contact.spheres import add_sphere_compliance
-from services.mechanics.contact.stages import finish
-from services.mechanics.contact.state import ContactState, state_at
-from services.mechanics.contact.warm_start import store_anchors
-from services.mechanics.contact.working_set import tolerated_overlap_m
-from services.mechanics.reduction.node_compliance import NodeArrays, weigh_blocks
-from services.mechanics.reduction.residual.blocks import own_softness
-from services.mechanics.rod.contact_response import compliance, factor_for_contacts
-from services.mechanics.rod.model import RodModel, RodWork, work_at
-from services.mechanics.scene import ContactSettings
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.bodies.catheter import CatheterTouch, list_particles, touch_at
+from trocar.services.mechanics.bodies.duct_loads import DuctLoads, loads_at
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address
+from trocar.services.mechanics.contact.delassus import add_rod_compliance, add_tool_compliance, rotate_to_contact_frames
+from trocar.services.mechanics.contact.free_motion import free_motion
+from trocar.services.mechanics.contact.geometry import Bodies
+from trocar.services.mechanics.contact.passivity import solve_passively
+from trocar.services.mechanics.contact.solver import NEAR
+from trocar.services.mechanics.contact.spheres import add_sphere_compliance
+from trocar.services.mechanics.contact.stages import finish
+from trocar.services.mechanics.contact.state import ContactState, state_at
+from trocar.services.mechanics.contact.warm_start import store_anchors
+from trocar.services.mechanics.contact.working_set import tolerated_overlap_m
+from trocar.services.mechanics.reduction.node_compliance import NodeArrays, weigh_blocks
+from trocar.services.mechanics.reduction.residual.blocks import own_softness
+from trocar.services.mechanics.rod.contact_response import compliance, factor_for_contacts
+from trocar.services.mechanics.rod.model import RodModel, RodWork, work_at
+from trocar.services.mechanics.scene import ContactSettings
 
 # Tolerance of the wall's motion, as a fraction of its thickness: the tolerance of forces is at most the force that
 # moves the softest place of the wall so far. On a wall of 10 um some micronewtons cause a motion of a millimetre.

@@ -14,15 +14,15 @@ from typing import Annotated
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.bodies.catheter import CatheterTouch, touch_at
-from services.mechanics.bodies.duct_loads import DuctLoads, loads_at
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.dense import sum_of_products
-from services.mechanics.compiled.struct import Address, Struct
-from services.mechanics.contact.rows import ContactRows
-from services.mechanics.rod.contact_response import compliance, factor_for_contacts
-from services.mechanics.rod.model import RodModel, RodWork, work_at
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.bodies.catheter import CatheterTouch, touch_at
+from trocar.services.mechanics.bodies.duct_loads import DuctLoads, loads_at
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.dense import sum_of_products
+from trocar.services.mechanics.compiled.struct import Address, Struct
+from trocar.services.mechanics.contact.rows import ContactRows
+from trocar.services.mechanics.rod.contact_response import compliance, factor_for_contacts
+from trocar.services.mechanics.rod.model import RodModel, RodWork, work_at
 
 #: Time for which a servo uses a local model without an update.
 LASTING_S = 5e-3

@@ -5,25 +5,25 @@ from __future__ import annotations
 import math
 from typing import Annotated, cast
 
-from services.mechanics.arrays import BoolArray, FloatArray, IntArray
-from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
-from services.mechanics.bodies.forceps.tool_body import ToolArrays
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.dense import sum_of_products
-from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.contact.admissible import closed_axes
-from services.mechanics.contact.geometry import Bodies
-from services.mechanics.contact.lasting_compliance import (
+from trocar.services.mechanics.arrays import BoolArray, FloatArray, IntArray
+from trocar.services.mechanics.bodies.forceps.kinematics import N_COORDINATES
+from trocar.services.mechanics.bodies.forceps.tool_body import ToolArrays
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.dense import sum_of_products
+from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.contact.admissible import closed_axes
+from trocar.services.mechanics.contact.geometry import Bodies
+from trocar.services.mechanics.contact.lasting_compliance import (
     LastingArrays,
     RodAddresses,
     WallAddress,
     add_catheter_compliance,
     add_wall_compliance,
 )
-from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.state import ContactState, state_at
-from services.mechanics.rod.model import RodModel, RodWork
-from services.mechanics.scene.tools import N_TOOLS, ToolResults
+from trocar.services.mechanics.contact.rows import ContactRows
+from trocar.services.mechanics.contact.state import ContactState, state_at
+from trocar.services.mechanics.rod.model import RodModel, RodWork
+from trocar.services.mechanics.scene.tools import N_TOOLS, ToolResults
 
 NO_ROD = cast(tuple[Address[RodModel], Address[RodWork]], (0, 0))
 MAX_CLOSED = 72  # maximum number of contact axes that enter the local stiffness of a tool

@@ -18,13 +18,13 @@ columns. Then the matrix is symmetric and positive definite, and the potential f
 
 from __future__ import annotations
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.dense import factorise, solve_factorised
-from services.mechanics.compiled.vectors import copy_rows, dot
-from services.mechanics.compiled.vectors import row as vector
-from services.mechanics.contact.admissible import add_unknowns
-from services.mechanics.contact.problem import ContactProblem
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.dense import factorise, solve_factorised
+from trocar.services.mechanics.compiled.vectors import copy_rows, dot
+from trocar.services.mechanics.compiled.vectors import row as vector
+from trocar.services.mechanics.contact.admissible import add_unknowns
+from trocar.services.mechanics.contact.problem import ContactProblem
 
 
 @kernel

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from services.mechanics.bodies.forceps.tool_body import ToolArrays
-from services.mechanics.collision.pairs import (
+from trocar.services.mechanics.bodies.forceps.tool_body import ToolArrays
+from trocar.services.mechanics.collision.pairs import (
     CATHETER_SEGMENT,
     DUCT_TRIANGLE,
     JAW_A,
@@ -12,16 +12,25 @@ from services.mechanics.collision.pairs import (
     ContactPairs,
     pairs_at,
 )
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Address
-from services.mechanics.compiled.vectors import Vector, along, between, dot, put_row, row_of, subtract, write_frame
-from services.mechanics.compiled.vectors import row as row_at
-from services.mechanics.contact.clearance import can_touch, jaw_surface
-from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, WallGeometry, geometry_at
-from services.mechanics.contact.identity import pair_identity
-from services.mechanics.contact.laws import number_of
-from services.mechanics.contact.rows import ContactRows, rows_at
-from services.mechanics.contact.writer import (
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.struct import Address
+from trocar.services.mechanics.compiled.vectors import (
+    Vector,
+    along,
+    between,
+    dot,
+    put_row,
+    row_of,
+    subtract,
+    write_frame,
+)
+from trocar.services.mechanics.compiled.vectors import row as row_at
+from trocar.services.mechanics.contact.clearance import can_touch, jaw_surface
+from trocar.services.mechanics.contact.geometry import ContactGeometry, RodGeometry, WallGeometry, geometry_at
+from trocar.services.mechanics.contact.identity import pair_identity
+from trocar.services.mechanics.contact.laws import number_of
+from trocar.services.mechanics.contact.rows import ContactRows, rows_at
+from trocar.services.mechanics.contact.writer import (
     FIRST_SIDE,
     NO_ROOM,
     TARGET_SIDE,

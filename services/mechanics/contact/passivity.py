@@ -20,16 +20,16 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.bodies.forceps.tool_body import ToolArrays
-from services.mechanics.collision.pairs import NO_TOOL
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Struct
-from services.mechanics.compiled.vectors import row as vector
-from services.mechanics.contact.laws import HAS_FRICTION, HAS_GAP
-from services.mechanics.contact.problem import ContactProblem
-from services.mechanics.contact.rows import ContactRows, in_frame
-from services.mechanics.contact.solver import solve_contacts
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.bodies.forceps.tool_body import ToolArrays
+from trocar.services.mechanics.collision.pairs import NO_TOOL
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.struct import Struct
+from trocar.services.mechanics.compiled.vectors import row as vector
+from trocar.services.mechanics.contact.laws import HAS_FRICTION, HAS_GAP
+from trocar.services.mechanics.contact.problem import ContactProblem
+from trocar.services.mechanics.contact.rows import ContactRows, in_frame
+from trocar.services.mechanics.contact.solver import solve_contacts
 
 # Energy that a step may add without debt, for rounding. A thousand steps of it, a second, are less than a particle of
 # 3.4 mg, as the catheter's are, has at 1 mm/s, which counts as rest: friction or not, nothing is kept swinging.

@@ -5,19 +5,19 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address
-from services.mechanics.compiled.vectors import Vector
-from services.mechanics.compiled.vectors import row as row_at
-from services.mechanics.contact.admissible import normal_range, project, tangential_limit
-from services.mechanics.contact.free_motion import free_motion
-from services.mechanics.contact.geometry import Bodies
-from services.mechanics.contact.implicit import ImplicitStrategy
-from services.mechanics.contact.laws import FIXES_DISTANCE, HAS_GAP
-from services.mechanics.contact.rows import ContactRows, in_frame
-from services.mechanics.contact.stages import finish
-from services.mechanics.contact.state import ContactState, state_at
-from services.mechanics.scene import ContactSettings
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address
+from trocar.services.mechanics.compiled.vectors import Vector
+from trocar.services.mechanics.compiled.vectors import row as row_at
+from trocar.services.mechanics.contact.admissible import normal_range, project, tangential_limit
+from trocar.services.mechanics.contact.free_motion import free_motion
+from trocar.services.mechanics.contact.geometry import Bodies
+from trocar.services.mechanics.contact.implicit import ImplicitStrategy
+from trocar.services.mechanics.contact.laws import FIXES_DISTANCE, HAS_GAP
+from trocar.services.mechanics.contact.rows import ContactRows, in_frame
+from trocar.services.mechanics.contact.stages import finish
+from trocar.services.mechanics.contact.state import ContactState, state_at
+from trocar.services.mechanics.scene import ContactSettings
 
 # Below this sliding speed friction is proportional to the speed (regularised), because an explicit force cannot stick.
 SLIP_SPEED_M_S = 1e-3

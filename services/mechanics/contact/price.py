@@ -10,20 +10,35 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.bodies.forceps.tool_body import ToolArrays
-from services.mechanics.collision.candidate_list import CandidateList
-from services.mechanics.collision.candidates import SAME_POINT, Candidates, Where, closest_pair, nearest_to, offset, put
-from services.mechanics.collision.capsules import CapsuleMemory, ends_of, measure_pair, vector_between
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, NO_TOOL, SHAFT, ContactPairs, write_pair
-from services.mechanics.collision.pieces import N_TOOL_PIECES, owner_of, write_piece_pair
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.vectors import Vector, dot, row, row_of, scaled, squared_distance, unit
-from services.mechanics.contact.clearance import jaw_surface, overlap_in_jaws, piece_can_touch
-from services.mechanics.contact.identity import PARTICLE, SEGMENT, pair_identity, part_of, without_target
-from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.state import ContactState
-from services.mechanics.contact.working_set import (
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.bodies.forceps.tool_body import ToolArrays
+from trocar.services.mechanics.collision.candidate_list import CandidateList
+from trocar.services.mechanics.collision.candidates import (
+    SAME_POINT,
+    Candidates,
+    Where,
+    closest_pair,
+    nearest_to,
+    offset,
+    put,
+)
+from trocar.services.mechanics.collision.capsules import CapsuleMemory, ends_of, measure_pair, vector_between
+from trocar.services.mechanics.collision.pairs import (
+    CATHETER_SEGMENT,
+    DUCT_TRIANGLE,
+    NO_TOOL,
+    SHAFT,
+    ContactPairs,
+    write_pair,
+)
+from trocar.services.mechanics.collision.pieces import N_TOOL_PIECES, owner_of, write_piece_pair
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.vectors import Vector, dot, row, row_of, scaled, squared_distance, unit
+from trocar.services.mechanics.contact.clearance import jaw_surface, overlap_in_jaws, piece_can_touch
+from trocar.services.mechanics.contact.identity import PARTICLE, SEGMENT, pair_identity, part_of, without_target
+from trocar.services.mechanics.contact.rows import ContactRows
+from trocar.services.mechanics.contact.state import ContactState
+from trocar.services.mechanics.contact.working_set import (
     IMPLIED_M,
     SAME_NORMAL,
     WorkingSet,
@@ -32,7 +47,7 @@ from services.mechanics.contact.working_set import (
     place_at_rest,
     sort_by_key,
 )
-from services.mechanics.contact.writer import n_free_rows
+from trocar.services.mechanics.contact.writer import n_free_rows
 
 #: Depth beyond which a piece has no reliable normal, as a fraction of its axis's distance from the wall in contact.
 UNRELIABLE_DEPTH = 0.5

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from services.mechanics.arrays import BoolArray, ByteArray, FloatArray, IntArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Struct
-from services.mechanics.contact.rows import ContactRows
+from trocar.services.mechanics.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Struct
+from trocar.services.mechanics.contact.rows import ContactRows
 
 
 class ContactProblem(Struct):

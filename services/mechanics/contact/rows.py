@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from services.mechanics.arrays import ByteArray, FloatArray, IntArray, LongArray
-from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Struct, reader
-from services.mechanics.compiled.vectors import Vector, combine, dot, row_of
+from trocar.services.mechanics.arrays import ByteArray, FloatArray, IntArray, LongArray
+from trocar.services.mechanics.bodies.forceps.kinematics import N_COORDINATES
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Struct, reader
+from trocar.services.mechanics.compiled.vectors import Vector, combine, dot, row_of
 
 N_ROD_POINTS = 4  # two particles on each side, for the catheter touching itself
 NO_STONE = -1

@@ -5,21 +5,21 @@ The wall's friction is applied at the exit, where the seal is, because the cathe
 
 from __future__ import annotations
 
-from services.mechanics.arrays import AnyArray
-from services.mechanics.bodies.catheter import CatheterBody
-from services.mechanics.collision.pairs import NO_TOOL
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import between, write_frame
-from services.mechanics.compiled.vectors import row as vector
-from services.mechanics.contact.identity import pair_identity, with_law
-from services.mechanics.contact.laws import SEAL_SOFTNESS_M_N, number_of
-from services.mechanics.contact.state import ContactState, state_at
-from services.mechanics.contact.system import ContactSystem
-from services.mechanics.contact.writer import FIRST_SIDE, NO_ROOM, append_row, put_on_rod
-from services.mechanics.rod.introducer_normal_force import introducer_normal_force
-from services.mechanics.rod.introducer_passage import closest_on_segment, end_point, find_passage
-from services.mechanics.rod.model import RodModel, model_at
+from trocar.services.mechanics.arrays import AnyArray
+from trocar.services.mechanics.bodies.catheter import CatheterBody
+from trocar.services.mechanics.collision.pairs import NO_TOOL
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.compiled.vectors import between, write_frame
+from trocar.services.mechanics.compiled.vectors import row as vector
+from trocar.services.mechanics.contact.identity import pair_identity, with_law
+from trocar.services.mechanics.contact.laws import SEAL_SOFTNESS_M_N, number_of
+from trocar.services.mechanics.contact.state import ContactState, state_at
+from trocar.services.mechanics.contact.system import ContactSystem
+from trocar.services.mechanics.contact.writer import FIRST_SIDE, NO_ROOM, append_row, put_on_rod
+from trocar.services.mechanics.rod.introducer_normal_force import introducer_normal_force
+from trocar.services.mechanics.rod.introducer_passage import closest_on_segment, end_point, find_passage
+from trocar.services.mechanics.rod.model import RodModel, model_at
 
 _SEAL = number_of("seal")
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.vectors import copy_rows
-from services.mechanics.contact.active_set import CYCLING, take_newton_steps
-from services.mechanics.contact.newton import cost_in_sweeps
-from services.mechanics.contact.problem import ContactProblem
-from services.mechanics.contact.sweeps import has_small_residual, sweep, update_motion
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.vectors import copy_rows
+from trocar.services.mechanics.contact.active_set import CYCLING, take_newton_steps
+from trocar.services.mechanics.contact.newton import cost_in_sweeps
+from trocar.services.mechanics.contact.problem import ContactProblem
+from trocar.services.mechanics.contact.sweeps import has_small_residual, sweep, update_motion
 
 # If the first sweep changes forces by less than this multiple of the tolerance, another one follows instead of a Newton
 # step, which costs as much as several.

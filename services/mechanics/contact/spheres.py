@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Address, Struct
-from services.mechanics.contact.identity import STONE
-from services.mechanics.contact.rows import NO_STONE, ContactRows, rows_at
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.struct import Address, Struct
+from trocar.services.mechanics.contact.identity import STONE
+from trocar.services.mechanics.contact.rows import NO_STONE, ContactRows, rows_at
 
 #: Maximum number of spheres, because identities of contacts cannot distinguish more.
 MAX_SPHERES = STONE.size - 1

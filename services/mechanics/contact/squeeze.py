@@ -18,9 +18,9 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.bodies.forceps.kinematics import N_CELLS
-from services.mechanics.bodies.forceps.solid_wall import (
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.bodies.forceps.kinematics import N_CELLS
+from trocar.services.mechanics.bodies.forceps.solid_wall import (
     SolidWall,
     cell_m,
     equilibrium_opening,
@@ -29,21 +29,21 @@ from services.mechanics.bodies.forceps.solid_wall import (
     wall_reaction,
     write_indentation,
 )
-from services.mechanics.bodies.forceps.tool_body import ToolArrays
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, JAW_B
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import Vector, along, cross, dot, put_row, row_of, subtract, write_frame
-from services.mechanics.compiled.vectors import row as row_at
-from services.mechanics.contact.geometry import WallGeometry
-from services.mechanics.contact.identity import SEGMENT, TARGET, TARGET_KIND, pair_identity, part_of, with_law
-from services.mechanics.contact.laws import HAS_GAP, number_of
-from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.state import ContactState, state_at
-from services.mechanics.contact.system import ContactSystem
-from services.mechanics.contact.writer import NO_ROOM, append_row
-from services.mechanics.scene import DuctScene
-from services.mechanics.scene.tools import N_TOOLS
+from trocar.services.mechanics.bodies.forceps.tool_body import ToolArrays
+from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, JAW_B
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.compiled.vectors import Vector, along, cross, dot, put_row, row_of, subtract, write_frame
+from trocar.services.mechanics.compiled.vectors import row as row_at
+from trocar.services.mechanics.contact.geometry import WallGeometry
+from trocar.services.mechanics.contact.identity import SEGMENT, TARGET, TARGET_KIND, pair_identity, part_of, with_law
+from trocar.services.mechanics.contact.laws import HAS_GAP, number_of
+from trocar.services.mechanics.contact.rows import ContactRows
+from trocar.services.mechanics.contact.state import ContactState, state_at
+from trocar.services.mechanics.contact.system import ContactSystem
+from trocar.services.mechanics.contact.writer import NO_ROOM, append_row
+from trocar.services.mechanics.scene import DuctScene
+from trocar.services.mechanics.scene.tools import N_TOOLS
 
 _SQUEEZE, _GRIP = number_of("squeeze"), number_of("grip")
 # Time in which a cell is released once its wall is no longer pressed.

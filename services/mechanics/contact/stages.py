@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-from services.mechanics.arrays import BoolArray, FloatArray
-from services.mechanics.bodies import duct_loads
-from services.mechanics.bodies.catheter import spread_rod_forces
-from services.mechanics.bodies.duct_loads import DuctLoads, gather_kept, loads_at
-from services.mechanics.bodies.forceps.tool_body import ToolArrays, correct_proxies
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Address
-from services.mechanics.compiled.vectors import put_row
-from services.mechanics.compiled.vectors import row as vector
-from services.mechanics.contact import admissible
-from services.mechanics.contact.free_motion import subtract_duct_motion
-from services.mechanics.contact.rows import ContactRows, in_world
-from services.mechanics.contact.state import ContactState, state_at
-from services.mechanics.contact.tool_loads import load_tools
-from services.mechanics.contact.warm_start import recall_forces, store_forces
-from services.mechanics.reduction.node_compliance import NodeArrays
-from services.mechanics.rod import contact_response
-from services.mechanics.rod.contact_energy_gain import remove_energy_gain
-from services.mechanics.rod.free_step import FreeStep, step_at
-from services.mechanics.rod.implicit_kernels import Addresses, Motion
-from services.mechanics.rod.model import model_at, work_at
+from trocar.services.mechanics.arrays import BoolArray, FloatArray
+from trocar.services.mechanics.bodies import duct_loads
+from trocar.services.mechanics.bodies.catheter import spread_rod_forces
+from trocar.services.mechanics.bodies.duct_loads import DuctLoads, gather_kept, loads_at
+from trocar.services.mechanics.bodies.forceps.tool_body import ToolArrays, correct_proxies
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.struct import Address
+from trocar.services.mechanics.compiled.vectors import put_row
+from trocar.services.mechanics.compiled.vectors import row as vector
+from trocar.services.mechanics.contact import admissible
+from trocar.services.mechanics.contact.free_motion import subtract_duct_motion
+from trocar.services.mechanics.contact.rows import ContactRows, in_world
+from trocar.services.mechanics.contact.state import ContactState, state_at
+from trocar.services.mechanics.contact.tool_loads import load_tools
+from trocar.services.mechanics.contact.warm_start import recall_forces, store_forces
+from trocar.services.mechanics.reduction.node_compliance import NodeArrays
+from trocar.services.mechanics.rod import contact_response
+from trocar.services.mechanics.rod.contact_energy_gain import remove_energy_gain
+from trocar.services.mechanics.rod.free_step import FreeStep, step_at
+from trocar.services.mechanics.rod.implicit_kernels import Addresses, Motion
+from trocar.services.mechanics.rod.model import model_at, work_at
 
 
 @kernel

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from services.mechanics.arrays import BoolArray, FloatArray, IntArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.contact.geometry import ContactGeometry
-from services.mechanics.contact.passivity import Ledger
-from services.mechanics.contact.problem import ContactProblem
-from services.mechanics.contact.rows import N_ROD_POINTS, ContactRows
-from services.mechanics.contact.warm_start import ForceMemory
+from trocar.services.mechanics.arrays import BoolArray, FloatArray, IntArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.contact.geometry import ContactGeometry
+from trocar.services.mechanics.contact.passivity import Ledger
+from trocar.services.mechanics.contact.problem import ContactProblem
+from trocar.services.mechanics.contact.rows import N_ROD_POINTS, ContactRows
+from trocar.services.mechanics.contact.warm_start import ForceMemory
 
 
 class ContactState(Struct):

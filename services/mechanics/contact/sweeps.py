@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
-from services.mechanics.contact.admissible import closed_axes, relax, slides
-from services.mechanics.contact.problem import ContactProblem
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.contact.admissible import closed_axes, relax, slides
+from trocar.services.mechanics.contact.problem import ContactProblem
 
 
 @kernel

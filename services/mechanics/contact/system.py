@@ -6,17 +6,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from services.mechanics.arrays import AnyArray, FloatArray
-from services.mechanics.collision.pairs import NO_TOOL, ContactPairs
-from services.mechanics.contact import stages
-from services.mechanics.contact.geometry import Bodies, ContactGeometry
-from services.mechanics.contact.implicit import ImplicitStrategy
-from services.mechanics.contact.pair_rows import append_pairs
-from services.mechanics.contact.passivity import START_UP_S
-from services.mechanics.contact.penalty import PenaltyStrategy
-from services.mechanics.contact.state import ContactState, begin_rows
-from services.mechanics.contact.tool_loads import load_tools
-from services.mechanics.scene import ContactSettings
+from trocar.services.mechanics.arrays import AnyArray, FloatArray
+from trocar.services.mechanics.collision.pairs import NO_TOOL, ContactPairs
+from trocar.services.mechanics.contact import stages
+from trocar.services.mechanics.contact.geometry import Bodies, ContactGeometry
+from trocar.services.mechanics.contact.implicit import ImplicitStrategy
+from trocar.services.mechanics.contact.pair_rows import append_pairs
+from trocar.services.mechanics.contact.passivity import START_UP_S
+from trocar.services.mechanics.contact.penalty import PenaltyStrategy
+from trocar.services.mechanics.contact.state import ContactState, begin_rows
+from trocar.services.mechanics.contact.tool_loads import load_tools
+from trocar.services.mechanics.scene import ContactSettings
 
 #: Methods that find the contact forces, by their names in `ContactSettings.model`.
 STRATEGIES = {"implicit": ImplicitStrategy, "penalty": PenaltyStrategy}

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.collision.pairs import NO_TOOL
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address
-from services.mechanics.compiled.vectors import along, cross, put_row, subtract
-from services.mechanics.compiled.vectors import row as vector
-from services.mechanics.contact.laws import HAS_GAP
-from services.mechanics.contact.state import ContactState, state_at
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.collision.pairs import NO_TOOL
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address
+from trocar.services.mechanics.compiled.vectors import along, cross, put_row, subtract
+from trocar.services.mechanics.compiled.vectors import row as vector
+from trocar.services.mechanics.contact.laws import HAS_GAP
+from trocar.services.mechanics.contact.state import ContactState, state_at
 
 
 @kernel

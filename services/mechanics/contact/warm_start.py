@@ -12,16 +12,16 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-from services.mechanics.arrays import BoolArray, FloatArray, LongArray
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Struct
-from services.mechanics.compiled.vectors import along, dot, put_row, row_of, squared_distance, subtract
-from services.mechanics.compiled.vectors import row as vector
-from services.mechanics.contact.identity import without_target
-from services.mechanics.contact.laws import HAS_FRICTION
-from services.mechanics.contact.problem import ContactProblem
-from services.mechanics.contact.rows import ContactRows, in_frame
-from services.mechanics.contact.working_set import place_at_rest
+from trocar.services.mechanics.arrays import BoolArray, FloatArray, LongArray
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.struct import Struct
+from trocar.services.mechanics.compiled.vectors import along, dot, put_row, row_of, squared_distance, subtract
+from trocar.services.mechanics.compiled.vectors import row as vector
+from trocar.services.mechanics.contact.identity import without_target
+from trocar.services.mechanics.contact.laws import HAS_FRICTION
+from trocar.services.mechanics.contact.problem import ContactProblem
+from trocar.services.mechanics.contact.rows import ContactRows, in_frame
+from trocar.services.mechanics.contact.working_set import place_at_rest
 
 
 class ForceMemory(Struct):

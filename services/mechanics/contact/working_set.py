@@ -12,15 +12,15 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-from services.mechanics.arrays import Float32Array, FloatArray, IntArray, LongArray
-from services.mechanics.bodies.forceps.tool_body import ToolArrays
-from services.mechanics.collision.candidate_list import TOUCHING_M, CandidateList
-from services.mechanics.collision.candidates import SAME_POINT, Candidates
-from services.mechanics.collision.pieces import N_TOOL_PIECES
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Struct
-from services.mechanics.compiled.vectors import Vector, combine, dot, put_row, row, squared_distance
-from services.mechanics.contact.clearance import overlap_in_jaws, piece_can_touch
+from trocar.services.mechanics.arrays import Float32Array, FloatArray, IntArray, LongArray
+from trocar.services.mechanics.bodies.forceps.tool_body import ToolArrays
+from trocar.services.mechanics.collision.candidate_list import TOUCHING_M, CandidateList
+from trocar.services.mechanics.collision.candidates import SAME_POINT, Candidates
+from trocar.services.mechanics.collision.pieces import N_TOOL_PIECES
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.struct import Struct
+from trocar.services.mechanics.compiled.vectors import Vector, combine, dot, put_row, row, squared_distance
+from trocar.services.mechanics.contact.clearance import overlap_in_jaws, piece_can_touch
 
 #: Smallest cosine between the normals of duplicates, and of a row and what it covers, 26 degrees.
 SAME_NORMAL = 0.9

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.bodies.forceps.kinematics import contact_lever
-from services.mechanics.bodies.forceps.tool_body import ToolArrays
-from services.mechanics.collision.pairs import NO_TOOL
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.vectors import Vector, cross, subtract
-from services.mechanics.compiled.vectors import row as vector
-from services.mechanics.compiled.vectors import row_of as vector_of
-from services.mechanics.contact.identity import with_law
-from services.mechanics.contact.laws import CREEP, SOFTNESS_M_N
-from services.mechanics.contact.rows import NO_STONE, ContactRows
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.bodies.forceps.kinematics import contact_lever
+from trocar.services.mechanics.bodies.forceps.tool_body import ToolArrays
+from trocar.services.mechanics.collision.pairs import NO_TOOL
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.vectors import Vector, cross, subtract
+from trocar.services.mechanics.compiled.vectors import row as vector
+from trocar.services.mechanics.compiled.vectors import row_of as vector_of
+from trocar.services.mechanics.contact.identity import with_law
+from trocar.services.mechanics.contact.laws import CREEP, SOFTNESS_M_N
+from trocar.services.mechanics.contact.rows import NO_STONE, ContactRows
 
 NO_ROOM = -1
 # Index of the first of two particles of each side in ``rod_node``.

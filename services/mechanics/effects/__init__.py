@@ -7,23 +7,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from services.mechanics.effects.anisotropy import Anisotropy
-from services.mechanics.effects.base import STAGES, Effect, act, acts_in, by_stage
-from services.mechanics.effects.friction import Friction
-from services.mechanics.effects.gallstones import Gallstones
-from services.mechanics.effects.grasp_slip import GraspSlip
-from services.mechanics.effects.gravity import Gravity
-from services.mechanics.effects.hyperelasticity import Hyperelasticity
-from services.mechanics.effects.insufflation import Insufflation
-from services.mechanics.effects.large_rotations import LargeRotations
-from services.mechanics.effects.mucus_drag import MucusDrag
-from services.mechanics.effects.nonlinear_membrane import NonlinearMembrane
-from services.mechanics.effects.self_contact import SelfContact
-from services.mechanics.effects.softening import Softening
-from services.mechanics.effects.twist import Twist
-from services.mechanics.effects.viscoelasticity import Viscoelasticity
-from services.mechanics.scene import SceneModel
-from services.nearest_word import did_you_mean
+from trocar.services.mechanics.effects.anisotropy import Anisotropy
+from trocar.services.mechanics.effects.base import STAGES, Effect, act, acts_in, by_stage
+from trocar.services.mechanics.effects.friction import Friction
+from trocar.services.mechanics.effects.gallstones import Gallstones
+from trocar.services.mechanics.effects.grasp_slip import GraspSlip
+from trocar.services.mechanics.effects.gravity import Gravity
+from trocar.services.mechanics.effects.hyperelasticity import Hyperelasticity
+from trocar.services.mechanics.effects.insufflation import Insufflation
+from trocar.services.mechanics.effects.large_rotations import LargeRotations
+from trocar.services.mechanics.effects.mucus_drag import MucusDrag
+from trocar.services.mechanics.effects.nonlinear_membrane import NonlinearMembrane
+from trocar.services.mechanics.effects.self_contact import SelfContact
+from trocar.services.mechanics.effects.softening import Softening
+from trocar.services.mechanics.effects.twist import Twist
+from trocar.services.mechanics.effects.viscoelasticity import Viscoelasticity
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.nearest_word import did_you_mean
 
 
 @dataclass(frozen=True, slots=True)

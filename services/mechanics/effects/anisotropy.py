@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.mechanics.effects.base import Effect, require_positive
-from services.mechanics.fem import Orthotropy, ShellSection
+from trocar.services.mechanics.effects.base import Effect, require_positive
+from trocar.services.mechanics.fem import Orthotropy, ShellSection
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,15 +7,15 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem import ShellSection
-from services.mechanics.reduction import ReducedDuct
-from services.mechanics.reduction.build import Progress
-from services.mechanics.reduction.recipe import DuctRecipe
-from services.mechanics.rod import RodProperties
-from services.mechanics.scene import SceneModel
-from services.mechanics.surface.mesh import TriangleMesh
-from services.mechanics.world import World
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.fem import ShellSection
+from trocar.services.mechanics.reduction import ReducedDuct
+from trocar.services.mechanics.reduction.build import Progress
+from trocar.services.mechanics.reduction.recipe import DuctRecipe
+from trocar.services.mechanics.rod import RodProperties
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.world import World
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.arrays import BoolArray, FloatArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address
-from services.mechanics.contact.rows import ContactRows, rows_at
-from services.mechanics.effects.base import Effect
-from services.mechanics.scene import SceneModel
-from services.mechanics.world import World
+from trocar.services.mechanics.arrays import BoolArray, FloatArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address
+from trocar.services.mechanics.contact.rows import ContactRows, rows_at
+from trocar.services.mechanics.effects.base import Effect
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.world import World
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,21 +8,21 @@ from typing import Annotated
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL
-from services.mechanics.collision.primitives import parameter_on_segment
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import Vector, along, dot, row, scaled, subtract, write_frame
-from services.mechanics.contact.geometry import ContactGeometry, geometry_at
-from services.mechanics.contact.identity import pair_identity, with_stone
-from services.mechanics.contact.laws import number_of
-from services.mechanics.contact.rows import ContactRows, rows_at
-from services.mechanics.contact.spheres import MAX_SPHERES, add_sphere_forces
-from services.mechanics.contact.writer import NO_ROOM, TARGET_SIDE, append_row, put_on_rod
-from services.mechanics.effects.base import Effect, require_not_negative, require_positive
-from services.mechanics.scene import SceneModel
-from services.mechanics.world import World
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL
+from trocar.services.mechanics.collision.primitives import parameter_on_segment
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.compiled.vectors import Vector, along, dot, row, scaled, subtract, write_frame
+from trocar.services.mechanics.contact.geometry import ContactGeometry, geometry_at
+from trocar.services.mechanics.contact.identity import pair_identity, with_stone
+from trocar.services.mechanics.contact.laws import number_of
+from trocar.services.mechanics.contact.rows import ContactRows, rows_at
+from trocar.services.mechanics.contact.spheres import MAX_SPHERES, add_sphere_forces
+from trocar.services.mechanics.contact.writer import NO_ROOM, TARGET_SIDE, append_row, put_on_rod
+from trocar.services.mechanics.effects.base import Effect, require_not_negative, require_positive
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.world import World
 
 _UNILATERAL = number_of("unilateral")
 

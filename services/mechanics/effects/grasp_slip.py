@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from services.mechanics.effects.base import Effect
-from services.mechanics.world import World
+from trocar.services.mechanics.effects.base import Effect
+from trocar.services.mechanics.world import World
 
 
 class GraspSlip(Effect):

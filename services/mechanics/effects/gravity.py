@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.effects.base import Effect
-from services.mechanics.scene import SceneModel
-from services.mechanics.surface.mesh import TriangleMesh, vertex_areas_m2
-from services.mechanics.world import World
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.effects.base import Effect
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.surface.mesh import TriangleMesh, vertex_areas_m2
+from trocar.services.mechanics.world import World
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,22 +6,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.arrays import AnyArray
-from services.mechanics.effects.base import Effect, recipe_of, require_positive
-from services.mechanics.reduction.build import Progress, ignore_progress
-from services.mechanics.reduction.hyperelastic.energy_sampling import StretchSamples, fetch_samples
-from services.mechanics.reduction.hyperelastic.energy_tank import CREDIT_J, MOST_OWED, settle_step
-from services.mechanics.reduction.hyperelastic.hyperelastic_wall import (
+from trocar.services.mechanics.arrays import AnyArray
+from trocar.services.mechanics.effects.base import Effect, recipe_of, require_positive
+from trocar.services.mechanics.reduction.build import Progress, ignore_progress
+from trocar.services.mechanics.reduction.hyperelastic.energy_sampling import StretchSamples, fetch_samples
+from trocar.services.mechanics.reduction.hyperelastic.energy_tank import CREDIT_J, MOST_OWED, settle_step
+from trocar.services.mechanics.reduction.hyperelastic.hyperelastic_wall import (
     ENERGY,
     TANK,
     HyperelasticWall,
     stretch_energy,
     stretch_force,
 )
-from services.mechanics.reduction.modal_state import ModalState
-from services.mechanics.reduction.nonlinear.cubic_force import apply_impulse
-from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.world import World
+from trocar.services.mechanics.reduction.modal_state import ModalState
+from trocar.services.mechanics.reduction.nonlinear.cubic_force import apply_impulse
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.world import World
 
 
 @dataclass(frozen=True, slots=True)

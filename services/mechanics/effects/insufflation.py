@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.effects.base import Effect
-from services.mechanics.fem import pressure_load
-from services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.effects.base import Effect
+from trocar.services.mechanics.fem import pressure_load
+from trocar.services.mechanics.surface.mesh import TriangleMesh
 
 
 @dataclass(frozen=True, slots=True)

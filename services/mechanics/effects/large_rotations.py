@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
-from services.mechanics.effects.base import Effect
-from services.mechanics.reduction.large_rotations.sections import cut_sections, refuse_unless_tube
-from services.mechanics.reduction.large_rotations.warping import TubeWarp
-from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.surface.mesh import TriangleMesh
-from services.mechanics.world import World
+from trocar.services.mechanics.effects.base import Effect
+from trocar.services.mechanics.reduction.large_rotations.sections import cut_sections, refuse_unless_tube
+from trocar.services.mechanics.reduction.large_rotations.warping import TubeWarp
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.world import World
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,16 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.collision.pairs import NO_TOOL
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address
-from services.mechanics.contact.laws import number_of
-from services.mechanics.contact.rows import NO_STONE, ContactRows, rows_at
-from services.mechanics.contact.writer import NO_ROOM, append_copy
-from services.mechanics.effects.base import Effect, require_positive
-from services.mechanics.scene import SceneModel
-from services.mechanics.world import World
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.collision.pairs import NO_TOOL
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address
+from trocar.services.mechanics.contact.laws import number_of
+from trocar.services.mechanics.contact.rows import NO_STONE, ContactRows, rows_at
+from trocar.services.mechanics.contact.writer import NO_ROOM, append_copy
+from trocar.services.mechanics.effects.base import Effect, require_positive
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.world import World
 
 _FILM = number_of("film")
 

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.mechanics.arrays import AnyArray, FloatArray
-from services.mechanics.effects.base import Effect, recipe_of, require_positive
-from services.mechanics.reduction.nonlinear.cubic_force import apply_impulse
-from services.mechanics.reduction.nonlinear.quadratic_manifold import fetch_membrane_force
-from services.mechanics.reduction.viscoelastic import PronySeries, ViscousModes
-from services.mechanics.scene import SceneModel
-from services.mechanics.world import World
+from trocar.services.mechanics.arrays import AnyArray, FloatArray
+from trocar.services.mechanics.effects.base import Effect, recipe_of, require_positive
+from trocar.services.mechanics.reduction.nonlinear.cubic_force import apply_impulse
+from trocar.services.mechanics.reduction.nonlinear.quadratic_manifold import fetch_membrane_force
+from trocar.services.mechanics.reduction.viscoelastic import PronySeries, ViscousModes
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.world import World
 
 _APART = 1e-4
 """Of the largest coordinate: how far apart gradients are taken for a tangent."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.collision.capsules import CapsuleMemory, detect_self, self_clearance_m
-from services.mechanics.effects.base import Effect, require_positive
-from services.mechanics.world import World
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.collision.capsules import CapsuleMemory, detect_self, self_clearance_m
+from trocar.services.mechanics.effects.base import Effect, require_positive
+from trocar.services.mechanics.world import World
 
 
 @dataclass(frozen=True, slots=True)

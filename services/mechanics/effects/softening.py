@@ -9,15 +9,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from services.mechanics.arrays import AnyArray
-from services.mechanics.effects.base import Effect, recipe_of, require_positive
-from services.mechanics.reduction.build import Progress, ignore_progress
-from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.reduction.viscoelastic import PronySeries
-from services.mechanics.world import World
+from trocar.services.mechanics.arrays import AnyArray
+from trocar.services.mechanics.effects.base import Effect, recipe_of, require_positive
+from trocar.services.mechanics.reduction.build import Progress, ignore_progress
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.reduction.viscoelastic import PronySeries
+from trocar.services.mechanics.world import World
 
 if TYPE_CHECKING:
-    from services.mechanics.reduction.softening.training import WallSoftening
+    from trocar.services.mechanics.reduction.softening.training import WallSoftening
 
 N_LOCAL_MODES = 16
 """Number of modes beside supports; without them three quarters of the response to a force there would be linear."""
@@ -56,7 +56,7 @@ class Softening(Effect):
 
     def prepare(self, world: World) -> None:
         """Build the softening wall."""
-        from services.mechanics.reduction.softened_wall.softening_step import SofteningStep
+        from trocar.services.mechanics.reduction.softened_wall.softening_step import SofteningStep
 
         duct = world.duct
         # Read by name, so that no effect imports another.
@@ -100,7 +100,7 @@ class Softening(Effect):
         return self._wall.stored_j
 
     def _fetch(self, duct: ReducedDuct, progress: Progress = ignore_progress) -> WallSoftening:
-        from services.mechanics.reduction.softening.training import fetch_softening
+        from trocar.services.mechanics.reduction.softening.training import fetch_softening
 
         recipe = recipe_of(duct, "softening")
         try:

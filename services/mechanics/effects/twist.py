@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.bodies.catheter import round_tube
-from services.mechanics.bodies.sections import joint_curvature, softness
-from services.mechanics.effects.base import Effect
-from services.mechanics.rod import RodProperties
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.bodies.catheter import round_tube
+from trocar.services.mechanics.bodies.sections import joint_curvature, softness
+from trocar.services.mechanics.effects.base import Effect
+from trocar.services.mechanics.rod import RodProperties
 
 
 class Twist(Effect):

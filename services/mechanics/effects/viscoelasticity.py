@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.arrays import AnyArray
-from services.mechanics.effects.base import Effect
-from services.mechanics.reduction.viscoelastic import PronySeries, ViscousModes
-from services.mechanics.reduction.viscous_loads import ViscousLoads
-from services.mechanics.world import World
+from trocar.services.mechanics.arrays import AnyArray
+from trocar.services.mechanics.effects.base import Effect
+from trocar.services.mechanics.reduction.viscoelastic import PronySeries, ViscousModes
+from trocar.services.mechanics.reduction.viscous_loads import ViscousLoads
+from trocar.services.mechanics.world import World
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem.elements import BENDING_ELEMENTS, MEMBRANE_ELEMENTS, choose
-from services.mechanics.fem.frames import local_coordinates, local_frames
-from services.mechanics.fem.section import ShellSection, plane_stress_matrices
-from services.mechanics.fem.triangle import signed_areas
-from services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.fem.elements import BENDING_ELEMENTS, MEMBRANE_ELEMENTS, choose
+from trocar.services.mechanics.fem.frames import local_coordinates, local_frames
+from trocar.services.mechanics.fem.section import ShellSection, plane_stress_matrices
+from trocar.services.mechanics.fem.triangle import signed_areas
+from trocar.services.mechanics.surface.mesh import TriangleMesh
 
 MEMBRANE_DOFS = np.array([0, 1, 5, 6, 7, 11, 12, 13, 17])
 BENDING_DOFS = np.array([2, 3, 4, 8, 9, 10, 14, 15, 16])

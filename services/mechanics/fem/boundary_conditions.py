@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.surface.mesh import TriangleMesh, vertex_components
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.surface.mesh import TriangleMesh, vertex_components
 
 DOF_NAMES = ("ux", "uy", "uz", "rx", "ry", "rz")
 """Translations and rotations in global axes, in the order of the six dofs of a node."""

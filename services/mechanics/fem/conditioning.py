@@ -16,10 +16,10 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.fem.assembly import ElementChoice, element_chunks
-from services.mechanics.fem.section import ShellSection
-from services.mechanics.surface.mesh import TriangleMesh, smallest_angles_rad
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.fem.assembly import ElementChoice, element_chunks
+from trocar.services.mechanics.fem.section import ShellSection
+from trocar.services.mechanics.surface.mesh import TriangleMesh, smallest_angles_rad
 
 LongFloatArray: TypeAlias = npt.NDArray[np.longdouble]
 

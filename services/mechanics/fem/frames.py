@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.surface.mesh import TriangleMesh
 
 DEGENERATE_HEIGHT_RATIO = 1e-6
 """A triangle whose height is below this part of its longest edge has no usable frame."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.surface.mesh import TriangleMesh, triangle_area_vectors
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.surface.mesh import TriangleMesh, triangle_area_vectors
 
 
 def pressure_load(mesh: TriangleMesh, pressure_pa: float | FloatArray) -> FloatArray:

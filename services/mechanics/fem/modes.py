@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem.shell_model import ShellModel
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.fem.shell_model import ShellModel
 
 
 @dataclass(frozen=True)

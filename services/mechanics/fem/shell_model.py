@@ -10,15 +10,15 @@ from typing import Literal
 import numpy as np
 import scipy
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.fem.assembly import ElementChoice, assemble_lumped_mass, assemble_stiffness
-from services.mechanics.fem.boundary_conditions import Support, check_supported, held_dofs
-from services.mechanics.fem.conditioning import IllConditionedError, condition_estimate, refine, stiffness_span
-from services.mechanics.fem.factorisation import factorise
-from services.mechanics.fem.memory import check_memory
-from services.mechanics.fem.section import ShellSection
-from services.mechanics.fem.thinness import check_thin
-from services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.fem.assembly import ElementChoice, assemble_lumped_mass, assemble_stiffness
+from trocar.services.mechanics.fem.boundary_conditions import Support, check_supported, held_dofs
+from trocar.services.mechanics.fem.conditioning import IllConditionedError, condition_estimate, refine, stiffness_span
+from trocar.services.mechanics.fem.factorisation import factorise
+from trocar.services.mechanics.fem.memory import check_memory
+from trocar.services.mechanics.fem.section import ShellSection
+from trocar.services.mechanics.fem.thinness import check_thin
+from trocar.services.mechanics.surface.mesh import TriangleMesh
 
 __all__ = ["ElementChoice", "ShellModel", "StaticSolution"]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem.section import ShellSection
-from services.mechanics.surface.mesh import TriangleMesh, vertex_components
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.fem.section import ShellSection
+from trocar.services.mechanics.surface.mesh import TriangleMesh, vertex_components
 
 
 def thickness_over_width(mesh: TriangleMesh, section: ShellSection) -> tuple[float, FloatArray]:

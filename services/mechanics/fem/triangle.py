@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.arrays import FloatArray
 
 
 def signed_areas(xy: FloatArray) -> FloatArray:

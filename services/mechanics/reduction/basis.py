@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.compiled import summing_kernel
-from services.mechanics.reduction.content_hash import hash_content
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.compiled import summing_kernel
+from trocar.services.mechanics.reduction.content_hash import hash_content
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,12 +11,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.fem import EigenModes, ShellModel, compute_modes
-from services.mechanics.reduction.basis import ModalBasis
-from services.mechanics.reduction.free_dofs import nodal_translations
-from services.mechanics.reduction.residual.blocks import BlockArray
-from services.mechanics.reduction.residual.level_inverse import compliance_rows
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.fem import EigenModes, ShellModel, compute_modes
+from trocar.services.mechanics.reduction.basis import ModalBasis
+from trocar.services.mechanics.reduction.free_dofs import nodal_translations
+from trocar.services.mechanics.reduction.residual.blocks import BlockArray
+from trocar.services.mechanics.reduction.residual.level_inverse import compliance_rows
 
 Progress = Callable[[str, float], None]
 """Called with the name of the stage and the fraction of it done, 0 to 1."""

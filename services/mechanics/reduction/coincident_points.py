@@ -5,8 +5,8 @@ A film of mucus has a row beside that of the contact it lies in, at the same poi
 
 from __future__ import annotations
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
 
 Points = tuple[IntArray, FloatArray]
 

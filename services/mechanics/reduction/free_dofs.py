@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem import ShellModel
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.fem import ShellModel
 
 
 def free_load(model: ShellModel, forces_n: FloatArray) -> FloatArray:

@@ -9,12 +9,12 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.fem import ShellModel
-from services.mechanics.reduction.basis import ModalBasis
-from services.mechanics.reduction.residual_vectors import ALIKE, add_residual_vectors
-from services.mechanics.reduction.softening.load_sites import lumen_width_m
-from services.mechanics.surface.mesh import vertex_normals
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.fem import ShellModel
+from trocar.services.mechanics.reduction.basis import ModalBasis
+from trocar.services.mechanics.reduction.residual_vectors import ALIKE, add_residual_vectors
+from trocar.services.mechanics.reduction.softening.load_sites import lumen_width_m
+from trocar.services.mechanics.surface.mesh import vertex_normals
 
 REACH_WIDTHS = 0.5
 """Of the lumen: nodes so near a support are loaded."""

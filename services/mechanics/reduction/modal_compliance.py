@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.compiled import kernel, summing_kernel
-from services.mechanics.reduction.coincident_points import is_copied
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.compiled import kernel, summing_kernel
+from trocar.services.mechanics.reduction.coincident_points import is_copied
 
 Row = tuple[float, float, float]
 Block = tuple[Row, Row, Row]

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.arrays import FloatArray
 
 
 @dataclass(slots=True)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
-from services.mechanics.reduction.modal_state import ModalGains, ModalState, PreparedIntegrator
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.reduction.modal_state import ModalGains, ModalState, PreparedIntegrator
 
 
 class Newmark(PreparedIntegrator):

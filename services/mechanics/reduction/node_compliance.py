@@ -18,13 +18,13 @@ from typing import Annotated
 
 import numpy as np
 
-from services.mechanics.arrays import BoolArray, Float32Array, FloatArray, IntArray, LongArray
-from services.mechanics.compiled import inlined_kernel, kernel, summing_kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.reduction.basis import gather_modes
-from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.reduction.residual.blocks import BlockStore, block_between, store_at
-from services.mechanics.reduction.touched_nodes import (
+from trocar.services.mechanics.arrays import BoolArray, Float32Array, FloatArray, IntArray, LongArray
+from trocar.services.mechanics.compiled import inlined_kernel, kernel, summing_kernel
+from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.reduction.basis import gather_modes
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.reduction.residual.blocks import BlockStore, block_between, store_at
+from trocar.services.mechanics.reduction.touched_nodes import (
     N_PLACES,
     NO_PLACE,
     TouchedNodes,

@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from services.mechanics import fem
-from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, Support
-from services.mechanics.reduction.build import full_residual_bytes
-from services.mechanics.reduction.content_hash import hash_content, hash_sources
-from services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics import fem
+from trocar.services.mechanics.fem import ElementChoice, ShellModel, ShellSection, Support
+from trocar.services.mechanics.reduction.build import full_residual_bytes
+from trocar.services.mechanics.reduction.content_hash import hash_content, hash_sources
+from trocar.services.mechanics.surface.mesh import TriangleMesh
 
 MIB = 2**20
 SMALL_BYTES = 96 * MIB

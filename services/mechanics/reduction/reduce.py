@@ -7,22 +7,22 @@ from pathlib import Path
 
 import numpy as np
 
-from services.cache_directory import cache_directory
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem import ShellModel
-from services.mechanics.reduction import cache
-from services.mechanics.reduction.basis import ModalBasis
-from services.mechanics.reduction.build import Progress, build_basis, fill_full_residual, ignore_progress
-from services.mechanics.reduction.content_hash import hash_content
-from services.mechanics.reduction.hyperelastic.stretch_loads import with_stretch_modes
-from services.mechanics.reduction.recipe import DuctRecipe
-from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.reduction.residual.blocks import Residual
-from services.mechanics.reduction.residual.cyclic_residual import build_cyclic
-from services.mechanics.reduction.residual.patch_error import PatchError, measure_patches
-from services.mechanics.reduction.residual.patches import build_patches, largest_radius_m
-from services.mechanics.reduction.residual_vectors import whole_pairs
-from services.mechanics.surface.cyclic_symmetry import CyclicSymmetry, find_cyclic_symmetry
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.fem import ShellModel
+from trocar.services.mechanics.reduction import cache
+from trocar.services.mechanics.reduction.basis import ModalBasis
+from trocar.services.mechanics.reduction.build import Progress, build_basis, fill_full_residual, ignore_progress
+from trocar.services.mechanics.reduction.content_hash import hash_content
+from trocar.services.mechanics.reduction.hyperelastic.stretch_loads import with_stretch_modes
+from trocar.services.mechanics.reduction.recipe import DuctRecipe
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.reduction.residual.blocks import Residual
+from trocar.services.mechanics.reduction.residual.cyclic_residual import build_cyclic
+from trocar.services.mechanics.reduction.residual.patch_error import PatchError, measure_patches
+from trocar.services.mechanics.reduction.residual.patches import build_patches, largest_radius_m
+from trocar.services.mechanics.reduction.residual_vectors import whole_pairs
+from trocar.services.mechanics.surface.cyclic_symmetry import CyclicSymmetry, find_cyclic_symmetry
 
 CYCLIC_FORMAT = 1
 """Raised when the blocks of a sector change."""
@@ -127,7 +127,7 @@ class _Maker:
                 basis, n_stretch = with_stretch_modes(self._model, basis)
             if recipe.n_local_modes:
                 # Imported where a wall has them: scipy's trees are a good part of what a process imports.
-                from services.mechanics.reduction.local_modes import with_local_modes
+                from trocar.services.mechanics.reduction.local_modes import with_local_modes
 
                 basis, n_local = with_local_modes(self._model, basis, recipe.n_local_modes)
         entry.save("omega", basis.omega_rad_s)

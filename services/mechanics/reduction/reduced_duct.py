@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.reduction.basis import ModalBasis
-from services.mechanics.reduction.large_rotations.warping import TubeWarp
-from services.mechanics.reduction.recipe import DuctRecipe
-from services.mechanics.reduction.residual.blocks import Residual
-from services.mechanics.reduction.residual.patch_error import PatchError
-from services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.reduction.basis import ModalBasis
+from trocar.services.mechanics.reduction.large_rotations.warping import TubeWarp
+from trocar.services.mechanics.reduction.recipe import DuctRecipe
+from trocar.services.mechanics.reduction.residual.blocks import Residual
+from trocar.services.mechanics.reduction.residual.patch_error import PatchError
+from trocar.services.mechanics.surface.mesh import TriangleMesh
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem import ShellModel
-from services.mechanics.reduction.basis import ModalBasis
-from services.mechanics.reduction.free_dofs import free_load, nodal_translations
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.fem import ShellModel
+from trocar.services.mechanics.reduction.basis import ModalBasis
+from trocar.services.mechanics.reduction.free_dofs import free_load, nodal_translations
 
 ALIKE = 1e-6
 """Two shapes that hold as much, within this, are turned copies of each other: both are taken or none, so that the modes

@@ -10,9 +10,9 @@ from typing import Annotated, Self
 
 import numpy as np
 
-from services.mechanics.arrays import IntArray, LongArray
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Struct
+from trocar.services.mechanics.arrays import IntArray, LongArray
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.struct import Struct
 
 N_PLACES = 128
 KEPT_TICKS = 64

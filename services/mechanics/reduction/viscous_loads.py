@@ -11,12 +11,12 @@ from typing import Annotated
 
 import numpy as np
 
-from services.mechanics.arrays import AnyArray, FloatArray, IntArray, LongArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.reduction.residual.blocks import BlockStore, block_between, store_at
-from services.mechanics.reduction.residual.node_numbering import forget_numbers, number_node
-from services.mechanics.reduction.viscoelastic import PronySeries
+from trocar.services.mechanics.arrays import AnyArray, FloatArray, IntArray, LongArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.reduction.residual.blocks import BlockStore, block_between, store_at
+from trocar.services.mechanics.reduction.residual.node_numbering import forget_numbers, number_node
+from trocar.services.mechanics.reduction.viscoelastic import PronySeries
 
 LEAST_N = 1e-6
 """A lagging load below this is dropped where nothing presses."""

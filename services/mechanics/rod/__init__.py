@@ -1,13 +1,13 @@
 """The catheter: a chain of particles with stretch, bending, twist and damping, and its integrators."""
 
-from services.mechanics.rod.energy import RodEnergy, rod_energy
-from services.mechanics.rod.implicit import ImplicitIntegrator
-from services.mechanics.rod.integrator import RodIntegrator, build_integrator
-from services.mechanics.rod.material_frame import MaterialFrame, initial_frame, roll
-from services.mechanics.rod.properties import RodProperties, RoundTube
-from services.mechanics.rod.semi_implicit import SemiImplicitIntegrator
-from services.mechanics.rod.state import RodState, rod_along, straight_rod
-from services.mechanics.rod.supports import Introducer, Supports, clamped
+from trocar.services.mechanics.rod.energy import RodEnergy, rod_energy
+from trocar.services.mechanics.rod.implicit import ImplicitIntegrator
+from trocar.services.mechanics.rod.integrator import RodIntegrator, build_integrator
+from trocar.services.mechanics.rod.material_frame import MaterialFrame, initial_frame, roll
+from trocar.services.mechanics.rod.properties import RodProperties, RoundTube
+from trocar.services.mechanics.rod.semi_implicit import SemiImplicitIntegrator
+from trocar.services.mechanics.rod.state import RodState, rod_along, straight_rod
+from trocar.services.mechanics.rod.supports import Introducer, Supports, clamped
 
 __all__ = [
     "ImplicitIntegrator",

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
 
 HALF_BANDWIDTH = 8
 RHS_BLOCK = 16  # right-hand sides that are solved together, a few vector registers each

@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.vectors import row
-from services.mechanics.rod.elasticity import Scale, bending_angle, bent_length, geometric_bending, joint_gradient
-from services.mechanics.rod.model import RodModel, RodWork
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.vectors import row
+from trocar.services.mechanics.rod.elasticity import (
+    Scale,
+    bending_angle,
+    bent_length,
+    geometric_bending,
+    joint_gradient,
+)
+from trocar.services.mechanics.rod.model import RodModel, RodWork
 
 
 @inlined_kernel

@@ -12,14 +12,14 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Address
-from services.mechanics.rod.free_step import FreeStep, step_at
-from services.mechanics.rod.implicit_kernels import Addresses, Motion
-from services.mechanics.rod.model import RodModel, RodWork, model_at, work_at
-from services.mechanics.rod.step_energy import elastic_energy
-from services.mechanics.rod.twist import Task as TwistTask
-from services.mechanics.rod.twist import energy_at
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.struct import Address
+from trocar.services.mechanics.rod.free_step import FreeStep, step_at
+from trocar.services.mechanics.rod.implicit_kernels import Addresses, Motion
+from trocar.services.mechanics.rod.model import RodModel, RodWork, model_at, work_at
+from trocar.services.mechanics.rod.step_energy import elastic_energy
+from trocar.services.mechanics.rod.twist import Task as TwistTask
+from trocar.services.mechanics.rod.twist import energy_at
 
 # Smaller gains are ignored. It is a tenth of the kinetic energy of a catheter at a millimetre per second.
 NEGLIGIBLE_J = 1e-9

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address
-from services.mechanics.rod.banded import HALF_BANDWIDTH, RHS_BLOCK, factor_ldl, solve_ldl, solve_ldl_block
-from services.mechanics.rod.generalized_alpha import implicit_euler
-from services.mechanics.rod.implicit_kernels import Addresses, Motion, assemble_again, remove_held
-from services.mechanics.rod.model import RodModel, RodWork, model_at, work_at
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address
+from trocar.services.mechanics.rod.banded import HALF_BANDWIDTH, RHS_BLOCK, factor_ldl, solve_ldl, solve_ldl_block
+from trocar.services.mechanics.rod.generalized_alpha import implicit_euler
+from trocar.services.mechanics.rod.implicit_kernels import Addresses, Motion, assemble_again, remove_held
+from trocar.services.mechanics.rod.model import RodModel, RodWork, model_at, work_at
 
 
 @kernel

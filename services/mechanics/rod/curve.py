@@ -11,9 +11,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.vectors import Vector, along, combine, dot, row, scaled, subtract
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.vectors import Vector, along, combine, dot, row, scaled, subtract
 
 _NEWTON_STEPS = 8
 _CLOSE = 1e-12  # tolerance of the position along the curve, in segments

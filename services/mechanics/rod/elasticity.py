@@ -26,10 +26,10 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.vectors import Vector, cross, dot, row, scaled
-from services.mechanics.rod.model import RodModel, RodWork
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.vectors import Vector, cross, dot, row, scaled
+from trocar.services.mechanics.rod.model import RodModel, RodWork
 
 Scale = tuple[float, float]
 

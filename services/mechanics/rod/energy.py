@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address
-from services.mechanics.rod.elasticity import bending_angle, bending_energy, segment_geometry, stretch_energy
-from services.mechanics.rod.introducer_forces import introducer_energy
-from services.mechanics.rod.model import RodModel, RodWork, allocate_work, model_at, work_at
-from services.mechanics.rod.state import RodState
-from services.mechanics.rod.twist import TwistModel, twist_energy
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address
+from trocar.services.mechanics.rod.elasticity import bending_angle, bending_energy, segment_geometry, stretch_energy
+from trocar.services.mechanics.rod.introducer_forces import introducer_energy
+from trocar.services.mechanics.rod.model import RodModel, RodWork, allocate_work, model_at, work_at
+from trocar.services.mechanics.rod.state import RodState
+from trocar.services.mechanics.rod.twist import TwistModel, twist_energy
 
 
 @dataclass(frozen=True)

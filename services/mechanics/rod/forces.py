@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.rod.clamp_forces import add_wall_joints
-from services.mechanics.rod.elasticity import (
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.rod.clamp_forces import add_wall_joints
+from trocar.services.mechanics.rod.elasticity import (
     Scale,
     add_bending,
     add_bending_tangent,
@@ -13,9 +13,9 @@ from services.mechanics.rod.elasticity import (
     mean_elongation,
     segment_geometry,
 )
-from services.mechanics.rod.introducer_forces import add_introducer
-from services.mechanics.rod.model import RodModel, RodWork
-from services.mechanics.rod.turning import add_turns, add_turns_tangent
+from trocar.services.mechanics.rod.introducer_forces import add_introducer
+from trocar.services.mechanics.rod.model import RodModel, RodWork
+from trocar.services.mechanics.rod.turning import add_turns, add_turns_tangent
 
 
 @kernel

@@ -7,12 +7,12 @@ stiffness that their turning takes away, and a twisted rod would flutter below i
 
 from __future__ import annotations
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
-from services.mechanics.rod.implicit_kernels import Addresses, Moving, Step, predict
-from services.mechanics.rod.model import work_at
-from services.mechanics.rod.turning import note_turns
-from services.mechanics.rod.twist import Task, update_frame
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.rod.implicit_kernels import Addresses, Moving, Step, predict
+from trocar.services.mechanics.rod.model import work_at
+from trocar.services.mechanics.rod.turning import note_turns
+from trocar.services.mechanics.rod.twist import Task, update_frame
 
 _NOTHING = 1e-100  # products of numbers below it would be subnormal, and ten times as slow
 

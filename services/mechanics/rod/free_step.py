@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.rod import contact_response, implicit_kernels
-from services.mechanics.rod.implicit_kernels import Addresses
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.rod import contact_response, implicit_kernels
+from trocar.services.mechanics.rod.implicit_kernels import Addresses
 
 # Speed below which a particle is at rest: a tenth of a micrometre per second is neither visible nor felt.
 SLEEP_SPEED_M_S = 1e-7

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
 
 
 class StepForm(NamedTuple):

@@ -12,12 +12,12 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import Vector, along, cross, dot, put_row, row, scaled, subtract
-from services.mechanics.rod.elasticity import bending_angle
-from services.mechanics.rod.material_frame import Frame
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.compiled.vectors import Vector, along, cross, dot, put_row, row, scaled, subtract
+from trocar.services.mechanics.rod.elasticity import bending_angle
+from trocar.services.mechanics.rod.material_frame import Frame
 
 _STEP_M, _STEP_RAD = 1e-5, 1e-4  # steps of difference quotients, far below a noticeable change of the bending
 

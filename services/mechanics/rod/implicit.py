@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.compiled.struct import Address
-from services.mechanics.rod import contact_response, implicit_kernels
-from services.mechanics.rod.banded import empty_columns
-from services.mechanics.rod.contact_energy_gain import remove_energy_gain_with_twist
-from services.mechanics.rod.frame_step import predict_with_frame
-from services.mechanics.rod.free_step import NOT_DEFINITE, SLEPT, FreeStep, step_freely
-from services.mechanics.rod.model import RodModel, allocate_work, build_model
-from services.mechanics.rod.properties import RodProperties
-from services.mechanics.rod.state import RodState
-from services.mechanics.rod.step_gains import StepGains
-from services.mechanics.rod.supports import Supports
-from services.mechanics.rod.twist import TwistModel, build_twist_model, frame_task
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.compiled.struct import Address
+from trocar.services.mechanics.rod import contact_response, implicit_kernels
+from trocar.services.mechanics.rod.banded import empty_columns
+from trocar.services.mechanics.rod.contact_energy_gain import remove_energy_gain_with_twist
+from trocar.services.mechanics.rod.frame_step import predict_with_frame
+from trocar.services.mechanics.rod.free_step import NOT_DEFINITE, SLEPT, FreeStep, step_freely
+from trocar.services.mechanics.rod.model import RodModel, allocate_work, build_model
+from trocar.services.mechanics.rod.properties import RodProperties
+from trocar.services.mechanics.rod.state import RodState
+from trocar.services.mechanics.rod.step_gains import StepGains
+from trocar.services.mechanics.rod.supports import Supports
+from trocar.services.mechanics.rod.twist import TwistModel, build_twist_model, frame_task
 
 SPECTRAL_RADIUS = 0.6
 

@@ -4,21 +4,27 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Address
-from services.mechanics.rod.banded import HALF_BANDWIDTH, factor_ldl, solve_ldl
-from services.mechanics.rod.forces import add_internal_forces, add_internal_tangent
-from services.mechanics.rod.generalized_alpha import (
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.struct import Address
+from trocar.services.mechanics.rod.banded import HALF_BANDWIDTH, factor_ldl, solve_ldl
+from trocar.services.mechanics.rod.forces import add_internal_forces, add_internal_tangent
+from trocar.services.mechanics.rod.generalized_alpha import (
     StepForm,
     damping_scale,
     generalized_alpha,
     implicit_euler,
     stiffness_scale,
 )
-from services.mechanics.rod.model import RodModel, RodWork, model_at, work_at
-from services.mechanics.rod.newton_safeguards import correct_stretch, line_search, put_held, start_guarded, turns_little
-from services.mechanics.rod.step_energy import gains
+from trocar.services.mechanics.rod.model import RodModel, RodWork, model_at, work_at
+from trocar.services.mechanics.rod.newton_safeguards import (
+    correct_stretch,
+    line_search,
+    put_held,
+    start_guarded,
+    turns_little,
+)
+from trocar.services.mechanics.rod.step_energy import gains
 
 Motion = tuple[FloatArray, FloatArray]
 Moving = tuple[FloatArray, FloatArray, FloatArray]

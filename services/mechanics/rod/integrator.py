@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.rod.implicit import SPECTRAL_RADIUS, ImplicitIntegrator
-from services.mechanics.rod.model import RodModel
-from services.mechanics.rod.properties import RodProperties
-from services.mechanics.rod.semi_implicit import SemiImplicitIntegrator
-from services.mechanics.rod.state import RodState
-from services.mechanics.rod.supports import Supports
-from services.mechanics.rod.twist import TwistModel
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.rod.implicit import SPECTRAL_RADIUS, ImplicitIntegrator
+from trocar.services.mechanics.rod.model import RodModel
+from trocar.services.mechanics.rod.properties import RodProperties
+from trocar.services.mechanics.rod.semi_implicit import SemiImplicitIntegrator
+from trocar.services.mechanics.rod.state import RodState
+from trocar.services.mechanics.rod.supports import Supports
+from trocar.services.mechanics.rod.twist import TwistModel
 
 
 class RodIntegrator(Protocol):

@@ -10,11 +10,11 @@ contacts.
 
 from __future__ import annotations
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.vectors import Vector, along, dot, scaled
-from services.mechanics.rod.curve import CurvePoint, closest_on_curve
-from services.mechanics.rod.introducer_passage import (
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.vectors import Vector, along, dot, scaled
+from trocar.services.mechanics.rod.curve import CurvePoint, closest_on_curve
+from trocar.services.mechanics.rod.introducer_passage import (
     axial_position,
     closest_on_segment,
     depth_root,
@@ -23,7 +23,7 @@ from services.mechanics.rod.introducer_passage import (
     offset_from_axis,
     stop_overlap,
 )
-from services.mechanics.rod.model import RodModel, RodWork
+from trocar.services.mechanics.rod.model import RodModel, RodWork
 
 
 @inlined_kernel

@@ -12,18 +12,18 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.vectors import Vector, along, dot
-from services.mechanics.rod.introducer_forces import passing_point
-from services.mechanics.rod.introducer_passage import (
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.vectors import Vector, along, dot
+from trocar.services.mechanics.rod.introducer_forces import passing_point
+from trocar.services.mechanics.rod.introducer_passage import (
     Passage,
     axial_position,
     depth_root,
     end_point,
     offset_from_axis,
 )
-from services.mechanics.rod.model import RodModel
+from trocar.services.mechanics.rod.model import RodModel
 
 _SAMPLES_PER_SPAN = 4
 _SPANS = 3

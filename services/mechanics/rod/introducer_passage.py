@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.vectors import Vector, dot
-from services.mechanics.rod.model import RodModel
-from services.mechanics.rod.supports import IntroducerSprings
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.vectors import Vector, dot
+from trocar.services.mechanics.rod.model import RodModel
+from trocar.services.mechanics.rod.supports import IntroducerSprings
 
 
 class Passage(NamedTuple):

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.vectors import Vector, cross, dot, row
-from services.mechanics.rod.elasticity import any_normal
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.vectors import Vector, cross, dot, row
+from trocar.services.mechanics.rod.elasticity import any_normal
 
 Frame = tuple[FloatArray, FloatArray, FloatArray]  # tangent (m, 3), m1 (m, 3), twist of the joints (m-1,)
 NO_WALLS = np.full((2, 3), np.nan)

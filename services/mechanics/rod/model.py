@@ -6,11 +6,11 @@ from typing import Annotated
 
 import numpy as np
 
-from services.mechanics.arrays import BoolArray, FloatArray, IntArray
-from services.mechanics.compiled.struct import Struct, reader
-from services.mechanics.rod.banded import HALF_BANDWIDTH, empty_band
-from services.mechanics.rod.properties import RodProperties
-from services.mechanics.rod.supports import IntroducerSprings, Supports
+from trocar.services.mechanics.arrays import BoolArray, FloatArray, IntArray
+from trocar.services.mechanics.compiled.struct import Struct, reader
+from trocar.services.mechanics.rod.banded import HALF_BANDWIDTH, empty_band
+from trocar.services.mechanics.rod.properties import RodProperties
+from trocar.services.mechanics.rod.supports import IntroducerSprings, Supports
 
 
 class RodModel(Struct):

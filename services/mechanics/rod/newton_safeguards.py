@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.rod.banded import solve_ldl
-from services.mechanics.rod.elasticity import bending_excess
-from services.mechanics.rod.generalized_alpha import StepForm
-from services.mechanics.rod.introducer_forces import introducer_excess
-from services.mechanics.rod.model import RodModel, RodWork
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.rod.banded import solve_ldl
+from trocar.services.mechanics.rod.elasticity import bending_excess
+from trocar.services.mechanics.rod.generalized_alpha import StepForm
+from trocar.services.mechanics.rod.introducer_forces import introducer_excess
+from trocar.services.mechanics.rod.model import RodModel, RodWork
 
 _NEGLIGIBLE_MOTION = 1e-4  # motion, in segment lengths per step, below which no further iteration is needed
 _MAX_MOTION = 0.15  # largest relative motion of a segment's ends, in segment lengths (or radians) per step

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.arrays import FloatArray
 
 
 @dataclass(frozen=True)

@@ -6,17 +6,17 @@ import math
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.compiled import kernel
-from services.mechanics.rod.forces import add_internal_forces
-from services.mechanics.rod.implicit_kernels import Addresses, Motion
-from services.mechanics.rod.model import RodModel, RodWork, allocate_work, build_model, model_at, work_at
-from services.mechanics.rod.properties import RodProperties
-from services.mechanics.rod.stability import stable_time_step
-from services.mechanics.rod.state import RodState
-from services.mechanics.rod.step_gains import StepGains
-from services.mechanics.rod.supports import Supports
-from services.mechanics.rod.twist import TwistModel, add_frame_forces, build_twist_model
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.rod.forces import add_internal_forces
+from trocar.services.mechanics.rod.implicit_kernels import Addresses, Motion
+from trocar.services.mechanics.rod.model import RodModel, RodWork, allocate_work, build_model, model_at, work_at
+from trocar.services.mechanics.rod.properties import RodProperties
+from trocar.services.mechanics.rod.stability import stable_time_step
+from trocar.services.mechanics.rod.state import RodState
+from trocar.services.mechanics.rod.step_gains import StepGains
+from trocar.services.mechanics.rod.supports import Supports
+from trocar.services.mechanics.rod.twist import TwistModel, add_frame_forces, build_twist_model
 
 SAFETY = 0.9  # fraction of the computed limit, because a strong tension adds geometric stiffness
 

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import scipy
 
-from services.mechanics.rod.banded import HALF_BANDWIDTH
-from services.mechanics.rod.forces import add_internal_forces
-from services.mechanics.rod.model import RodModel, allocate_work
-from services.mechanics.rod.supports import IntroducerSprings
+from trocar.services.mechanics.rod.banded import HALF_BANDWIDTH
+from trocar.services.mechanics.rod.forces import add_internal_forces
+from trocar.services.mechanics.rod.model import RodModel, allocate_work
+from trocar.services.mechanics.rod.supports import IntroducerSprings
 
 
 def largest_frequency_rad_s(model: RodModel) -> float:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.rod.material_frame import MaterialFrame
-from services.mechanics.rod.properties import RodProperties
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.rod.material_frame import MaterialFrame
+from trocar.services.mechanics.rod.properties import RodProperties
 
 
 @dataclass

@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.vectors import dot
-from services.mechanics.rod.elasticity import bending_angle
-from services.mechanics.rod.introducer_forces import introducer_energy
-from services.mechanics.rod.model import RodModel, RodWork
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.vectors import dot
+from trocar.services.mechanics.rod.elasticity import bending_angle
+from trocar.services.mechanics.rod.introducer_forces import introducer_energy
+from trocar.services.mechanics.rod.model import RodModel, RodWork
 
 # Motions in a step below which its energy is not checked, in segment lengths (or radians): relative motion of a
 # segment's ends, and sliding through an introducer.

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from services.mechanics.arrays import IntArray
-from services.mechanics.rod.model import RodModel
+from trocar.services.mechanics.arrays import IntArray
+from trocar.services.mechanics.rod.model import RodModel
 
 
 class StepGains:

@@ -8,8 +8,8 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.compiled.struct import Struct
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.compiled.struct import Struct
 
 
 class IntroducerSprings(Struct):
@@ -40,7 +40,7 @@ class Introducer:
         entry_m, exit_m: (3,) ends of the axis; the rod passes from entry to exit in the order of its particles.
         lateral_stiffness_n_m: Of each spring. Any value is stable in the implicit integrator.
         friction: Coulomb coefficient of the wall, 0 for none. The integrators ignore it: this friction and that of the
-            seal are solved with the contacts, see `services.mechanics.contact.seal`.
+            seal are solved with the contacts, see `trocar.services.mechanics.contact.seal`.
         bearing_length_m: Length along the axis over which a force of the wall is spread in the computation of friction,
             because a rod model does not resolve a few diameters.
         seal_friction_n: Friction of a seal at the exit, independent of the normal force of the wall.

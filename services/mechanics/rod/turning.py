@@ -11,14 +11,14 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Address
-from services.mechanics.compiled.vectors import cross, dot, row
-from services.mechanics.rod.elasticity import add_joint_force, add_rank_one, joint_strain
-from services.mechanics.rod.material_frame import Frame
-from services.mechanics.rod.model import RodWork, work_at
-from services.mechanics.rod.twist import SHARPEST, TwistModel, inverse_lengths, twist_at
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.struct import Address
+from trocar.services.mechanics.compiled.vectors import cross, dot, row
+from trocar.services.mechanics.rod.elasticity import add_joint_force, add_rank_one, joint_strain
+from trocar.services.mechanics.rod.material_frame import Frame
+from trocar.services.mechanics.rod.model import RodWork, work_at
+from trocar.services.mechanics.rod.twist import SHARPEST, TwistModel, inverse_lengths, twist_at
 
 
 @kernel

@@ -18,14 +18,14 @@ from typing import Annotated
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import Vector, along, cross, dot, put_row, row, scaled, subtract
-from services.mechanics.rod.elasticity import SHORTEST, bending_angle, geometric_bending
-from services.mechanics.rod.material_frame import NO_WALLS, Frame, follow, initial_frame, rotate_frame
-from services.mechanics.rod.properties import RodProperties
-from services.mechanics.rod.state import RodState
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.compiled.vectors import Vector, along, cross, dot, put_row, row, scaled, subtract
+from trocar.services.mechanics.rod.elasticity import SHORTEST, bending_angle, geometric_bending
+from trocar.services.mechanics.rod.material_frame import NO_WALLS, Frame, follow, initial_frame, rotate_frame
+from trocar.services.mechanics.rod.properties import RodProperties
+from trocar.services.mechanics.rod.state import RodState
 
 SHARPEST = 1e-2  # 1 + cos of the bending angle below which the holonomy gradient grows no further (a fold of 168 deg)
 

@@ -7,12 +7,12 @@ that only needs the motion of a hand starts half a second earlier without them.
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from services.mechanics.scene.instruments import DriveScene, ForcepsScene, ProbeScene, ToolScene, WireDriveScene
+from trocar.services.mechanics.scene.instruments import DriveScene, ForcepsScene, ProbeScene, ToolScene, WireDriveScene
 
 if TYPE_CHECKING:
-    from services.mechanics.scene.catheter_section import CatheterSection
-    from services.mechanics.scene.guide_wire import GuideWireScene
-    from services.mechanics.scene.scene_model import (
+    from trocar.services.mechanics.scene.catheter_section import CatheterSection
+    from trocar.services.mechanics.scene.guide_wire import GuideWireScene
+    from trocar.services.mechanics.scene.scene_model import (
         CatheterScene,
         ContactSettings,
         DuctScene,
@@ -24,7 +24,7 @@ else:
     def __getattr__(name: str) -> object:
         if name not in __all__:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        return getattr(import_module("services.mechanics.scene.scene_model"), name)
+        return getattr(import_module("trocar.services.mechanics.scene.scene_model"), name)
 
 
 __all__ = [

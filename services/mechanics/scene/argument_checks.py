@@ -11,7 +11,7 @@ from operator import attrgetter, is_
 
 import numpy as np
 
-from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs
+from trocar.services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs
 
 _ARRAYS: dict[str, tuple[tuple[int, ...], type[np.generic]]] = {
     "present": ((N_TOOLS,), np.bool_),

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from services.mechanics.fem import ElementChoice, ShellSection, clamp
-from services.mechanics.reduction.recipe import DuctRecipe, ResidualChoice
-from services.mechanics.scene.scene_model import DuctScene
-from services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.fem import ElementChoice, ShellSection, clamp
+from trocar.services.mechanics.reduction.recipe import DuctRecipe, ResidualChoice
+from trocar.services.mechanics.scene.scene_model import DuctScene
+from trocar.services.mechanics.surface.mesh import TriangleMesh
 
 
 def wall_section(duct: DuctScene) -> ShellSection:

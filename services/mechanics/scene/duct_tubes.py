@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from services.mechanics.scene.duct_branch import DuctBranch
-from services.mechanics.scene.scene_model import DuctScene
-from services.mechanics.surface.branched_tubes import Tube, branch_of
+from trocar.services.mechanics.scene.duct_branch import DuctBranch
+from trocar.services.mechanics.scene.scene_model import DuctScene
+from trocar.services.mechanics.surface.branched_tubes import Tube, branch_of
 
 TRUNK = "trunk"
 _TAKEN = (TRUNK, "mouth", "clamped")

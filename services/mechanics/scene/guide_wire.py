@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from services.mechanics.scene.catheter_section import CatheterSection
+from trocar.services.mechanics.scene.catheter_section import CatheterSection
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

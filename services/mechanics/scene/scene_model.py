@@ -10,12 +10,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from services.mechanics.fem.elements import BendingName, MembraneName
-from services.mechanics.scene.catheter_section import CatheterSection
-from services.mechanics.scene.duct_branch import DuctBranch
-from services.mechanics.scene.guide_wire import GuideWireScene
-from services.mechanics.scene.instruments import ForcepsScene, ToolScene
-from services.mechanics.surface.units import LengthUnit
+from trocar.services.mechanics.fem.elements import BendingName, MembraneName
+from trocar.services.mechanics.scene.catheter_section import CatheterSection
+from trocar.services.mechanics.scene.duct_branch import DuctBranch
+from trocar.services.mechanics.scene.guide_wire import GuideWireScene
+from trocar.services.mechanics.scene.instruments import ForcepsScene, ToolScene
+from trocar.services.mechanics.surface.units import LengthUnit
 
 Vector3 = tuple[float, float, float]
 FOLLOWS = {"follows": "from what a scene names, or from where it was said"}

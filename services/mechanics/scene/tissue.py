@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem import Orthotropy, ShellSection
-from services.mechanics.reduction.viscoelastic import PronySeries
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.fem import Orthotropy, ShellSection
+from trocar.services.mechanics.reduction.viscoelastic import PronySeries
 
 DUCH = "Duch, Andersen, Gregersen, BioMedical Engineering OnLine 3:23 (2004), ten porcine common bile ducts"
 CANINE = "Bio-Medical Materials and Engineering 1(2), 1991"

@@ -11,16 +11,16 @@ from time import perf_counter_ns
 from types import SimpleNamespace
 from typing import cast
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.bodies.duct_loads import DuctMotion, begin_duct_loads, motion_at
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address
-from services.mechanics.effects import act, build_effects, by_stage
-from services.mechanics.reduction import ModalState, ReducedDuct
-from services.mechanics.scene import SceneModel
-from services.mechanics.simulation.scene_world import build_duct_body
-from services.mechanics.simulation.step_splitting import steps_of
-from services.mechanics.world import World
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.bodies.duct_loads import DuctMotion, begin_duct_loads, motion_at
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address
+from trocar.services.mechanics.effects import act, build_effects, by_stage
+from trocar.services.mechanics.reduction import ModalState, ReducedDuct
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.simulation.scene_world import build_duct_body
+from trocar.services.mechanics.simulation.step_splitting import steps_of
+from trocar.services.mechanics.world import World
 
 STAGE_NAMES = ("loads", "predict", "correct")
 #: Energy of all modes, in J, below which a duct is at rest: a piconewton over a picometre.

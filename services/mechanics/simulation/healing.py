@@ -13,16 +13,16 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.memory import SavedArrays
-from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import dot, row, squared_distance
-from services.mechanics.scene.tools import N_TOOLS
-from services.mechanics.simulation.step_splitting import LONGEST_STEP_S, SHORTEST_STEP_S
-from services.mechanics.simulation.step_start import StepStart
-from services.mechanics.world import World
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.bodies.forceps.kinematics import N_COORDINATES
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.memory import SavedArrays
+from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.compiled.vectors import dot, row, squared_distance
+from trocar.services.mechanics.scene.tools import N_TOOLS
+from trocar.services.mechanics.simulation.step_splitting import LONGEST_STEP_S, SHORTEST_STEP_S
+from trocar.services.mechanics.simulation.step_start import StepStart
+from trocar.services.mechanics.world import World
 
 # A polymer yields at a few per cent; the strongest pull of both grips stretches a catheter by two. A rod released from
 # a strain moves at that strain times the speed of sound.

@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from services.mechanics.bodies.catheter import rod_properties, rod_supports
-from services.mechanics.bodies.guide_wire import with_wire
-from services.mechanics.effects import Effect, build_effects, by_stage
-from services.mechanics.rod import RodProperties
-from services.mechanics.scene import SceneModel
-from services.mechanics.scene.instruments.drive import FromBehind
-from services.mechanics.surface.mesh import TriangleMesh
-from services.mechanics.surface.opening import mouth_opening
+from trocar.services.mechanics.bodies.catheter import rod_properties, rod_supports
+from trocar.services.mechanics.bodies.guide_wire import with_wire
+from trocar.services.mechanics.effects import Effect, build_effects, by_stage
+from trocar.services.mechanics.rod import RodProperties
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.scene.instruments.drive import FromBehind
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.surface.opening import mouth_opening
 
 _OF_ONE_TUBE = "gravity", "mucus_drag", "self_contact"
 """Effects that assume that every segment is one of the catheter's."""

@@ -9,19 +9,19 @@ from pathlib import Path
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.effects import Effect, build_effects, by_stage
-from services.mechanics.fem.modes import check_n_modes
-from services.mechanics.reduction.build import Progress, ignore_progress
-from services.mechanics.reduction.recipe import DuctRecipe
-from services.mechanics.reduction.reduce import fetch_residual_displacement, reduce_duct
-from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.scene import DuctScene, SceneModel
-from services.mechanics.scene.duct_recipe import duct_recipe, wall_section
-from services.mechanics.scene.duct_tubes import duct_tubes
-from services.mechanics.surface.mesh import TriangleMesh
-from services.mechanics.surface.opening import mouth_opening
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.effects import Effect, build_effects, by_stage
+from trocar.services.mechanics.fem.modes import check_n_modes
+from trocar.services.mechanics.reduction.build import Progress, ignore_progress
+from trocar.services.mechanics.reduction.recipe import DuctRecipe
+from trocar.services.mechanics.reduction.reduce import fetch_residual_displacement, reduce_duct
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.scene import DuctScene, SceneModel
+from trocar.services.mechanics.scene.duct_recipe import duct_recipe, wall_section
+from trocar.services.mechanics.scene.duct_tubes import duct_tubes
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.surface.opening import mouth_opening
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 
 def build_scene_duct(
@@ -41,7 +41,7 @@ def build_scene_duct(
         cache_dir: Path, optional. By default the user's cache.
         progress: callable. Called as ``progress(stage, fraction)``.
         mesh: TriangleMesh, optional. The surface of a scene with ``duct.mesh_file``; such files are read by
-            `services.meshes`.
+            `trocar.services.meshes`.
     """
     if mesh is None:
         mesh = scene_mesh(scene.duct)

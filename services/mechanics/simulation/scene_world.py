@@ -6,22 +6,22 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from services.mechanics.bodies.catheter import CatheterBody
-from services.mechanics.bodies.duct import DuctBody
-from services.mechanics.bodies.forceps import ToolBody
-from services.mechanics.collision.pairs import ContactPairs
-from services.mechanics.contact.candidate_search import CandidateSearch
-from services.mechanics.contact.geometry import Bodies
-from services.mechanics.contact.holds import HoldRegistry
-from services.mechanics.contact.seal import IntroducerSeal
-from services.mechanics.contact.squeeze import JawSqueeze
-from services.mechanics.contact.system import STRATEGIES, ContactSystem
-from services.mechanics.effects import Effect, by_stage
-from services.mechanics.reduction import ExactOscillator, Newmark, ReducedDuct
-from services.mechanics.scene import SceneModel
-from services.mechanics.simulation.scene_catheter import scene_rod
-from services.mechanics.simulation.scene_duct import constant_load_n
-from services.mechanics.world import World
+from trocar.services.mechanics.bodies.catheter import CatheterBody
+from trocar.services.mechanics.bodies.duct import DuctBody
+from trocar.services.mechanics.bodies.forceps import ToolBody
+from trocar.services.mechanics.collision.pairs import ContactPairs
+from trocar.services.mechanics.contact.candidate_search import CandidateSearch
+from trocar.services.mechanics.contact.geometry import Bodies
+from trocar.services.mechanics.contact.holds import HoldRegistry
+from trocar.services.mechanics.contact.seal import IntroducerSeal
+from trocar.services.mechanics.contact.squeeze import JawSqueeze
+from trocar.services.mechanics.contact.system import STRATEGIES, ContactSystem
+from trocar.services.mechanics.effects import Effect, by_stage
+from trocar.services.mechanics.reduction import ExactOscillator, Newmark, ReducedDuct
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.simulation.scene_catheter import scene_rod
+from trocar.services.mechanics.simulation.scene_duct import constant_load_n
+from trocar.services.mechanics.world import World
 
 
 def build_world(

@@ -9,32 +9,32 @@ from typing import Protocol
 
 import numpy as np
 
-from services.mechanics.arrays import ByteArray, FloatArray
-from services.mechanics.bodies.catheter_drive import build_drive
-from services.mechanics.bodies.duct_loads import begin_loads
-from services.mechanics.bodies.forceps import Grasp, JawState
-from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
-from services.mechanics.bodies.lumen import MovingLumen
-from services.mechanics.bodies.wire_drive import build_wire_drive
-from services.mechanics.collision.pairs import ContactPairs
-from services.mechanics.contact.candidate_search import CandidateSearch
-from services.mechanics.contact.engagement import set_rest_offsets
-from services.mechanics.contact.local_stiffness import LocalStiffness
-from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.system import DroppedContacts
-from services.mechanics.contact.tool_loads import report
-from services.mechanics.effects import act, build_effects, by_stage
-from services.mechanics.reduction import ReducedDuct
-from services.mechanics.rod.free_step import continue_sleep
-from services.mechanics.scene import SceneModel
-from services.mechanics.scene.argument_checks import ArgumentChecks
-from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs, ToolResults
-from services.mechanics.simulation.healing import Healer
-from services.mechanics.simulation.scene_catheter import place_catheter
-from services.mechanics.simulation.scene_world import build_world
-from services.mechanics.simulation.step_solver import StepSolver
-from services.mechanics.simulation.step_splitting import LONGEST_STEP_S, SHORTEST_STEP_S, StepSplitter, steps_of
-from services.mechanics.simulation.step_start import StepStart
+from trocar.services.mechanics.arrays import ByteArray, FloatArray
+from trocar.services.mechanics.bodies.catheter_drive import build_drive
+from trocar.services.mechanics.bodies.duct_loads import begin_loads
+from trocar.services.mechanics.bodies.forceps import Grasp, JawState
+from trocar.services.mechanics.bodies.forceps.kinematics import N_COORDINATES
+from trocar.services.mechanics.bodies.lumen import MovingLumen
+from trocar.services.mechanics.bodies.wire_drive import build_wire_drive
+from trocar.services.mechanics.collision.pairs import ContactPairs
+from trocar.services.mechanics.contact.candidate_search import CandidateSearch
+from trocar.services.mechanics.contact.engagement import set_rest_offsets
+from trocar.services.mechanics.contact.local_stiffness import LocalStiffness
+from trocar.services.mechanics.contact.rows import ContactRows
+from trocar.services.mechanics.contact.system import DroppedContacts
+from trocar.services.mechanics.contact.tool_loads import report
+from trocar.services.mechanics.effects import act, build_effects, by_stage
+from trocar.services.mechanics.reduction import ReducedDuct
+from trocar.services.mechanics.rod.free_step import continue_sleep
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.scene.argument_checks import ArgumentChecks
+from trocar.services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs, ToolResults
+from trocar.services.mechanics.simulation.healing import Healer
+from trocar.services.mechanics.simulation.scene_catheter import place_catheter
+from trocar.services.mechanics.simulation.scene_world import build_world
+from trocar.services.mechanics.simulation.step_solver import StepSolver
+from trocar.services.mechanics.simulation.step_splitting import LONGEST_STEP_S, SHORTEST_STEP_S, StepSplitter, steps_of
+from trocar.services.mechanics.simulation.step_start import StepStart
 
 LONGEST_TICK_S = 1.0
 STAGE_NAMES = ("loads", "predict", "detect", "assemble", "solve", "correct", "report")

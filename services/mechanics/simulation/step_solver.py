@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.collision.pairs import ContactPairs
-from services.mechanics.compiled.memory import SavedArrays
-from services.mechanics.contact.working_set import tolerated_overlap_m
-from services.mechanics.effects import Effect, act
-from services.mechanics.simulation.step_splitting import LONGEST_STEP_S
-from services.mechanics.world import World
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.collision.pairs import ContactPairs
+from trocar.services.mechanics.compiled.memory import SavedArrays
+from trocar.services.mechanics.contact.working_set import tolerated_overlap_m
+from trocar.services.mechanics.effects import Effect, act
+from trocar.services.mechanics.simulation.step_splitting import LONGEST_STEP_S
+from trocar.services.mechanics.world import World
 
 #: Candidates are priced at most this often in a step; remaining violations become rows of the next step.
 MAX_PRICINGS = 8

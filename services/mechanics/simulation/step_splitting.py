@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 
-from services.mechanics.arrays import BoolArray, FloatArray
-from services.mechanics.bodies.forceps.sweep import FASTEST_HAND_M_S
-from services.mechanics.collision.candidate_list import LOOK_AHEAD_M
-from services.mechanics.compiled import kernel, summing_kernel
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.world import World
+from trocar.services.mechanics.arrays import BoolArray, FloatArray
+from trocar.services.mechanics.bodies.forceps.sweep import FASTEST_HAND_M_S
+from trocar.services.mechanics.collision.candidate_list import LOOK_AHEAD_M
+from trocar.services.mechanics.compiled import kernel, summing_kernel
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.world import World
 
 # Motion of the catheter in a step that is always allowed: strands thicker than 1 mm that approach each other by it
 # cannot change sides.

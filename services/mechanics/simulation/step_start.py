@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from services.mechanics.compiled.memory import SavedArrays
-from services.mechanics.world import World
+from trocar.services.mechanics.compiled.memory import SavedArrays
+from trocar.services.mechanics.world import World
 
 
 class RestartablePart(Protocol):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.arrays import FloatArray
 
 BLEND = 0.6
 """Width, in radii of a branch, of its smooth transition into the parent."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.surface.mesh import TriangleMesh, unique_edges, vertex_areas_m2
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.surface.mesh import TriangleMesh, unique_edges, vertex_areas_m2
 
 _BAND_EDGES = 1.5
 """Width of a band of the surface in mean edges; narrower bands would not be connected."""

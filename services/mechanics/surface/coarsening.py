@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.surface.mesh import (
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.surface.mesh import (
     TriangleMesh,
     boundary_loops,
     triangle_areas_m2,

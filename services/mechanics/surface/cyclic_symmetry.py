@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.surface.mesh import TriangleMesh
 
 _APART = 1e-9
 """Tolerance for finding copies of vertices, as a fraction of the surface's size."""

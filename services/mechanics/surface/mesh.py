@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy
 
-from services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True)

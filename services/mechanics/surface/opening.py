@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.surface.mesh import TriangleMesh
 
 _NEAREST, _FURTHEST = 2.0, 3.5
 """Range of distances from the rim, in its radii, in which the middle of the lumen is measured."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.surface.mesh import TriangleMesh
 
 MOST_TRIANGLES = 2_000_000
 """Limit of a mesh's size; memory is checked separately when it is solved."""

@@ -1,4 +1,4 @@
-"""One sleeping thread a core: ``python -m services.supervisor.observers.core_sleepers DIRECTORY``.
+"""One sleeping thread a core: ``python -m trocar.services.supervisor.observers.core_sleepers DIRECTORY``.
 
 The thread sleeps to a grid, with a priority above every process of the rig: when it wakes late, no process of the rig
 could have run. It writes due and wake-up times into a flight ring (`floor0`, `floor1`, ...), so that misses of the rig
@@ -13,6 +13,9 @@ imports neither numpy nor the bus.
 
 from __future__ import annotations
 
+import trocar.services.entry  # noqa: F401  first: the environment of a process
+
+# isort: split
 import gc
 import mmap
 import os
@@ -23,8 +26,8 @@ import threading
 import time
 from pathlib import Path
 
-from services.runtime.flight import SUFFIX, FlightRing
-from services.runtime.private_directory import open_private
+from trocar.services.runtime.flight import SUFFIX, FlightRing
+from trocar.services.runtime.private_directory import open_private
 
 #: Period of the rig's loops, for the phases.
 PERIOD_NS = 1_000_000

@@ -10,10 +10,10 @@ from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 
-import protocol.bodies as bodies
-from services.runtime.flights import FAST_HZ, FILE_SUFFIX, Flights, ThreadTime, read_rings, to_bytes, worst_ns
-from services.runtime.private_directory import make_private, open_private
-from services.supervisor.observers.observer import RigSight, Row
+import trocar.protocol.bodies as bodies
+from trocar.services.runtime.flights import FAST_HZ, FILE_SUFFIX, Flights, ThreadTime, read_rings, to_bytes, worst_ns
+from trocar.services.runtime.private_directory import make_private, open_private
+from trocar.services.supervisor.observers.observer import RigSight, Row
 
 #: Delay of writing after a miss, to include what follows; rings hold two seconds.
 _AFTERMATH_S = 0.5

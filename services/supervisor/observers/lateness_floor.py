@@ -12,14 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
-import protocol.bodies as bodies
-from services.runtime.flight import SUFFIX
-from services.runtime.flights import read_ring, read_rings
-from services.runtime.histogram import LatencyHistogram
-from services.supervisor.figures import Latencies
-from services.supervisor.observers.core_sleepers import NAME, PHASES, Phases
-from services.supervisor.observers.observer import RigSight, Row
-from services.supervisor.observers.wakeup_phase import idle_phase_ns
+import trocar.protocol.bodies as bodies
+from trocar.services.runtime.flight import SUFFIX
+from trocar.services.runtime.flights import read_ring, read_rings
+from trocar.services.runtime.histogram import LatencyHistogram
+from trocar.services.supervisor.figures import Latencies
+from trocar.services.supervisor.observers.core_sleepers import NAME, PHASES, Phases
+from trocar.services.supervisor.observers.observer import RigSight, Row
+from trocar.services.supervisor.observers.wakeup_phase import idle_phase_ns
 
 #: A wake-up this late would have cost a 1 kHz loop its tick.
 LATE_NS = 1_000_000
@@ -88,7 +88,7 @@ class LatenessFloor:
 
     def _started(self) -> subprocess.Popen[bytes]:
         self._starts += 1
-        command = [sys.executable, "-m", "services.supervisor.observers.core_sleepers", str(self._directory)]
+        command = [sys.executable, "-m", "trocar.services.supervisor.observers.core_sleepers", str(self._directory)]
         return subprocess.Popen(command, stdin=subprocess.DEVNULL)
 
     def sample(self, sight: RigSight) -> None:

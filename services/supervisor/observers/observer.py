@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Generic, Protocol, TypeVar
 
-import protocol.bodies as bodies
+import trocar.protocol.bodies as bodies
 
 T = TypeVar("T")
 L = TypeVar("L")

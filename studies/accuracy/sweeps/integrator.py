@@ -6,15 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.reduction import ExactOscillator, ModalState, Newmark
-from services.mechanics.rod import ImplicitIntegrator, RodState, SemiImplicitIntegrator, clamped
-from services.mechanics.scenarios import insertion_scene
-from studies.accuracy import pinches
-from studies.accuracy.study import Choice, Draw, Error, Reference, Setting, Tick
-from studies.full_model import rayleigh_damping_ratio
-from studies.published.rod_dynamics import CATHETER_DAMPING_S, bent_by_tip_load, released_tip
-from studies.published.rods import X, example_rod
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.reduction import ExactOscillator, ModalState, Newmark
+from trocar.services.mechanics.rod import ImplicitIntegrator, RodState, SemiImplicitIntegrator, clamped
+from trocar.services.mechanics.scenarios import insertion_scene
+from trocar.studies.accuracy import pinches
+from trocar.studies.accuracy.study import Choice, Draw, Error, Reference, Setting, Tick
+from trocar.studies.full_model import rayleigh_damping_ratio
+from trocar.studies.published.rod_dynamics import CATHETER_DAMPING_S, bent_by_tip_load, released_tip
+from trocar.studies.published.rods import X, example_rod
 
 TITLE = "Integration in time"
 WHAT = (

@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem.modes import compute_modes
-from services.mechanics.scenarios import insertion_scene
-from services.mechanics.scene import DuctScene, SceneModel
-from services.mechanics.scene.mesh_cells import accurate_cells
-from studies.accuracy import insertions, pinches
-from studies.accuracy.report import costs_us, number, values
-from studies.accuracy.study import Draw, Error, Reference, Row, Setting, Size, Tick
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.fem.modes import compute_modes
+from trocar.services.mechanics.scenarios import insertion_scene
+from trocar.services.mechanics.scene import DuctScene, SceneModel
+from trocar.services.mechanics.scene.mesh_cells import accurate_cells
+from trocar.studies.accuracy import insertions, pinches
+from trocar.studies.accuracy.report import costs_us, number, values
+from trocar.studies.accuracy.study import Draw, Error, Reference, Row, Setting, Size, Tick
 
 TITLE = "Mesh of the duct"
 WHAT = (

@@ -8,11 +8,11 @@ from typing import Literal
 
 import numpy as np
 
-from services.mechanics.scenarios import insertion_scene
-from services.mechanics.scene import DuctScene, SceneModel
-from studies.accuracy import insertions, pinches
-from studies.accuracy.report import costs_us, number, values
-from studies.accuracy.study import Draw, Error, Reference, Row, Setting, Tick
+from trocar.services.mechanics.scenarios import insertion_scene
+from trocar.services.mechanics.scene import DuctScene, SceneModel
+from trocar.studies.accuracy import insertions, pinches
+from trocar.studies.accuracy.report import costs_us, number, values
+from trocar.studies.accuracy.study import Draw, Error, Reference, Row, Setting, Tick
 
 TITLE = "Modes, with the residual compliance and without"
 WHAT = (

@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem import ShellModel
-from services.mechanics.reduction import ModalState, Newmark
-from services.mechanics.scenarios import insertion_scene
-from services.mechanics.scene import DuctScene, SceneModel
-from studies.accuracy import insertions, pinches
-from studies.accuracy.growth import draw_growth, growth_exponents
-from studies.accuracy.report import costs_us, number, values
-from studies.accuracy.study import Choice, Draw, Error, Reference, Row, Setting, Tick
-from studies.full_model import CondensedStiffness, DirectNewmark
-from studies.paper_scene import paper_scene
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.fem import ShellModel
+from trocar.services.mechanics.reduction import ModalState, Newmark
+from trocar.services.mechanics.scenarios import insertion_scene
+from trocar.services.mechanics.scene import DuctScene, SceneModel
+from trocar.studies.accuracy import insertions, pinches
+from trocar.studies.accuracy.growth import draw_growth, growth_exponents
+from trocar.studies.accuracy.report import costs_us, number, values
+from trocar.studies.accuracy.study import Choice, Draw, Error, Reference, Row, Setting, Tick
+from trocar.studies.full_model import CondensedStiffness, DirectNewmark
+from trocar.studies.paper_scene import paper_scene
 
 TITLE = "The paper: its count of operations, and its set-up beside ours"
 WHAT = (

@@ -7,18 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from services.cache_directory import cache_directory
-from services.mechanics.arrays import FloatArray
-from services.mechanics.effects import EFFECTS
-from services.mechanics.reduction import ReducedDuct
-from services.mechanics.scenarios import insertion_scene
-from services.mechanics.scene import SceneModel
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.duct_alone import DuctAlone
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from studies.accuracy.report import costs_us
-from studies.accuracy.study import Draw, Error, Reference, Row, Setting, Tick
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.effects import EFFECTS
+from trocar.services.mechanics.reduction import ReducedDuct
+from trocar.services.mechanics.scenarios import insertion_scene
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.duct_alone import DuctAlone
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.studies.accuracy.report import costs_us
+from trocar.studies.accuracy.study import Draw, Error, Reference, Row, Setting, Tick
 
 TITLE = "What sleeps, and what it costs"
 WHAT = (

@@ -7,20 +7,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from services.cache_directory import cache_directory
-from services.mechanics.effects.base import recipe_of
-from services.mechanics.effects.softening import SofteningSettings
-from services.mechanics.reduction.recipe import DuctRecipe
-from services.mechanics.reduction.softening.training import fetch_softening
-from services.mechanics.reduction.softening.training_squeezes import Squeeze
-from services.mechanics.scenarios import insertion_scene
-from services.mechanics.scene import DuctScene, SceneModel
-from services.mechanics.scene.duct_recipe import duct_recipe
-from services.mechanics.simulation.scene_duct import build_scene_duct, scene_mesh
-from studies.accuracy import insertions
-from studies.accuracy.random_squeezes import Answers, answers, draw_loads, wrong_by
-from studies.accuracy.report import costs_us, number, values
-from studies.accuracy.study import Draw, Error, Reference, Row, Setting, Tick
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.effects.base import recipe_of
+from trocar.services.mechanics.effects.softening import SofteningSettings
+from trocar.services.mechanics.reduction.recipe import DuctRecipe
+from trocar.services.mechanics.reduction.softening.training import fetch_softening
+from trocar.services.mechanics.reduction.softening.training_squeezes import Squeeze
+from trocar.services.mechanics.scenarios import insertion_scene
+from trocar.services.mechanics.scene import DuctScene, SceneModel
+from trocar.services.mechanics.scene.duct_recipe import duct_recipe
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct, scene_mesh
+from trocar.studies.accuracy import insertions
+from trocar.studies.accuracy.random_squeezes import Answers, answers, draw_loads, wrong_by
+from trocar.studies.accuracy.report import costs_us, number, values
+from trocar.studies.accuracy.study import Draw, Error, Reference, Row, Setting, Tick
 
 TITLE = "A wall that gives way, under loads that it was not trained on"
 WHAT = (

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from services.mechanics.scenarios import insertion_scene
-from studies.accuracy import insertions
-from studies.accuracy.report import costs_us, number, values
-from studies.accuracy.study import Draw, Error, Reference, Row, Setting, Tick
+from trocar.services.mechanics.scenarios import insertion_scene
+from trocar.studies.accuracy import insertions
+from trocar.studies.accuracy.report import costs_us, number, values
+from trocar.studies.accuracy.study import Draw, Error, Reference, Row, Setting, Tick
 
 TITLE = "Length of the step"
 WHAT = (

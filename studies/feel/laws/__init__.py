@@ -10,8 +10,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from services.gateway.device_files import ArmFile
-from services.mechanics.arrays import FloatArray
+from trocar.services.gateway.device_files import ArmFile
+from trocar.services.mechanics.arrays import FloatArray
 
 #: An arm's own viscous friction, N s/m, as docs/results/haptics.md has it for a Premium.
 VISCOUS_N_S_M = 0.05

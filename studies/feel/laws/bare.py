@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from studies.feel.laws import Walls
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.studies.feel.laws import Walls
 
 
 class Bare:

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from studies.feel.laws import Walls
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.studies.feel.laws import Walls
 
 _STIFFEST_N_M = {"Touch": 400.0}
 _OTHERS_N_M = 1000.0

@@ -14,8 +14,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from studies.feel.laws import VISCOUS_N_S_M, Walls
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.studies.feel.laws import VISCOUS_N_S_M, Walls
 
 
 class Eba:

@@ -1,11 +1,11 @@
-"""The rig's own law, `services.gateway.servo_law`, with the limits of the rig and a model that is fresh."""
+"""The rig's own law, `trocar.services.gateway.servo_law`, with the limits of the rig and a model that is fresh."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from protocol.bodies.haptics import MODEL_COLUMNS, MODEL_CONTACT, MODEL_K
-from services.gateway.servo_arrays import (
+from trocar.protocol.bodies.haptics import MODEL_COLUMNS, MODEL_CONTACT, MODEL_K
+from trocar.services.gateway.servo_arrays import (
     LIMIT_COUNT,
     LIMIT_FORCE,
     LIMIT_FRICTION,
@@ -18,11 +18,11 @@ from services.gateway.servo_arrays import (
     NOW_SIZE,
     NOW_TTL,
 )
-from services.gateway.servo_law import servo_force
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import building_kernel
-from studies.feel.hands import RATE_N_S, TTL_S
-from studies.feel.laws import Walls
+from trocar.services.gateway.servo_law import servo_force
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import building_kernel
+from trocar.studies.feel.hands import RATE_N_S, TTL_S
+from trocar.studies.feel.laws import Walls
 
 
 class EnergyBound:

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from studies.feel.laws import Walls
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.studies.feel.laws import Walls
 
 #: Along the softest axis: the vendor's data sheets from memory, not checked against a copy.
 _STIFFEST_N_M = {"Touch": 1020.0, "Touch X": 1480.0, "Phantom Premium 1.5": 3500.0}

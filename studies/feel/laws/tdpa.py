@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from studies.feel.laws import Walls
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.studies.feel.laws import Walls
 
 #: The most damping that an arm bears, N s/m, by CHAI3D's `cPhantomDevice`: at a slow hand the controller would ask for
 #: any, and kick.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from studies.stability.families import (
+from trocar.studies.stability.families import (
     abuse,
     drawn,
     driving,
@@ -30,7 +30,7 @@ from studies.stability.families import (
     walls,
     wires,
 )
-from studies.stability.family import Family
+from trocar.studies.stability.family import Family
 
 FAMILIES: dict[str, Family] = {
     "jumps": Family("a tool jumps by 1 to 50 mm in one tick", jumps.cases),

@@ -8,13 +8,13 @@ from functools import partial
 
 import numpy as np
 
-from services.mechanics.effects import EFFECTS, go_together
-from services.mechanics.effects.gallstones import GallstonesSettings
-from services.mechanics.scene.tools import N_TOOLS
-from studies.stability.drive import Play
-from studies.stability.family import Case, Draw, played
-from studies.stability.hands import HandMotions, junction, least_jerk, still
-from studies.stability.situations import LEAD_STEPS, Situation, approaching, threaded, with_effects
+from trocar.services.mechanics.effects import EFFECTS, go_together
+from trocar.services.mechanics.effects.gallstones import GallstonesSettings
+from trocar.services.mechanics.scene.tools import N_TOOLS
+from trocar.studies.stability.drive import Play
+from trocar.studies.stability.family import Case, Draw, played
+from trocar.studies.stability.hands import HandMotions, junction, least_jerk, still
+from trocar.studies.stability.situations import LEAD_STEPS, Situation, approaching, threaded, with_effects
 
 Way = tuple[float, float, tuple[float, float, float]]
 """Distance in m, top speed in m/s, direction."""

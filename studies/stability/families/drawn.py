@@ -12,16 +12,16 @@ from functools import partial
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.effects import EFFECTS, go_together
-from services.mechanics.effects.friction import FrictionSettings
-from services.mechanics.effects.gallstones import GallstonesSettings
-from services.mechanics.scene import SceneModel
-from studies.stability.drive import Play
-from studies.stability.families.random_play import wander
-from studies.stability.family import Case, Draw, played
-from studies.stability.hands import HandMotions, eased, junction, still
-from studies.stability.situations import LEAD_STEPS, threaded, with_catheter, with_duct
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.effects import EFFECTS, go_together
+from trocar.services.mechanics.effects.friction import FrictionSettings
+from trocar.services.mechanics.effects.gallstones import GallstonesSettings
+from trocar.services.mechanics.scene import SceneModel
+from trocar.studies.stability.drive import Play
+from trocar.studies.stability.families.random_play import wander
+from trocar.studies.stability.family import Case, Draw, played
+from trocar.studies.stability.hands import HandMotions, eased, junction, still
+from trocar.studies.stability.situations import LEAD_STEPS, threaded, with_catheter, with_duct
 
 COUNT = 200
 STEPS = 1_000

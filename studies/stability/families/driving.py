@@ -17,10 +17,10 @@ from functools import cache, partial
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.effects.base import NoSettings
-from services.mechanics.effects.friction import FrictionSettings
-from services.mechanics.scene import (
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.effects.base import NoSettings
+from trocar.services.mechanics.effects.friction import FrictionSettings
+from trocar.services.mechanics.scene import (
     CatheterScene,
     CatheterSection,
     DriveScene,
@@ -29,16 +29,16 @@ from services.mechanics.scene import (
     SceneModel,
     WireDriveScene,
 )
-from services.mechanics.scene.duct_branch import DuctBranch
-from services.mechanics.scene.duct_tubes import duct_tubes
-from services.mechanics.simulation.scene_catheter import place_catheter
-from services.mechanics.simulation.scene_duct import scene_mesh
-from services.mechanics.surface.mesh import TriangleMesh
-from services.meshes.branching import load_branching
-from studies.stability.drive import Play
-from studies.stability.family import Case, Draw, played
-from studies.stability.hands import HandMotions, least_jerk
-from studies.stability.situations import LEAD_STEPS
+from trocar.services.mechanics.scene.duct_branch import DuctBranch
+from trocar.services.mechanics.scene.duct_tubes import duct_tubes
+from trocar.services.mechanics.simulation.scene_catheter import place_catheter
+from trocar.services.mechanics.simulation.scene_duct import scene_mesh
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.meshes.branching import load_branching
+from trocar.studies.stability.drive import Play
+from trocar.studies.stability.family import Case, Draw, played
+from trocar.studies.stability.hands import HandMotions, least_jerk
+from trocar.studies.stability.situations import LEAD_STEPS
 
 SPEEDS_M_S = 0.05, 0.1, 0.3
 COUNT = 7

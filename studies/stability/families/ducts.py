@@ -8,16 +8,16 @@ from functools import partial
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.scene import DuctScene
-from services.mechanics.simulation.scene_duct import scene_mesh
-from services.mechanics.surface.mesh import TriangleMesh
-from services.mechanics.surface.opening import mouth_opening
-from studies.stability.drive import Play
-from studies.stability.family import Case, Draw, played
-from studies.stability.hands import least_jerk
-from studies.stability.situations import GRIP_M, LEAD_STEPS, STEADY_M, threaded, with_catheter, with_duct
-from studies.stability.strokes import stroking
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.scene import DuctScene
+from trocar.services.mechanics.simulation.scene_duct import scene_mesh
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.surface.opening import mouth_opening
+from trocar.studies.stability.drive import Play
+from trocar.studies.stability.family import Case, Draw, played
+from trocar.studies.stability.hands import least_jerk
+from trocar.studies.stability.situations import GRIP_M, LEAD_STEPS, STEADY_M, threaded, with_catheter, with_duct
+from trocar.studies.stability.strokes import stroking
 
 Shape = Callable[[np.random.Generator], dict[str, float | int]]
 COUNT = 8

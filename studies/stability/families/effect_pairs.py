@@ -7,11 +7,11 @@ from dataclasses import replace
 from functools import partial
 from itertools import combinations
 
-from services.mechanics.effects import EFFECTS, go_together
-from studies.stability.drive import Play
-from studies.stability.family import Case, Draw, played
-from studies.stability.situations import threaded
-from studies.stability.strokes import stroking
+from trocar.services.mechanics.effects import EFFECTS, go_together
+from trocar.studies.stability.drive import Play
+from trocar.studies.stability.family import Case, Draw, played
+from trocar.studies.stability.situations import threaded
+from trocar.studies.stability.strokes import stroking
 
 
 def cases(draw: Draw) -> Iterator[Case]:

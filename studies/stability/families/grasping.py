@@ -7,10 +7,10 @@ from functools import partial
 
 import numpy as np
 
-from studies.stability.drive import Play
-from studies.stability.family import Case, Draw, played
-from studies.stability.situations import LEAD_STEPS, threaded
-from studies.stability.strokes import stroking
+from trocar.studies.stability.drive import Play
+from trocar.studies.stability.family import Case, Draw, played
+from trocar.studies.stability.situations import LEAD_STEPS, threaded
+from trocar.studies.stability.strokes import stroking
 
 STEPS = 500
 PERIOD_STEPS = 50

@@ -7,11 +7,11 @@ from functools import partial
 
 import numpy as np
 
-from services.mechanics.effects import EFFECTS
-from studies.stability.drive import Play
-from studies.stability.family import Case, Draw, played
-from studies.stability.hands import least_jerk
-from studies.stability.situations import (
+from trocar.services.mechanics.effects import EFFECTS
+from trocar.studies.stability.drive import Play
+from trocar.studies.stability.family import Case, Draw, played
+from trocar.studies.stability.hands import least_jerk
+from trocar.studies.stability.situations import (
     LEAD_STEPS,
     approaching,
     beside,

@@ -7,13 +7,13 @@ from functools import partial
 
 import numpy as np
 
-from services.mechanics.effects.friction import FrictionSettings
-from services.mechanics.effects.gravity import GravitySettings
-from services.mechanics.scene import SceneModel
-from studies.stability.drive import Play
-from studies.stability.family import Case, Draw, played
-from studies.stability.situations import approaching, beside, threaded, with_effects
-from studies.stability.strokes import stroking
+from trocar.services.mechanics.effects.friction import FrictionSettings
+from trocar.services.mechanics.effects.gravity import GravitySettings
+from trocar.services.mechanics.scene import SceneModel
+from trocar.studies.stability.drive import Play
+from trocar.studies.stability.family import Case, Draw, played
+from trocar.studies.stability.situations import approaching, beside, threaded, with_effects
+from trocar.studies.stability.strokes import stroking
 
 SITUATIONS = {"holding": threaded, "approaching": approaching, "beside": beside}
 COUNT = 8

@@ -7,11 +7,11 @@ from functools import partial
 
 import numpy as np
 
-from services.mechanics.arrays import IntArray
-from studies.stability.drive import Play
-from studies.stability.family import Case, Draw, played
-from studies.stability.situations import LEAD_STEPS, approaching, threaded
-from studies.stability.strokes import stroking
+from trocar.services.mechanics.arrays import IntArray
+from trocar.studies.stability.drive import Play
+from trocar.studies.stability.family import Case, Draw, played
+from trocar.studies.stability.situations import LEAD_STEPS, approaching, threaded
+from trocar.studies.stability.strokes import stroking
 
 SITUATIONS = {"holding": threaded, "approaching": approaching}
 MOVING_STEPS = 450

@@ -7,12 +7,12 @@ from functools import partial
 
 import numpy as np
 
-from services.mechanics.effects.gallstones import GallstonesSettings
-from services.mechanics.scene import SceneModel
-from studies.stability.drive import Play
-from studies.stability.family import Case, Draw, played
-from studies.stability.hands import least_jerk
-from studies.stability.situations import (
+from trocar.services.mechanics.effects.gallstones import GallstonesSettings
+from trocar.services.mechanics.scene import SceneModel
+from trocar.studies.stability.drive import Play
+from trocar.studies.stability.family import Case, Draw, played
+from trocar.studies.stability.hands import least_jerk
+from trocar.studies.stability.situations import (
     LEAD_STEPS,
     beside,
     threaded,
@@ -20,7 +20,7 @@ from studies.stability.situations import (
     with_duct,
     with_effects,
 )
-from studies.stability.strokes import stroking
+from trocar.studies.stability.strokes import stroking
 
 STIFFNESS = 0.01, 0.1, 10.0, 100.0, 1000.0
 MASS = 0.01, 0.1, 10.0, 100.0

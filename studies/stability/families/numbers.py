@@ -8,13 +8,13 @@ from functools import partial
 
 import numpy as np
 
-from services.mechanics.collision.pairs import CATHETER_SEGMENT
-from services.mechanics.scene.tools import GraspHold, ToolInputs
-from services.mechanics.simulation import Simulation
-from studies.stability.drive import Driven, Play, reduced_duct
-from studies.stability.family import Case, Draw, played
-from studies.stability.situations import LEAD_STEPS, threaded
-from studies.stability.strokes import stroking
+from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT
+from trocar.services.mechanics.scene.tools import GraspHold, ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.studies.stability.drive import Driven, Play, reduced_duct
+from trocar.studies.stability.family import Case, Draw, played
+from trocar.studies.stability.situations import LEAD_STEPS, threaded
+from trocar.studies.stability.strokes import stroking
 
 STEPS = 300
 VALUES = {"nan": np.nan, "inf": np.inf, "-inf": -np.inf, "1e200": 1e200, "1e30": 1e30, "1e308": 1e308}

@@ -8,11 +8,11 @@ from functools import partial
 
 import numpy as np
 
-from services.mechanics.scene import ProbeScene
-from studies.stability.drive import Play
-from studies.stability.family import Case, Draw, played
-from studies.stability.hands import least_jerk, still
-from studies.stability.situations import LEAD_STEPS, threaded
+from trocar.services.mechanics.scene import ProbeScene
+from trocar.studies.stability.drive import Play
+from trocar.studies.stability.family import Case, Draw, played
+from trocar.studies.stability.hands import least_jerk, still
+from trocar.studies.stability.situations import LEAD_STEPS, threaded
 
 SPEEDS_M_S = 0.05, 0.1, 0.3, 0.5
 COUNT = 40

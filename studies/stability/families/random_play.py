@@ -7,12 +7,12 @@ from functools import partial
 
 import numpy as np
 
-from services.mechanics.arrays import BoolArray, FloatArray
-from services.mechanics.scene.minimum_jerk import minimum_jerk
-from studies.stability.drive import Play
-from studies.stability.family import Case, Draw, played
-from studies.stability.hands import HandMotions
-from studies.stability.situations import approaching, threaded
+from trocar.services.mechanics.arrays import BoolArray, FloatArray
+from trocar.services.mechanics.scene.minimum_jerk import minimum_jerk
+from trocar.studies.stability.drive import Play
+from trocar.studies.stability.family import Case, Draw, played
+from trocar.studies.stability.hands import HandMotions
+from trocar.studies.stability.situations import approaching, threaded
 
 PIECES = 240
 PIECE_STEPS = 15_000

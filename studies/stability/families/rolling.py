@@ -7,11 +7,11 @@ from functools import partial
 
 import numpy as np
 
-from studies.stability.drive import Play
-from studies.stability.family import Case, Draw, played
-from studies.stability.hands import least_jerk
-from studies.stability.situations import LEAD_STEPS, approaching, beside, threaded
-from studies.stability.strokes import repeated, stroking
+from trocar.studies.stability.drive import Play
+from trocar.studies.stability.family import Case, Draw, played
+from trocar.studies.stability.hands import least_jerk
+from trocar.studies.stability.situations import LEAD_STEPS, approaching, beside, threaded
+from trocar.studies.stability.strokes import repeated, stroking
 
 SITUATIONS = {"holding": threaded, "approaching": approaching, "beside": beside}
 RATES_RAD_S = 1.0, 5.0, 20.0

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 
-from services.mechanics.scene import QualityLevel
-from studies.stability.drive import Play
-from studies.stability.family import Case, Draw, played
-from studies.stability.situations import approaching, beside, threaded
-from studies.stability.strokes import at_step, stroking
+from trocar.services.mechanics.scene import QualityLevel
+from trocar.studies.stability.drive import Play
+from trocar.studies.stability.family import Case, Draw, played
+from trocar.studies.stability.situations import approaching, beside, threaded
+from trocar.studies.stability.strokes import at_step, stroking
 
 STEPS_MS = 0.1, 0.25, 0.5, 2.0, 5.0, 10.0, 20.0, 50.0
 HAND_STEP_MS = 5.0

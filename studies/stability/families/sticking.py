@@ -8,15 +8,15 @@ from functools import partial
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.scene import SceneModel
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from studies.stability.drive import Driven, reduced_duct
-from studies.stability.family import Case, Draw
-from studies.stability.hands import HandMotions, least_jerk
-from studies.stability.situations import LEAD_STEPS, approaching, threaded, with_catheter
-from studies.stability.strokes import at_step
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.studies.stability.drive import Driven, reduced_duct
+from trocar.studies.stability.family import Case, Draw
+from trocar.studies.stability.hands import HandMotions, least_jerk
+from trocar.studies.stability.situations import LEAD_STEPS, approaching, threaded, with_catheter
+from trocar.studies.stability.strokes import at_step
 
 SPEEDS_M_S = 1e-3, 10e-3, 50e-3
 STEPS_MS = 1.0, 0.25, 0.1

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 
-from services.mechanics.scene import QualityLevel
-from services.mechanics.simulation import Simulation
-from studies.stability.drive import Play
-from studies.stability.family import Case, Draw, played
-from studies.stability.situations import approaching, threaded
-from studies.stability.strokes import stroking
+from trocar.services.mechanics.scene import QualityLevel
+from trocar.services.mechanics.simulation import Simulation
+from trocar.studies.stability.drive import Play
+from trocar.studies.stability.family import Case, Draw, played
+from trocar.studies.stability.situations import approaching, threaded
+from trocar.studies.stability.strokes import stroking
 
 LADDER = (
     QualityLevel(),

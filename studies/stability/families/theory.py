@@ -9,19 +9,19 @@ from functools import partial
 
 import numpy as np
 
-from services.mechanics.fem import ElementChoice
-from services.mechanics.rod import rod_energy, straight_rod
-from services.mechanics.rod.semi_implicit import SemiImplicitIntegrator
-from services.mechanics.scene import SceneModel
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from studies.full_model import CondensedStiffness
-from studies.paper_scene import paper_scene
-from studies.published.rods import example_rod
-from studies.published.shells import reference_duct
-from studies.stability.drive import Driven, reduced_duct
-from studies.stability.family import Case, Draw
-from studies.stability.situations import with_catheter
+from trocar.services.mechanics.fem import ElementChoice
+from trocar.services.mechanics.rod import rod_energy, straight_rod
+from trocar.services.mechanics.rod.semi_implicit import SemiImplicitIntegrator
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.studies.full_model import CondensedStiffness
+from trocar.studies.paper_scene import paper_scene
+from trocar.studies.published.rods import example_rod
+from trocar.studies.published.shells import reference_duct
+from trocar.studies.stability.drive import Driven, reduced_duct
+from trocar.studies.stability.family import Case, Draw
+from trocar.studies.stability.situations import with_catheter
 
 RATIOS = 0.5, 0.9, 0.98, 1.02, 1.1, 2.0
 """Of the step to the limit of the theory."""

@@ -8,13 +8,13 @@ from functools import partial
 
 import numpy as np
 
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from studies.stability.drive import Driven, reduced_duct
-from studies.stability.family import Case, Draw
-from studies.stability.hands import HandMotions, least_jerk
-from studies.stability.situations import beside
-from studies.stability.strokes import at_step
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.studies.stability.drive import Driven, reduced_duct
+from trocar.studies.stability.family import Case, Draw
+from trocar.studies.stability.hands import HandMotions, least_jerk
+from trocar.studies.stability.situations import beside
+from trocar.studies.stability.strokes import at_step
 
 STEPS_MS = 1.0, 0.25, 0.1
 WATCHED_S = {1.0: 5.0, 0.25: 2.0, 0.1: 1.0}

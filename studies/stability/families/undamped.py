@@ -8,11 +8,11 @@ from functools import partial
 
 import numpy as np
 
-from services.mechanics.reduction import ExactOscillator, ModalState, Newmark
-from services.mechanics.rod import ImplicitIntegrator, clamped, rod_energy, straight_rod
-from studies.published.rods import X, example_rod
-from studies.stability.drive import Driven
-from studies.stability.family import Case, Draw
+from trocar.services.mechanics.reduction import ExactOscillator, ModalState, Newmark
+from trocar.services.mechanics.rod import ImplicitIntegrator, clamped, rod_energy, straight_rod
+from trocar.studies.published.rods import X, example_rod
+from trocar.studies.stability.drive import Driven
+from trocar.studies.stability.family import Case, Draw
 
 STEPS = 1_000_000
 LOOK_EVERY = 1000

@@ -7,9 +7,9 @@ from functools import partial
 
 import numpy as np
 
-from studies.stability.drive import Play
-from studies.stability.family import Case, Draw, played
-from studies.stability.situations import LEAD_STEPS, beside, threaded
+from trocar.studies.stability.drive import Play
+from trocar.studies.stability.family import Case, Draw, played
+from trocar.studies.stability.situations import LEAD_STEPS, beside, threaded
 
 SITUATIONS = {"holding": threaded, "beside": beside}
 STEPS = 300

@@ -8,14 +8,14 @@ from functools import partial
 
 import numpy as np
 
-from services.mechanics.fem import ShellModel, ShellSection, clamp, pressure_load
-from services.mechanics.scene import DuctScene
-from services.mechanics.simulation.scene_duct import scene_mesh
-from services.mechanics.surface.mesh import TriangleMesh
-from studies.stability.drive import Driven, Play
-from studies.stability.family import Case, Draw, played
-from studies.stability.situations import beside, threaded, with_duct
-from studies.stability.strokes import stroking
+from trocar.services.mechanics.fem import ShellModel, ShellSection, clamp, pressure_load
+from trocar.services.mechanics.scene import DuctScene
+from trocar.services.mechanics.simulation.scene_duct import scene_mesh
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.studies.stability.drive import Driven, Play
+from trocar.studies.stability.family import Case, Draw, played
+from trocar.studies.stability.situations import beside, threaded, with_duct
+from trocar.studies.stability.strokes import stroking
 
 THICKNESS_OVER_RADIUS = 0.002, 0.005, 0.01, 0.03, 0.1, 0.3
 POISSON = 0.0, 0.3, 0.45, 0.49, 0.499, 0.4999

@@ -7,11 +7,11 @@ from functools import partial
 
 import numpy as np
 
-from studies.stability.drive import Play
-from studies.stability.family import Case, Draw, played
-from studies.stability.hands import least_jerk
-from studies.stability.situations import LEAD_STEPS, beside, threaded, with_catheter
-from studies.stability.strokes import stroking
+from trocar.studies.stability.drive import Play
+from trocar.studies.stability.family import Case, Draw, played
+from trocar.studies.stability.hands import least_jerk
+from trocar.studies.stability.situations import LEAD_STEPS, beside, threaded, with_catheter
+from trocar.studies.stability.strokes import stroking
 
 STIFFNESS_GPA = {60: 6450.0, 200: 7900.0}
 """By Young's modulus, the density in kg/m3: of nitinol and of stainless steel."""

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from services.runtime.rig import DriverSettings
 from tests.gateway.bench import Bench
 from tests.gateway.hdapi_library import HdapiStandIn
+from trocar.services.runtime.rig import DriverSettings
 
 
 @contextmanager

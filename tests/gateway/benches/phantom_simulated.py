@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from services.runtime.rig import DriverSettings
 from tests.gateway.bench import Bench
+from trocar.services.runtime.rig import DriverSettings
 
 
 @contextmanager

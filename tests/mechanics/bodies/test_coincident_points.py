@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics.bodies.wall_motion import wall_motion
-from services.mechanics.effects.large_rotations import LargeRotations
-from services.mechanics.reduction.coincident_points import find_sources, is_copied
-from services.mechanics.scenarios import insertion_scene
-from services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.services.mechanics.bodies.wall_motion import wall_motion
+from trocar.services.mechanics.effects.large_rotations import LargeRotations
+from trocar.services.mechanics.reduction.coincident_points import find_sources, is_copied
+from trocar.services.mechanics.scenarios import insertion_scene
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
 
 
 @pytest.fixture(scope="module", params=[False, True], ids=["straight", "turned"])
@@ -61,7 +61,8 @@ def test_compliance_and_motion_are_the_same_to_the_last_bit_with_doubles(reduced
     found = given()
     with monkeypatch.context() as without:
         without.setattr(
-            "services.mechanics.bodies.wall_motion.find_sources", lambda points, source: source.put(range(k), range(k))
+            "trocar.services.mechanics.bodies.wall_motion.find_sources",
+            lambda points, source: source.put(range(k), range(k)),
         )
         expected = given()
     for one, other in zip(found, expected, strict=True):

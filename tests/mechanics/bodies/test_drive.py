@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics.contact.identity import hold_identity
-from services.mechanics.effects.base import NoSettings
-from services.mechanics.scene import CatheterSection, DriveScene
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from studies.energy_book import EnergyBook
+from trocar.services.mechanics.contact.identity import hold_identity
+from trocar.services.mechanics.effects.base import NoSettings
+from trocar.services.mechanics.scene import CatheterSection, DriveScene
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.studies.energy_book import EnergyBook
 
 LENGTH_M, BENDING_M = 0.1, 0.03
 STEER_1_M_RAD = 30.0

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from scipy.special import ellipk
 
-from services.mechanics.bodies.catheter import CatheterBody
-from services.mechanics.bodies.guide_wire import GuideWire, frame_of, wire_tube
-from services.mechanics.effects import build_effects
-from services.mechanics.effects.base import NoSettings
-from services.mechanics.rod import ImplicitIntegrator, Supports, straight_rod
-from services.mechanics.rod.guide_wire import insertion_forces
-from services.mechanics.rod.material_frame import initial_frame
-from services.mechanics.scene import CatheterScene, CatheterSection, GuideWireScene, SceneModel, WireDriveScene
-from services.mechanics.simulation.scene_catheter import scene_rod
+from trocar.services.mechanics.bodies.catheter import CatheterBody
+from trocar.services.mechanics.bodies.guide_wire import GuideWire, frame_of, wire_tube
+from trocar.services.mechanics.effects import build_effects
+from trocar.services.mechanics.effects.base import NoSettings
+from trocar.services.mechanics.rod import ImplicitIntegrator, Supports, straight_rod
+from trocar.services.mechanics.rod.guide_wire import insertion_forces
+from trocar.services.mechanics.rod.material_frame import initial_frame
+from trocar.services.mechanics.scene import CatheterScene, CatheterSection, GuideWireScene, SceneModel, WireDriveScene
+from trocar.services.mechanics.simulation.scene_catheter import scene_rod
 
 N, LENGTH_M, OUT_M, LOAD_N = 60, 0.12, 20e-3, 5e-4
 BENT = CatheterSection(length_m=50e-3, rest_curvature_1_m=(20.0, 0.0, 0.0))

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from services.mechanics.bodies.duct import DuctBody
-from services.mechanics.reduction.newmark import Newmark
-from services.mechanics.reduction.oscillator import ExactOscillator
 from tests.mechanics.reduction.conftest import basis, duct, model  # noqa: F401  a tube of 620 nodes
+from trocar.services.mechanics.bodies.duct import DuctBody
+from trocar.services.mechanics.reduction.newmark import Newmark
+from trocar.services.mechanics.reduction.oscillator import ExactOscillator
 
 STEPS = 400
 DT_S = 1e-3

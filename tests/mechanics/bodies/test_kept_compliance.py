@@ -9,11 +9,11 @@ from functools import partial
 import numpy as np
 import pytest
 
-from services.mechanics.bodies import wall_motion
-from services.mechanics.reduction.node_compliance import NodeCompliance
-from services.mechanics.scene import QualityLevel
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
+from trocar.services.mechanics.bodies import wall_motion
+from trocar.services.mechanics.reduction.node_compliance import NodeCompliance
+from trocar.services.mechanics.scene import QualityLevel
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
 
 N_TICKS = 240
 

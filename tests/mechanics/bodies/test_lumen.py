@@ -7,10 +7,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from services.mechanics.bodies.lumen import MovingLumen
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from services.mechanics.surface.mesh import boundary_loops
-from services.mechanics.surface.rim_caps import fill_rim
+from trocar.services.mechanics.bodies.lumen import MovingLumen
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.services.mechanics.surface.mesh import boundary_loops
+from trocar.services.mechanics.surface.rim_caps import fill_rim
 
 N = 40
 

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_array
 
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, SHAFT
-from services.mechanics.effects.friction import FrictionSettings
-from services.mechanics.fem.factorisation import factorise
-from services.mechanics.reduction.free_dofs import free_load, nodal_translations
-from services.mechanics.scene import ProbeScene
-from services.mechanics.scene.tools import GraspHold, ToolInputs
-from services.mechanics.simulation import Simulation
-from studies.accuracy.pinches import full_model
-from studies.energy_book import EnergyBook
-from studies.stability.hands import least_jerk
+from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT, SHAFT
+from trocar.services.mechanics.effects.friction import FrictionSettings
+from trocar.services.mechanics.fem.factorisation import factorise
+from trocar.services.mechanics.reduction.free_dofs import free_load, nodal_translations
+from trocar.services.mechanics.scene import ProbeScene
+from trocar.services.mechanics.scene.tools import GraspHold, ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.studies.accuracy.pinches import full_model
+from trocar.studies.energy_book import EnergyBook
+from trocar.studies.stability.hands import least_jerk
 
 PROBE = ProbeScene(port_position_m=(20e-3, 0.0, 0.15))
 REACH_M = 4e-3 + 0.5e-3 + PROBE.tip_radius_m  # of the small duct: from its axis to the middle of a sphere that touches

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import yaml
 
-from services.mechanics.bodies.catheter import CatheterBody
-from services.mechanics.effects.twist import Twist
-from services.mechanics.scene import CatheterScene, CatheterSection, SceneModel
-from services.mechanics.simulation.scene_catheter import scene_rod
-from services.runtime.errors import ConfigError
-from services.scenes import build_scene
+from trocar.services.mechanics.bodies.catheter import CatheterBody
+from trocar.services.mechanics.effects.twist import Twist
+from trocar.services.mechanics.scene import CatheterScene, CatheterSection, SceneModel
+from trocar.services.mechanics.simulation.scene_catheter import scene_rod
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.scenes import build_scene
 
 HELD = CatheterScene(
     n_segments=60,

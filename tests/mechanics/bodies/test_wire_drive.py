@@ -7,13 +7,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from services.mechanics.effects.base import NoSettings
-from services.mechanics.scene import CatheterSection, DriveScene, GuideWireScene, WireDriveScene
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.snapshot import Snapshot
-from studies.energy_book import EnergyBook
-from studies.stability.finely import contact_forces_n
+from trocar.services.mechanics.effects.base import NoSettings
+from trocar.services.mechanics.scene import CatheterSection, DriveScene, GuideWireScene, WireDriveScene
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.snapshot import Snapshot
+from trocar.studies.energy_book import EnergyBook
+from trocar.studies.stability.finely import contact_forces_n
 
 LENGTH_M, BEHIND_M = 0.1, 1e-3
 

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.mechanics.collision.candidate_list import (
+from tests.mechanics.collision.wall_cases import N_MODES, coordinates, placed, wall, wall_at
+from trocar.services.mechanics.collision.candidate_list import (
     LOOK_AHEAD_M,
     REFERENCE_M,
     SKIN_M,
@@ -17,23 +18,22 @@ from services.mechanics.collision.candidate_list import (
     select_due,
     set_wanted_gaps,
 )
-from services.mechanics.collision.candidate_list import REACH_M as REACHED_M
-from services.mechanics.collision.candidates import Candidates, candidates_at
-from services.mechanics.collision.clusters import cluster_triangles
-from services.mechanics.collision.placed_wall import NO_LOADS, copy_configuration, place_wall
-from services.mechanics.collision.wall_candidates import (
+from trocar.services.mechanics.collision.candidate_list import REACH_M as REACHED_M
+from trocar.services.mechanics.collision.candidates import Candidates, candidates_at
+from trocar.services.mechanics.collision.clusters import cluster_triangles
+from trocar.services.mechanics.collision.placed_wall import NO_LOADS, copy_configuration, place_wall
+from trocar.services.mechanics.collision.wall_candidates import (
     candidates_of,
     follow_end,
     follow_wall,
     measure,
     wall_candidates,
 )
-from services.mechanics.compiled import building_kernel
-from services.mechanics.compiled.struct import reader
-from services.mechanics.compiled.vectors import row, row_of
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from studies.judge.closest import segment_triangle
-from tests.mechanics.collision.wall_cases import N_MODES, coordinates, placed, wall, wall_at
+from trocar.services.mechanics.compiled import building_kernel
+from trocar.services.mechanics.compiled.struct import reader
+from trocar.services.mechanics.compiled.vectors import row, row_of
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.studies.judge.closest import segment_triangle
 
 N_PIECES, REACH_M, TICKS = 7, 0.5e-3, 12
 THICKNESS_M = np.array([2.5e-3, 1.5e-3, 1.5e-3, 1e-3, 1e-3, 1e-3, 2e-3])

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from services.mechanics.collision.capsules import CapsuleMemory, capsules_at, detect_capsules
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, JAW_A, ContactPairs, pairs_at
-from services.mechanics.compiled import building_kernel
+from trocar.services.mechanics.collision.capsules import CapsuleMemory, capsules_at, detect_capsules
+from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT, JAW_A, ContactPairs, pairs_at
+from trocar.services.mechanics.compiled import building_kernel
 
 JAW_M, CATHETER_M, MARGIN_M = 1e-3, 0.8e-3, 0.5e-3
 AWAY = np.full((2, 3), 1.0)

@@ -6,7 +6,7 @@ from collision_cases import distance_of_hulls
 from hypothesis import assume, event, given
 from hypothesis import strategies as st
 
-from services.mechanics.collision import primitives
+from trocar.services.mechanics.collision import primitives
 
 
 def as_vectors(array):

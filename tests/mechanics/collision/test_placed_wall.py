@@ -8,10 +8,6 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from services.mechanics.bodies.duct import DuctBody
-from services.mechanics.collision import placed_wall
-from services.mechanics.collision.placed_wall import NO_LOADS, place_wall
-from services.mechanics.reduction import Newmark, Residual
 from tests.mechanics.collision.wall_cases import (
     KINDS,
     N_MODES,
@@ -22,6 +18,10 @@ from tests.mechanics.collision.wall_cases import (
     set_configuration,
     wall,
 )
+from trocar.services.mechanics.bodies.duct import DuctBody
+from trocar.services.mechanics.collision import placed_wall
+from trocar.services.mechanics.collision.placed_wall import NO_LOADS, place_wall
+from trocar.services.mechanics.reduction import Newmark, Residual
 
 CLOSE_M = 2e-9  # blocks are float32: 1e-6 of a dent of a millimetre
 

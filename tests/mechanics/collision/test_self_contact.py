@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from services.mechanics.collision.capsules import CapsuleMemory, detect_self, self_clearance_m
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, ContactPairs
+from trocar.services.mechanics.collision.capsules import CapsuleMemory, detect_self, self_clearance_m
+from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT, ContactPairs
 
 RADIUS_M, MARGIN_M, N_APART = 0.8e-3, 0.5e-3, 4
 

@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.mechanics.collision.placed_wall import NO_LOADS
-from services.mechanics.collision.wall_bounds import WallBounds, bound_motion, set_reference, wall_bounds
-from services.mechanics.compiled import building_kernel
-from services.mechanics.compiled.struct import reader
 from tests.mechanics.collision.wall_cases import coordinates, placed, wall
+from trocar.services.mechanics.collision.placed_wall import NO_LOADS
+from trocar.services.mechanics.collision.wall_bounds import WallBounds, bound_motion, set_reference, wall_bounds
+from trocar.services.mechanics.compiled import building_kernel
+from trocar.services.mechanics.compiled.struct import reader
 
 bounds_at = reader(WallBounds)
 

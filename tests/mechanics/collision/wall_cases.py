@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from services.mechanics.collision.placed_wall import (
+from trocar.services.mechanics.collision.placed_wall import (
     NO_LOADS,
     Loads,
     PlacedWall,
@@ -17,15 +17,15 @@ from services.mechanics.collision.placed_wall import (
     place_requested,
     request_node,
 )
-from services.mechanics.compiled import building_kernel
-from services.mechanics.compiled.struct import reader
-from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
-from services.mechanics.reduction import ReducedDuct, Residual
-from services.mechanics.reduction.build import build_basis, fill_full_residual
-from services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
-from services.mechanics.reduction.residual.cyclic_residual import build_cyclic
-from services.mechanics.surface.cyclic_symmetry import find_cyclic_symmetry
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.mechanics.compiled import building_kernel
+from trocar.services.mechanics.compiled.struct import reader
+from trocar.services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
+from trocar.services.mechanics.reduction import ReducedDuct, Residual
+from trocar.services.mechanics.reduction.build import build_basis, fill_full_residual
+from trocar.services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
+from trocar.services.mechanics.reduction.residual.cyclic_residual import build_cyclic
+from trocar.services.mechanics.surface.cyclic_symmetry import find_cyclic_symmetry
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 GEOMETRY = DuctGeometry(4e-3, 40e-3, 16, 26)
 N_MODES, DENSITY, DAMPING = 24, 1060.0, 0.05

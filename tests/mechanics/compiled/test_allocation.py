@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import KERNELS, kernel
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import KERNELS, kernel
 
 _ALLOCATOR = b"NRT_MemInfo_alloc"
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from services.mechanics.compiled.dense import factorise, solve_factorised
+from trocar.services.mechanics.compiled.dense import factorise, solve_factorised
 
 
 def solve(A, *rhs):

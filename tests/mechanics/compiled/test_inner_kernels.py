@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.mechanics.arrays import IntArray
-from services.mechanics.compiled import KERNELS, kernel
+from trocar.services.mechanics.arrays import IntArray
+from trocar.services.mechanics.compiled import KERNELS, kernel
 
 
 def test_what_kernels_call_is_compiled_once_for_sizes_and_constants(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from services.mechanics.compiled.memory import SavedArrays, copy_arrays, copy_table
+from trocar.services.mechanics.compiled.memory import SavedArrays, copy_arrays, copy_table
 
 
 def test_arrays_of_any_kind_are_copied_and_nothing_beside_them() -> None:

@@ -16,9 +16,9 @@ from typing import Annotated
 import numpy as np
 import pytest
 
-from services.mechanics.arrays import BoolArray, FloatArray, IntArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.arrays import BoolArray, FloatArray, IntArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address, Struct, reader
 
 
 class Material(Struct):

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from services.mechanics.contact.active_set import CYCLING, take_newton_steps
-from services.mechanics.contact.laws import number_of
-from services.mechanics.contact.newton import list_unknowns, solve_newton_step
-from services.mechanics.contact.problem import ContactProblem
-from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.sweeps import sweep, update_motion
-from services.mechanics.contact.writer import append_row
+from trocar.services.mechanics.contact.active_set import CYCLING, take_newton_steps
+from trocar.services.mechanics.contact.laws import number_of
+from trocar.services.mechanics.contact.newton import list_unknowns, solve_newton_step
+from trocar.services.mechanics.contact.problem import ContactProblem
+from trocar.services.mechanics.contact.rows import ContactRows
+from trocar.services.mechanics.contact.sweeps import sweep, update_motion
+from trocar.services.mechanics.contact.writer import append_row
 
 CUT = 1  # after the first sweep, steps are cut
 

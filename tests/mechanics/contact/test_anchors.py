@@ -5,24 +5,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics.collision.pairs import DUCT_TRIANGLE
-from services.mechanics.contact.engagement import CLEAR_M
-from services.mechanics.contact.free_motion import free_motion
-from services.mechanics.contact.identity import pair_identity
-from services.mechanics.contact.laws import CREEP_M_S_N, SURFACE_SOFTNESS_M_N, number_of
-from services.mechanics.contact.problem import ContactProblem
-from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.solver import solve_contacts
-from services.mechanics.contact.stages import write_results
-from services.mechanics.contact.warm_start import ForceMemory, recall_forces, store_anchors, store_forces
-from services.mechanics.contact.writer import append_row
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from studies.judge.overlaps import OverlapJudge
-from studies.stability.drive import reduced_duct
-from studies.stability.families.abuse import KINDS
-from studies.stability.family import Draw, Reach
-from studies.stability.situations import LEAD_STEPS
+from trocar.services.mechanics.collision.pairs import DUCT_TRIANGLE
+from trocar.services.mechanics.contact.engagement import CLEAR_M
+from trocar.services.mechanics.contact.free_motion import free_motion
+from trocar.services.mechanics.contact.identity import pair_identity
+from trocar.services.mechanics.contact.laws import CREEP_M_S_N, SURFACE_SOFTNESS_M_N, number_of
+from trocar.services.mechanics.contact.problem import ContactProblem
+from trocar.services.mechanics.contact.rows import ContactRows
+from trocar.services.mechanics.contact.solver import solve_contacts
+from trocar.services.mechanics.contact.stages import write_results
+from trocar.services.mechanics.contact.warm_start import ForceMemory, recall_forces, store_anchors, store_forces
+from trocar.services.mechanics.contact.writer import append_row
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.studies.judge.overlaps import OverlapJudge
+from trocar.studies.stability.drive import reduced_duct
+from trocar.studies.stability.families.abuse import KINDS
+from trocar.studies.stability.family import Draw, Reach
+from trocar.studies.stability.situations import LEAD_STEPS
 
 STEPS_S = (1e-3, 2.5e-4, 1e-4)
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from services.mechanics.contact.admissible import minimise_in_disk
+from trocar.services.mechanics.contact.admissible import minimise_in_disk
 
 
 def random_positive(rng, n):

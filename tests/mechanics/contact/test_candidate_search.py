@@ -7,14 +7,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from services.mechanics.bodies.forceps.kinematics import N_CELLS
-from services.mechanics.collision.candidate_list import TOUCHING_M
-from services.mechanics.collision.pairs import DUCT_TRIANGLE, JAW_A, JAW_B, NO_TOOL, SHAFT, ContactPairs
-from services.mechanics.contact.clearance import jaw_surface, overlap_in_jaws
-from services.mechanics.contact.working_set import IMPLIED_M
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from studies.judge.closest import segment_triangle
+from trocar.services.mechanics.bodies.forceps.kinematics import N_CELLS
+from trocar.services.mechanics.collision.candidate_list import TOUCHING_M
+from trocar.services.mechanics.collision.pairs import DUCT_TRIANGLE, JAW_A, JAW_B, NO_TOOL, SHAFT, ContactPairs
+from trocar.services.mechanics.contact.clearance import jaw_surface, overlap_in_jaws
+from trocar.services.mechanics.contact.working_set import IMPLIED_M
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.studies.judge.closest import segment_triangle
 
 TOLERANCE_M, AT_M = 20e-6, 20e-3
 

@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 
-from services.mechanics.bodies.catheter import list_particles
-from services.mechanics.compiled.vectors import write_frame
-from services.mechanics.contact.delassus import add_rod_compliance, rotate_to_contact_frames
-from services.mechanics.contact.free_motion import free_motion
-from services.mechanics.contact.laws import number_of
-from services.mechanics.contact.problem import ContactProblem
-from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.solver import solve_contacts
-from services.mechanics.contact.stages import write_results
-from services.mechanics.contact.writer import append_row
-from services.mechanics.rod import ImplicitIntegrator, RodProperties, rod_along
 from tests.by_day import by_day
+from trocar.services.mechanics.bodies.catheter import list_particles
+from trocar.services.mechanics.compiled.vectors import write_frame
+from trocar.services.mechanics.contact.delassus import add_rod_compliance, rotate_to_contact_frames
+from trocar.services.mechanics.contact.free_motion import free_motion
+from trocar.services.mechanics.contact.laws import number_of
+from trocar.services.mechanics.contact.problem import ContactProblem
+from trocar.services.mechanics.contact.rows import ContactRows
+from trocar.services.mechanics.contact.solver import solve_contacts
+from trocar.services.mechanics.contact.stages import write_results
+from trocar.services.mechanics.contact.writer import append_row
+from trocar.services.mechanics.rod import ImplicitIntegrator, RodProperties, rod_along
 
 RADIUS = 20e-3
 N_SEGMENTS = 80

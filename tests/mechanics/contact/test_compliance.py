@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from services.mechanics.reduction.modal_compliance import add_modal_compliance
+from trocar.services.mechanics.reduction.modal_compliance import add_modal_compliance
 
 
 @pytest.mark.parametrize("n_modes", [7, 40])

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics.contact.free_motion import effective_gap
-from services.mechanics.contact.lasting_compliance import LASTING_S
-from services.mechanics.scene.tools import GraspHold, ToolInputs
-from services.mechanics.simulation import Simulation
+from trocar.services.mechanics.contact.free_motion import effective_gap
+from trocar.services.mechanics.contact.lasting_compliance import LASTING_S
+from trocar.services.mechanics.scene.tools import GraspHold, ToolInputs
+from trocar.services.mechanics.simulation import Simulation
 
 
 @pytest.fixture

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from services.mechanics.bodies.forceps.tool_body import ToolArrays
-from services.mechanics.contact.free_motion import effective_gap, free_motion
-from services.mechanics.contact.identity import pair_identity
-from services.mechanics.contact.laws import number_of
-from services.mechanics.contact.passivity import (
+from trocar.services.mechanics.bodies.forceps.tool_body import ToolArrays
+from trocar.services.mechanics.contact.free_motion import effective_gap, free_motion
+from trocar.services.mechanics.contact.identity import pair_identity
+from trocar.services.mechanics.contact.laws import number_of
+from trocar.services.mechanics.contact.passivity import (
     RECENT_S,
     SLACK_J,
     START_UP_S,
@@ -15,10 +15,10 @@ from services.mechanics.contact.passivity import (
     limit_recovery,
     solve_passively,
 )
-from services.mechanics.contact.problem import ContactProblem
-from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.solver import solve_contacts
-from services.mechanics.contact.writer import append_row
+from trocar.services.mechanics.contact.problem import ContactProblem
+from trocar.services.mechanics.contact.rows import ContactRows
+from trocar.services.mechanics.contact.solver import solve_contacts
+from trocar.services.mechanics.contact.writer import append_row
 
 RECOVERY, DT_S = 0.2, 1e-3
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from services.mechanics.contact.active_set import MAX_COST
-from services.mechanics.contact.laws import number_of
-from services.mechanics.contact.problem import ContactProblem
-from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.solver import MAX_SWEEPS, solve_contacts
-from services.mechanics.contact.stages import write_results
-from services.mechanics.contact.writer import append_row
+from trocar.services.mechanics.contact.active_set import MAX_COST
+from trocar.services.mechanics.contact.laws import number_of
+from trocar.services.mechanics.contact.problem import ContactProblem
+from trocar.services.mechanics.contact.rows import ContactRows
+from trocar.services.mechanics.contact.solver import MAX_SWEEPS, solve_contacts
+from trocar.services.mechanics.contact.stages import write_results
+from trocar.services.mechanics.contact.writer import append_row
 
 TOLERANCE_N, TOLERANCE_M = 1e-8, 1e-9
 

@@ -2,13 +2,13 @@
 
 import pytest
 
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from studies.energy_book import EnergyBook
-from studies.judge.overlaps import OverlapJudge
-from studies.stability.drive import reduced_duct
-from studies.stability.families.drawn import cases
-from studies.stability.family import Draw, Reach
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.studies.energy_book import EnergyBook
+from trocar.studies.judge.overlaps import OverlapJudge
+from trocar.studies.stability.drive import reduced_duct
+from trocar.studies.stability.families.drawn import cases
+from trocar.studies.stability.family import Draw, Reach
 
 SEED, ALLOWED_M = 101, 0.06e-3
 

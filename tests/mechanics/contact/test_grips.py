@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics.collision.pairs import CATHETER_SEGMENT
-from services.mechanics.contact.laws import GRIP_SOFTNESS_M_N
-from services.mechanics.scene.tools import GraspHold, ToolInputs
-from services.mechanics.simulation import Simulation
-from studies.judge.overlaps import OverlapJudge
 from tests.by_day import by_day
+from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT
+from trocar.services.mechanics.contact.laws import GRIP_SOFTNESS_M_N
+from trocar.services.mechanics.scene.tools import GraspHold, ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.studies.judge.overlaps import OverlapJudge
 
 LIMIT_N = 0.05
 BOTH_N = 2.0 * LIMIT_N

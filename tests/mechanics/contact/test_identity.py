@@ -3,8 +3,8 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.mechanics.collision.pairs import NO_TOOL
-from services.mechanics.contact.identity import (
+from trocar.services.mechanics.collision.pairs import NO_TOOL
+from trocar.services.mechanics.contact.identity import (
     LAW,
     PARTICLE,
     SEGMENT,

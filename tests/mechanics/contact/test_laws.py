@@ -7,8 +7,8 @@ from typing import get_args, get_type_hints
 import numpy as np
 import pytest
 
-import services
-from services.mechanics.contact.admissible import (
+from trocar import services
+from trocar.services.mechanics.contact.admissible import (
     closed_axes,
     normal_range,
     project,
@@ -16,13 +16,13 @@ from services.mechanics.contact.admissible import (
     step_to_bounds,
     tangential_limit,
 )
-from services.mechanics.contact.identity import LAW
-from services.mechanics.contact.laws import LAWS, NO_LOAD_M_N, number_of
-from services.mechanics.contact.penalty import PenaltyGains, write_penalties
-from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.system import STRATEGIES
-from services.mechanics.contact.writer import append_row
-from services.mechanics.scene import ContactSettings
+from trocar.services.mechanics.contact.identity import LAW
+from trocar.services.mechanics.contact.laws import LAWS, NO_LOAD_M_N, number_of
+from trocar.services.mechanics.contact.penalty import PenaltyGains, write_penalties
+from trocar.services.mechanics.contact.rows import ContactRows
+from trocar.services.mechanics.contact.system import STRATEGIES
+from trocar.services.mechanics.contact.writer import append_row
+from trocar.services.mechanics.scene import ContactSettings
 
 SERVICES = Path(services.__file__).parent
 

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics.collision.pairs import CATHETER_SEGMENT
-from services.mechanics.contact import admissible
-from services.mechanics.contact.lasting_compliance import LASTING_S
-from services.mechanics.effects.base import NoSettings
-from services.mechanics.effects.friction import FrictionSettings
-from services.mechanics.rod.generalized_alpha import implicit_euler
-from services.mechanics.rod.implicit_kernels import assemble_again, remove_held
-from services.mechanics.scene.tools import GraspHold, ToolInputs
-from services.mechanics.simulation import Simulation
+from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT
+from trocar.services.mechanics.contact import admissible
+from trocar.services.mechanics.contact.lasting_compliance import LASTING_S
+from trocar.services.mechanics.effects.base import NoSettings
+from trocar.services.mechanics.effects.friction import FrictionSettings
+from trocar.services.mechanics.rod.generalized_alpha import implicit_euler
+from trocar.services.mechanics.rod.implicit_kernels import assemble_again, remove_held
+from trocar.services.mechanics.scene.tools import GraspHold, ToolInputs
+from trocar.services.mechanics.simulation import Simulation
 
 TOOL = 1
 EFFECTS = {"friction": FrictionSettings(), "grasp_slip": NoSettings()}

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from services.mechanics.contact.laws import number_of
-from services.mechanics.contact.problem import ContactProblem
-from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.solver import solve_contacts
-from services.mechanics.contact.writer import append_row
+from trocar.services.mechanics.contact.laws import number_of
+from trocar.services.mechanics.contact.problem import ContactProblem
+from trocar.services.mechanics.contact.rows import ContactRows
+from trocar.services.mechanics.contact.solver import solve_contacts
+from trocar.services.mechanics.contact.writer import append_row
 
 UNILATERAL, GRIP = number_of("unilateral"), number_of("grip")
 TIED = 1.0 - 1e-4

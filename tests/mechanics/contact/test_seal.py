@@ -7,12 +7,12 @@ import pytest
 from scipy.interpolate import BSpline
 from scipy.optimize import minimize_scalar
 
-from services.mechanics.bodies.catheter import BEARING_DIAMETERS
-from services.mechanics.collision.pairs import CATHETER_SEGMENT
-from services.mechanics.contact.laws import number_of
-from services.mechanics.scene.tools import GraspHold, ToolInputs
-from services.mechanics.simulation import Simulation
 from tests.by_day import by_day
+from trocar.services.mechanics.bodies.catheter import BEARING_DIAMETERS
+from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT
+from trocar.services.mechanics.contact.laws import number_of
+from trocar.services.mechanics.scene.tools import GraspHold, ToolInputs
+from trocar.services.mechanics.simulation import Simulation
 
 SEAL_N = 20e-3
 PARTICLE = 15  # held by a grasp that never slips, 15 mm before the exit

@@ -3,12 +3,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.mechanics.contact.laws import number_of
-from services.mechanics.contact.problem import ContactProblem
-from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.solver import MAX_SWEEPS, solve_contacts
-from services.mechanics.contact.stages import write_results
-from services.mechanics.contact.writer import append_row
+from trocar.services.mechanics.contact.laws import number_of
+from trocar.services.mechanics.contact.problem import ContactProblem
+from trocar.services.mechanics.contact.rows import ContactRows
+from trocar.services.mechanics.contact.solver import MAX_SWEEPS, solve_contacts
+from trocar.services.mechanics.contact.stages import write_results
+from trocar.services.mechanics.contact.writer import append_row
 
 UNILATERAL, GRIP = number_of("unilateral"), number_of("grip")
 

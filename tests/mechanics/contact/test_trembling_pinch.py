@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.scenes import load_duct, load_scene
-from services.scenes.hands import hands_of
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.scenes import load_duct, load_scene
+from trocar.services.scenes.hands import hands_of
 
 
 def test_no_solve_ends_because_its_sweeps_run_out(tmp_path):

@@ -5,15 +5,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.mechanics.bodies.forceps.tool_body import ToolArrays
-from services.mechanics.collision.candidate_list import TOUCHING_M, CandidateList, new_list, set_wanted_gaps
-from services.mechanics.collision.candidates import SAME_POINT, Candidates, candidates_at
-from services.mechanics.collision.clusters import cluster_triangles
-from services.mechanics.compiled import building_kernel
-from services.mechanics.compiled.struct import reader
-from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, WallGeometry, geometry_at
-from services.mechanics.contact.spheres import no_spheres
-from services.mechanics.contact.working_set import (
+from trocar.services.mechanics.bodies.forceps.tool_body import ToolArrays
+from trocar.services.mechanics.collision.candidate_list import TOUCHING_M, CandidateList, new_list, set_wanted_gaps
+from trocar.services.mechanics.collision.candidates import SAME_POINT, Candidates, candidates_at
+from trocar.services.mechanics.collision.clusters import cluster_triangles
+from trocar.services.mechanics.compiled import building_kernel
+from trocar.services.mechanics.compiled.struct import reader
+from trocar.services.mechanics.contact.geometry import ContactGeometry, RodGeometry, WallGeometry, geometry_at
+from trocar.services.mechanics.contact.spheres import no_spheres
+from trocar.services.mechanics.contact.working_set import (
     IMPLIED_M,
     LIFE_STEPS,
     MAX_CHOSEN,
@@ -25,7 +25,7 @@ from services.mechanics.contact.working_set import (
     merge_distance_m,
     renew_member,
 )
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 MESH = parametric_duct(DuctGeometry(4e-3, 10e-3, 12, 8))
 N_PIECES, WALL_M = 10, 1e-3

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
 
 
 def run(scene, duct, ticks=60, tools=None):

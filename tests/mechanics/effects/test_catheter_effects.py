@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from effect_runs import run
 
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
 
 
 def test_catheter_hangs_as_a_cantilever_under_its_weight(with_effects, small_duct):

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from effect_runs import run
 
-from services.mechanics.collision.pairs import CATHETER_SEGMENT
-from services.mechanics.contact.laws import number_of
-from services.mechanics.scene.tools import GraspHold, ToolInputs
-from services.mechanics.simulation import Simulation
-from services.runtime.errors import ConfigError
+from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT
+from trocar.services.mechanics.contact.laws import number_of
+from trocar.services.mechanics.scene.tools import GraspHold, ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.runtime.errors import ConfigError
 
 
 def test_friction_holds_the_catheter_on_a_slope_below_its_angle_and_not_above(with_effects, small_duct):

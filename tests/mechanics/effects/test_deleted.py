@@ -12,13 +12,13 @@ import sys
 
 import pytest
 
-from services.mechanics.effects import EFFECTS
+from trocar.services.mechanics.effects import EFFECTS
 
 N_GROUPS = 2
 #: Deletes files, and what of the table names their classes, from what this process imports.
 HIDE = """
 import ast, importlib.abc, importlib.machinery
-TABLE, GONE, KINDS = "services.mechanics.effects", {modules!r}, {kinds!r}
+TABLE, GONE, KINDS = "trocar.services.mechanics.effects", {modules!r}, {kinds!r}
 
 class Without(importlib.abc.MetaPathFinder):
     def find_spec(self, name, path=None, target=None):
@@ -54,8 +54,12 @@ for name in {modules!r}:
     sys.modules[name].__getattr__ = lambda asked: lambda *_: None
 """
 FEATURES = [
-    *(f"services.mechanics.bodies.{name}" for name in ("catheter_drive", "wire_drive", "guide_wire")),
-    *("services.mechanics.rod.guide_wire", "services.mechanics.scene.duct_tubes", "services.meshes.branching"),
+    *(f"trocar.services.mechanics.bodies.{name}" for name in ("catheter_drive", "wire_drive", "guide_wire")),
+    *(
+        "trocar.services.mechanics.rod.guide_wire",
+        "trocar.services.mechanics.scene.duct_tubes",
+        "trocar.services.meshes.branching",
+    ),
 ]
 #: A line for each argument, which names the effects that are left out, with commas between them.
 #: Both tools press a duct with a catheter in it, one from above and one aside, with every other effect but the two that
@@ -65,11 +69,11 @@ RUN = """
 import hashlib, sys
 {hide}
 import numpy as np
-from services.mechanics.effects import EFFECTS
-from services.mechanics.scene import CatheterScene, DuctScene, ForcepsScene, SceneModel
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.services.mechanics.effects import EFFECTS
+from trocar.services.mechanics.scene import CatheterScene, DuctScene, ForcepsScene, SceneModel
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
 from tests.instructions import instructions
 for left_out in (names.split(",") for names in sys.argv[1:]):
     others = [name for name in EFFECTS if name not in (*left_out, "softening", "hyperelasticity")]

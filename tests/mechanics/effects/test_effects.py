@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from effect_runs import come_down, state
 
-from services.mechanics.effects import EFFECTS, build_effects
-from services.mechanics.effects.base import NoSettings
-from services.mechanics.effects.friction import FrictionSettings
-from services.mechanics.effects.gallstones import GallstonesSettings
-from services.mechanics.simulation import Simulation
+from trocar.services.mechanics.effects import EFFECTS, build_effects
+from trocar.services.mechanics.effects.base import NoSettings
+from trocar.services.mechanics.effects.friction import FrictionSettings
+from trocar.services.mechanics.effects.gallstones import GallstonesSettings
+from trocar.services.mechanics.simulation import Simulation
 
 
 def test_table_names_what_each_effect_is_and_where_it_acts():

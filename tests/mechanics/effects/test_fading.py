@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from effect_runs import PRESSED_M, come_down
 
-from services.mechanics.scene import QualityLevel
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from services.mechanics.snapshot import Snapshot
-from services.scenes import build_scene
-from studies.energy_book import EnergyBook
 from tests.by_day import by_day
+from trocar.services.mechanics.scene import QualityLevel
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.services.mechanics.snapshot import Snapshot
+from trocar.services.scenes import build_scene
+from trocar.studies.energy_book import EnergyBook
 
 pytestmark = pytest.mark.timeout(600)
 SOFT, STIFF = {"softening": {"n_squeezes": 8}}, {"hyperelasticity": {"exponent": 400.0}}

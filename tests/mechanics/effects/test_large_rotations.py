@@ -5,20 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import protocol.bodies as bodies
-from protocol.arrays import pack
-from services.mechanics.collision.placed_wall import place_wall
-from services.mechanics.effects.large_rotations import LargeRotationsSettings
-from services.mechanics.reduction.large_rotations.warping import SectionFrame
-from services.mechanics.scene import CatheterScene, DuctScene, ForcepsScene, SceneModel
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from services.mechanics.surface.mesh import TriangleMesh
-from services.scenes.drawn_surface import DrawnSurface
-from studies.energy_book import EnergyBook
+import trocar.protocol.bodies as bodies
 from tests.mechanics.collision.wall_cases import place, set_configuration
 from tests.mechanics.reduction.large_rotations.warped import warped_positions
+from trocar.protocol.arrays import pack
+from trocar.services.mechanics.collision.placed_wall import place_wall
+from trocar.services.mechanics.effects.large_rotations import LargeRotationsSettings
+from trocar.services.mechanics.reduction.large_rotations.warping import SectionFrame
+from trocar.services.mechanics.scene import CatheterScene, DuctScene, ForcepsScene, SceneModel
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.scenes.drawn_surface import DrawnSurface
+from trocar.studies.energy_book import EnergyBook
 
 # The first test of a fresh checkout compiles the kernels.
 pytestmark = pytest.mark.timeout(600)

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from effect_runs import PRESSED_M, come_down
 
-from services.mechanics.reduction.softened_wall.load_pattern import GAIN
-from services.mechanics.reduction.softened_wall.softening_force import CREDIT_J
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from studies.energy_book import EnergyBook
+from trocar.services.mechanics.reduction.softened_wall.load_pattern import GAIN
+from trocar.services.mechanics.reduction.softened_wall.softening_force import CREDIT_J
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.studies.energy_book import EnergyBook
 
 pytestmark = pytest.mark.timeout(600)
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from effect_runs import PRESSED_M, come_down, run
 
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from services.mechanics.surface.mesh import vertex_areas_m2
-from studies.energy_book import EnergyBook
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.services.mechanics.surface.mesh import vertex_areas_m2
+from trocar.studies.energy_book import EnergyBook
 
 NEAR_CLAMP_M = (7e-3, 0.0, 15e-3 + 4.4e-3)
 

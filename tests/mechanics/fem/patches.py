@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from services.mechanics.fem import ShellModel, ShellSection, Support
-from services.mechanics.surface.mesh import TriangleMesh
-from studies.published.shells import mapped_patch
+from trocar.services.mechanics.fem import ShellModel, ShellSection, Support
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.studies.published.shells import mapped_patch
 
 NU = 0.3
 SECTION = ShellSection(0.02, 2e5, NU, 1000.0)

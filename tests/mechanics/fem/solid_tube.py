@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, Support
-from services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.fem import ElementChoice, ShellModel, ShellSection, Support
+from trocar.services.mechanics.surface.mesh import TriangleMesh
 
 RADIUS_M, YOUNG_PA, POISSON = 0.004, 1e5, 0.45
 HALF_LENGTH = 2.0

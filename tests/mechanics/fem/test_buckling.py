@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from services.mechanics.fem import (
+from tests.mechanics.fem.patches import NU, SECTION, STRAIN, constant_state, distorted_square, random_rotation
+from trocar.services.mechanics.fem import (
     ElementChoice,
     ShellModel,
     ShellSection,
@@ -11,18 +12,17 @@ from services.mechanics.fem import (
     clamp,
     pressure_load,
 )
-from services.mechanics.surface.mesh import TriangleMesh
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from studies.fem.buckling import compute_buckling
-from studies.fem.geometric import geometric_stiffness, membrane_forces, pressure_stiffness
-from studies.published.buckling import (
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.studies.fem.buckling import compute_buckling
+from trocar.studies.fem.geometric import geometric_stiffness, membrane_forces, pressure_stiffness
+from trocar.studies.published.buckling import (
     PLATE_COEFFICIENT,
     column_buckling,
     cylinder_buckling,
     plate_buckling,
     ring_buckling,
 )
-from tests.mechanics.fem.patches import NU, SECTION, STRAIN, constant_state, distorted_square, random_rotation
 
 CST, ANDES = ElementChoice("cst", "dkt"), ElementChoice("andes", "dkt")
 both = pytest.mark.parametrize("elements", [CST, ANDES], ids=lambda e: e.membrane)

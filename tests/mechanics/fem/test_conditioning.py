@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from services.mechanics.fem import ShellModel, ShellSection, Support, clamp, compute_modes
-from services.mechanics.fem.boundary_conditions import rigid_body_modes
-from services.mechanics.fem.conditioning import IllConditionedError, condition_estimate, internal_forces
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.mechanics.fem import ShellModel, ShellSection, Support, clamp, compute_modes
+from trocar.services.mechanics.fem.boundary_conditions import rigid_body_modes
+from trocar.services.mechanics.fem.conditioning import IllConditionedError, condition_estimate, internal_forces
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 MESH = parametric_duct(DuctGeometry(4e-3, 40e-3, 16, 20))
 CENTRE_X = MESH.vertices_m[MESH.triangles].mean(axis=1)[:, 0]

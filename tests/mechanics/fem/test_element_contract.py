@@ -9,14 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from services.mechanics.fem import ElementChoice, ShellModel, Support
-from services.mechanics.fem.assembly import assemble_stiffness
-from services.mechanics.fem.boundary_conditions import rigid_body_modes
-from services.mechanics.fem.elements import BENDING_ELEMENTS, MEMBRANE_ELEMENTS
-from services.mechanics.fem.elements.element import Element
-from services.mechanics.fem.triangle import signed_areas
-from services.mechanics.surface.mesh import TriangleMesh
-from studies.published.shells import mapped_patch
 from tests.mechanics.fem.patches import (
     CURVATURE,
     SECTION,
@@ -29,6 +21,14 @@ from tests.mechanics.fem.patches import (
     random_rotation,
     solve_patch,
 )
+from trocar.services.mechanics.fem import ElementChoice, ShellModel, Support
+from trocar.services.mechanics.fem.assembly import assemble_stiffness
+from trocar.services.mechanics.fem.boundary_conditions import rigid_body_modes
+from trocar.services.mechanics.fem.elements import BENDING_ELEMENTS, MEMBRANE_ELEMENTS
+from trocar.services.mechanics.fem.elements.element import Element
+from trocar.services.mechanics.fem.triangle import signed_areas
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.studies.published.shells import mapped_patch
 
 
 @dataclass(frozen=True)

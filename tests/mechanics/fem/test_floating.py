@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, Support, clamp
-from services.mechanics.fem.boundary_conditions import DOF_NAMES, held_dofs
-from services.mechanics.surface.mesh import TriangleMesh
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from studies.fem.floating import compute_floating_modes, find_floating
-from studies.published.shells import mapped_patch
 from tests.mechanics.reduction.dense_modes import condensed_stiffness
+from trocar.services.mechanics.fem import ElementChoice, ShellModel, ShellSection, Support, clamp
+from trocar.services.mechanics.fem.boundary_conditions import DOF_NAMES, held_dofs
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.studies.fem.floating import compute_floating_modes, find_floating
+from trocar.studies.published.shells import mapped_patch
 
 ANDES = ElementChoice("andes", "dkt")
 YOUNG, NU, THICKNESS = 2e9, 0.3, 0.01

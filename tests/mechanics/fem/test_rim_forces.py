@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, Support
-from services.mechanics.fem.elements.andes import ALPHA_B
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from studies.fem.facets import rim_eccentricity
-from studies.published.shells import mapped_patch
+from trocar.services.mechanics.fem import ElementChoice, ShellModel, ShellSection, Support
+from trocar.services.mechanics.fem.elements.andes import ALPHA_B
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.studies.fem.facets import rim_eccentricity
+from trocar.studies.published.shells import mapped_patch
 
 RADIUS, LENGTH, YOUNG, NU = 1.0, 1.0, 1e6, 0.3
 CST, ANDES = ElementChoice("cst", "dkt"), ElementChoice("andes", "dkt")

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from services.mechanics.fem import ElementChoice, Orthotropy, ShellModel, ShellSection, Support
-from services.mechanics.fem.assembly import assemble_stiffness
-from services.mechanics.fem.elements import tocher
-from services.mechanics.surface.mesh import TriangleMesh
-from studies.published.shells import mapped_patch, plate_deflection
 from tests.mechanics.fem.patches import NU, SECTION, distorted_square
+from trocar.services.mechanics.fem import ElementChoice, Orthotropy, ShellModel, ShellSection, Support
+from trocar.services.mechanics.fem.assembly import assemble_stiffness
+from trocar.services.mechanics.fem.elements import tocher
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.studies.published.shells import mapped_patch, plate_deflection
 
 GOOD = [ElementChoice("cst", "dkt"), ElementChoice("andes", "dkt")]
 EVERY = [*GOOD, ElementChoice("cst", "tocher"), ElementChoice("andes", "tocher")]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from services.mechanics.fem import (
+from trocar.services.mechanics.fem import (
     ElementChoice,
     ShellModel,
     ShellSection,
@@ -11,10 +11,10 @@ from services.mechanics.fem import (
     clamp,
     pressure_load,
 )
-from services.mechanics.surface.mesh import TriangleMesh
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from studies.fem.loads import point_load, surface_load
-from studies.published.shells import REFERENCE_SECTION, mapped_patch
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.studies.fem.loads import point_load, surface_load
+from trocar.studies.published.shells import REFERENCE_SECTION, mapped_patch
 
 DUCT = parametric_duct(DuctGeometry(4e-3, 40e-3, 12, 16))
 

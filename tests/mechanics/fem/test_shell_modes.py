@@ -5,17 +5,17 @@ import math
 import numpy as np
 import pytest
 
-from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp, compute_modes
-from services.mechanics.fem.elements import cst
-from studies.published import opensees as opensees_check
-from studies.published.shells import (
+from tests.by_day import by_day
+from tests.mechanics.reduction.dense_modes import compute_modes_dense, condensed_stiffness
+from trocar.services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp, compute_modes
+from trocar.services.mechanics.fem.elements import cst
+from trocar.studies.published import opensees as opensees_check
+from trocar.studies.published.shells import (
     DUCT_RITZ_HZ,
     plate_frequencies,
     reference_duct,
     sorted_duct_frequencies_hz,
 )
-from tests.by_day import by_day
-from tests.mechanics.reduction.dense_modes import compute_modes_dense, condensed_stiffness
 
 CST, ANDES = ElementChoice("cst", "dkt"), ElementChoice("andes", "dkt")
 

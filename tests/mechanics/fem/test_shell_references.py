@@ -2,8 +2,8 @@
 
 import pytest
 
-from services.mechanics.fem import ElementChoice
-from studies.published import shells as problems
+from trocar.services.mechanics.fem import ElementChoice
+from trocar.studies.published import shells as problems
 
 CST, ANDES = ElementChoice("cst", "dkt"), ElementChoice("andes", "dkt")
 

@@ -5,10 +5,10 @@ import shutil
 import numpy as np
 import pytest
 
-from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, Support
-from studies.published.shells import mapped_patch
 from tests.by_day import by_day
 from tests.mechanics.fem.solid_tube import Pinch, shell_deflection, solid_deflection
+from trocar.services.mechanics.fem import ElementChoice, ShellModel, ShellSection, Support
+from trocar.studies.published.shells import mapped_patch
 
 needs_calculix = pytest.mark.skipif(shutil.which("ccx") is None, reason="no CalculiX (ccx) on this machine")
 LENGTH_M, WIDTH_M, YOUNG_PA, FORCE_N = 0.01, 0.008, 1e5, 1e-4

@@ -2,12 +2,12 @@
 
 import pytest
 
-from services.mechanics.fem import ElementChoice, ShellSection
-from services.mechanics.surface.mesh import TriangleMesh
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from studies.fem.facets import drilling_excess
-from studies.published.shells import mapped_patch
-from studies.published.torsion import tube_torsion
+from trocar.services.mechanics.fem import ElementChoice, ShellSection
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.studies.fem.facets import drilling_excess
+from trocar.studies.published.shells import mapped_patch
+from trocar.studies.published.torsion import tube_torsion
 
 CST, ANDES = ElementChoice("cst", "dkt"), ElementChoice("andes", "dkt")
 CELLS = [(24, 8), (24, 24), (24, 48), (24, 96)]

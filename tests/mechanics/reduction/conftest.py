@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
-from services.mechanics.reduction import ModalBasis, ReducedDuct, Residual
-from services.mechanics.reduction.build import build_basis, fill_full_residual
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
+from trocar.services.mechanics.reduction import ModalBasis, ReducedDuct, Residual
+from trocar.services.mechanics.reduction.build import build_basis, fill_full_residual
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 SECTION = ShellSection(0.5e-3, 100e3, 0.45, 1060.0)
 N_MODES = 60

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, eigh
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem import ShellModel
-from services.mechanics.fem.modes import EigenModes, expand_to_nodes
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.fem import ShellModel
+from trocar.services.mechanics.fem.modes import EigenModes, expand_to_nodes
 
 
 def condensed_stiffness(model: ShellModel) -> FloatArray:

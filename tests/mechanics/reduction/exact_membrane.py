@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.reduction.nonlinear.membrane import Membrane, product_strain
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.reduction.nonlinear.membrane import Membrane, product_strain
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,14 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import eigh, svd
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.fem import ShellModel
-from services.mechanics.reduction.basis import ModalBasis
-from services.mechanics.reduction.free_dofs import free_load, nodal_translations
-from services.mechanics.reduction.nonlinear.cubic_force import CubicForce, energy_tensors
-from services.mechanics.reduction.nonlinear.membrane import Membrane
-from studies.full_model import CondensedStiffness
 from tests.mechanics.reduction.exact_membrane import ExactMembrane
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.fem import ShellModel
+from trocar.services.mechanics.reduction.basis import ModalBasis
+from trocar.services.mechanics.reduction.free_dofs import free_load, nodal_translations
+from trocar.services.mechanics.reduction.nonlinear.cubic_force import CubicForce, energy_tensors
+from trocar.services.mechanics.reduction.nonlinear.membrane import Membrane
+from trocar.studies.full_model import CondensedStiffness
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.mechanics.effects.insufflation import InsufflationSettings
-from services.mechanics.fem import ElementChoice, ShellSection, clamp
-from services.mechanics.reduction import DuctRecipe, ResidualChoice, cache, reduce_duct
-from services.mechanics.reduction.content_hash import hash_content
-from services.mechanics.scene import DuctScene, SceneModel
-from services.mechanics.simulation.scene_duct import build_scene_duct, scene_mesh
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.mechanics.effects.insufflation import InsufflationSettings
+from trocar.services.mechanics.fem import ElementChoice, ShellSection, clamp
+from trocar.services.mechanics.reduction import DuctRecipe, ResidualChoice, cache, reduce_duct
+from trocar.services.mechanics.reduction.content_hash import hash_content
+from trocar.services.mechanics.scene import DuctScene, SceneModel
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct, scene_mesh
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 
 def small_recipe(**changes) -> DuctRecipe:

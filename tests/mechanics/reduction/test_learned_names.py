@@ -4,20 +4,20 @@ from pathlib import Path
 
 import pytest
 
-from services.mechanics.reduction.content_hash import hash_sources
-from services.mechanics.reduction.hyperelastic import energy_sampling
-from services.mechanics.reduction.softening import training
-from services.source_closure import Sources
+from trocar.services.mechanics.reduction.content_hash import hash_sources
+from trocar.services.mechanics.reduction.hyperelastic import energy_sampling
+from trocar.services.mechanics.reduction.softening import training
+from trocar.services.source_closure import Sources
 
 ROOT = Path(__file__).parents[3]
-IN_THE_RECIPE = ("services.mechanics.fem",)
+IN_THE_RECIPE = ("trocar.services.mechanics.fem",)
 NOT_NUMBERS = (
-    "services.cache_directory",
-    "services.trusted_path",
-    "services.mechanics.arrays",
-    "services.mechanics.compiled",
+    "trocar.services.cache_directory",
+    "trocar.services.trusted_path",
+    "trocar.services.mechanics.arrays",
+    "trocar.services.mechanics.compiled",
     *(
-        f"services.mechanics.reduction.{name}"
+        f"trocar.services.mechanics.reduction.{name}"
         for name in (
             "cache",
             "content_hash",
@@ -30,9 +30,9 @@ NOT_NUMBERS = (
         )
     ),
     # The reduced duct, which brings these along, has a hash of its own.
-    "services.mechanics.reduction.large_rotations",
-    "services.mechanics.reduction.residual",
-    "services.mechanics.surface.cyclic_symmetry",
+    "trocar.services.mechanics.reduction.large_rotations",
+    "trocar.services.mechanics.reduction.residual",
+    "trocar.services.mechanics.surface.cyclic_symmetry",
 )
 
 

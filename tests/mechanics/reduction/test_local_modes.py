@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics.fem import ElementChoice, ShellSection, clamp
-from services.mechanics.reduction import DuctRecipe, reduce_duct
-from services.mechanics.reduction.recipe import ResidualChoice
-from services.mechanics.reduction.softening.training import own_compliance_m_n
-from services.mechanics.surface.mesh import vertex_normals
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.mechanics.fem import ElementChoice, ShellSection, clamp
+from trocar.services.mechanics.reduction import DuctRecipe, reduce_duct
+from trocar.services.mechanics.reduction.recipe import ResidualChoice
+from trocar.services.mechanics.reduction.softening.training import own_compliance_m_n
+from trocar.services.mechanics.surface.mesh import vertex_normals
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 LENGTH_M, RADIUS_M, N_MODES = 30e-3, 4e-3, 60
 

@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from numba import njit
 from scipy.integrate import solve_ivp
 
-from services.mechanics.reduction import ExactOscillator, ModalState, Newmark
-from services.mechanics.reduction.newmark import newmark_step
-from services.mechanics.reduction.oscillator import oscillator_step
-from studies.full_model import NewmarkConstants
+from trocar.services.mechanics.reduction import ExactOscillator, ModalState, Newmark
+from trocar.services.mechanics.reduction.newmark import newmark_step
+from trocar.services.mechanics.reduction.oscillator import oscillator_step
+from trocar.studies.full_model import NewmarkConstants
 
 OMEGA = 2.0 * np.pi * np.array([9.03, 42.7, 140.0, 950.0])
 DT_S = 1e-3

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from services.mechanics.reduction.node_compliance import NodeCompliance
+from trocar.services.mechanics.reduction.node_compliance import NodeCompliance
 
 N_POINTS = 9
 

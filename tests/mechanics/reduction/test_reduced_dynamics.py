@@ -4,20 +4,20 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_array, diags_array
 
-from services.mechanics.fem.factorisation import factorise
-from services.mechanics.reduction import (
+from tests.by_day import by_day
+from trocar.services.mechanics.fem.factorisation import factorise
+from trocar.services.mechanics.reduction import (
     ExactOscillator,
     ModalState,
     Newmark,
 )
-from studies.full_model import (
+from trocar.studies.full_model import (
     CentralDifference,
     CondensedStiffness,
     DirectNewmark,
     modal_reaction,
     rayleigh_damping_ratio,
 )
-from tests.by_day import by_day
 
 DT_S, STEPS = 1e-3, 500
 # Tissue damps what is fast as well as what is slow: 10 % of critical in the first mode, loss factor 0.13 at 100 Hz.

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from services.mechanics.reduction import ExactOscillator, ModalState, Newmark
-from services.mechanics.reduction.viscoelastic import PronySeries, ViscousModes
+from trocar.services.mechanics.reduction import ExactOscillator, ModalState, Newmark
+from trocar.services.mechanics.reduction.viscoelastic import PronySeries, ViscousModes
 
 SERIES = PronySeries((0.2, 0.15, 0.1), (0.1, 1.0, 10.0))
 OMEGA = 2.0 * np.pi * np.array([9.0, 42.0, 150.0])

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from services.mechanics.reduction.residual.blocks import Residual
-from services.mechanics.reduction.viscoelastic import PronySeries
-from services.mechanics.reduction.viscous_loads import MOST_LEFT, ViscousLoads
 from tests.mechanics.reduction.residual.node_blocks import between_nodes
+from trocar.services.mechanics.reduction.residual.blocks import Residual
+from trocar.services.mechanics.reduction.viscoelastic import PronySeries
+from trocar.services.mechanics.reduction.viscous_loads import MOST_LEFT, ViscousLoads
 
 DT_S, N_NODES = 1e-3, 50
 SERIES = PronySeries((0.2, 0.15, 0.1), (0.1, 1.0, 10.0))

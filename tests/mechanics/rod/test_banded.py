@@ -1,7 +1,14 @@
 import numpy as np
 import pytest
 
-from services.mechanics.rod.banded import RHS_BLOCK, empty_band, empty_columns, factor_ldl, solve_ldl, solve_ldl_block
+from trocar.services.mechanics.rod.banded import (
+    RHS_BLOCK,
+    empty_band,
+    empty_columns,
+    factor_ldl,
+    solve_ldl,
+    solve_ldl_block,
+)
 
 N = 153
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import ellipk
 
-from studies.published import rods as problems
+from trocar.studies.published import rods as problems
 
 
 def test_a_column_stays_straight_below_the_euler_load_and_not_above():

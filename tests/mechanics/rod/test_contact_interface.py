@@ -3,8 +3,15 @@
 import numpy as np
 import pytest
 
-from services.mechanics.rod import ImplicitIntegrator, Supports, build_integrator, clamped, rod_energy, straight_rod
-from studies.published.rods import example_rod
+from trocar.services.mechanics.rod import (
+    ImplicitIntegrator,
+    Supports,
+    build_integrator,
+    clamped,
+    rod_energy,
+    straight_rod,
+)
+from trocar.studies.published.rods import example_rod
 
 DT_S = 1e-3
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from services.mechanics.rod.curve import closest_on_curve, point_on_curve
+from trocar.services.mechanics.rod.curve import closest_on_curve, point_on_curve
 
 
 def zigzag(random, n):

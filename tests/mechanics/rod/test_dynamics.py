@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from services.mechanics.rod import ImplicitIntegrator, SemiImplicitIntegrator, clamped, rod_energy, straight_rod
-from services.mechanics.rod.implicit import SPECTRAL_RADIUS
-from studies.published.rod_dynamics import spin, tip_errors_m
-from studies.published.rods import (
+from trocar.services.mechanics.rod import ImplicitIntegrator, SemiImplicitIntegrator, clamped, rod_energy, straight_rod
+from trocar.services.mechanics.rod.implicit import SPECTRAL_RADIUS
+from trocar.studies.published.rod_dynamics import spin, tip_errors_m
+from trocar.studies.published.rods import (
     EI,
     LENGTH_M,
     X,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from studies.published import rods as problems
+from trocar.studies.published import rods as problems
 
 # P L^2 / EI: tip angle [rad], transverse w/L, axial shortening u/L
 TIP_LOAD = {

@@ -3,17 +3,25 @@
 import numpy as np
 import pytest
 
-from services.mechanics.rod import ImplicitIntegrator, Introducer, RodState, Supports, initial_frame, rod_energy, roll
-from services.mechanics.rod.forces import add_internal_forces
-from services.mechanics.rod.model import allocate_work, build_model
-from services.mechanics.rod.twist import (
+from trocar.services.mechanics.rod import (
+    ImplicitIntegrator,
+    Introducer,
+    RodState,
+    Supports,
+    initial_frame,
+    rod_energy,
+    roll,
+)
+from trocar.services.mechanics.rod.forces import add_internal_forces
+from trocar.services.mechanics.rod.model import allocate_work, build_model
+from trocar.services.mechanics.rod.twist import (
     add_frame_forces,
     build_twist_model,
     frame_task,
     twist_energy,
     update_frame,
 )
-from studies.published.rods import example_rod
+from trocar.studies.published.rods import example_rod
 
 N = 10
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from services.mechanics.rod import (
+from tests.by_day import by_day
+from trocar.services.mechanics.rod import (
     ImplicitIntegrator,
     Introducer,
     Supports,
@@ -11,10 +12,9 @@ from services.mechanics.rod import (
     rod_energy,
     straight_rod,
 )
-from services.mechanics.rod.model import build_model
-from studies.published.rods import EI, example_rod
-from studies.rod_forces import internal_forces
-from tests.by_day import by_day
+from trocar.services.mechanics.rod.model import build_model
+from trocar.studies.published.rods import EI, example_rod
+from trocar.studies.rod_forces import internal_forces
 
 X = (1.0, 0.0, 0.0)
 INTRODUCER = ((0.0, 0.0, 0.0), (0.03, 0.0, 0.0))

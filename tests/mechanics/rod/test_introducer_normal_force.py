@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from services.mechanics.rod import ImplicitIntegrator, Introducer, Supports, straight_rod
-from services.mechanics.rod.introducer_normal_force import introducer_normal_force
-from services.mechanics.rod.introducer_passage import find_passage
-from studies.published.rods import DAMPED, X, example_rod, step_to_rest
+from trocar.services.mechanics.rod import ImplicitIntegrator, Introducer, Supports, straight_rod
+from trocar.services.mechanics.rod.introducer_normal_force import introducer_normal_force
+from trocar.services.mechanics.rod.introducer_passage import find_passage
+from trocar.studies.published.rods import DAMPED, X, example_rod, step_to_rest
 
 EXIT_M, BEARING_M, FREE_M, LOAD_N = 0.04, 8e-3, 0.03, 1e-3
 SHIFTS = (0.0, 0.2, 0.4, 0.6, 0.8)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from services.mechanics.rod import Supports, build_integrator, initial_frame, straight_rod
-from studies.published.rods import example_rod
+from trocar.services.mechanics.rod import Supports, build_integrator, initial_frame, straight_rod
+from trocar.studies.published.rods import example_rod
 
 STEPS = 100
 

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from services.mechanics.rod import (
+from trocar.services.mechanics.rod import (
     Introducer,
     RodProperties,
     RoundTube,
@@ -12,7 +12,7 @@ from services.mechanics.rod import (
     rod_along,
     straight_rod,
 )
-from studies.published.rods import example_rod
+from trocar.studies.published.rods import example_rod
 
 
 @pytest.mark.parametrize(("outer_mm", "inner_mm", "EI_n_mm2"), [(1.33, 0.8, 13.0), (1.67, 1.0, 33.0)])

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from services.mechanics.rod import (
+from tests.by_day import by_day
+from trocar.services.mechanics.rod import (
     ImplicitIntegrator,
     SemiImplicitIntegrator,
     Supports,
@@ -11,9 +12,8 @@ from services.mechanics.rod import (
     rod_energy,
     straight_rod,
 )
-from services.mechanics.rod.semi_implicit import _predict
-from studies.published.rods import example_rod
-from tests.by_day import by_day
+from trocar.services.mechanics.rod.semi_implicit import _predict
+from trocar.studies.published.rods import example_rod
 
 X = (1.0, 0.0, 0.0)
 NO_LOAD = np.zeros((51, 3))

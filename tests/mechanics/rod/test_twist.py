@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics.rod import (
+from trocar.services.mechanics.rod import (
     ImplicitIntegrator,
     RodState,
     RoundTube,
@@ -17,8 +17,8 @@ from services.mechanics.rod import (
     roll,
     straight_rod,
 )
-from services.mechanics.rod.twist import add_frame_forces
-from studies.published.rods import (
+from trocar.services.mechanics.rod.twist import add_frame_forces
+from trocar.studies.published.rods import (
     EI,
     GJ,
     LENGTH_M,

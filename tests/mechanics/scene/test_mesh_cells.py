@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from services.mechanics.scene import DuctScene
-from services.mechanics.scene.mesh_cells import MOST_NODES, MOST_NODES_ALL_PAIRS, accurate_cells
-from studies.accuracy.pinches import Pinch, full_model
 from tests.by_day import by_day
+from trocar.services.mechanics.scene import DuctScene
+from trocar.services.mechanics.scene.mesh_cells import MOST_NODES, MOST_NODES_ALL_PAIRS, accurate_cells
+from trocar.studies.accuracy.pinches import Pinch, full_model
 
 JAW_RADIUS_M = 1e-3
 DUCTS = {

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from services.mechanics.scene.minimum_jerk import minimum_jerk
+from trocar.services.mechanics.scene.minimum_jerk import minimum_jerk
 
 TIMES = np.array([1.0, 3.0, 4.0])
 VALUES = np.array([[0.0, 5.0], [0.1, 3.0], [-0.2, 3.0]])

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from services.mechanics.fem import ElementChoice, ShellModel, Support, clamp, pressure_load
-from services.mechanics.fem.frames import local_frames
-from services.mechanics.fem.section import plane_stress_matrices
-from services.mechanics.scene.tissue import TISSUES, Quantity, tissue
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.mechanics.fem import ElementChoice, ShellModel, Support, clamp, pressure_load
+from trocar.services.mechanics.fem.frames import local_frames
+from trocar.services.mechanics.fem.section import plane_stress_matrices
+from trocar.services.mechanics.scene.tissue import TISSUES, Quantity, tissue
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 
 @pytest.mark.parametrize("name", TISSUES)

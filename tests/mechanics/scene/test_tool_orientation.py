@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from services.mechanics.bodies.forceps.kinematics import tool_frame
-from services.mechanics.scene.tool_orientation import tool_orientation
+from trocar.services.mechanics.bodies.forceps.kinematics import tool_frame
+from trocar.services.mechanics.scene.tool_orientation import tool_orientation
 
 PORT = np.array([0.06, -0.1, 0.13])
 

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.runtime.errors import ConfigError
-from services.scenes import load_duct, load_scene
-from studies.energy_book import EnergyBook, stored_energies_j
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.scenes import load_duct, load_scene
+from trocar.studies.energy_book import EnergyBook, stored_energies_j
 
 pytestmark = pytest.mark.timeout(600)
 

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics import scenarios
-from services.mechanics.contact.holds import HoldRegistry
-from services.mechanics.effects.base import NoSettings
-from services.mechanics.effects.gallstones import GallstonesSettings
-from services.mechanics.effects.mucus_drag import MucusDragSettings
-from services.mechanics.effects.viscoelasticity import ViscoelasticitySettings
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from studies.energy_book import EnergyBook
+from trocar.services.mechanics import scenarios
+from trocar.services.mechanics.contact.holds import HoldRegistry
+from trocar.services.mechanics.effects.base import NoSettings
+from trocar.services.mechanics.effects.gallstones import GallstonesSettings
+from trocar.services.mechanics.effects.mucus_drag import MucusDragSettings
+from trocar.services.mechanics.effects.viscoelasticity import ViscoelasticitySettings
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.studies.energy_book import EnergyBook
 
 ON_TOP = {
     "viscoelasticity": ViscoelasticitySettings(),

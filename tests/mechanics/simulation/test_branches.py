@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from services.mechanics.effects.base import NoSettings
-from services.mechanics.effects.friction import FrictionSettings
-from services.mechanics.scene import CatheterScene, CatheterSection, DriveScene, DuctScene, SceneModel
-from services.mechanics.scene.duct_branch import DuctBranch
-from services.mechanics.scene.duct_tubes import duct_tubes
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.scene_catheter import place_catheter
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from services.mechanics.surface.centreline import centrelines
-from services.meshes.branching import load_branching
-from services.tube_paths import TubePaths
+from trocar.services.mechanics.effects.base import NoSettings
+from trocar.services.mechanics.effects.friction import FrictionSettings
+from trocar.services.mechanics.scene import CatheterScene, CatheterSection, DriveScene, DuctScene, SceneModel
+from trocar.services.mechanics.scene.duct_branch import DuctBranch
+from trocar.services.mechanics.scene.duct_tubes import duct_tubes
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.scene_catheter import place_catheter
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.services.mechanics.surface.centreline import centrelines
+from trocar.services.meshes.branching import load_branching
+from trocar.services.tube_paths import TubePaths
 
 LENGTH_M = 0.12
 SCENE = SceneModel(

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics.effects import EFFECTS
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.duct_alone import DuctAlone
-from services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.services.mechanics.effects import EFFECTS
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.duct_alone import DuctAlone
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
 
 OF_WALL = [name for name, entry in EFFECTS.items() if entry.kind.of_wall]
 SETTINGS = {"gravity": {"on_duct": True}}

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE
-from services.mechanics.scene.tools import GraspHold, ToolInputs
-from services.mechanics.simulation import Simulation
+from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE
+from trocar.services.mechanics.scene.tools import GraspHold, ToolInputs
+from trocar.services.mechanics.simulation import Simulation
 
 PRESSING_M = (20e-3, 0.0, 15e-3 + 1.5e-3)
 AWAY_M = (60e-3, 0.0, 60e-3)

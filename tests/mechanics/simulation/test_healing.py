@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.healing import AGAIN, MOST_STRETCH
-from studies.energy_book import EnergyBook
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.healing import AGAIN, MOST_STRETCH
+from trocar.studies.energy_book import EnergyBook
 
 PRESSING_M = (20e-3, 0.0, 15e-3 + 1.5e-3)
 AWAY_M = (60e-3, 0.0, 60e-3)

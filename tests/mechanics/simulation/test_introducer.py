@@ -6,15 +6,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from services.mechanics import scenarios
-from services.mechanics.bodies.catheter import build_introducer, rod_supports
-from services.mechanics.contact.laws import number_of
-from services.mechanics.scenarios import PlayedScene, ToolMotion
-from services.mechanics.scene import CatheterScene
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from studies.energy_book import EnergyBook
+from trocar.services.mechanics import scenarios
+from trocar.services.mechanics.bodies.catheter import build_introducer, rod_supports
+from trocar.services.mechanics.contact.laws import number_of
+from trocar.services.mechanics.scenarios import PlayedScene, ToolMotion
+from trocar.services.mechanics.scene import CatheterScene
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.studies.energy_book import EnergyBook
 
 # Where the middle of the jaws is, in mm, at times in s: the catheter is grasped and carried to the mouth.
 PICK = ((0.0, (72, 1.5, 12)), (0.25, (72, 1.5, 0)), (0.5, (72, 1.5, 0)), (0.8, (68, 0, 0)), (1.0, (66, 0, 0)))

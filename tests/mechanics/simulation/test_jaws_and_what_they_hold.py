@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, SHAFT
-from services.mechanics.scenarios import PlayedScene, ToolMotion, insertion_scene
-from services.mechanics.scene.tools import GraspHold, ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from studies.energy_book import EnergyBook
-from studies.stability.criteria import CRITERIA
 from tests.mechanics.trajectories.cases import CASES
+from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, SHAFT
+from trocar.services.mechanics.scenarios import PlayedScene, ToolMotion, insertion_scene
+from trocar.services.mechanics.scene.tools import GraspHold, ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.studies.energy_book import EnergyBook
+from trocar.studies.stability.criteria import CRITERIA
 
 PINCHED = 1000
 HALF_WALL = 0.5

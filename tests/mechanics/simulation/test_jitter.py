@@ -11,12 +11,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics import scenarios
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from services.runtime.loop import LoopMeter, TickClock
-from studies.stability.situations import without_friction
+from trocar.services.mechanics import scenarios
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.services.runtime.loop import LoopMeter, TickClock
+from trocar.studies.stability.situations import without_friction
 
 TICKS = 2100  # the hand has come to rest 200 ms before
 TOLERANCE_M = 10e-6  # without friction, where 0.4 um were seen

@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics.collision.pairs import CATHETER_SEGMENT
-from services.mechanics.contact.laws import HAS_GAP
-from services.mechanics.effects.base import NoSettings
-from services.mechanics.effects.friction import FrictionSettings
-from services.mechanics.scenarios import PlayedScene, ToolMotion
-from services.mechanics.scene.tools import GraspHold, ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from studies.energy_book import EnergyBook
-from studies.jaw_moment import JawMoment
 from tests.by_day import by_day
+from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT
+from trocar.services.mechanics.contact.laws import HAS_GAP
+from trocar.services.mechanics.effects.base import NoSettings
+from trocar.services.mechanics.effects.friction import FrictionSettings
+from trocar.services.mechanics.scenarios import PlayedScene, ToolMotion
+from trocar.services.mechanics.scene.tools import GraspHold, ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.studies.energy_book import EnergyBook
+from trocar.studies.jaw_moment import JawMoment
 
 TOOL, DT_S = 1, 1e-3
 TICKS, SHUT, OPENS = 1100, slice(620, 790), 800

@@ -7,17 +7,17 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from services.mechanics.collision.candidates import SAME_POINT
-from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL
-from services.mechanics.contact.identity import TARGET, TARGET_KIND, part_of
-from services.mechanics.contact.price import MAX_NEW_ROWS, VIOLATION_SPACING, piece_of
-from services.mechanics.contact.working_set import N_TOOL_PIECES
-from services.mechanics.scene import QualityLevel
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation, step_solver
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from studies.judge.closest import point_triangle, segment_triangle
-from studies.judge.overlaps import OverlapJudge
+from trocar.services.mechanics.collision.candidates import SAME_POINT
+from trocar.services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL
+from trocar.services.mechanics.contact.identity import TARGET, TARGET_KIND, part_of
+from trocar.services.mechanics.contact.price import MAX_NEW_ROWS, VIOLATION_SPACING, piece_of
+from trocar.services.mechanics.contact.working_set import N_TOOL_PIECES
+from trocar.services.mechanics.scene import QualityLevel
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation, step_solver
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.studies.judge.closest import point_triangle, segment_triangle
+from trocar.studies.judge.overlaps import OverlapJudge
 
 SLACK_M, TICKS, DEEPEST_M = 1e-8, 60, 40e-6
 

@@ -3,9 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics.scene import QualityLevel
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
+from trocar.services.mechanics.scene import QualityLevel
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
 
 
 @pytest.fixture

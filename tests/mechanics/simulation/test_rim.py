@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from test_introducer import PEAK, PICK, hands, run
 
-from services.mechanics import scenarios
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.scene_duct import build_scene_duct
 from tests.by_day import by_day
+from trocar.services.mechanics import scenarios
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
 
 START = np.array([66.0, 0.0, 0.0])  # of the hand, with the tip just within the mouth; mm
 

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics.bodies import catheter as catheter_body
-from services.mechanics.rod.implicit import ImplicitIntegrator
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.duct_alone import DuctAlone
 from tests.instructions import instructions
+from trocar.services.mechanics.bodies import catheter as catheter_body
+from trocar.services.mechanics.rod.implicit import ImplicitIntegrator
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.duct_alone import DuctAlone
 
 
 def test_sleeping_catheter_costs_its_motion_nothing_and_wakes_without_a_jump(with_effects, small_duct):

@@ -7,13 +7,13 @@ from collections import deque
 import numpy as np
 import pytest
 
-from services.cache_directory import cache_directory
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.snapshot import Snapshot
-from services.scenes import load_duct, load_scene
-from services.scenes.hands import hands_of
 from tests.physics.conftest import SMALL
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.snapshot import Snapshot
+from trocar.services.scenes import load_duct, load_scene
+from trocar.services.scenes.hands import hands_of
 
 EVERY_EFFECT = (
     "effects={gravity: {}, friction: {}, grasp_slip: {}, twist: {}, viscoelasticity: {}, mucus_drag: {},"
@@ -53,7 +53,7 @@ def test_lists_dictionaries_and_words_that_were_replaced_or_changed_come_back() 
     class Part:
         __slots__ = ("kept", "number")
 
-    Part.__module__ = "services.mechanics.part"
+    Part.__module__ = "trocar.services.mechanics.part"
     part, array, constant = Part(), np.arange(3.0), np.zeros(2)
     part.kept, part.number = {"a": [1, array], "q": deque([1]), "c": constant}, 1
     snapshot = Snapshot(part, (constant,))

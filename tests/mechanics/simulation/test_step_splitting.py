@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from services.mechanics.collision.candidate_list import LOOK_AHEAD_M
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.step_splitting import SLOW_M
+from trocar.services.mechanics.collision.candidate_list import LOOK_AHEAD_M
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.step_splitting import SLOW_M
 
 BIT_M = 1e-6
 

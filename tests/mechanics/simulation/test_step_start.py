@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics.collision.candidate_list import LOOK_AHEAD_M
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from studies.judge.overlaps import OverlapJudge
-from studies.stability.drive import reduced_duct
-from studies.stability.families.abuse import KINDS
-from studies.stability.finely import contact_forces_n
-from studies.stability.situations import beside
+from trocar.services.mechanics.collision.candidate_list import LOOK_AHEAD_M
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.studies.judge.overlaps import OverlapJudge
+from trocar.studies.stability.drive import reduced_duct
+from trocar.studies.stability.families.abuse import KINDS
+from trocar.studies.stability.finely import contact_forces_n
+from trocar.studies.stability.situations import beside
 
 LEAVES, RETURNS = 300, 330
 ROUNDING = 1e-10

@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from services.mechanics.bodies.forceps.kinematics import N_SEGMENTS
-from services.mechanics.collision.candidates import Candidates, candidates_at
-from services.mechanics.collision.pairs import JAW_A, NO_TOOL, ContactPairs, pairs_at
-from services.mechanics.compiled import building_kernel
-from services.mechanics.contact.engagement import engage_tools
-from services.mechanics.contact.geometry import geometry_at
-from services.mechanics.contact.laws import HAS_GAP
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from studies.stability.situations import LEAD_STEPS, threaded, with_duct
+from trocar.services.mechanics.bodies.forceps.kinematics import N_SEGMENTS
+from trocar.services.mechanics.collision.candidates import Candidates, candidates_at
+from trocar.services.mechanics.collision.pairs import JAW_A, NO_TOOL, ContactPairs, pairs_at
+from trocar.services.mechanics.compiled import building_kernel
+from trocar.services.mechanics.contact.engagement import engage_tools
+from trocar.services.mechanics.contact.geometry import geometry_at
+from trocar.services.mechanics.contact.laws import HAS_GAP
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.studies.stability.situations import LEAD_STEPS, threaded, with_duct
 
 THICKNESS_M = 8e-6
 

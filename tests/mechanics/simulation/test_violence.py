@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from services.mechanics import scenarios
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.healing import MOST_STRETCH
-from services.mechanics.simulation.scene_duct import build_scene_duct
 from tests.by_day import by_day
+from trocar.services.mechanics import scenarios
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.healing import MOST_STRETCH
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
 
 BEGIN_S, TICKS, LEAVE = 1.95, 1500, 400
 SCENARIO = scenarios.insertion()

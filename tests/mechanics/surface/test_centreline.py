@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from services.mechanics.scene import DuctScene
-from services.mechanics.scene.duct_branch import DuctBranch
-from services.mechanics.scene.duct_tubes import duct_tubes
-from services.mechanics.surface.centreline import centrelines
-from services.mechanics.surface.mesh import TriangleMesh, smallest_angles_rad
-from services.meshes.branching import branching_mesh
-from services.meshes.errors import MeshError
-from services.tube_paths import TubePaths
+from trocar.services.mechanics.scene import DuctScene
+from trocar.services.mechanics.scene.duct_branch import DuctBranch
+from trocar.services.mechanics.scene.duct_tubes import duct_tubes
+from trocar.services.mechanics.surface.centreline import centrelines
+from trocar.services.mechanics.surface.mesh import TriangleMesh, smallest_angles_rad
+from trocar.services.meshes.branching import branching_mesh
+from trocar.services.meshes.errors import MeshError
+from trocar.services.tube_paths import TubePaths
 
 POCKET = {"at_m": 15e-3, "angle_rad": 1.3, "azimuth_rad": 0.5 * np.pi, "radius_m": 2.5e-3, "length_m": 14e-3}
 BRANCHES = (

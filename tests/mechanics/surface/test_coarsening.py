@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from services.mechanics.surface.coarsening import coarsened
-from services.mechanics.surface.mesh import (
+from trocar.services.mechanics.surface.coarsening import coarsened
+from trocar.services.mechanics.surface.mesh import (
     TriangleMesh,
     boundary_loops,
     smallest_angles_rad,
@@ -12,7 +12,7 @@ from services.mechanics.surface.mesh import (
     unique_edges,
     vertex_normals,
 )
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 
 @pytest.mark.parametrize(("n_around", "n_along"), [(56, 56), (40, 90), (30, 31)])

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from services.mechanics.surface.cyclic_symmetry import find_cyclic_symmetry, turned_about_x
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.mechanics.surface.cyclic_symmetry import find_cyclic_symmetry, turned_about_x
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 STRAIGHT = DuctGeometry(4e-3, 40e-3, 18, 11)
 

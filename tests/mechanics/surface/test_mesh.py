@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from services.mechanics.surface.mesh import (
+from trocar.services.mechanics.surface.mesh import (
     TriangleMesh,
     boundary_loops,
     triangle_areas_m2,
@@ -13,7 +13,7 @@ from services.mechanics.surface.mesh import (
     vertex_components,
     vertex_normals,
 )
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 TUBE = parametric_duct(DuctGeometry(4e-3, 40e-3, 16, 12))
 SQUARE = TriangleMesh(np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), np.array([[0, 1, 2], [0, 2, 3]]))

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from services.mechanics.surface.mesh import triangle_area_vectors, unique_edges
-from studies.published.panel import Annulus, Cylinder, Plate, Sphere
+from trocar.services.mechanics.surface.mesh import triangle_area_vectors, unique_edges
+from trocar.studies.published.panel import Annulus, Cylinder, Plate, Sphere
 
 QUARTER = 0.5 * math.pi
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from services.mechanics.surface.mesh import boundary_loops
-from services.mechanics.surface.rim_caps import fill_rim
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.mechanics.surface.mesh import boundary_loops
+from trocar.services.mechanics.surface.rim_caps import fill_rim
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 RADIUS_M = 4e-3
 

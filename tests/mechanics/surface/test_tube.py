@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.mechanics.surface.mesh import boundary_loops, half_edges, triangle_area_vectors, triangle_areas_m2
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.mechanics.surface.mesh import boundary_loops, half_edges, triangle_area_vectors, triangle_areas_m2
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 R, L = 4e-3, 40e-3
 

@@ -8,7 +8,7 @@ Record only what is meant to have changed, and say in the commit what and why.
 
 from __future__ import annotations
 
-import services.runtime  # noqa: F401  before numpy: it keeps the numerics libraries to one thread, as in the tests
+import trocar.services.entry  # noqa: F401  first of all: kernels and threads as in a process of the rig
 
 # isort: split
 import os

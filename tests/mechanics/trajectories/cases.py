@@ -13,15 +13,15 @@ from pathlib import Path
 
 import numpy as np
 
-from services.mechanics.effects import EFFECTS as TABLE
-from services.mechanics.effects.base import NoSettings
-from services.mechanics.effects.friction import FrictionSettings
-from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.scenarios import PlayedScene, ToolMotion, insertion
-from services.mechanics.scene import SceneModel
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from services.scenes import load_duct, load_scene
+from trocar.services.mechanics.effects import EFFECTS as TABLE
+from trocar.services.mechanics.effects.base import NoSettings
+from trocar.services.mechanics.effects.friction import FrictionSettings
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.scenarios import PlayedScene, ToolMotion, insertion
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.services.scenes import load_duct, load_scene
 
 TICKS = 3000
 DT_S = 1e-3

@@ -11,8 +11,8 @@ import llvmlite.binding as llvm
 import numpy as np
 import numpy.typing as npt
 
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
 
 from .cases import DT_S, TICKS, Case
 

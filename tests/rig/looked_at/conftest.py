@@ -22,9 +22,6 @@ import httpx
 import pytest
 import yaml
 
-from services.cli.attempt import run_order
-from services.runtime.rig import Transport
-from services.supervisor.page_place import page_file
 from tests.chromium import Chromium
 from tests.monitoring.exporter import FOLDER, RULES
 from tests.obeyed import until_obeyed
@@ -33,6 +30,9 @@ from tests.ports import free_port
 from tests.rig.conftest import Rig, running_rig
 from tests.rig.course import Course, hands
 from tests.with_us import with_us
+from trocar.services.cli.attempt import run_order
+from trocar.services.runtime.rig import Transport
+from trocar.services.supervisor.page_place import page_file
 
 PROMETHEUS = shutil.which("prometheus")
 WINDOW_S = 1.0

@@ -15,10 +15,10 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
-from services.runtime.rig import Transport
-from services.runtime.zmq_bus import ZmqBus
 from tests.patience import PATIENCE_S
 from tests.rig.conftest import Rig
+from trocar.services.runtime.rig import Transport
+from trocar.services.runtime.zmq_bus import ZmqBus
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(900)]
 

@@ -17,15 +17,15 @@ from typing import Any
 import httpx
 import pytest
 
-from protocol.bodies import Health, Stall
-from services.runtime.rig import Transport
-from services.supervisor.page_place import page_file
 from tests import chromium
 from tests.chromium import Chromium
 from tests.page.orders import order
 from tests.patience import PATIENCE_S
 from tests.rig.conftest import Rig
 from tests.rig.looked_at.conftest import WINDOW_S
+from trocar.protocol.bodies import Health, Stall
+from trocar.services.runtime.rig import Transport
+from trocar.services.supervisor.page_place import page_file
 
 pytestmark = [
     pytest.mark.rig,

@@ -15,11 +15,11 @@ from typing import Any
 import httpx
 import pytest
 
-from review.classroom import watch
-from review.classroom.app import Classroom, build_app
 from tests.patience import PATIENCE_S
 from tests.review.class_of_pages import TOKEN, rigs, served, until, write_roll
 from tests.rig.conftest import Rig
+from trocar.review.classroom import watch
+from trocar.review.classroom.app import Classroom, build_app
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(900)]
 _WITH = {"X-Trocar-Token": TOKEN}

@@ -10,12 +10,12 @@ import math
 import numpy as np
 import pytest
 
-from services.cache_directory import cache_directory
-from services.mechanics.scenarios import insertion
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from studies.feel.tracking import WITHIN, compare, find_pinch
 from tests.rig.conftest import Rig, end
 from tests.rig.course import DEEPEST_M, FORCE_STEP_N, Course
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.scenarios import insertion
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.studies.feel.tracking import WITHIN, compare, find_pinch
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(600)]
 

@@ -12,14 +12,14 @@ import signal
 
 import pytest
 
-from protocol.bodies import GatewayState
-from services.cli.arm import page_address, run_command, state_at
-from services.cli.attempt import run_order
-from services.runtime.config import load_rig
 from tests.obeyed import until_obeyed
 from tests.patience import PATIENCE_S
 from tests.rig.conftest import Rig
 from tests.rig.faults import FAULTS, drives_of, engage, force_n, force_rates_n_s, rate_limit_n_s, strike
+from trocar.protocol.bodies import GatewayState
+from trocar.services.cli.arm import page_address, run_command, state_at
+from trocar.services.cli.attempt import run_order
+from trocar.services.runtime.config import load_rig
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(600)]
 

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import pytest
 
-from services.supervisor.processes import TABLE
 from tests.patience import PATIENCE_S
 from tests.rig.conftest import Rig
 from tests.rig.faults import engage, force_n, force_rates_n_s, rate_limit_n_s
 from tests.rig.pressing.conftest import TIMEOUT_S
+from trocar.services.supervisor.processes import TABLE
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(600)]
 
@@ -43,7 +43,7 @@ def test_without_its_supervisor_the_rig_lets_go_and_waits_until_somebody_ends_it
     _assert_hands_are_let_go(rig, killed_ns)
     assert all(Path(f"/proc/{pid}").exists() for pid in before.values())
 
-    down = [sys.executable, "-c", "from services.cli.app import main; main()", "down", "--json"]
+    down = [sys.executable, "-c", "from trocar.services.cli.app import main; main()", "down", "--json"]
     command = [*down, "--set", f"transport.directory={rig.directory / 'bus'}"]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
     assert all(name in ended.stdout for name in before)

@@ -6,8 +6,8 @@ import itertools
 
 import pytest
 
-from services.recordings.reader import read_frames
 from tests.rig.conftest import Rig
+from trocar.services.recordings.reader import read_frames
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(600)]
 

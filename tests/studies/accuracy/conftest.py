@@ -2,10 +2,10 @@
 
 import pytest
 
-from studies.accuracy.log import StudyLog
-from studies.accuracy.run import fill_costs, fill_errors, table
-from studies.accuracy.study import Draw, Size
-from studies.accuracy.workers import open_workers
+from trocar.studies.accuracy.log import StudyLog
+from trocar.studies.accuracy.run import fill_costs, fill_errors, table
+from trocar.studies.accuracy.study import Draw, Size
+from trocar.studies.accuracy.workers import open_workers
 
 SMALLEST = Draw(Size.SMALLEST, 1)
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from studies.accuracy.effect_pairs import COST, beyond_both, draw_matrices, effects_in, matrices, told_pairs
-from studies.accuracy.report import number
-from studies.accuracy.study import Cost, Row
+from trocar.studies.accuracy.effect_pairs import COST, beyond_both, draw_matrices, effects_in, matrices, told_pairs
+from trocar.studies.accuracy.report import number
+from trocar.studies.accuracy.study import Cost, Row
 
 NOISE_US = 2.0
 

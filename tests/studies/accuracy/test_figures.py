@@ -5,9 +5,9 @@ import itertools
 import pytest
 from matplotlib.transforms import Bbox
 
-from studies.accuracy.figures import draw_panels, open_figure
-from studies.accuracy.frontier import frontier
-from studies.accuracy.study import Cost, Row
+from trocar.studies.accuracy.figures import draw_panels, open_figure
+from trocar.studies.accuracy.frontier import frontier
+from trocar.studies.accuracy.study import Cost, Row
 
 
 def row(setting, error, us, series="one", quantity="force", *, is_known=True):

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 from conftest import SMALLEST
 
-from studies.accuracy.facts import Facts
-from studies.accuracy.figures import draw_study
-from studies.accuracy.frontier import frontier
-from studies.accuracy.page import Text, held_figure, write_page
-from studies.accuracy.report import page_of, slower_machine, write_report
-from studies.accuracy.sections import read_section, write_section
-from studies.accuracy.study import Cost, Row
-from studies.accuracy.sweeps import mesh, modes
-from studies.commands import study as command
-from studies.commands.study import write_results
 from tests import chromium
+from trocar.studies.accuracy.facts import Facts
+from trocar.studies.accuracy.figures import draw_study
+from trocar.studies.accuracy.frontier import frontier
+from trocar.studies.accuracy.page import Text, held_figure, write_page
+from trocar.studies.accuracy.report import page_of, slower_machine, write_report
+from trocar.studies.accuracy.sections import read_section, write_section
+from trocar.studies.accuracy.study import Cost, Row
+from trocar.studies.accuracy.sweeps import mesh, modes
+from trocar.studies.commands import study as command
+from trocar.studies.commands.study import write_results
 
 ROOT = Path(__file__).resolve().parents[3]
 

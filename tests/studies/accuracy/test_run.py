@@ -7,11 +7,11 @@ from types import SimpleNamespace
 import pytest
 from conftest import SMALLEST
 
-from studies.accuracy import costs, run
-from studies.accuracy.costs import FLOOR, TIMED_IN_A_ROW, measure_costs
-from studies.accuracy.frontier import frontier
-from studies.accuracy.log import StudyLog
-from studies.accuracy.study import Cost, Row, Setting
+from trocar.studies.accuracy import costs, run
+from trocar.studies.accuracy.costs import FLOOR, TIMED_IN_A_ROW, measure_costs
+from trocar.studies.accuracy.frontier import frontier
+from trocar.studies.accuracy.log import StudyLog
+from trocar.studies.accuracy.study import Cost, Row, Setting
 
 
 def row(setting, error, median_us, **kwargs):
@@ -160,7 +160,7 @@ def test_a_cluster_of_processes_computes_the_same(run_smallest, tmp_path):
 
 
 def test_a_scheduler_that_is_not_there_is_one_sentence(run_smallest, monkeypatch):
-    from studies.accuracy import workers
+    from trocar.studies.accuracy import workers
 
     monkeypatch.setattr(workers, "CONNECT_S", 0.5)
     with pytest.raises(ConnectionError, match=r"127\.0\.0\.1:1"):

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from conftest import SMALLEST
 
-from services.mechanics.bodies import catheter as catheter_body
-from services.mechanics.bodies.catheter import CatheterBody
-from services.mechanics.simulation import duct_alone
-from studies.accuracy.study import Setting
-from studies.accuracy.sweeps import sleeping
 from tests.instructions import instructions
+from trocar.services.mechanics.bodies import catheter as catheter_body
+from trocar.services.mechanics.bodies.catheter import CatheterBody
+from trocar.services.mechanics.simulation import duct_alone
+from trocar.studies.accuracy.study import Setting
+from trocar.studies.accuracy.sweeps import sleeping
 
 SETTINGS = {setting.name: setting for setting in sleeping.settings(SMALLEST)}
 BODIES = [setting for setting in SETTINGS.values() if setting.choices["sleeping"]]

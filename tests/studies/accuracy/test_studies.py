@@ -7,15 +7,15 @@ from itertools import combinations
 import pytest
 from conftest import SMALLEST
 
-from services.mechanics.effects import EFFECTS, go_together
-from services.mechanics.scenarios import insertion_scene
-from services.scenes import load_scene
-from studies.accuracy import pinches
-from studies.accuracy.frontier import frontier
-from studies.accuracy.report import findings_of
-from studies.accuracy.study import Cost, Draw, Row, Size, load_study, study_names
-from studies.accuracy.sweeps import default as study_default
-from studies.accuracy.sweeps import mesh, paper
+from trocar.services.mechanics.effects import EFFECTS, go_together
+from trocar.services.mechanics.scenarios import insertion_scene
+from trocar.services.scenes import load_scene
+from trocar.studies.accuracy import pinches
+from trocar.studies.accuracy.frontier import frontier
+from trocar.studies.accuracy.report import findings_of
+from trocar.studies.accuracy.study import Cost, Draw, Row, Size, load_study, study_names
+from trocar.studies.accuracy.sweeps import default as study_default
+from trocar.studies.accuracy.sweeps import mesh, paper
 
 WANTED = {
     "modes",

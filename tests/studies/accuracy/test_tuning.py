@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from services.cache_directory import cache_directory
-from services.cli.app import add_installed_verbs, app
-from services.mechanics.effects.mucus_drag import MucusDragSettings
-from services.mechanics.effects.self_contact import SelfContactSettings
-from services.mechanics.scenarios import insertion_scene
-from services.mechanics.scene import QualityLevel
-from services.runtime import config
-from services.runtime.errors import ConfigError
-from services.scenes import build_scene, load_duct, load_scene
-from studies.accuracy.study import Cost
-from studies.accuracy.trial import Errors, Run, Trial, errors_of
-from studies.accuracy.tuning import (
+from trocar.services.cache_directory import cache_directory
+from trocar.services.cli.app import add_installed_verbs, app
+from trocar.services.mechanics.effects.mucus_drag import MucusDragSettings
+from trocar.services.mechanics.effects.self_contact import SelfContactSettings
+from trocar.services.mechanics.scenarios import insertion_scene
+from trocar.services.mechanics.scene import QualityLevel
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import ConfigError
+from trocar.services.scenes import build_scene, load_duct, load_scene
+from trocar.studies.accuracy.study import Cost
+from trocar.studies.accuracy.trial import Errors, Run, Trial, errors_of
+from trocar.studies.accuracy.tuning import (
     Rung,
     Step,
     Tuned,
@@ -31,7 +31,7 @@ from studies.accuracy.tuning import (
     tune,
     worth_having,
 )
-from studies.commands.tune import Request, run_tune, tuned_text
+from trocar.studies.commands.tune import Request, run_tune, tuned_text
 
 ESSENTIAL = ("friction", "grasp_slip", "gravity")
 
@@ -270,7 +270,7 @@ def test_longer_steps_are_on_the_ladder_where_they_free_time():
 def test_the_command_prints_what_was_given_up_and_writes_the_scene(tmp_path, monkeypatch):
     made_up = MadeUp()
     made_up.take_part = lambda *_: None
-    monkeypatch.setattr("studies.commands.tune.CountedTrial", lambda tell, n_runs: made_up)
+    monkeypatch.setattr("trocar.studies.commands.tune.CountedTrial", lambda tell, n_runs: made_up)
     out = tmp_path / "tuned.yaml"
     add_installed_verbs()
     result = CliRunner().invoke(app, ["tune", "--scene", "pinch", "--budget-us", "1", "--out", str(out)])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from studies.feel.compare import (
+from trocar.studies.feel.compare import (
     GAIN_J,
     LAWS,
     TICK_S,
@@ -19,7 +19,7 @@ from studies.feel.compare import (
     rendered,
     stiffest_passive,
 )
-from studies.feel.laws import VISCOUS_N_S_M, Walls
+from trocar.studies.feel.laws import VISCOUS_N_S_M, Walls
 
 PREMIUM, RIG, SPRING = "phantom_premium_1_5", "the rig's, energy bounded", "a spring alone"
 EBA, TDPA, CHAI3D, OPENHAPTICS = (

@@ -10,8 +10,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from protocol.arrays import pack
-from protocol.bodies import (
+from trocar.protocol.arrays import pack
+from trocar.protocol.bodies import (
     Catheter,
     ContactForces,
     Duct,
@@ -20,25 +20,25 @@ from protocol.bodies import (
     PhysicsState,
     ToolReaction,
 )
-from protocol.bodies.physics import reaction_table
-from services.cache_directory import cache_directory
-from services.mechanics.bodies.forceps.kinematics import jaw_angle_from_handle
-from services.mechanics.reduction import ReducedDuct
-from services.mechanics.scenarios import insertion
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from services.runtime.errors import ConfigError, UserError
-from studies.commands.haptics import Request, read_running, run_haptics
-from studies.feel import measure
-from studies.feel.compare import Compared
-from studies.feel.hands import attack_servo, random_attack
-from studies.feel.hunt import Hunted
-from studies.feel.late import TICK_S, TOOLS, Late, Solved, answer_late, newest_answer
-from studies.feel.report import Felt, write_page
-from studies.feel.slow_hands import Slow
-from studies.feel.tracking import Apart, Pinched, Running, compare, find_pinch
-from studies.feel.virtual_wall import (
+from trocar.protocol.bodies.physics import reaction_table
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.bodies.forceps.kinematics import jaw_angle_from_handle
+from trocar.services.mechanics.reduction import ReducedDuct
+from trocar.services.mechanics.scenarios import insertion
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.services.runtime.errors import ConfigError, UserError
+from trocar.studies.commands.haptics import Request, read_running, run_haptics
+from trocar.studies.feel import measure
+from trocar.studies.feel.compare import Compared
+from trocar.studies.feel.hands import attack_servo, random_attack
+from trocar.studies.feel.hunt import Hunted
+from trocar.studies.feel.late import TICK_S, TOOLS, Late, Solved, answer_late, newest_answer
+from trocar.studies.feel.report import Felt, write_page
+from trocar.studies.feel.slow_hands import Slow
+from trocar.studies.feel.tracking import Apart, Pinched, Running, compare, find_pinch
+from trocar.studies.feel.virtual_wall import (
     VirtualWall,
     measured_passive_friction,
     measured_stable_stiffness,

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from services.mechanics.arrays import FloatArray
-from studies.feel.hunt import GENERATIONS, MASSES_KG, arm_of, hunt, hunt_pairs
-from studies.feel.search import search
-from studies.feel.slow_hands import WALLS_N_M, feel_walls
-from studies.feel.wall_hands import GAINED, LARGEST, MOVED, RANGES, books_of, decode
 from tests.by_day import by_day
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.studies.feel.hunt import GENERATIONS, MASSES_KG, arm_of, hunt, hunt_pairs
+from trocar.studies.feel.search import search
+from trocar.studies.feel.slow_hands import WALLS_N_M, feel_walls
+from trocar.studies.feel.wall_hands import GAINED, LARGEST, MOVED, RANGES, books_of, decode
 
 
 @pytest.mark.parametrize("wall_n_m", [300.0, 1000.0, 2000.0])

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from studies.feel.compare import TICK_S, TRIED_N_M, device_of, drawn_hands, stiffest_of
-from studies.feel.laws import VISCOUS_N_S_M, Walls
-from studies.feel.z_width import CASES, Damped, felt_shares, z_widths
+from trocar.studies.feel.compare import TICK_S, TRIED_N_M, device_of, drawn_hands, stiffest_of
+from trocar.studies.feel.laws import VISCOUS_N_S_M, Walls
+from trocar.studies.feel.z_width import CASES, Damped, felt_shares, z_widths
 
 PREMIUM = "phantom_premium_1_5"
 

@@ -8,7 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from studies.judge.closest import count_layers, nearest_triangles, point_triangle, segment_segment, segment_triangle
+from trocar.studies.judge.closest import (
+    count_layers,
+    nearest_triangles,
+    point_triangle,
+    segment_segment,
+    segment_triangle,
+)
 
 NUMBERS = st.floats(-1.0, 1.0, allow_subnormal=False).map(lambda x: round(x, 3))
 POINTS = arrays(np.float64, (5, 3), elements=NUMBERS)

@@ -9,13 +9,13 @@ import ipctk
 import numpy as np
 import pytest
 
-from services.mechanics.effects.gallstones import GallstonesSettings
-from services.mechanics.effects.self_contact import SelfContactSettings
-from services.mechanics.scenarios import insertion, insertion_scene
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.scene_duct import build_scene_duct
-from studies.judge.overlaps import OverlapJudge, pose_tools
+from trocar.services.mechanics.effects.gallstones import GallstonesSettings
+from trocar.services.mechanics.effects.self_contact import SelfContactSettings
+from trocar.services.mechanics.scenarios import insertion, insertion_scene
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
+from trocar.studies.judge.overlaps import OverlapJudge, pose_tools
 
 RADIUS_M, HALF_WALL_M = 4e-3, 0.5e-3
 
@@ -71,7 +71,7 @@ def test_jaws_that_leave_the_wall_half_its_room_have_squeezed_the_rest_away(
     simulation: Simulation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tools, poses = simulation.tools, simulation.tools.segments.copy()
-    monkeypatch.setattr("studies.judge.overlaps.pose_tools", lambda _, out: out.__setitem__(slice(None), poses))
+    monkeypatch.setattr("trocar.studies.judge.overlaps.pose_tools", lambda _, out: out.__setitem__(slice(None), poses))
     tools.present[:], tools.disengaged[:] = (False, True), False
     top_m, radius_m = RADIUS_M, float(tools.radius_m[1, 1])
     for jaw, side in ((1, 1.0), (2, -1.0)):

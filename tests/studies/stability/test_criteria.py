@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from studies.stability.criteria import CRITERIA, failures, load_of
+from trocar.studies.stability.criteria import CRITERIA, failures, load_of
 
 
 def test_a_figure_beyond_its_limit_fails_and_one_that_is_not_asked_for_does_not():

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from studies.stability.crossings import count_crossings
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.studies.stability.crossings import count_crossings
 
 TUBE = parametric_duct(DuctGeometry(4e-3, 40e-3, 12, 14))
 

@@ -2,11 +2,11 @@
 
 import pytest
 
-from studies.stability.families import FAMILIES
-from studies.stability.family import Reach
-from studies.stability.report import shown
-from studies.stability.suite import Order, list_cases, run_case
 from tests.by_day import by_day
+from trocar.studies.stability.families import FAMILIES
+from trocar.studies.stability.family import Reach
+from trocar.studies.stability.report import shown
+from trocar.studies.stability.suite import Order, list_cases, run_case
 
 pytestmark = pytest.mark.timeout(600)  # one wall learns from the nonlinear shell first
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from services.mechanics.scene.tools import ToolInputs
-from studies.stability.hands import least_jerk, still
-from studies.stability.strokes import at_step
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.studies.stability.hands import least_jerk, still
+from trocar.studies.stability.strokes import at_step
 
 HERE = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import pytest
 
-from services.mechanics.effects.base import NoSettings
-from studies.stability.drive import drive
-from studies.stability.families.probing import cases as probing
-from studies.stability.family import Draw, Reach
-from studies.stability.situations import with_catheter, with_effects
-from studies.stability.suite import Order, run_case
+from trocar.services.mechanics.effects.base import NoSettings
+from trocar.studies.stability.drive import drive
+from trocar.studies.stability.families.probing import cases as probing
+from trocar.studies.stability.family import Draw, Reach
+from trocar.studies.stability.situations import with_catheter, with_effects
+from trocar.studies.stability.suite import Order, run_case
 
 pytestmark = [pytest.mark.long, pytest.mark.timeout(600)]
 
@@ -69,7 +69,7 @@ def test_it_gains_nothing(seed, family, case, before):
 )
 def test_a_catheter_with_twist_or_a_clamp_gains_nothing_either(case, change, before, monkeypatch):
     """What contact forces gave back as they fell off was taken out of plain ones in an introducer only."""
-    monkeypatch.setattr("studies.stability.family.drive", lambda play: play)
+    monkeypatch.setattr("trocar.studies.stability.family.drive", lambda play: play)
     (play,) = [each.run() for each in probing(Draw(Reach.LONG, 1)) if each.name == case]
     assert drive(replace(play, scene=change(play.scene))).figures["gain"] < 0.01 * before
 

@@ -4,10 +4,10 @@ from dataclasses import asdict, replace
 
 import pytest
 
-from studies.stability.families import FAMILIES
-from studies.stability.family import Draw, Reach
-from studies.stability.report import changes, page
-from studies.stability.suite import Log, Order, Result, by_turns, list_cases, run_suite
+from trocar.studies.stability.families import FAMILIES
+from trocar.studies.stability.family import Draw, Reach
+from trocar.studies.stability.report import changes, page
+from trocar.studies.stability.suite import Log, Order, Result, by_turns, list_cases, run_suite
 
 LONG = Order(Reach.LONG, 1, tuple(FAMILIES))
 THEORY = Order(Reach.QUICK, 1, ("theory",))

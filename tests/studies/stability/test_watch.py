@@ -5,19 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics.bodies.catheter import initial_state, rod_properties
-from services.mechanics.contact.laws import HAS_GAP
-from services.mechanics.reduction import ModalState, Newmark
-from services.mechanics.rod import Supports, build_integrator
-from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
-from studies.energy_book import EnergyBook
-from studies.stability import finely
-from studies.stability.criteria import CRITERIA, REST_S, failures
-from studies.stability.drive import Play, catheter_settling_s, drive, reduced_duct, wall_settling_s
-from studies.stability.hands import least_jerk
-from studies.stability.situations import LEAD_STEPS, beside, threaded
-from studies.stability.watch import Watch
+from trocar.services.mechanics.bodies.catheter import initial_state, rod_properties
+from trocar.services.mechanics.contact.laws import HAS_GAP
+from trocar.services.mechanics.reduction import ModalState, Newmark
+from trocar.services.mechanics.rod import Supports, build_integrator
+from trocar.services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.simulation import Simulation
+from trocar.studies.energy_book import EnergyBook
+from trocar.studies.stability import finely
+from trocar.studies.stability.criteria import CRITERIA, REST_S, failures
+from trocar.studies.stability.drive import Play, catheter_settling_s, drive, reduced_duct, wall_settling_s
+from trocar.studies.stability.hands import least_jerk
+from trocar.studies.stability.situations import LEAD_STEPS, beside, threaded
+from trocar.studies.stability.watch import Watch
 
 
 def run(before_step):

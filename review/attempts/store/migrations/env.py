@@ -1,8 +1,8 @@
-"""How alembic reaches the store: over the connection that `review.attempts.store.attempts` hands it."""
+"""How alembic reaches the store: over the connection that `trocar.review.attempts.store.attempts` hands it."""
 
 from alembic import context
 
-from review.attempts.store.tables import Base
+from trocar.review.attempts.store.tables import Base
 
 connection = context.config.attributes["connection"]
 context.configure(connection=connection, target_metadata=Base.metadata, render_as_batch=True)

@@ -8,13 +8,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, JAW_B, ContactPairs, pairs_at
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address
-from services.mechanics.scene import CatheterScene, ForcepsScene
-from services.mechanics.scene.tools import N_TOOLS, GraspHold
-from services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.collision.pairs import (
+    CATHETER_SEGMENT,
+    DUCT_TRIANGLE,
+    JAW_A,
+    JAW_B,
+    ContactPairs,
+    pairs_at,
+)
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address
+from trocar.services.mechanics.scene import CatheterScene, ForcepsScene
+from trocar.services.mechanics.scene.tools import N_TOOLS, GraspHold
+from trocar.services.mechanics.surface.mesh import TriangleMesh
 
 GRASP_GAP_M = 0.1e-3
 

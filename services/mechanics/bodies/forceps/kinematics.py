@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.collision.pairs import JAW_A, JAW_B, SHAFT
-from services.mechanics.compiled import inlined_kernel
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.collision.pairs import JAW_A, JAW_B, SHAFT
+from trocar.services.mechanics.compiled import inlined_kernel
 
 N_SEGMENTS = 3
 N_COORDINATES = 4  # J and the opening angle

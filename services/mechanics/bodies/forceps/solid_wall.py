@@ -24,11 +24,11 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.bodies.forceps.kinematics import N_CELLS
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Struct
-from services.mechanics.scene.tools import N_TOOLS
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.bodies.forceps.kinematics import N_CELLS
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.struct import Struct
+from trocar.services.mechanics.scene.tools import N_TOOLS
 
 _MAX_STRAIN = 1.0 - 1e-9  # keeps the stored energy finite where something else shuts the jaws
 

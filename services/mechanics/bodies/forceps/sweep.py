@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.vectors import cross, unit
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.vectors import cross, unit
 
 # Instruments of bariatric surgery, the longest there are, have 0.45 m of shaft; J is no further from the port.
 LONGEST_SHAFT_M = 0.5

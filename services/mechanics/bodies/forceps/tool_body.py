@@ -7,13 +7,19 @@ from typing import Annotated
 
 import numpy as np
 
-from services.mechanics.arrays import AnyArray, BoolArray, FloatArray
-from services.mechanics.bodies.forceps.kinematics import N_CELLS, N_COORDINATES, N_SEGMENTS, tool_frame, tool_segments
-from services.mechanics.bodies.forceps.sweep import FASTEST_HAND_M_S, LONGEST_SHAFT_M, sweep
-from services.mechanics.compiled import inlined_kernel, kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.scene import ForcepsScene, ToolScene
-from services.mechanics.scene.tools import N_TOOLS, ToolInputs
+from trocar.services.mechanics.arrays import AnyArray, BoolArray, FloatArray
+from trocar.services.mechanics.bodies.forceps.kinematics import (
+    N_CELLS,
+    N_COORDINATES,
+    N_SEGMENTS,
+    tool_frame,
+    tool_segments,
+)
+from trocar.services.mechanics.bodies.forceps.sweep import FASTEST_HAND_M_S, LONGEST_SHAFT_M, sweep
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
+from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.scene import ForcepsScene, ToolScene
+from trocar.services.mechanics.scene.tools import N_TOOLS, ToolInputs
 
 # How long a tool with invalid input stays where it was: the lifetime of a local force model at the hand.
 LONGEST_UNSOUND_S = 20e-3

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Literal
 
-from services.mechanics.fem.elements import andes, cst, dkmt, dkt, tocher
-from services.mechanics.fem.elements.element import Element
+from trocar.services.mechanics.fem.elements import andes, cst, dkmt, dkt, tocher
+from trocar.services.mechanics.fem.elements.element import Element
 
 MEMBRANE_ELEMENTS: dict[str, Element] = {
     "cst": Element(cst.stiffness),

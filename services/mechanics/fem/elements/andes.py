@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem.triangle import signed_areas
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.fem.triangle import signed_areas
 
 ALPHA_B = 1.5
 BETA = np.array([1.0, 2.0, 1.0, 0.0, 1.0, -1.0, -1.0, -1.0, -2.0])

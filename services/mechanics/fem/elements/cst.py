@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem.triangle import shape_gradients, signed_areas
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.fem.triangle import shape_gradients, signed_areas
 
 DRILLING_PENALTY = 1e-3
 """Fictitious drilling stiffness relative to the in-plane shear rigidity."""

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem.elements.dkt import MIDSIDE_POINTS, SIDES, curvature_displacement, normal_rotations
-from services.mechanics.fem.triangle import signed_areas
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.fem.elements.dkt import MIDSIDE_POINTS, SIDES, curvature_displacement, normal_rotations
+from trocar.services.mechanics.fem.triangle import signed_areas
 
 SHEAR_FACTOR = 5.0 / 6.0
 """Of a parabola over the thickness (Reissner)."""

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem.triangle import shape_gradients, signed_areas
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.fem.triangle import shape_gradients, signed_areas
 
 # Values at the three mid-side points of d N_a / d L_k for the six quadratic shape functions N_a in area coordinates:
 # corners L_a (2 L_a - 1), then mid-sides 4 L_i L_j of sides 12, 23, 31.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.arrays import FloatArray
 
 
 class StiffnessKernel(Protocol):
@@ -31,8 +31,8 @@ class Element:
         is_reference_only: The element fails the patch test or depends on the order of its nodes, so it serves
             comparisons only.
         has_stiff_drilling: Of a membrane: its drilling rotations are about as stiff as its shear, which makes torsion
-            of a thick wall of short flat triangles too stiff (`studies.fem.facets.drilling_excess`) and a curved rim
-            under forces too soft (`studies.fem.facets.rim_eccentricity`).
+            of a thick wall of short flat triangles too stiff (`trocar.studies.fem.facets.drilling_excess`) and a
+            curved rim under forces too soft (`trocar.studies.fem.facets.rim_eccentricity`).
     """
 
     stiffness: StiffnessKernel

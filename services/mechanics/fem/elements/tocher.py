@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem.triangle import signed_areas
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.fem.triangle import signed_areas
 
 SINGULAR_RATIO = 0.05
 """|a - b - 2c| / (a + b + 2|c|) below which another node is taken as first."""

@@ -1,8 +1,8 @@
 """Shells at large displacements and rotations, strains small: the same elements, carried along by each triangle."""
 
-from services.mechanics.fem.nonlinear.corotational import Configuration, CorotationalShell
-from services.mechanics.fem.nonlinear.equilibrium import PathPoint, PathSettings, trace_path
-from services.mechanics.fem.nonlinear.follower_loads import NonlinearLoad
+from trocar.services.mechanics.fem.nonlinear.corotational import Configuration, CorotationalShell
+from trocar.services.mechanics.fem.nonlinear.equilibrium import PathPoint, PathSettings, trace_path
+from trocar.services.mechanics.fem.nonlinear.follower_loads import NonlinearLoad
 
 __all__ = [
     "Configuration",

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem.nonlinear.rotations import skew
-from services.mechanics.fem.triangle import shape_gradients
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.fem.nonlinear.rotations import skew
+from trocar.services.mechanics.fem.triangle import shape_gradients
 
 
 @dataclass(frozen=True)

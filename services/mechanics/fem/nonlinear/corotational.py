@@ -19,13 +19,19 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import bsr_array
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem.assembly import CHUNK, local_stiffness, sum_triangles, turn
-from services.mechanics.fem.frames import local_coordinates, local_frames
-from services.mechanics.fem.nonlinear.carried_frame import CarriedFrame
-from services.mechanics.fem.nonlinear.rotations import exponential, logarithm, moment_correction, skew, vector_rate
-from services.mechanics.fem.section import plane_stress_matrices
-from services.mechanics.fem.shell_model import ShellModel
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.fem.assembly import CHUNK, local_stiffness, sum_triangles, turn
+from trocar.services.mechanics.fem.frames import local_coordinates, local_frames
+from trocar.services.mechanics.fem.nonlinear.carried_frame import CarriedFrame
+from trocar.services.mechanics.fem.nonlinear.rotations import (
+    exponential,
+    logarithm,
+    moment_correction,
+    skew,
+    vector_rate,
+)
+from trocar.services.mechanics.fem.section import plane_stress_matrices
+from trocar.services.mechanics.fem.shell_model import ShellModel
 
 
 @dataclass(frozen=True)

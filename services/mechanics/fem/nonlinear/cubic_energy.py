@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from services.mechanics.arrays import Float32Array, FloatArray
-from services.mechanics.fem.nonlinear.corotational import CorotationalShell
+from trocar.services.mechanics.arrays import Float32Array, FloatArray
+from trocar.services.mechanics.fem.nonlinear.corotational import CorotationalShell
 
 STEP = 1e-4
 """Of the differences: part of a triangle's size, and angle in rad. Their error is of second order in it."""

@@ -6,10 +6,10 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem.nonlinear.corotational import Configuration, CorotationalShell
-from services.mechanics.fem.nonlinear.follower_loads import NonlinearLoad
-from services.mechanics.fem.nonlinear.newton import Newton, NotConvergedError
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.fem.nonlinear.corotational import Configuration, CorotationalShell
+from trocar.services.mechanics.fem.nonlinear.follower_loads import NonlinearLoad
+from trocar.services.mechanics.fem.nonlinear.newton import Newton, NotConvergedError
 
 SMALLEST_STEP = 1e-4
 """Part of a regular step below which a path is given up."""

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import bsr_array
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem.assembly import CHUNK, sum_triangles
-from services.mechanics.fem.loads import pressure_load
-from services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.fem.assembly import CHUNK, sum_triangles
+from trocar.services.mechanics.fem.loads import pressure_load
+from trocar.services.mechanics.surface.mesh import TriangleMesh
 
 
 @dataclass(frozen=True)

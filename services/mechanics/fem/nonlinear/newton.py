@@ -9,9 +9,9 @@ import numpy as np
 from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import SuperLU, splu
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem.nonlinear.corotational import Configuration, CorotationalShell
-from services.mechanics.fem.nonlinear.follower_loads import NonlinearLoad
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.fem.nonlinear.corotational import Configuration, CorotationalShell
+from trocar.services.mechanics.fem.nonlinear.follower_loads import NonlinearLoad
 
 MOST_ITERATIONS = 25
 PIVOT_THRESHOLD = 1e-3

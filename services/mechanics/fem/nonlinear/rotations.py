@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.arrays import FloatArray
 
 SMALL_RAD = 0.05
 """Below it series to eighth order stand for quotients of differences that would lose digits."""

@@ -12,19 +12,19 @@ from pathlib import Path
 
 import numpy as np
 
-from services.cache_directory import cache_directory
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.fem import ShellModel, pressure_load
-from services.mechanics.reduction import cache
-from services.mechanics.reduction.basis import ModalBasis
-from services.mechanics.reduction.build import Progress, ignore_progress
-from services.mechanics.reduction.content_hash import hash_content, hash_sources
-from services.mechanics.reduction.hyperelastic.equilibrium import rest_shape
-from services.mechanics.reduction.hyperelastic.fung_membrane import beyond_linear
-from services.mechanics.reduction.hyperelastic.stretch_loads import stretch_loads
-from services.mechanics.reduction.nonlinear.membrane import Membrane
-from services.mechanics.reduction.recipe import DuctRecipe
-from services.mechanics.surface.mesh import vertex_normals
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.fem import ShellModel, pressure_load
+from trocar.services.mechanics.reduction import cache
+from trocar.services.mechanics.reduction.basis import ModalBasis
+from trocar.services.mechanics.reduction.build import Progress, ignore_progress
+from trocar.services.mechanics.reduction.content_hash import hash_content, hash_sources
+from trocar.services.mechanics.reduction.hyperelastic.equilibrium import rest_shape
+from trocar.services.mechanics.reduction.hyperelastic.fung_membrane import beyond_linear
+from trocar.services.mechanics.reduction.hyperelastic.stretch_loads import stretch_loads
+from trocar.services.mechanics.reduction.nonlinear.membrane import Membrane
+from trocar.services.mechanics.reduction.recipe import DuctRecipe
+from trocar.services.mechanics.surface.mesh import vertex_normals
 
 _HERE = Path(__file__).parent
 SOURCES = (

@@ -10,15 +10,15 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.reduction.hyperelastic.hyperelastic_wall import (
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.reduction.hyperelastic.hyperelastic_wall import (
     ENERGY,
     TANK,
     HyperelasticWall,
     energy_and_loss,
     stretch_force,
 )
-from services.mechanics.reduction.modal_state import ModalState
+from trocar.services.mechanics.reduction.modal_state import ModalState
 
 TANK_SHARE = 0.1
 """Largest content of the tank over the stored energy; what steps lose beyond it is dissipated."""

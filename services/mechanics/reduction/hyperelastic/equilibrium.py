@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.reduction.hyperelastic.fung_membrane import beyond_linear
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.reduction.hyperelastic.fung_membrane import beyond_linear
 
 RELATIVE = 1e-6
 """Of the load, by what each mode stores of it: what is left unbalanced."""

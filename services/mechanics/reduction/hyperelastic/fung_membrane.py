@@ -15,8 +15,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
 
 MOST_Q = 4.0
 """Beyond it w grows as a straight line in Q: still convex, and 55 times as stiff as at rest."""

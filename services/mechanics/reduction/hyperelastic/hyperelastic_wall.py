@@ -19,11 +19,11 @@ from typing import Annotated
 
 import numpy as np
 
-from services.mechanics.arrays import AnyArray, Float32Array, FloatArray
-from services.mechanics.compiled import kernel, summing_kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.reduction.hyperelastic.energy_sampling import StretchSamples
-from services.mechanics.reduction.hyperelastic.fung_membrane import beyond_linear_at
+from trocar.services.mechanics.arrays import AnyArray, Float32Array, FloatArray
+from trocar.services.mechanics.compiled import kernel, summing_kernel
+from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.reduction.hyperelastic.energy_sampling import StretchSamples
+from trocar.services.mechanics.reduction.hyperelastic.fung_membrane import beyond_linear_at
 
 NEWTON_STEPS = 2
 GRADIENT_STEPS = 4

@@ -8,12 +8,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem import ShellModel, pressure_load
-from services.mechanics.reduction.basis import ModalBasis
-from services.mechanics.reduction.large_rotations.sections import axial_coordinate
-from services.mechanics.reduction.residual_vectors import add_residual_vectors
-from services.mechanics.surface.mesh import TriangleMesh, boundary_loops, triangle_area_vectors, triangle_areas_m2
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.fem import ShellModel, pressure_load
+from trocar.services.mechanics.reduction.basis import ModalBasis
+from trocar.services.mechanics.reduction.large_rotations.sections import axial_coordinate
+from trocar.services.mechanics.reduction.residual_vectors import add_residual_vectors
+from trocar.services.mechanics.surface.mesh import (
+    TriangleMesh,
+    boundary_loops,
+    triangle_area_vectors,
+    triangle_areas_m2,
+)
 
 PRESSED_BANDS, PULLED_BANDS = 9, 3
 """Bands along the wall: with 5 and 3 an even pressure to a hoop strain of 0.2 is 2.0 % off, with these 1.9, and one

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.fem.factorisation import factorise
-from services.mechanics.surface.mesh import (
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.fem.factorisation import factorise
+from trocar.services.mechanics.surface.mesh import (
     TriangleMesh,
     boundary_loops,
     triangle_areas_m2,

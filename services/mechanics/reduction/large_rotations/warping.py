@@ -17,10 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.reduction.basis import ModalBasis
-from services.mechanics.reduction.large_rotations.sections import Sections, cut_sections
-from services.mechanics.reduction.large_rotations.warping_kernels import (
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.reduction.basis import ModalBasis
+from trocar.services.mechanics.reduction.large_rotations.sections import Sections, cut_sections
+from trocar.services.mechanics.reduction.large_rotations.warping_kernels import (
     WarpedTube,
     node_positions,
     node_rotations,
@@ -29,7 +29,7 @@ from services.mechanics.reduction.large_rotations.warping_kernels import (
     turn_vectors,
     update_axis,
 )
-from services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.surface.mesh import TriangleMesh
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.compiled import inlined_kernel, kernel, summing_kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.compiled import inlined_kernel, kernel, summing_kernel
+from trocar.services.mechanics.compiled.struct import Address, Struct, reader
 
 
 class WarpedTube(Struct):

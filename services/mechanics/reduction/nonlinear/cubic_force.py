@@ -14,9 +14,9 @@ from itertools import combinations_with_replacement
 import numpy as np
 import numpy.typing as npt
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.compiled import kernel
-from services.mechanics.reduction.nonlinear.membrane import Membrane
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.reduction.nonlinear.membrane import Membrane
 
 PairIndices = npt.NDArray[np.intp]
 CHUNK = 512

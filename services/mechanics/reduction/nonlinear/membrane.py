@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.fem import ShellModel
-from services.mechanics.fem.frames import local_coordinates, local_frames
-from services.mechanics.fem.section import plane_stress_matrices
-from services.mechanics.fem.triangle import shape_gradients, signed_areas
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.fem import ShellModel
+from trocar.services.mechanics.fem.frames import local_coordinates, local_frames
+from trocar.services.mechanics.fem.section import plane_stress_matrices
+from trocar.services.mechanics.fem.triangle import shape_gradients, signed_areas
 
 
 @dataclass(frozen=True, slots=True)

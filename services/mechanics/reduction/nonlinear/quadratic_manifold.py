@@ -22,18 +22,18 @@ from pathlib import Path
 
 import numpy as np
 
-from services.cache_directory import cache_directory
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem import ElementChoice, ShellModel
-from services.mechanics.fem.factorisation import factorise
-from services.mechanics.reduction import cache
-from services.mechanics.reduction.basis import ModalBasis
-from services.mechanics.reduction.build import Progress, ignore_progress
-from services.mechanics.reduction.content_hash import hash_content
-from services.mechanics.reduction.free_dofs import free_load
-from services.mechanics.reduction.nonlinear.cubic_force import CubicForce, energy_tensors
-from services.mechanics.reduction.nonlinear.membrane import Membrane
-from services.mechanics.reduction.recipe import DuctRecipe
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.fem import ElementChoice, ShellModel
+from trocar.services.mechanics.fem.factorisation import factorise
+from trocar.services.mechanics.reduction import cache
+from trocar.services.mechanics.reduction.basis import ModalBasis
+from trocar.services.mechanics.reduction.build import Progress, ignore_progress
+from trocar.services.mechanics.reduction.content_hash import hash_content
+from trocar.services.mechanics.reduction.free_dofs import free_load
+from trocar.services.mechanics.reduction.nonlinear.cubic_force import CubicForce, energy_tensors
+from trocar.services.mechanics.reduction.nonlinear.membrane import Membrane
+from trocar.services.mechanics.reduction.recipe import DuctRecipe
 
 
 def relaxed_membrane_force(model: ShellModel, basis: ModalBasis, n_coordinates: int) -> CubicForce:

@@ -13,11 +13,11 @@ from typing import Annotated
 
 import numpy as np
 
-from services.mechanics.arrays import Float32Array, FloatArray, IntArray, LongArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.reduction.coincident_points import is_copied
-from services.mechanics.surface.cyclic_symmetry import CyclicSymmetry
+from trocar.services.mechanics.arrays import Float32Array, FloatArray, IntArray, LongArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.reduction.coincident_points import is_copied
+from trocar.services.mechanics.surface.cyclic_symmetry import CyclicSymmetry
 
 BlockArray = Float32Array | FloatArray
 Block = tuple[float, float, float, float, float, float, float, float, float]

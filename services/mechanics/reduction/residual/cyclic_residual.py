@@ -12,11 +12,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import BoolArray, FloatArray
-from services.mechanics.fem import ShellModel
-from services.mechanics.reduction.basis import ModalBasis
-from services.mechanics.reduction.build import BATCH, Progress, ignore_progress, residual_response
-from services.mechanics.surface.cyclic_symmetry import CyclicSymmetry, turned_about_x
+from trocar.services.mechanics.arrays import BoolArray, FloatArray
+from trocar.services.mechanics.fem import ShellModel
+from trocar.services.mechanics.reduction.basis import ModalBasis
+from trocar.services.mechanics.reduction.build import BATCH, Progress, ignore_progress, residual_response
+from trocar.services.mechanics.surface.cyclic_symmetry import CyclicSymmetry, turned_about_x
 
 _WHOLE = 1e-4
 """A mode that leaves the span of all by more of itself than this when it is turned misses its partner."""

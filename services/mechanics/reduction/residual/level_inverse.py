@@ -17,9 +17,9 @@ from collections.abc import Iterator
 import numpy as np
 import scipy
 
-from services.mechanics.arrays import BoolArray, FloatArray, IntArray
-from services.mechanics.fem import ShellModel
-from services.mechanics.surface.mesh import TriangleMesh, vertex_adjacency
+from trocar.services.mechanics.arrays import BoolArray, FloatArray, IntArray
+from trocar.services.mechanics.fem import ShellModel
+from trocar.services.mechanics.surface.mesh import TriangleMesh, vertex_adjacency
 
 
 def compliance_rows(model: ShellModel) -> Iterator[tuple[IntArray, FloatArray]]:

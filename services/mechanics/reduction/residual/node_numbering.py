@@ -5,8 +5,8 @@ The scratch ``slot`` (n,) holds the number of every node, -1 where it has none; 
 
 from __future__ import annotations
 
-from services.mechanics.arrays import IntArray
-from services.mechanics.compiled import kernel
+from trocar.services.mechanics.arrays import IntArray
+from trocar.services.mechanics.compiled import kernel
 
 
 @kernel

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.fem import ShellModel
-from services.mechanics.reduction.basis import ModalBasis
-from services.mechanics.reduction.build import residual_response
-from services.mechanics.reduction.residual.blocks import Residual
+from trocar.services.mechanics.fem import ShellModel
+from trocar.services.mechanics.reduction.basis import ModalBasis
+from trocar.services.mechanics.reduction.build import residual_response
+from trocar.services.mechanics.reduction.residual.blocks import Residual
 
 SAMPLES = 8
 """Nodes whose columns are solved: 24 solves."""

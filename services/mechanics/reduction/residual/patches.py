@@ -11,13 +11,13 @@ import math
 import numpy as np
 import scipy
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.compiled import building_kernel
-from services.mechanics.fem import ShellModel
-from services.mechanics.reduction.basis import ModalBasis
-from services.mechanics.reduction.build import BATCH, Progress, ignore_progress, residual_response
-from services.mechanics.reduction.residual.blocks import BlockArray, Residual
-from services.mechanics.reduction.residual.selected_inverse import SelectedInverse
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.compiled import building_kernel
+from trocar.services.mechanics.fem import ShellModel
+from trocar.services.mechanics.reduction.basis import ModalBasis
+from trocar.services.mechanics.reduction.build import BATCH, Progress, ignore_progress, residual_response
+from trocar.services.mechanics.reduction.residual.blocks import BlockArray, Residual
+from trocar.services.mechanics.reduction.residual.selected_inverse import SelectedInverse
 
 EXACT_NODES = 12_000
 """Up to here every node is loaded on its own: a few minutes; beyond it nodes share solves, the near field apart."""

@@ -10,12 +10,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address
-from services.mechanics.reduction.coincident_points import is_copied
-from services.mechanics.reduction.large_rotations.warping import SectionFrame
-from services.mechanics.reduction.residual.blocks import Block, BlockStore, Residual, apply, block_between, store_at
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address
+from trocar.services.mechanics.reduction.coincident_points import is_copied
+from trocar.services.mechanics.reduction.large_rotations.warping import SectionFrame
+from trocar.services.mechanics.reduction.residual.blocks import (
+    Block,
+    BlockStore,
+    Residual,
+    apply,
+    block_between,
+    store_at,
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from services.mechanics.arrays import BoolArray, FloatArray, IntArray
-from services.mechanics.compiled import building_kernel
-from services.mechanics.reduction.residual.blocks import BlockArray, find_sorted
+from trocar.services.mechanics.arrays import BoolArray, FloatArray, IntArray
+from trocar.services.mechanics.compiled import building_kernel
+from trocar.services.mechanics.reduction.residual.blocks import BlockArray, find_sorted
 
 
 @dataclass(frozen=True, slots=True)

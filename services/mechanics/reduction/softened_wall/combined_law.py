@@ -6,10 +6,10 @@ the work V Y(theta rho) = sum_i s_i V_i Y_i(theta rho_i): a law like any other, 
 
 from __future__ import annotations
 
-from services.mechanics.compiled import kernel
-from services.mechanics.reduction.softened_wall.node_energies import LINEAR_J, MORE_J
-from services.mechanics.reduction.softened_wall.softened_wall import SoftenedWall
-from services.mechanics.reduction.softening.softening_law import N_PARTS
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.reduction.softened_wall.node_energies import LINEAR_J, MORE_J
+from trocar.services.mechanics.reduction.softened_wall.softened_wall import SoftenedWall
+from trocar.services.mechanics.reduction.softening.softening_law import N_PARTS
 
 MOST_OF_SITES = 3.0
 """Largest factor by which the nodes' cubic energy may scale the displacement that the sites give."""

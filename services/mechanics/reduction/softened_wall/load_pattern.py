@@ -20,9 +20,9 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Struct
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Struct
 
 LINEAR, DELIVERED, GAIN, RHO, PART, TURN = range(6)
 """Numbers of a pattern: m . t and t . K t in J, g, rho, how much of its potential acts, which is 1 unless it stiffens,

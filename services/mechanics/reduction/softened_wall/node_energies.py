@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from services.mechanics.compiled import kernel, summing_kernel
-from services.mechanics.reduction.softened_wall.softened_wall import N_NODES, NODE, SoftenedWall
+from trocar.services.mechanics.compiled import kernel, summing_kernel
+from trocar.services.mechanics.reduction.softened_wall.softened_wall import N_NODES, NODE, SoftenedWall
 
 LEAST_SHARE = 1e-4
 """Force over the largest one below which a node or a site is left out."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.compiled import kernel, summing_kernel
-from services.mechanics.reduction.softened_wall.combined_law import mix_laws, share_laws, sum_energies
-from services.mechanics.reduction.softened_wall.load_pattern import (
+from trocar.services.mechanics.compiled import kernel, summing_kernel
+from trocar.services.mechanics.reduction.softened_wall.combined_law import mix_laws, share_laws, sum_energies
+from trocar.services.mechanics.reduction.softened_wall.load_pattern import (
     DELIVERED,
     GAIN,
     LINEAR,
@@ -18,8 +18,8 @@ from services.mechanics.reduction.softened_wall.load_pattern import (
     read_law,
     turns,
 )
-from services.mechanics.reduction.softened_wall.node_energies import LEAST_SHARE, add_node, begin_nodes
-from services.mechanics.reduction.softened_wall.softened_wall import (
+from trocar.services.mechanics.reduction.softened_wall.node_energies import LEAST_SHARE, add_node, begin_nodes
+from trocar.services.mechanics.reduction.softened_wall.softened_wall import (
     FIRST,
     N_MIXED,
     N_NODES,

@@ -20,10 +20,10 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
-from services.mechanics.reduction.softened_wall.load_pattern import Pattern, conjugate
-from services.mechanics.reduction.softened_wall.softened_wall import SoftenedWall
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.reduction.softened_wall.load_pattern import Pattern, conjugate
+from trocar.services.mechanics.reduction.softened_wall.softened_wall import SoftenedWall
 
 LEAST_J = 1e-16
 """Relaxation terms that store less are dropped."""

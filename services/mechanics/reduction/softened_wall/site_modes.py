@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.reduction.softening.load_sites import LoadSites, Lumen
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.reduction.softening.load_sites import LoadSites, Lumen
 
 STIFF_MODES = 0.3
 """How much the energy of a shape counts beside its fit: the median mode's against the mean mode's displacement."""

@@ -6,17 +6,17 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from services.mechanics.arrays import AnyArray, Float32Array, FloatArray, IntArray, LongArray
-from services.mechanics.compiled.struct import Struct, reader
-from services.mechanics.reduction.modal_state import ModalIntegrator
-from services.mechanics.reduction.newmark import Newmark
-from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.reduction.softened_wall.load_pattern import GAIN, TURN, Pattern
-from services.mechanics.reduction.softened_wall.site_modes import delivery
-from services.mechanics.reduction.softening.load_sites import Lumen
-from services.mechanics.reduction.softening.softening_law import N_PARTS
-from services.mechanics.reduction.softening.training import WallSoftening
-from services.mechanics.reduction.viscoelastic import NEVER, PronySeries
+from trocar.services.mechanics.arrays import AnyArray, Float32Array, FloatArray, IntArray, LongArray
+from trocar.services.mechanics.compiled.struct import Struct, reader
+from trocar.services.mechanics.reduction.modal_state import ModalIntegrator
+from trocar.services.mechanics.reduction.newmark import Newmark
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.reduction.softened_wall.load_pattern import GAIN, TURN, Pattern
+from trocar.services.mechanics.reduction.softened_wall.site_modes import delivery
+from trocar.services.mechanics.reduction.softening.load_sites import Lumen
+from trocar.services.mechanics.reduction.softening.softening_law import N_PARTS
+from trocar.services.mechanics.reduction.softening.training import WallSoftening
+from trocar.services.mechanics.reduction.viscoelastic import NEVER, PronySeries
 
 STORED, SPENT, POTENTIAL, TANK = range(4)
 """Books in J: what is stored, and what was dissipated so far; stored are the pattern's potential and the tank."""

@@ -22,11 +22,11 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address
-from services.mechanics.compiled.vectors import dot, row
-from services.mechanics.reduction.softened_wall.load_pattern import (
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address
+from trocar.services.mechanics.compiled.vectors import dot, row
+from trocar.services.mechanics.reduction.softened_wall.load_pattern import (
     GAIN,
     PART,
     Pattern,
@@ -35,9 +35,9 @@ from services.mechanics.reduction.softened_wall.load_pattern import (
     evaluate_ahead,
     stiffens,
 )
-from services.mechanics.reduction.softened_wall.pattern_update import begin_candidate, continue_candidate
-from services.mechanics.reduction.softened_wall.relaxation import follow_lag, lagging_j, lags
-from services.mechanics.reduction.softened_wall.softened_wall import (
+from trocar.services.mechanics.reduction.softened_wall.pattern_update import begin_candidate, continue_candidate
+from trocar.services.mechanics.reduction.softened_wall.relaxation import follow_lag, lagging_j, lags
+from trocar.services.mechanics.reduction.softened_wall.softened_wall import (
     N_MIXED,
     POTENTIAL,
     SPENT,
@@ -46,7 +46,7 @@ from services.mechanics.reduction.softened_wall.softened_wall import (
     SoftenedWall,
     softened_wall_at,
 )
-from services.mechanics.reduction.softening.softening_law import N_PARTS
+from trocar.services.mechanics.reduction.softening.softening_law import N_PARTS
 
 FOLLOW_S = 2e-3
 """Time constant of the low-pass on the forces that define the pattern: it filters contacts that change every tick."""

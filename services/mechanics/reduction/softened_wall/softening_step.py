@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from services.mechanics.arrays import AnyArray, FloatArray, IntArray
-from services.mechanics.reduction.modal_state import ModalIntegrator, ModalState
-from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.reduction.softened_wall.softened_wall import SPENT, STORED, SoftenedWall
-from services.mechanics.reduction.softened_wall.softening_force import follow_loads, push_ahead
-from services.mechanics.reduction.softening.training import WallSoftening
-from services.mechanics.reduction.viscoelastic import NEVER, PronySeries
+from trocar.services.mechanics.arrays import AnyArray, FloatArray, IntArray
+from trocar.services.mechanics.reduction.modal_state import ModalIntegrator, ModalState
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.reduction.softened_wall.softened_wall import SPENT, STORED, SoftenedWall
+from trocar.services.mechanics.reduction.softened_wall.softening_force import follow_loads, push_ahead
+from trocar.services.mechanics.reduction.softening.training import WallSoftening
+from trocar.services.mechanics.reduction.viscoelastic import NEVER, PronySeries
 
 
 class SofteningStep:

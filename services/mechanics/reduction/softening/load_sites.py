@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from services.mechanics.arrays import Float32Array, FloatArray, IntArray
-from services.mechanics.fem import ShellModel
-from services.mechanics.reduction.free_dofs import free_load
-from services.mechanics.surface.mesh import TriangleMesh, vertex_areas_m2, vertex_normals
+from trocar.services.mechanics.arrays import Float32Array, FloatArray, IntArray
+from trocar.services.mechanics.fem import ShellModel
+from trocar.services.mechanics.reduction.free_dofs import free_load
+from trocar.services.mechanics.surface.mesh import TriangleMesh, vertex_areas_m2, vertex_normals
 
 AREA_A_SITE = 0.094
 """Of the square of the lumen's width: a site every 0.3 widths."""

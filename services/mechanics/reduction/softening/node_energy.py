@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.fem import ShellModel
-from services.mechanics.reduction.free_dofs import free_load
-from services.mechanics.reduction.softening.load_sites import evenly_spread
-from services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.fem import ShellModel
+from trocar.services.mechanics.reduction.free_dofs import free_load
+from trocar.services.mechanics.reduction.softening.load_sites import evenly_spread
+from trocar.services.mechanics.surface.mesh import TriangleMesh
 
 OWN_NODES_MAX = 640
 """Up to which the energy is computed for every node."""

@@ -17,11 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from services.mechanics.arrays import Float32Array, FloatArray, IntArray
-from services.mechanics.fem.nonlinear import CorotationalShell
-from services.mechanics.fem.nonlinear.cubic_energy import third_derivatives_and_fields
-from services.mechanics.reduction.softening.load_sites import LoadSites, Lumen, local_compliance_m_n
-from services.mechanics.reduction.softening.node_energy import fields_of
+from trocar.services.mechanics.arrays import Float32Array, FloatArray, IntArray
+from trocar.services.mechanics.fem.nonlinear import CorotationalShell
+from trocar.services.mechanics.fem.nonlinear.cubic_energy import third_derivatives_and_fields
+from trocar.services.mechanics.reduction.softening.load_sites import LoadSites, Lumen, local_compliance_m_n
+from trocar.services.mechanics.reduction.softening.node_energy import fields_of
 
 SITES, NODES = 40, 16
 """Neighbours of a node that are kept: the nearest sites and nodes."""

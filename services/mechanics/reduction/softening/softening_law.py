@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.arrays import FloatArray, IntArray
 
 FIRST = 3.0
 """Coefficient of the first part: the exact second-order response."""

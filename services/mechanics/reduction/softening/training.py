@@ -10,21 +10,21 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from services.cache_directory import cache_directory
-from services.mechanics.arrays import Float32Array, FloatArray, IntArray
-from services.mechanics.fem import ShellModel
-from services.mechanics.fem.nonlinear import CorotationalShell
-from services.mechanics.fem.nonlinear.cubic_energy import cubic_tensor_and_energies
-from services.mechanics.reduction import cache
-from services.mechanics.reduction.build import Progress, ignore_progress
-from services.mechanics.reduction.content_hash import hash_content, hash_sources
-from services.mechanics.reduction.free_dofs import free_load, nodal_translations
-from services.mechanics.reduction.recipe import DuctRecipe
-from services.mechanics.reduction.reduced_duct import ReducedDuct
-from services.mechanics.reduction.softening.load_sites import LoadSites, Lumen, place_sites, scaled_to_cubic
-from services.mechanics.reduction.softening.node_energy import fields_of, interpolated_j, known_nodes
-from services.mechanics.reduction.softening.remainder import Remainder, no_remainder, remainder_of
-from services.mechanics.reduction.softening.softening_law import (
+from trocar.services.cache_directory import cache_directory
+from trocar.services.mechanics.arrays import Float32Array, FloatArray, IntArray
+from trocar.services.mechanics.fem import ShellModel
+from trocar.services.mechanics.fem.nonlinear import CorotationalShell
+from trocar.services.mechanics.fem.nonlinear.cubic_energy import cubic_tensor_and_energies
+from trocar.services.mechanics.reduction import cache
+from trocar.services.mechanics.reduction.build import Progress, ignore_progress
+from trocar.services.mechanics.reduction.content_hash import hash_content, hash_sources
+from trocar.services.mechanics.reduction.free_dofs import free_load, nodal_translations
+from trocar.services.mechanics.reduction.recipe import DuctRecipe
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.reduction.softening.load_sites import LoadSites, Lumen, place_sites, scaled_to_cubic
+from trocar.services.mechanics.reduction.softening.node_energy import fields_of, interpolated_j, known_nodes
+from trocar.services.mechanics.reduction.softening.remainder import Remainder, no_remainder, remainder_of
+from trocar.services.mechanics.reduction.softening.softening_law import (
     LOCAL_SCALE,
     LOCAL_SCALE_OF_NODES,
     Sample,
@@ -36,8 +36,8 @@ from services.mechanics.reduction.softening.softening_law import (
     place_of,
     share_of_nodes,
 )
-from services.mechanics.reduction.softening.training_mesh import has_few_nodes, training_recipe
-from services.mechanics.reduction.softening.training_squeezes import SqueezedState, draw_squeezes, follow
+from trocar.services.mechanics.reduction.softening.training_mesh import has_few_nodes, training_recipe
+from trocar.services.mechanics.reduction.softening.training_squeezes import SqueezedState, draw_squeezes, follow
 
 _HERE = Path(__file__).parent
 SOURCES = (

@@ -11,11 +11,11 @@ from dataclasses import replace
 import numpy as np
 import scipy
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.fem import ShellSection, Support
-from services.mechanics.reduction.recipe import DuctRecipe
-from services.mechanics.surface.coarsening import coarsened
-from services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.fem import ShellSection, Support
+from trocar.services.mechanics.reduction.recipe import DuctRecipe
+from trocar.services.mechanics.surface.coarsening import coarsened
+from trocar.services.mechanics.surface.mesh import TriangleMesh
 
 FINE_NODES_MAX = 640
 """Of a wall that is followed as it is: 48 squeezes of it take 50 s."""

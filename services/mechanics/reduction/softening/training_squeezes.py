@@ -6,14 +6,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.fem import ShellModel, ShellSection, Support
-from services.mechanics.fem.boundary_conditions import DOF_NAMES
-from services.mechanics.fem.nonlinear import CorotationalShell, NonlinearLoad, PathPoint, PathSettings, trace_path
-from services.mechanics.fem.section import Orthotropy
-from services.mechanics.reduction.recipe import DuctRecipe
-from services.mechanics.reduction.softening.load_sites import Lumen
-from services.mechanics.surface.mesh import TriangleMesh, unique_edges
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.fem import ShellModel, ShellSection, Support
+from trocar.services.mechanics.fem.boundary_conditions import DOF_NAMES
+from trocar.services.mechanics.fem.nonlinear import (
+    CorotationalShell,
+    NonlinearLoad,
+    PathPoint,
+    PathSettings,
+    trace_path,
+)
+from trocar.services.mechanics.fem.section import Orthotropy
+from trocar.services.mechanics.reduction.recipe import DuctRecipe
+from trocar.services.mechanics.reduction.softening.load_sites import Lumen
+from trocar.services.mechanics.surface.mesh import TriangleMesh, unique_edges
 
 SEED = 1
 PINCH_DEPTHS, POKE_DEPTHS, PULL_DEPTHS = (0.25, 0.6), (0.15, 0.5), (-0.25, -0.1)

@@ -6,11 +6,11 @@ see `ToolScene`. Nothing here needs numpy, so that a process can read a scene's 
 
 from __future__ import annotations
 
-from services.mechanics.scene.instruments.drive import DriveScene
-from services.mechanics.scene.instruments.forceps import ForcepsScene
-from services.mechanics.scene.instruments.probe import ProbeScene
-from services.mechanics.scene.instruments.tool import DrawnPart, ToolScene
-from services.mechanics.scene.instruments.wire_drive import WireDriveScene
+from trocar.services.mechanics.scene.instruments.drive import DriveScene
+from trocar.services.mechanics.scene.instruments.forceps import ForcepsScene
+from trocar.services.mechanics.scene.instruments.probe import ProbeScene
+from trocar.services.mechanics.scene.instruments.tool import DrawnPart, ToolScene
+from trocar.services.mechanics.scene.instruments.wire_drive import WireDriveScene
 
 TOOLS: dict[str, type[ToolScene]] = {
     "forceps": ForcepsScene,

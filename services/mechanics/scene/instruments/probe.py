@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from services.mechanics.scene.instruments.tool import SHAFT_M, DrawnPart, ToolScene
+from trocar.services.mechanics.scene.instruments.tool import SHAFT_M, DrawnPart, ToolScene
 
 _NECK_M = 12e-3
 _RINGS = 8

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 if TYPE_CHECKING:
-    from services.mechanics.scene.instruments.forceps import ForcepsScene
+    from trocar.services.mechanics.scene.instruments.forceps import ForcepsScene
 
 Vector3 = tuple[float, float, float]
 SHAFT_M = 0.26

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from services.mechanics.scene.instruments.drive import FromBehind
+from trocar.services.mechanics.scene.instruments.drive import FromBehind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from services.mechanics.bodies.forceps import (
+from trocar.services.mechanics.bodies.forceps import (
     Grasp,
     JawState,
     ToolBody,
@@ -9,11 +9,11 @@ from services.mechanics.bodies.forceps import (
     jaw_angle_from_handle,
     tool_frame,
 )
-from services.mechanics.bodies.forceps import grasp as grasp_module
-from services.mechanics.bodies.forceps.kinematics import tool_segments
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, JAW_B, SHAFT, ContactPairs
-from services.mechanics.scene import CatheterScene, ForcepsScene
-from services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.bodies.forceps import grasp as grasp_module
+from trocar.services.mechanics.bodies.forceps.kinematics import tool_segments
+from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, JAW_B, SHAFT, ContactPairs
+from trocar.services.mechanics.scene import CatheterScene, ForcepsScene
+from trocar.services.mechanics.scene.tools import ToolInputs
 
 PORT = np.array([0.07, -0.06, 0.12])
 JUNCTION = np.array([0.05, 0.01, 0.005])

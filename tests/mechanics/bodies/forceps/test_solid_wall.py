@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from services.mechanics.bodies.forceps.kinematics import N_CELLS
-from services.mechanics.bodies.forceps.solid_wall import (
+from trocar.services.mechanics.bodies.forceps.kinematics import N_CELLS
+from trocar.services.mechanics.bodies.forceps.solid_wall import (
     SolidWall,
     cell_m,
     equilibrium_opening,

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from services.mechanics.bodies.forceps.sweep import FASTEST_HAND_M_S, LONGEST_SHAFT_M, sweep
-from services.mechanics.bodies.forceps.tool_body import LONGEST_UNSOUND_S, ToolBody
-from services.mechanics.scene import ForcepsScene
-from services.mechanics.scene.tools import ToolInputs
+from trocar.services.mechanics.bodies.forceps.sweep import FASTEST_HAND_M_S, LONGEST_SHAFT_M, sweep
+from trocar.services.mechanics.bodies.forceps.tool_body import LONGEST_UNSOUND_S, ToolBody
+from trocar.services.mechanics.scene import ForcepsScene
+from trocar.services.mechanics.scene.tools import ToolInputs
 
 PORT_M = np.array([0.02, -0.03, 0.12])
 JAW_M, REACH_M = 15e-3, 0.5e-3

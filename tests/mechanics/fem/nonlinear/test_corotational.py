@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array, diags_array
 
-from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
-from services.mechanics.fem.nonlinear import Configuration, CorotationalShell, NonlinearLoad
-from services.mechanics.fem.nonlinear.newton import Factors
-from services.mechanics.fem.nonlinear.rotations import exponential, logarithm, moment_correction, vector_rate
-from services.mechanics.surface.mesh import TriangleMesh
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
+from trocar.services.mechanics.fem.nonlinear import Configuration, CorotationalShell, NonlinearLoad
+from trocar.services.mechanics.fem.nonlinear.newton import Factors
+from trocar.services.mechanics.fem.nonlinear.rotations import exponential, logarithm, moment_correction, vector_rate
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 UNIT = np.array([1.0, 1.0, 1.0, 1e3, 1e3, 1e3])
 """Displacements in mm beside rotations in rad: entries of a tangent then compare."""

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
-from services.mechanics.fem.nonlinear import Configuration, CorotationalShell
-from services.mechanics.fem.nonlinear.cubic_energy import cubic_tensor_and_energies
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
+from trocar.services.mechanics.fem.nonlinear import Configuration, CorotationalShell
+from trocar.services.mechanics.fem.nonlinear.cubic_energy import cubic_tensor_and_energies
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 
 @pytest.fixture(scope="module", params=["cst", "andes"])

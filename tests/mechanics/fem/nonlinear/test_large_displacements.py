@@ -5,18 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics.fem import ShellModel, ShellSection, clamp, pressure_load
-from services.mechanics.fem.nonlinear import (
+from tests.by_day import by_day
+from trocar.services.mechanics.fem import ShellModel, ShellSection, clamp, pressure_load
+from trocar.services.mechanics.fem.nonlinear import (
     CorotationalShell,
     NonlinearLoad,
     PathSettings,
     newton,
     trace_path,
 )
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from studies.fem import arc_length
-from studies.fem.arc_length import trace_arc_length
-from studies.published.large_displacements import (
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.studies.fem import arc_length
+from trocar.studies.fem.arc_length import trace_arc_length
+from trocar.studies.published.large_displacements import (
     DIAPHRAGMS,
     HALF_CYLINDER,
     PINCH,
@@ -34,7 +35,6 @@ from studies.published.large_displacements import (
     pushed_half_cylinder,
     squeezed_duct,
 )
-from tests.by_day import by_day
 
 
 @pytest.mark.parametrize("membrane", ["cst", "andes"])

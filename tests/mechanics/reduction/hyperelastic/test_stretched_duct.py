@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from services.mechanics.fem import ElementChoice, ShellSection, clamp, pressure_load
-from services.mechanics.reduction import DuctRecipe, reduce_duct
-from services.mechanics.reduction.hyperelastic.energy_sampling import every_triangle, fetch_samples
-from services.mechanics.reduction.hyperelastic.equilibrium import rest_shape
-from services.mechanics.reduction.recipe import ResidualChoice
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.mechanics.fem import ElementChoice, ShellSection, clamp, pressure_load
+from trocar.services.mechanics.reduction import DuctRecipe, reduce_duct
+from trocar.services.mechanics.reduction.hyperelastic.energy_sampling import every_triangle, fetch_samples
+from trocar.services.mechanics.reduction.hyperelastic.equilibrium import rest_shape
+from trocar.services.mechanics.reduction.recipe import ResidualChoice
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 RADIUS, LENGTH, THICKNESS, E, NU, EXPONENT = 4e-3, 40e-3, 0.5e-3, 100e3, 0.45, 20.0
 

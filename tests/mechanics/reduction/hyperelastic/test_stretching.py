@@ -5,30 +5,30 @@ import pytest
 from scipy.linalg import eigh
 from scipy.optimize import fsolve, minimize
 
-from services.mechanics.fem import ShellModel, ShellSection, clamp, pressure_load
-from services.mechanics.reduction import ExactOscillator, ModalBasis, ModalState, Newmark
-from services.mechanics.reduction.build import build_basis
-from services.mechanics.reduction.hyperelastic.energy_sampling import (
+from trocar.services.mechanics.fem import ShellModel, ShellSection, clamp, pressure_load
+from trocar.services.mechanics.reduction import ExactOscillator, ModalBasis, ModalState, Newmark
+from trocar.services.mechanics.reduction.build import build_basis
+from trocar.services.mechanics.reduction.hyperelastic.energy_sampling import (
     StretchSamples,
     choose_samples,
     every_triangle,
     sparse_weights,
 )
-from services.mechanics.reduction.hyperelastic.energy_tank import settle_step
-from services.mechanics.reduction.hyperelastic.fung_membrane import (
+from trocar.services.mechanics.reduction.hyperelastic.energy_tank import settle_step
+from trocar.services.mechanics.reduction.hyperelastic.fung_membrane import (
     MOST_Q,
     beyond_linear,
     beyond_linear_at,
 )
-from services.mechanics.reduction.hyperelastic.hyperelastic_wall import (
+from trocar.services.mechanics.reduction.hyperelastic.hyperelastic_wall import (
     ENERGY,
     TANK,
     HyperelasticWall,
     stretch_energy,
     stretch_force,
 )
-from services.mechanics.reduction.nonlinear.cubic_force import apply_impulse
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.mechanics.reduction.nonlinear.cubic_force import apply_impulse
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 RADIUS, LENGTH, THICKNESS, E, NU, EXPONENT = 4e-3, 40e-3, 0.5e-3, 100e3, 0.45, 20.0
 

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
-from services.mechanics.reduction import ModalBasis
-from services.mechanics.reduction.build import build_basis
-from services.mechanics.reduction.large_rotations.sections import axial_coordinate, cut_sections
-from services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
-from services.mechanics.surface.mesh import TriangleMesh
-from services.mechanics.surface.tube import DuctGeometry, alternating_triangles, parametric_duct
 from tests.mechanics.reduction.large_rotations.warped import warped_positions
+from trocar.services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
+from trocar.services.mechanics.reduction import ModalBasis
+from trocar.services.mechanics.reduction.build import build_basis
+from trocar.services.mechanics.reduction.large_rotations.sections import axial_coordinate, cut_sections
+from trocar.services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.surface.tube import DuctGeometry, alternating_triangles, parametric_duct
 
 # Sze, Liu, Lo, Finite Elements in Analysis and Design 40:1551 (2004): cantilever under end shear,
 # L 10, W 1, t 0.1, E 1.2e6, nu 0, Pmax 4: load fraction, tip deflection, tip shortening.

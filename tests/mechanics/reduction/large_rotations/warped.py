@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from services.mechanics.reduction.large_rotations.warping import SectionFrame
+from trocar.services.mechanics.reduction.large_rotations.warping import SectionFrame
 
 
 def warped_positions(warp, q, extra_m=None):

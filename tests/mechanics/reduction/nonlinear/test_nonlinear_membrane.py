@@ -6,23 +6,23 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import LinearOperator, cg
 
-from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, Support, clamp
-from services.mechanics.fem.frames import local_coordinates, local_frames
-from services.mechanics.fem.section import Orthotropy
-from services.mechanics.reduction import ExactOscillator, ModalBasis, ModalState
-from services.mechanics.reduction.build import build_basis
-from services.mechanics.reduction.free_dofs import free_load, nodal_translations
-from services.mechanics.reduction.nonlinear.cubic_force import CubicForce, apply_impulse
-from services.mechanics.reduction.nonlinear.membrane import product_strain
-from services.mechanics.reduction.nonlinear.quadratic_manifold import relaxed_membrane_force
-from services.mechanics.surface.mesh import TriangleMesh
-from services.mechanics.surface.tube import alternating_triangles
 from tests.mechanics.reduction.exact_membrane import ExactMembrane
 from tests.mechanics.reduction.modal_derivatives import (
     cubic_force,
     extend_with_derivatives,
     modal_derivatives,
 )
+from trocar.services.mechanics.fem import ElementChoice, ShellModel, ShellSection, Support, clamp
+from trocar.services.mechanics.fem.frames import local_coordinates, local_frames
+from trocar.services.mechanics.fem.section import Orthotropy
+from trocar.services.mechanics.reduction import ExactOscillator, ModalBasis, ModalState
+from trocar.services.mechanics.reduction.build import build_basis
+from trocar.services.mechanics.reduction.free_dofs import free_load, nodal_translations
+from trocar.services.mechanics.reduction.nonlinear.cubic_force import CubicForce, apply_impulse
+from trocar.services.mechanics.reduction.nonlinear.membrane import product_strain
+from trocar.services.mechanics.reduction.nonlinear.quadratic_manifold import relaxed_membrane_force
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.surface.tube import alternating_triangles
 
 LENGTH, WIDTH, THICKNESS, E = 1.0, 0.1, 0.01, 1e7
 

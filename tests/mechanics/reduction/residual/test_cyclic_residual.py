@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
-from services.mechanics.fem.section import Orthotropy
-from services.mechanics.reduction import ReducedDuct, Residual
-from services.mechanics.reduction.build import build_basis, fill_full_residual
-from services.mechanics.reduction.large_rotations.warping import SectionFrame
-from services.mechanics.reduction.residual.cyclic_residual import build_cyclic, odd_modes
-from services.mechanics.reduction.residual.rotated_residual import RotatedResidual
-from services.mechanics.surface.cyclic_symmetry import find_cyclic_symmetry
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 from tests.mechanics.reduction.residual.node_blocks import between_nodes
+from trocar.services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
+from trocar.services.mechanics.fem.section import Orthotropy
+from trocar.services.mechanics.reduction import ReducedDuct, Residual
+from trocar.services.mechanics.reduction.build import build_basis, fill_full_residual
+from trocar.services.mechanics.reduction.large_rotations.warping import SectionFrame
+from trocar.services.mechanics.reduction.residual.cyclic_residual import build_cyclic, odd_modes
+from trocar.services.mechanics.reduction.residual.rotated_residual import RotatedResidual
+from trocar.services.mechanics.surface.cyclic_symmetry import find_cyclic_symmetry
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 GEOMETRY = DuctGeometry(4e-3, 24e-3, 16, 12, taper=0.2)
 SECTION = ShellSection(0.8e-3, 100e3, 0.45, 1060.0, Orthotropy(np.array([1.0, 0.0, 0.0]), 2.0, 0.4))

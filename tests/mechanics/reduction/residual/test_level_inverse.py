@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, Support, clamp
-from services.mechanics.reduction.residual.level_inverse import compliance_rows, node_levels
-from services.mechanics.surface.mesh import TriangleMesh, vertex_adjacency
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.mechanics.fem import ElementChoice, ShellModel, ShellSection, Support, clamp
+from trocar.services.mechanics.reduction.residual.level_inverse import compliance_rows, node_levels
+from trocar.services.mechanics.surface.mesh import TriangleMesh, vertex_adjacency
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 SECTION = ShellSection(0.5e-3, 100e3, 0.45, 1060.0)
 TUBE = parametric_duct(DuctGeometry(4e-3, 20e-3, 12, 11))

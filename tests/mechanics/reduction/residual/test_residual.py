@@ -6,14 +6,19 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from services.mechanics.reduction import ModalState, ReducedDuct, Residual
-from services.mechanics.reduction.basis import gather_modes
-from services.mechanics.reduction.build import residual_response
-from services.mechanics.reduction.residual.patch_error import PatchError, measure_patches
-from services.mechanics.reduction.residual.patches import build_patches, colour_apart, largest_radius_m, patch_pattern
-from services.mechanics.reduction.residual.selected_inverse import SelectedInverse
-from services.mechanics.surface.mesh import vertex_adjacency, vertex_normals
 from tests.mechanics.reduction.residual.node_blocks import between_nodes
+from trocar.services.mechanics.reduction import ModalState, ReducedDuct, Residual
+from trocar.services.mechanics.reduction.basis import gather_modes
+from trocar.services.mechanics.reduction.build import residual_response
+from trocar.services.mechanics.reduction.residual.patch_error import PatchError, measure_patches
+from trocar.services.mechanics.reduction.residual.patches import (
+    build_patches,
+    colour_apart,
+    largest_radius_m,
+    patch_pattern,
+)
+from trocar.services.mechanics.reduction.residual.selected_inverse import SelectedInverse
+from trocar.services.mechanics.surface.mesh import vertex_adjacency, vertex_normals
 
 
 def opposite_node(mesh, node):

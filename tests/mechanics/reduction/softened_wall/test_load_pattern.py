@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address, reader
-from services.mechanics.reduction.softened_wall import load_pattern as law
-from services.mechanics.reduction.softened_wall.load_pattern import (
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address, reader
+from trocar.services.mechanics.reduction.softened_wall import load_pattern as law
+from trocar.services.mechanics.reduction.softened_wall.load_pattern import (
     DELIVERED,
     GAIN,
     LINEAR,

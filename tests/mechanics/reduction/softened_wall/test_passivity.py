@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from services.mechanics.reduction import ExactOscillator, ModalState, Newmark
-from services.mechanics.reduction.softened_wall.load_pattern import TURN, Pattern
-from services.mechanics.reduction.softened_wall.softened_wall import SPENT, STORED, TANK, SoftenedWall
-from services.mechanics.reduction.softened_wall.softening_force import CREDIT_J, follow_loads, push_ahead
-from services.mechanics.reduction.softening.softening_law import parts
-from services.mechanics.reduction.viscoelastic import NEVER, PronySeries, ViscousModes
 from tests.by_day import by_day
+from trocar.services.mechanics.reduction import ExactOscillator, ModalState, Newmark
+from trocar.services.mechanics.reduction.softened_wall.load_pattern import TURN, Pattern
+from trocar.services.mechanics.reduction.softened_wall.softened_wall import SPENT, STORED, TANK, SoftenedWall
+from trocar.services.mechanics.reduction.softened_wall.softening_force import CREDIT_J, follow_loads, push_ahead
+from trocar.services.mechanics.reduction.softening.softening_law import parts
+from trocar.services.mechanics.reduction.viscoelastic import NEVER, PronySeries, ViscousModes
 
 SITES, MODES, NODES = 9, 14, 30
 RHO = np.linspace(-0.4, 1.2, 129)

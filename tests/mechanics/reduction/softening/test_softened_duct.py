@@ -5,29 +5,29 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics.fem import ElementChoice, ShellSection, Support, clamp
-from services.mechanics.fem.nonlinear import CorotationalShell
-from services.mechanics.fem.nonlinear.cubic_energy import cubic_tensor_and_energies
-from services.mechanics.reduction import DuctRecipe, Newmark, reduce_duct
-from services.mechanics.reduction.free_dofs import free_load
-from services.mechanics.reduction.softened_wall.load_pattern import RHO
-from services.mechanics.reduction.softened_wall.softened_wall import SoftenedWall
-from services.mechanics.reduction.softened_wall.softening_force import follow_loads
-from services.mechanics.reduction.softening import node_energy, training_mesh
-from services.mechanics.reduction.softening.load_sites import Lumen
-from services.mechanics.reduction.softening.node_energy import fields_of, interpolated_j, known_nodes
-from services.mechanics.reduction.softening.softening_law import alike, parts, share_of_nodes
-from services.mechanics.reduction.softening.training import (
+from tests.by_day import by_day
+from trocar.services.mechanics.fem import ElementChoice, ShellSection, Support, clamp
+from trocar.services.mechanics.fem.nonlinear import CorotationalShell
+from trocar.services.mechanics.fem.nonlinear.cubic_energy import cubic_tensor_and_energies
+from trocar.services.mechanics.reduction import DuctRecipe, Newmark, reduce_duct
+from trocar.services.mechanics.reduction.free_dofs import free_load
+from trocar.services.mechanics.reduction.softened_wall.load_pattern import RHO
+from trocar.services.mechanics.reduction.softened_wall.softened_wall import SoftenedWall
+from trocar.services.mechanics.reduction.softened_wall.softening_force import follow_loads
+from trocar.services.mechanics.reduction.softening import node_energy, training_mesh
+from trocar.services.mechanics.reduction.softening.load_sites import Lumen
+from trocar.services.mechanics.reduction.softening.node_energy import fields_of, interpolated_j, known_nodes
+from trocar.services.mechanics.reduction.softening.softening_law import alike, parts, share_of_nodes
+from trocar.services.mechanics.reduction.softening.training import (
     energies_of_nodes_j,
     energies_of_sites_j,
     fetch_softening,
     own_compliance_m_n,
 )
-from services.mechanics.reduction.softening.training_squeezes import Squeeze, follow
-from services.mechanics.reduction.viscoelastic import NEVER, PronySeries
-from services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from studies.accuracy.squeezed_wall import DT_S, SqueezedWall
-from tests.by_day import by_day
+from trocar.services.mechanics.reduction.softening.training_squeezes import Squeeze, follow
+from trocar.services.mechanics.reduction.viscoelastic import NEVER, PronySeries
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.studies.accuracy.squeezed_wall import DT_S, SqueezedWall
 
 # Training on a busy machine.
 pytestmark = pytest.mark.timeout(600)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from services.mechanics.reduction.softening.softening_law import LARGEST_RHO, Sample, alike, fit_law, parts
+from trocar.services.mechanics.reduction.softening.softening_law import LARGEST_RHO, Sample, alike, fit_law, parts
 
 FROM_SUPPORT = np.array([3.0, 0.2])
 """Of the two nodes, in widths of the lumen."""

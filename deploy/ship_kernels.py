@@ -1,0 +1,116 @@
+"""Compile the kernels of all shipped scenes for the fixed target and pack them: ``python deploy/ship_kernels.py OUT``.
+
+A release runs it once for each Python and architecture; `setup.py` puts what it finds in ``build/kernels`` into the
+wheel. It does nothing where the archive of exactly these sources is there already.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import pickle
+import subprocess
+import sys
+import tarfile
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+import numba
+import zstandard
+
+from trocar.services import kernel_archive, kernel_cache
+from trocar.services.processor import numba_target, target_name
+from trocar.services.source_closure import Sources
+
+#: What compiles, in this order: haptics needs what physics has compiled, and adds little.
+PROCESSES = ("physics", "haptics", "gateway", "visualization")
+#: What a program that uses the library compiles, beside what a rig does.
+EXAMPLES = ("trocar.examples.poke",)
+
+
+def archive_name() -> str:
+    """Return the name of the archive for this Python, architecture and source."""
+    made = kernel_archive.made_with()
+    digests = [Sources(ROOT).digest(f"trocar.services.{name}.__main__") for name in PROCESSES]
+    of_sources = kernel_cache.digest_of(json.dumps([made, *digests]))
+    return f"{made['processor']}-{sys.implementation.cache_tag}-{of_sources}{kernel_archive.SUFFIX}"
+
+
+def compile_all(root: Path) -> None:
+    """Compile what any shipped scene needs into a kernel cache of its own."""
+    environment = {**os.environ, **numba_target(), "NUMBA_CACHE_DIR": str(root), "PYTHONPATH": str(ROOT)}
+    scenes = sorted(path.stem for path in (ROOT / "configs" / "scenes").glob("*.yaml"))
+    for scene in scenes:
+        for process in PROCESSES:
+            words = [f"trocar.services.{process}", "--prepare-only", "--scene", scene]
+            _run(words, environment)
+            print(f"{scene}: {process}", flush=True)
+    for example in EXAMPLES:
+        _run([example], environment)
+
+
+def _run(words: list[str], environment: dict[str, str]) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", *words], env=environment, cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    if done.returncode:
+        raise SystemExit(f"{' '.join(words)} ended with {done.returncode}:\n{done.stdout}{done.stderr}")
+
+
+def share_indices(root: Path) -> None:
+    """Rewrite the indices of a kernel cache so that each kernel is found by any processor that has its target."""
+    for index in root.glob("*/*.nbi"):
+        with index.open("rb") as file:
+            version, (stamp, files) = pickle.load(file), pickle.load(file)
+        (processor,) = {key[1] for key in files}
+        shared = kernel_archive.shipped_overloads(processor, files)
+        index.write_bytes(pickle.dumps(version, protocol=5) + pickle.dumps((stamp, shared), protocol=5))
+    for folder in (each for each in root.iterdir() if each.is_dir()):
+        kernel_cache.write_hashes(folder)
+
+
+def pack(root: Path, path: Path) -> None:
+    """Write the archive of a kernel cache."""
+    plain = io.BytesIO()
+    with tarfile.open(fileobj=plain, mode="w", format=tarfile.PAX_FORMAT) as archive:
+        _add(archive, kernel_archive.MADE_WITH, json.dumps(kernel_archive.made_with()).encode())
+        for folder in sorted(each for each in root.iterdir() if each.is_dir()):
+            for file in sorted(folder.iterdir()):
+                _add(archive, f"{folder.name}/{file.name}", file.read_bytes())
+    path.parent.mkdir(parents=True, exist_ok=True)
+    half = path.with_suffix(".half")
+    half.write_bytes(zstandard.ZstdCompressor(level=19, write_checksum=True).compress(plain.getvalue()))
+    half.replace(path)
+
+
+def _add(archive: tarfile.TarFile, name: str, content: bytes) -> None:
+    member = tarfile.TarInfo(name)
+    member.size, member.mode = len(content), 0o600
+    archive.addfile(member, io.BytesIO(content))
+
+
+def main(folder: Path) -> int:
+    """Make the archive, unless it is there; archives of other sources are removed."""
+    if not target_name():
+        print("kernels are compiled for AVX2 and FMA, which this processor lacks", file=sys.stderr)
+        return 1
+    archive = folder / archive_name()
+    if archive.exists():
+        print(archive)
+        return 0
+    for old in folder.glob(f"*-{sys.implementation.cache_tag}-*{kernel_archive.SUFFIX}"):
+        old.unlink()
+    with tempfile.TemporaryDirectory() as root:
+        compile_all(Path(root))
+        share_indices(Path(root))
+        pack(Path(root), archive)
+    print(f"{archive}: {archive.stat().st_size / 1e6:.1f} MB, numba {numba.__version__}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(Path(sys.argv[1])))
