@@ -1,7 +1,7 @@
 """The size of the house by package, in the tree or in a commit: ``python -m benchmarks.house --revision HEAD``.
 
 Lines and files of Python; tuned constants, which are names in capitals with a number on the right; words of documents;
-names of numba's private modules. `tests/test_house.py` holds the limits.
+names of numba's private modules, of which `tests/test_house.py` allows none.
 """
 
 from __future__ import annotations

@@ -6,30 +6,43 @@ wheel. It does nothing where the archive of exactly these sources is there alrea
 
 from __future__ import annotations
 
+import contextlib
+import importlib
 import io
 import json
 import os
 import pickle
+import runpy
 import subprocess
 import sys
 import tarfile
 import tempfile
+import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+import trocar.services.entry  # noqa: F401  first: the environment of a process
+
+# isort: split
 import numba
+import trimesh
 import zstandard
 
 from trocar.services import kernel_archive, kernel_cache
+from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 from trocar.services.processor import numba_target, target_name
+from trocar.services.runtime.process import Options, load_process_config
 from trocar.services.source_closure import Sources
 
-#: What compiles, in this order: haptics needs what physics has compiled, and adds little.
+#: The processes with kernels.
 PROCESSES = ("physics", "haptics", "gateway", "visualization")
+NEED_A_SURFACE = ("anatomy",)
 #: What a program that uses the library compiles, beside what a rig does.
 EXAMPLES = ("trocar.examples.poke",)
+#: With this word the script is the process that compiles.
+COMPILE = "--compile"
 
 
 def archive_name() -> str:
@@ -41,24 +54,39 @@ def archive_name() -> str:
 
 
 def compile_all(root: Path) -> None:
-    """Compile what any shipped scene needs into a kernel cache of its own."""
+    """Compile what any shipped scene needs into a kernel cache of its own, in a process that has nothing compiled."""
     environment = {**os.environ, **numba_target(), "NUMBA_CACHE_DIR": str(root), "PYTHONPATH": str(ROOT)}
-    scenes = sorted(path.stem for path in (ROOT / "configs" / "scenes").glob("*.yaml"))
-    for scene in scenes:
-        for process in PROCESSES:
-            words = [f"trocar.services.{process}", "--prepare-only", "--scene", scene]
-            _run(words, environment)
-            print(f"{scene}: {process}", flush=True)
+    subprocess.run([sys.executable, __file__, COMPILE], env=environment, cwd=ROOT, check=True)
+
+
+def compile_here() -> None:
+    """Do what each process does before a rig runs, for every scene; then run the examples."""
+    with tempfile.TemporaryDirectory() as folder:
+        surface = Path(folder) / "surface.stl"
+        write_tube(surface)
+        for scene in sorted(path.stem for path in (ROOT / "configs" / "scenes").glob("*.yaml")):
+            overrides = (f"duct.mesh_file={surface}",) if scene in NEED_A_SURFACE else ()
+            began_s = time.monotonic()
+            for name in PROCESSES:
+                prepare_process(name, Options("stub", scene, overrides, prepare_only=True))
+            print(f"{scene}: {time.monotonic() - began_s:.1f} s", flush=True)
     for example in EXAMPLES:
-        _run([example], environment)
+        runpy.run_module(example, run_name="__main__")
+    kernel_cache.settle()
 
 
-def _run(words: list[str], environment: dict[str, str]) -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", *words], env=environment, cwd=ROOT, capture_output=True, text=True, check=False
-    )
-    if done.returncode:
-        raise SystemExit(f"{' '.join(words)} ended with {done.returncode}:\n{done.stdout}{done.stderr}")
+def prepare_process(name: str, options: Options) -> None:
+    """Prepare a process of a rig, as ``--prepare-only`` does, unless its scene leaves it nothing to do."""
+    settings = load_process_config(name, options)
+    if name not in settings.requirements.idle:
+        with contextlib.redirect_stderr(io.StringIO()):  # its progress
+            importlib.import_module(f"trocar.services.{name}.__main__").prepare(settings)
+
+
+def write_tube(path: Path) -> None:
+    """Write a surface for the scenes whose file is the user's: 60 mm long, 9 mm wide."""
+    tube = parametric_duct(DuctGeometry(5e-3, 60e-3, n_around=24, n_along=46))
+    trimesh.Trimesh(1e3 * tube.vertices_m, tube.triangles).export(path)
 
 
 def share_indices(root: Path) -> None:
@@ -93,11 +121,15 @@ def _add(archive: tarfile.TarFile, name: str, content: bytes) -> None:
     archive.addfile(member, io.BytesIO(content))
 
 
-def main(folder: Path) -> int:
+def main(argument: str) -> int:
     """Make the archive, unless it is there; archives of other sources are removed."""
     if not target_name():
         print("kernels are compiled for AVX2 and FMA, which this processor lacks", file=sys.stderr)
         return 1
+    if argument == COMPILE:
+        compile_here()
+        return 0
+    folder = Path(argument)
     archive = folder / archive_name()
     if archive.exists():
         print(archive)
@@ -113,4 +145,4 @@ def main(folder: Path) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(Path(sys.argv[1])))
+    sys.exit(main(sys.argv[1]))

@@ -11,7 +11,6 @@ from __future__ import annotations
 import fcntl
 import functools
 import json
-import os
 import platform
 import sys
 import tarfile
@@ -75,9 +74,11 @@ def unpack(root: Path) -> str:
     archives = sorted(FOLDER.glob(f"*{SUFFIX}")) if FOLDER.is_dir() else []
     if not archives:
         return ""
+    from zstandard import ZstdError  # only a wheel has archives
+
     try:
         faults = [_unpack_archive(path, root) for path in archives]
-    except (OSError, tarfile.TarError, ValueError) as error:
+    except (OSError, tarfile.TarError, ValueError, ZstdError) as error:
         return f"the kernels that came with the package cannot be read: {error}"
     return "" if "" in faults else faults[0]
 
@@ -117,10 +118,22 @@ def _extract(path: Path, root: Path) -> str:
         if fault := _difference(json.load(text)):
             return fault
         with tempfile.TemporaryDirectory(prefix=".unpacking-", dir=root) as folder:
-            archive.extractall(folder, filter="data")
+            for member in archive:
+                _write_member(archive, member, Path(folder))
             for each in Path(folder).iterdir():
-                _move(each, root / each.name)
+                if not (root / each.name).exists():
+                    each.rename(root / each.name)
     return ""
+
+
+def _write_member(archive: tarfile.TarFile, member: tarfile.TarInfo, folder: Path) -> None:
+    """Write a file of an archive. Raises ValueError if it is anything but a file in a folder of the cache."""
+    parts = member.name.split("/")
+    content = archive.extractfile(member) if member.isreg() else None
+    if content is None or len(parts) != 2 or not all(part.strip(".") for part in parts):
+        raise ValueError(f"{member.name!r} is no file of a kernel")
+    (folder / parts[0]).mkdir(mode=0o700, exist_ok=True)
+    (folder / member.name).write_bytes(content.read())
 
 
 def _difference(then: dict[str, str]) -> str:
@@ -128,9 +141,3 @@ def _difference(then: dict[str, str]) -> str:
     now = made_with()
     differ = [f"{name} {then.get(name, 'unknown')} (here {now[name]})" for name in now if then.get(name) != now[name]]
     return f"the kernels that came with the package were made with {', '.join(differ)}" if differ else ""
-
-
-def _move(source: Path, target: Path) -> None:
-    source.chmod(0o700)
-    if not target.exists():
-        os.rename(source, target)

@@ -12,19 +12,13 @@ from pathlib import Path
 
 import pytest
 
+from tests.kernel_checkout import CALLEE, make_checkout
 from tests.preloaded import Preloaded, Running
 from trocar.services import kernel_cache
 from trocar.services.source_closure import Sources
 
 pytestmark = pytest.mark.timeout(600)  # it waits for processes that compile
 
-ROOT = Path(kernel_cache.__file__).parent
-DECORATOR = "from trocar.services.mechanics.compiled import building_kernel\n"
-CALLEE = f"{DECORATOR}\n@building_kernel\ndef inner(x):\n    return x + 1\n"
-CALLER = (
-    f"{DECORATOR}from trocar.services.parts import (  # brackets )\n    callee,\n)\n\n"
-    "inner = callee.inner\n\n@building_kernel\ndef outer(x):\n    return 10 * inner(x)\n"
-)
 ASK = "from trocar.services.caller import outer; print(outer({}), sum(outer.stats.cache_misses.values()))"
 NUMBA = "import numba; numba.njit(lambda x: x + 1)(1)"
 SLOW_INDEX = """
@@ -41,20 +35,7 @@ IndexDataCacheFile._save_index = slow
 
 @pytest.fixture
 def tree(tmp_path: Path) -> Path:
-    """Return a small checkout: a kernel, another that it calls, and a module that neither knows."""
-    parts = tmp_path / "checkout" / "trocar" / "services" / "parts"
-    compiled = parts.parent / "mechanics" / "compiled"
-    parts.mkdir(parents=True)
-    compiled.mkdir(parents=True)
-    for name in ("__init__", "cache_directory", "kernel_cache", "source_closure", "trusted_path"):
-        shutil.copy(ROOT / f"{name}.py", parts.parent)
-    for path in ("mechanics/__init__.py", "mechanics/compiled/__init__.py"):
-        shutil.copy(ROOT / path, parts.parent / path)
-    (parts / "__init__.py").touch()
-    (parts / "callee.py").write_text(CALLEE)
-    (parts / "stranger.py").write_text("X = 1\n")
-    (parts.parent / "caller.py").write_text(CALLER)
-    return tmp_path / "checkout"
+    return make_checkout(tmp_path / "checkout")
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -6,9 +6,6 @@ JSON.
 
 from __future__ import annotations
 
-import trocar.services.entry  # noqa: F401  first: the environment of a process
-
-# isort: split
 import json
 import re
 import sys

@@ -17,6 +17,8 @@ from enum import StrEnum
 from importlib import metadata
 from pathlib import Path
 
+from packaging.specifiers import SpecifierSet
+
 from trocar.services.cache_directory import cache_directory
 from trocar.services.cli import preemption
 from trocar.services.recordings.place import fault_of_folder, nearest_there
@@ -68,8 +70,9 @@ def finding(name: str, ok: bool, found: str, advice: str, *, needed: bool = Fals
 def software() -> Iterator[CheckResult]:
     """Check Python, packages, and the built page."""
     version = platform.python_version()
-    supported = (3, 11) <= sys.version_info[:2] < (3, 14)
-    yield finding("python", supported, version, "use Python 3.11 to 3.13", needed=True)
+    wanted = metadata.metadata("trocar")["Requires-Python"]
+    supported = SpecifierSet(wanted).contains(version, prereleases=True)
+    yield finding("python", supported, version, f"use Python {wanted}", needed=True)
     missing = [name for name in _NEEDED if importlib.util.find_spec(name) is None]
     found = _list(missing) if missing else ", ".join(f"{name} {metadata.version(name)}" for name in _SHOWN)
     yield finding("packages", not missing, found, "install trocar again", needed=True)

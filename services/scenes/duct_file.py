@@ -5,9 +5,6 @@
 
 from __future__ import annotations
 
-import trocar.services.entry  # noqa: F401  first: the environment of a process
-
-# isort: split
 import io
 from collections.abc import Sequence
 from typing import Any

@@ -6,9 +6,6 @@ needs two seconds and a hundred megabytes, which a process that runs at 1 kHz ha
 
 from __future__ import annotations
 
-import trocar.services.entry  # noqa: F401  first: the environment of a process
-
-# isort: split
 import json
 from collections.abc import Iterable
 from typing import Any

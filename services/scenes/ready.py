@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -27,9 +28,11 @@ def check_duct(scene: SceneModel, cache: Path) -> None:
 def load_duct(scene: SceneModel, cache: Path, progress: Progress) -> ReducedDuct:
     """Return the duct of `scene`, from the cache where it is there: every process gets the same.
 
+    Meanwhile the linear algebra of this process has one thread: with another number of them sums are rounded
+    otherwise, and the cache would hold another basis under the same key.
     Raises ConfigError if the mesh or the settings of the duct cannot be used.
     """
-    with _one_sentence(scene):
+    with _one_thread(), _one_sentence(scene):
         return build_scene_duct(scene, cache / "bases", progress, mesh=_file_mesh(scene.duct, cache, progress))
 
 
@@ -41,6 +44,18 @@ def load_surface(scene: SceneModel, cache: Path) -> TriangleMesh:
     with _one_sentence(scene):
         mesh = _file_mesh(scene.duct, cache, ignore_progress)
         return scene_mesh(scene.duct) if mesh is None else mesh
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Give linear algebra one thread, and restore what this process had, with what threadpoolctl sets when imported."""
+    before = os.environ.get("KMP_DUPLICATE_LIB_OK")
+    from threadpoolctl import threadpool_limits
+
+    if before is None:
+        os.environ.pop("KMP_DUPLICATE_LIB_OK", None)
+    with threadpool_limits(1):
+        yield
 
 
 @contextmanager

@@ -6,9 +6,9 @@ Searches begin anew at many places, half of them for the most energy, half for t
 
 from __future__ import annotations
 
-import trocar.services.entry  # noqa: F401  first: the environment of a process
+if __name__ == "__main__":
+    import trocar.services.entry  # noqa: F401  the environment of a process, before numpy
 
-# isort: split
 import argparse
 import sys
 from collections.abc import Callable
