@@ -118,7 +118,7 @@ def _extract(path: Path, root: Path) -> str:
         if fault := _difference(json.load(text)):
             return fault
         with tempfile.TemporaryDirectory(prefix=".unpacking-", dir=root) as folder:
-            for member in archive:
+            while (member := archive.next()) is not None:
                 _write_member(archive, member, Path(folder))
             for each in Path(folder).iterdir():
                 if not (root / each.name).exists():
