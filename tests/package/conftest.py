@@ -16,8 +16,20 @@ _FILES = ("pyproject.toml", "setup.py", "README.md", "LICENSE")
 
 @pytest.fixture(scope="session")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the wheel of this tree; its page is the one that `./dev` has built."""
+    """Return the wheel of this tree, without kernels; its page is the one that `./dev` has built."""
+    return _build(tmp_path_factory.mktemp("tree"))
+
+
+@pytest.fixture(scope="session")
+def wheel_with_kernels(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the wheel of this tree with all kernels, which are compiled in some minutes unless they are there."""
+    subprocess.run([sys.executable, "deploy/ship_kernels.py", "build/kernels"], cwd=ROOT, check=True)
     tree = tmp_path_factory.mktemp("tree")
+    shutil.copytree(ROOT / "build" / "kernels", tree / "build" / "kernels")
+    return _build(tree)
+
+
+def _build(tree: Path) -> Path:
     for name in _PARTS:
         left_out = shutil.ignore_patterns("__pycache__", "node_modules")
         shutil.copytree(ROOT / name, tree / name, symlinks=True, ignore=left_out)
