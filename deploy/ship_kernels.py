@@ -70,8 +70,9 @@ def compile_here() -> None:
             for name in PROCESSES:
                 prepare_process(name, Options("stub", scene, overrides, prepare_only=True))
             print(f"{scene}: {time.monotonic() - began_s:.1f} s", flush=True)
-    for example in EXAMPLES:
-        runpy.run_module(example, run_name="__main__")
+        for example in EXAMPLES:
+            sys.argv[1:] = [f"{folder}/picture.png"]
+            runpy.run_module(example, run_name="__main__")
     kernel_cache.settle()
 
 
