@@ -18,11 +18,13 @@ _FOR_PEOPLE = "dumps"
 
 
 def cache_directory() -> Path:
-    """Return ``$TROCAR_CACHE_DIR``, else ``~/.cache/trocar``; whether there is such a folder is another question.
+    """Return ``$TROCAR_CACHE_DIR``, else ``$XDG_CACHE_HOME/trocar``, else ``~/.cache/trocar``.
 
+    It need not be there yet. Where it cannot be made or written to, a fresh folder takes its place for this process and
+    its children.
     Folders in it that others can change are removed when a process first asks, and a line says why.
     """
-    path = trusted_directory("TROCAR_CACHE_DIR", os.path.expanduser("~/.cache/trocar"))
+    path = trusted_directory("TROCAR_CACHE_DIR", _of_user())
     return (
         path if _is_rid_of_foreign(path) else _replaced(path, "TROCAR_CACHE_DIR", "what others can change stays in it")
     )
@@ -31,12 +33,19 @@ def cache_directory() -> Path:
 def trusted_directory(variable: str, default: str) -> Path:
     """Return the folder that an environment variable names, or `default`.
 
-    Where others can change it, a fresh folder takes its place, for this process and its children; a line says why.
+    Where others can change it, or this user cannot make it or write to it, a fresh folder takes its place, for this
+    process and its children; a line says why.
     """
     path = Path(named := os.environ.get(variable) or default)
     if not (fault := _fault(named)):
         return path
     return _replaced(path, variable, fault)
+
+
+def _of_user() -> str:
+    """Return the user's cache of Trocar; the XDG specification has a relative path in its variable ignored."""
+    named = os.environ.get("XDG_CACHE_HOME", "")
+    return os.path.join(named if os.path.isabs(named) else os.path.expanduser("~/.cache"), "trocar")
 
 
 def own_folder(path: Path, root: Path) -> Path:
@@ -107,7 +116,19 @@ def _replaced(path: Path, variable: str, fault: str) -> Path:
 
 @functools.cache
 def _fault(path: str) -> str:
-    return fault_of_place(Path(path)) or ("it is no folder" if os.path.exists(path) and not os.path.isdir(path) else "")
+    if path.startswith("~"):
+        return "this user has no home"
+    if os.path.exists(path) and not os.path.isdir(path):
+        return "it is no folder"
+    return fault_of_place(Path(path)) or _fault_of_making(Path(path))
+
+
+def _fault_of_making(path: Path) -> str:
+    """Return why nothing can be kept in a folder, which may still have to be made; empty if it can."""
+    nearest = next(each for each in (path.absolute(), *path.absolute().parents) if each.exists())
+    if not nearest.is_dir():
+        return f"{nearest} is no folder"
+    return "" if os.access(nearest, os.W_OK | os.X_OK) else f"this user may not write to {nearest}"
 
 
 @functools.cache

@@ -4,9 +4,23 @@ from __future__ import annotations
 
 from trocar.services.cache_directory import cache_directory
 from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.bodies.catheter import CatheterBody
+from trocar.services.mechanics.bodies.duct import DuctBody
+from trocar.services.mechanics.bodies.forceps.tool_body import ToolBody
+from trocar.services.mechanics.collision.pairs import ContactPairs
+from trocar.services.mechanics.contact.candidate_search import CandidateSearch
+from trocar.services.mechanics.contact.holds import HoldRegistry
+from trocar.services.mechanics.contact.rows import ContactRows
+from trocar.services.mechanics.contact.seal import IntroducerSeal
+from trocar.services.mechanics.contact.squeeze import JawSqueeze
+from trocar.services.mechanics.contact.system import ContactSystem, DroppedContacts
 from trocar.services.mechanics.effects import EFFECTS, Effect, EffectEntry
+from trocar.services.mechanics.fem.section import ShellSection
 from trocar.services.mechanics.reduction.build import Progress, ignore_progress
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.rod.properties import RodProperties
 from trocar.services.mechanics.scenarios import PlayedScene as Motion
+from trocar.services.mechanics.scenarios import ToolMotion
 from trocar.services.mechanics.scene import (
     CatheterScene,
     ContactSettings,
@@ -16,11 +30,16 @@ from trocar.services.mechanics.scene import (
     QualityLevel,
 )
 from trocar.services.mechanics.scene import SceneModel as Scene
+from trocar.services.mechanics.scene.catheter_section import CatheterSection
+from trocar.services.mechanics.scene.duct_branch import DuctBranch
+from trocar.services.mechanics.scene.guide_wire import GuideWireScene
+from trocar.services.mechanics.scene.instruments.tool import DrawnPart, ToolScene
 from trocar.services.mechanics.scene.tools import GraspHold
 from trocar.services.mechanics.scene.tools import ToolInputs as Hands
 from trocar.services.mechanics.scene.tools import ToolResults as HandResults
 from trocar.services.mechanics.simulation import Simulation
-from trocar.services.mechanics.world import World
+from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.world import World, WorldEffect
 from trocar.services.runtime.errors import ConfigError
 from trocar.services.scenes import load_duct, load_scene
 from trocar.services.scenes.hands import hands_of
@@ -67,22 +86,72 @@ def add_effect(name: str, kind: type[Effect], what: str) -> None:
     EFFECTS[name] = EffectEntry(kind, what)
 
 
+#: Classes that are public because signatures of the others name them: to be annotated with and asked of, not made.
+NAMED_ONLY = frozenset(
+    {
+        "CandidateSearch",
+        "CatheterBody",
+        "CatheterSection",
+        "ContactPairs",
+        "ContactRows",
+        "ContactSystem",
+        "DrawnPart",
+        "DroppedContacts",
+        "DuctBody",
+        "DuctBranch",
+        "GuideWireScene",
+        "HoldRegistry",
+        "IntroducerSeal",
+        "JawSqueeze",
+        "ReducedDuct",
+        "RodProperties",
+        "ShellSection",
+        "ToolBody",
+        "ToolMotion",
+        "ToolScene",
+        "TriangleMesh",
+        "WorldEffect",
+    }
+)
+
 __all__ = [
+    "CandidateSearch",
+    "CatheterBody",
     "CatheterScene",
+    "CatheterSection",
     "ConfigError",
+    "ContactPairs",
+    "ContactRows",
     "ContactSettings",
+    "ContactSystem",
+    "DrawnPart",
+    "DroppedContacts",
+    "DuctBody",
+    "DuctBranch",
     "DuctScene",
     "Effect",
     "ForcepsScene",
     "GraspHold",
+    "GuideWireScene",
     "HandResults",
     "Hands",
+    "HoldRegistry",
+    "IntroducerSeal",
+    "JawSqueeze",
     "Motion",
     "ProbeScene",
     "QualityLevel",
+    "ReducedDuct",
+    "RodProperties",
     "Scene",
+    "ShellSection",
     "Simulation",
+    "ToolBody",
+    "ToolMotion",
+    "ToolScene",
+    "TriangleMesh",
     "World",
+    "WorldEffect",
     "add_effect",
     "expert",
     "load_scene",

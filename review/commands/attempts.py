@@ -12,8 +12,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from trocar.review.attempts.curve import cusum, learning_curve
-from trocar.review.attempts.store.attempts import Listed, Store, StoreError
+from trocar.review.attempts.store.attempts import Listed, Store, UnknownError
 from trocar.services.atomic_file import atomic_file
+from trocar.services.cli import targets
 from trocar.services.training.score import load_rules
 
 
@@ -46,11 +47,12 @@ def _cells(row: Listed) -> tuple[str, ...]:
 
 def run_curve(database: str | None, trainee: str, scenario: str, rules: str, as_json: bool) -> None:
     """Print how times, scores and failures of a trainee's attempts that count have gone."""
+    limits = load_rules(rules).cusum
     with Store(database) as store:
         rows = [row for row in store.listed(trainee, scenario) if row.counts]
     if not rows:
-        raise StoreError(f"{trainee!r} has no attempt at {scenario!r} that counts")
-    chart = cusum([row.outcome != "success" for row in rows], load_rules(rules).cusum)
+        raise UnknownError(f"{trainee!r} has no attempt at {scenario!r} that counts")
+    chart = cusum([row.outcome != "success" for row in rows], limits)
     times = [row.time_s for row in rows]
     fitted = learning_curve(times)
     if as_json:
@@ -74,12 +76,13 @@ def run_curve(database: str | None, trainee: str, scenario: str, rules: str, as_
 
 def run_export(database: str | None, trainee: str | None, out: Path | None) -> None:
     """Write everything that is known of a trainee, or of all, as JSON; into a file called .csv a table of metrics."""
+    targets.look_at_file("--out", out)
     with Store(database) as store:
         data = store.table(trainee).encode() if out and out.suffix == ".csv" else store.export(trainee)
     if out is None:
         print(data.decode(), end="")
         return
-    with atomic_file(out) as half:
+    with targets.writing("--out", out), atomic_file(out) as half:
         half.write_bytes(data)
     print(out)
 

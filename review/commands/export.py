@@ -11,7 +11,7 @@ import numpy as np
 from trocar.protocol import TOPICS
 from trocar.review.export.tables import Columns, read_columns
 from trocar.services.nearest_word import did_you_mean
-from trocar.services.recordings.errors import RecordingError
+from trocar.services.runtime.errors import ConfigError, MissingPackageError
 
 #: Formats, and what holds them beside the recording.
 FORMATS = {"csv": "a folder", "parquet": "a folder", "npz": "a file", "mp4": "a file"}
@@ -25,7 +25,7 @@ def run_export(file: Path, to: str, out: Path | None, topics: Collection[str], v
     """
     for topic in topics:
         if topic not in TOPICS:
-            raise RecordingError(f"there is no topic {topic!r}{did_you_mean(topic, TOPICS)}")
+            raise ConfigError(f"there is no topic {topic!r}{did_you_mean(topic, TOPICS)}")
     place = out or file.with_suffix("" if FORMATS[to] == "a folder" else f".{to}")
     if to == "mp4":
         from trocar.review.export.film import write_film
@@ -46,17 +46,11 @@ def run_export(file: Path, to: str, out: Path | None, topics: Collection[str], v
     print(place)
 
 
-def missing(package: str, to: str) -> RecordingError:
-    """Return what is said where a package is not installed."""
-    extra = {"pyarrow": "parquet", "av": "video", "pyvista": "view"}[package]
-    return RecordingError(f"{to} needs the package {package!r}: pip install 'trocar[{extra}]'")
-
-
 def _need(package: str, to: str) -> None:
     try:
         __import__(package)
     except ModuleNotFoundError:
-        raise missing(package, to) from None
+        raise MissingPackageError(to, package) from None
 
 
 def _write_csv(path: Path, columns: Columns) -> None:

@@ -10,7 +10,7 @@ from trocar.review.attempts.assessment import Assessment
 from trocar.review.attempts.experts import load_band
 from trocar.review.attempts.recorded import assess_file
 from trocar.review.attempts.report import Past, render
-from trocar.services.atomic_file import atomic_file
+from trocar.services.cli import targets
 from trocar.services.runtime.errors import ConfigError
 from trocar.services.training.score import load_rules
 
@@ -38,6 +38,7 @@ def run_report(request: Request) -> None:
     Raises RecordingError or ConfigError or StoreError: one sentence, if something of what is named cannot be used.
     """
     out = request.out or Path(f"report-{Path(request.what).stem}.html")
+    targets.look_at_file("--out", out)
     if request.what.isdecimal():
         found, trainee, past = _kept(request)
         _write(out, found, request, trainee, past)
@@ -51,8 +52,7 @@ def _write(out: Path, found: Assessment, request: Request, trainee: str = "", pa
     rules = load_rules(request.rules)
     band = load_band(request.experts, found.scenario) if request.experts else {}
     text = render(found, rules, trainee=trainee, past=past, band=band, page=request.page)
-    with atomic_file(out) as half:
-        half.write_text(text, encoding="utf-8")
+    targets.write_text("--out", out, text)
     print(out)
 
 

@@ -10,13 +10,13 @@ from typing import cast
 import numpy as np
 
 from trocar.protocol import Frame
-from trocar.review.commands.export import missing
 from trocar.review.export.fluoroscopy import open_renderer
 from trocar.services.cli.rerun import load
 from trocar.services.recordings.errors import RecordingError
 from trocar.services.recordings.inputs import RecordedInputs
 from trocar.services.recordings.reader import read_extras, read_frames
 from trocar.services.runtime.bus import Bus
+from trocar.services.runtime.errors import MissingPackageError
 from trocar.services.visualization.composer import Composer
 
 
@@ -35,7 +35,7 @@ def write_film(
 ) -> None:
     """Draw a recording in its own time, as the endoscope sees it or as by X-rays.
 
-    Raises RecordingError if it cannot be drawn, or a package is missing.
+    Raises RecordingError if it cannot be drawn, MissingPackageError if a package is not installed.
     """
     os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")  # else VTK complains of no display
 
@@ -48,7 +48,7 @@ def write_film(
 
         renderer = open_renderer(view, size)
     except ModuleNotFoundError as error:
-        raise missing(str(error.name), "mp4") from None
+        raise MissingPackageError("mp4", error.name) from None
     newest = _Newest()
     composer = Composer(cast(Bus, newest), scene, metadata["trocar"].get("scene", ""), duct)
     drawn = 0

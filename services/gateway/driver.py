@@ -24,7 +24,7 @@ from trocar.services.gateway.servo_law import servo_force
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.nearest_word import did_you_mean
 from trocar.services.runtime import config
-from trocar.services.runtime.errors import ConfigError, DeviceError
+from trocar.services.runtime.errors import ConfigError, MissingPackageError
 from trocar.services.runtime.rig import DriverSettings, Mount, Vector3
 
 T = TypeVar("T")
@@ -181,8 +181,8 @@ def load_arm(settings: DriverSettings, place: Place) -> Arm:
 def load_grasp(settings: DriverSettings, place: Place) -> GraspHandle:
     """Return the handle named in the rig file, not yet open.
 
-    Raises DeviceError: one sentence, if there is no such driver, it is of the other kind, or a library is missing.
-    Raises ConfigError naming the key, if its settings or its device file are invalid.
+    Raises ConfigError: one sentence, if there is no such driver, it is of the other kind, or its settings or its device
+    file are invalid. Raises MissingPackageError if it needs a package that is not installed.
     """
     return cast(GraspHandle, _load(settings, "handle", place))
 
@@ -192,7 +192,7 @@ def _load(settings: DriverSettings, kind: str, place: Place) -> object:
     name = settings.driver
     module = _module(name, where)
     if not issubclass(module.Driver, Arm if kind == "arm" else GraspHandle):
-        raise DeviceError(f"{where}, {kind}: driver {name!r} drives something else")
+        raise ConfigError(f"{where}, {kind}: driver {name!r} drives something else")
     return cast(object, module.Driver(settings, place))
 
 
@@ -208,11 +208,11 @@ def _module(name: str, where: str) -> ModuleType:
     if name not in known_drivers():
         known = known_drivers()
         near = did_you_mean(name, known)
-        raise DeviceError(f"{where}: there is no driver {name!r}; known: {', '.join(known)}{near}")
+        raise ConfigError(f"{where}: there is no driver {name!r}; known: {', '.join(known)}{near}")
     try:
         return importlib.import_module(f"trocar.services.gateway.drivers.{name}")
     except ImportError as error:
-        raise DeviceError(f"{where}: driver {name!r} needs {error.name}, which is not installed") from None
+        raise MissingPackageError(f"{where}: driver {name!r}", error.name) from None
 
 
 def read_settings(kind: type[T], settings: DriverSettings, place: Place) -> T:

@@ -73,7 +73,7 @@ def fitted(motion: HandMotion, range_rad: tuple[float, float]) -> HandMotion:
 def recorded(path: Path) -> HandMotion:
     """Return the handle angles of a 1 kHz recording, played forwards and backwards so that they never jump.
 
-    Raises DeviceError if the file is invalid.
+    Raises RecordingError if the file is invalid.
     """
     angles = np.ascontiguousarray(read_table(path, (_COLUMN,))[_COLUMN], np.float64)
     return HandMotion(np.concatenate((angles, angles[-2:0:-1])), repeats=True)

@@ -13,7 +13,8 @@ from trocar.protocol.topics import TICK_S
 from trocar.services.gateway.driver import Place
 from trocar.services.gateway.pose import pack_mount, to_arm
 from trocar.services.mechanics.arrays import FloatArray
-from trocar.services.runtime.errors import DeviceError
+from trocar.services.recordings.errors import RecordingError
+from trocar.services.runtime.errors import ConfigError
 
 _DTYPE = [(name, np.float64) for name in ("time_s", "x_m", "y_m", "z_m", "roll_rad", "handle_angle_rad")]
 
@@ -43,7 +44,7 @@ def read_hand(path: Path, columns: tuple[str, ...], place: Place) -> npt.NDArray
 
     Positions are in the frame of the arm, wherever the recorded arm was mounted. A recording ends where its gateway was
     restarted.
-    Raises DeviceError naming the file, if it is invalid.
+    Raises RecordingError naming the file, if it is invalid.
     """
     if path.suffix != ".mcap":
         return read_table(path, columns)
@@ -61,37 +62,37 @@ def read_hand(path: Path, columns: tuple[str, ...], place: Place) -> npt.NDArray
                 to_arm(np.array(hand.position_m) - mount[2:], 0, mount, at_arm, 0)
                 rows.append((time_s, *at_arm.tolist(), hand.roll_rad, hand.handle_angle_rad))
     if len(rows) < 2:
-        raise DeviceError(f"{path}: holds no two frames of an instrument {place.instrument!r}")
+        raise RecordingError(f"{path}: holds no two frames of an instrument {place.instrument!r}")
     return np.array(rows, _DTYPE)
 
 
 def read_table(path: Path, columns: tuple[str, ...]) -> npt.NDArray[np.void]:
     """Return a csv file with a header line as a structured array of at least two rows, ordered by time.
 
-    Raises DeviceError naming the file, if it cannot be read, lacks one of `columns`, contains anything but finite
-    numbers, or if a column ``time_s`` does not increase.
+    Raises ConfigError naming the file, if it cannot be opened, RecordingError if it lacks one of `columns`, contains
+    anything but finite numbers, or if a column ``time_s`` does not increase.
     """
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
         if not any(line.strip() for line in lines):
-            raise DeviceError(f"{path}: the file is empty")
+            raise RecordingError(f"{path}: the file is empty")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a file of only a header is reported below
             table: npt.NDArray[np.void] = np.atleast_1d(np.genfromtxt(lines, delimiter=",", names=True))
     except OSError as error:
-        raise DeviceError(f"{path}: {error.strerror}") from None
+        raise ConfigError(f"{path}: {(error.strerror or str(error)).lower()}") from None
     except (ValueError, IndexError) as error:
-        raise DeviceError(f"{path}: is not a csv file with a header line: {' '.join(str(error).split())}") from None
+        raise RecordingError(f"{path}: is not a csv file with a header line: {' '.join(str(error).split())}") from None
     names = table.dtype.names or ()
     missing = [column for column in columns if column not in names]
     if missing:
-        raise DeviceError(f"{path}: there is no column {missing[0]}; there are {', '.join(names) or 'none'}")
+        raise RecordingError(f"{path}: there is no column {missing[0]}; there are {', '.join(names) or 'none'}")
     if len(table) < 2:
-        raise DeviceError(f"{path}: needs two rows or more of finite numbers, has {len(table)}")
+        raise RecordingError(f"{path}: needs two rows or more of finite numbers, has {len(table)}")
     for name in names:
         wrong = np.flatnonzero(~np.isfinite(table[name]))
         if len(wrong):
-            raise DeviceError(f"{path}: row {wrong[0] + 1} below the header: {name} is not a finite number")
+            raise RecordingError(f"{path}: row {wrong[0] + 1} below the header: {name} is not a finite number")
     if "time_s" in names and (np.diff(table["time_s"]) <= 0.0).any():
-        raise DeviceError(f"{path}: time_s must increase")
+        raise RecordingError(f"{path}: time_s must increase")
     return table

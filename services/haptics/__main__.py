@@ -26,12 +26,15 @@ from trocar.services.runtime.log import progress
 from trocar.services.runtime.loop import LoopMeter, follow
 from trocar.services.runtime.process import Process, ProcessConfig, main
 from trocar.services.scenes import load_duct, load_scene
+from trocar.services.start_progress import StartProgress
 
 if TYPE_CHECKING:
     from trocar.services.haptics.replaying import ReplayedHaptics
 
 RATE_HZ = 1000.0
 STAGES = ("model", "detect", "send")
+#: Parts of a start, with their share of the time of a first one.
+START = {"duct": 0.2, "kernels": 0.8}
 _NO_CONTACTS = ToolContacts(tick=-1, tools=tool_table(()))
 
 
@@ -135,9 +138,11 @@ class Haptics:
 
 def prepare(process_config: ProcessConfig) -> tuple[SceneModel, ReducedDuct]:
     """Load the scene and its duct, and compile every kernel."""
+    start = StartProgress(START, progress)
     scene = load_scene(process_config.scene_name, process_config.scene_overrides)
-    duct = load_duct(scene, cache_directory(), progress)
-    warm_up(scene, duct)
+    duct = load_duct(scene, cache_directory(), start.part("duct"))
+    warm_up(scene, duct, start.part("kernels"))
+    start.finish("kernels are compiled")
     return scene, duct
 
 

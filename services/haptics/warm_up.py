@@ -19,15 +19,18 @@ from trocar.services.mechanics.scene import SceneModel
 from trocar.services.mechanics.scene.tools import N_TOOLS
 from trocar.services.mechanics.simulation import Simulation
 from trocar.services.mechanics.simulation.scene_catheter import scene_rod
-from trocar.services.runtime.log import progress
+from trocar.services.start_progress import Say, ignore
+
+#: Kernels that it compiled in a first start of the default scene, those for physics among them.
+_KERNELS = 140
 
 
-def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
+def warm_up(scene: SceneModel, duct: ReducedDuct, say: Say = ignore) -> None:
     """Detect the contacts of jaws placed in the wall; then compile some kernels for physics.
 
     Physics compiles the contact solve meanwhile, on the other core, and then finds these kernels in the cache.
     """
-    with told(progress) as kernels:
+    with told(say, _KERNELS) as kernels:
         kernels.begin("collision detection")
         instruments, reactions = InstrumentTable(len(scene.forceps)), Reactions()
         grasping = Grasping(scene, duct, reactions.rows, instruments.rows)
@@ -49,7 +52,6 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
         if kernels.count:
             kernels.begin("a share for physics")
             compile_for_physics(scene, duct)
-    progress("kernels are compiled", 1.0)
 
 
 def _step_catheter(scene: SceneModel) -> None:

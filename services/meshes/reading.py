@@ -39,10 +39,8 @@ def read_surface(path: Path, units: str) -> TriangleMesh:
     try:
         vertices, triangles = read(path)
         mesh = TriangleMesh(vertices * METRES_PER_UNIT[units], triangles) if len(triangles) else None
-    except MeshError:
+    except (MeshError, ModuleNotFoundError):
         raise
-    except ModuleNotFoundError as error:
-        raise MeshError(f"{path}: reading it needs the package '{error.name}', install trocar[mesh]") from error
     except Exception as error:  # The readers raise whatever a broken file trips them over.
         raise MeshError(f"{path}: not a readable triangle surface ({error})") from error
     if path.suffix.lower() == ".ply" and len(triangles) < announced:

@@ -25,14 +25,17 @@ from trocar.services.mechanics.simulation.duct_alone import DuctAlone
 from trocar.services.physics.inputs import ContactsReader
 from trocar.services.physics.outputs import Outputs
 from trocar.services.physics.stand_in import stand_in_duct, stand_in_scene
-from trocar.services.runtime.log import progress
+from trocar.services.start_progress import Say, ignore
+
+#: Kernels that each part compiled or found in a first start of the default scene.
+_KERNELS_OF_CONTACT, _KERNELS_OF_STEP = 150, 105
 
 _STEPS = 20
 #: Steps with all contacts of tools placed deep in the wall; each may take half a second.
 _STEPS_OF_ALL = 2
 
 
-def warm_up_contact(scene: SceneModel) -> None:
+def warm_up_contact(scene: SceneModel, say: Say = ignore) -> None:
     """Compile the contact solve before the duct exists, which haptics builds meanwhile on the other core.
 
     This uses a temporary simulation without collision detection or a moving rod: haptics compiles those after the
@@ -40,20 +43,20 @@ def warm_up_contact(scene: SceneModel) -> None:
     """
     if scene.duct_alone:
         return
-    with told(progress) as kernels:
+    with told(say, _KERNELS_OF_CONTACT) as kernels:
         kernels.begin("contact")
         answer_contacts(stand_in_scene(scene), stand_in_duct(scene))
 
 
-def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
+def warm_up(scene: SceneModel, duct: ReducedDuct, say: Say = ignore) -> None:
     """Run a temporary simulation until nothing is left to compile."""
     if scene.duct_alone:
         alone = DuctAlone(replace(scene, sleeping=False), duct)
         alone.step()
         DuctAlone(scene, duct).step()
         return
-    with told(progress) as kernels:
-        kernels.begin("what haptics has not compiled")
+    with told(say, _KERNELS_OF_STEP) as kernels:
+        kernels.begin("a whole step")
         simulation = Simulation(scene, duct)
         tools = _touch_everything(simulation)
         for _ in range(_STEPS_OF_ALL):
@@ -68,7 +71,6 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
         ContactsReader(simulation).compile_kernels()
         Outputs(simulation, "").state(0, tool_table(()))
         _ = simulation.inserted_length_m
-    progress("kernels are compiled", 1.0)
 
 
 def answer_contacts(scene: SceneModel, duct: ReducedDuct) -> None:

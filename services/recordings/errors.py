@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from trocar.services.exit_codes import ExitCode
 from trocar.services.runtime.errors import UserError
 
 
 class RecordingError(UserError):
     """A recording cannot be written or read."""
 
-    exit_code = 5
+    exit_code: int = ExitCode.RECORDING
+
+
+class UnopenedError(RecordingError):
+    """A recording is not there, or this user may not open it: as with any other file that was named."""
+
+    exit_code = ExitCode.USAGE
 
 
 class HoleError(RecordingError):
     """A part in the middle of a recording cannot be read."""
 
-    exit_code = 7
+    exit_code = ExitCode.HOLE

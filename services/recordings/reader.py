@@ -20,7 +20,7 @@ from mcap.records import Attachment, Channel, DataEnd, Message, Metadata
 from mcap.stream_reader import StreamReader
 
 from trocar.protocol import TOPICS, Frame
-from trocar.services.recordings.errors import HoleError, RecordingError
+from trocar.services.recordings.errors import HoleError, RecordingError, UnopenedError
 from trocar.services.recordings.summary import has_sound_index, is_closed, is_sound, record_stream, records
 from trocar.services.recordings.transcode import to_frame
 
@@ -98,7 +98,7 @@ def opened(path: Path) -> Iterator[IO[bytes]]:
             file.seek(0)
             yield file
     except OSError as error:
-        raise RecordingError(f"{path}: {(error.strerror or str(error)).lower()}") from None
+        raise UnopenedError(f"{path}: {(error.strerror or str(error)).lower()}") from None
 
 
 def last_ns(path: Path, topics: Collection[str]) -> int:

@@ -21,7 +21,7 @@ from mcap.records import Attachment, Channel, Chunk, ChunkIndex, DataEnd, Metada
 from mcap.stream_reader import get_chunk_data_stream
 
 from trocar.services.recordings.chunks import message_indexes
-from trocar.services.recordings.errors import HoleError, RecordingError
+from trocar.services.recordings.errors import HoleError, RecordingError, UnopenedError
 from trocar.services.recordings.reader import BROKEN
 from trocar.services.recordings.summary import (
     HEAD,
@@ -108,7 +108,7 @@ def _opened(path: Path) -> Iterator[int]:
     try:
         file = os.open(path, os.O_RDWR | os.O_NOFOLLOW | os.O_CLOEXEC)
     except OSError as error:
-        raise RecordingError(f"{path}: {(error.strerror or str(error)).lower()}") from None
+        raise UnopenedError(f"{path}: {(error.strerror or str(error)).lower()}") from None
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         yield file

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -109,6 +109,8 @@ def apply_overrides(data: dict[str, Any], overrides: Iterable[str], origins: Ori
             why = getattr(error, "problem", None) or "it cannot be read"
             raise ConfigError(f"--set {override}: {text!r} is not a YAML value: {why}") from None
         _put(data, key.split("."), value, override)
+        for below in [each for each in origins if each.startswith(f"{key}.")]:  # what it took the place of
+            del origins[below]
         origins[key] = "--set"
 
 
@@ -252,11 +254,45 @@ def origins_of(data: Mapping[str, Any], where: str, prefix: str = "") -> Origins
     return found
 
 
+def naming_override(load: Callable[[Sequence[str]], T], overrides: Sequence[str], path: Path) -> T:
+    """Return what `load` makes of a file and overrides; of a refusal, the override that brings it about is named.
+
+    The file is at fault only where it is refused in the same words without the override.
+    """
+    try:
+        return load(overrides)
+    except ConfigError as error:
+        said = str(error)
+        guilty = next((n for n in range(len(overrides) + 1) if _refusal(load, overrides[:n]) == alone(said)), 0)
+        if not guilty or said.startswith("--set "):
+            raise
+        in_file = re.compile(rf"{re.escape(str(path))}( on [^:]*)?: ")
+        raise ConfigError(f"--set {overrides[guilty - 1]}: {in_file.sub('', said, count=1)}") from None
+
+
+def _refusal(load: Callable[[Sequence[str]], object], overrides: Sequence[str]) -> str:
+    try:
+        load(overrides)
+    except ConfigError as error:
+        return alone(str(error))
+    return ""
+
+
+def alone(sentence: str) -> str:
+    """Return what is wrong without the count of what else is."""
+    return re.sub(r" \(and \d+ more\)", "", sentence)
+
+
 def load(kind: type[T], path: Path, overrides: Iterable[str] = ()) -> tuple[T, Origins]:
     """Return the configuration in `path` with `overrides`, and the origin of each given value.
 
     A rig file may name another as its `base`, and then contains only the differences.
+    Raises ConfigError: one sentence that names the file, or the override, and the key.
     """
+    return naming_override(lambda some: _load(kind, path, some), tuple(overrides), path)
+
+
+def _load(kind: type[T], path: Path, overrides: Sequence[str]) -> tuple[T, Origins]:
     data, origins = _read_on_base(path) if kind is Rig else _read_alone(path)
     apply_overrides(data, overrides, origins)
     where = f"{path} on {data['base']}" if kind is Rig and "base" in data else str(path)

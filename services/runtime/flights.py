@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trocar.services.runtime.errors import BusError, UserError
+from trocar.services.runtime.errors import BusError, ConfigError
 from trocar.services.runtime.flight import COLUMNS, HEADER_BYTES, MAGIC, ROWS_AT, SUFFIX
 from trocar.services.runtime.private_directory import open_private
 
@@ -169,7 +169,7 @@ def to_bytes(flights: Flights) -> bytes:
 
 
 def read_file(path: Path) -> Flights:
-    """Return the flights of a file. Raises UserError if it is invalid or unreadable."""
+    """Return the flights of a file. Raises ConfigError if it is invalid or unreadable."""
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
             about = json.loads(bytes(data[_META]))
@@ -177,9 +177,9 @@ def read_file(path: Path) -> Flights:
             threads = tuple(ThreadTime(**each) for each in about["threads"])
         return Flights(flights, int(about["taken_ns"]), str(about["taken_at"]), str(about["reason"]), threads)
     except OSError as error:
-        raise UserError(f"{path}: {error.strerror or 'is no file of flights'}") from None
+        raise ConfigError(f"{path}: {error.strerror or 'is no file of flights'}") from None
     except _NO_FLIGHTS:
-        raise UserError(f"{path}: is no file of flights; `trocar latency` without a file looks at the rig") from None
+        raise ConfigError(f"{path}: is no file of flights; `trocar latency` without a file looks at the rig") from None
 
 
 def _flight(about: dict[str, Any], rows: NDArray[Any]) -> Flight:

@@ -120,7 +120,9 @@ def parse(process: str, arguments: Sequence[str] | None) -> Options:
     """Return the options of a process' command line.
 
     ``TROCAR_RIG``, ``TROCAR_SCENE`` and ``TROCAR_SET`` (overrides, separated by spaces) are the defaults of options, so
-    that one environment configures all containers of a rig.
+    that one environment configures all containers of a rig. ``TROCAR_LOG_LEVEL`` is read as the log is set up.
+
+    Raises ConfigError if there is no such level.
     """
     environment = os.environ
     parser = argparse.ArgumentParser(prog=f"python -m trocar.services.{process}")
@@ -134,7 +136,11 @@ def parse(process: str, arguments: Sequence[str] | None) -> Options:
     parser.add_argument(
         "--prepare-only", action="store_true", help="build bases, compile kernels and end, as for an image"
     )
+    parser.add_argument("--log-level", metavar="LEVEL", help=f"{', '.join(log.LEVELS)}; or {log.LEVEL_VARIABLE}")
     parsed = parser.parse_args(arguments)
+    if parsed.log_level is not None:
+        log.level_of(parsed.log_level, "--log-level")
+        environment[log.LEVEL_VARIABLE] = parsed.log_level  # for what it starts, too
     overrides = (*environment.get("TROCAR_SET", "").split(), *parsed.overrides)
     return Options(parsed.rig, parsed.scene, overrides, parsed.prepare_only)
 

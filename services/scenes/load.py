@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from trocar.services.mechanics.scene import SceneModel
@@ -23,6 +23,10 @@ def load_scene(name: str | Path, overrides: Iterable[str] = ()) -> SceneModel:
 def scene_origins(name: str | Path, overrides: Iterable[str] = ()) -> tuple[SceneModel, config.Origins]:
     """Return the scene, and for each value that was given where it came from."""
     path = config.find("scene", name)
+    return config.naming_override(lambda some: _scene_origins(name, path, some), tuple(overrides), path)
+
+
+def _scene_origins(name: str | Path, path: Path, overrides: Sequence[str]) -> tuple[SceneModel, config.Origins]:
     origins: config.Origins = {}
     data = config.read_scene(name, overrides, origins)
     take_tissue(data, str(path), origins)

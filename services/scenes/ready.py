@@ -13,7 +13,8 @@ from trocar.services.mechanics.scene import DuctScene, SceneModel
 from trocar.services.mechanics.scene.duct_tubes import duct_tubes
 from trocar.services.mechanics.simulation.scene_duct import build_scene_duct, check_scene_duct, scene_mesh
 from trocar.services.mechanics.surface.mesh import TriangleMesh
-from trocar.services.runtime.errors import ConfigError
+from trocar.services.runtime.errors import ConfigError, MissingPackageError
+from trocar.services.start_progress import StartProgress
 
 
 def check_duct(scene: SceneModel, cache: Path) -> None:
@@ -25,6 +26,13 @@ def check_duct(scene: SceneModel, cache: Path) -> None:
         check_scene_duct(scene, _file_mesh(scene.duct, cache, ignore_progress))
 
 
+#: Stages that every duct goes through when it is built, in their order, with their share of the time.
+_STAGES = {
+    "surface": 0.01, "assembly": 0.02, "factorisation": 0.03, "modes": 0.64, "residual compliance": 0.28,
+    "exact near field": 0.02,
+}  # fmt: skip
+
+
 def load_duct(scene: SceneModel, cache: Path, progress: Progress) -> ReducedDuct:
     """Return the duct of `scene`, from the cache where it is there: every process gets the same.
 
@@ -32,8 +40,12 @@ def load_duct(scene: SceneModel, cache: Path, progress: Progress) -> ReducedDuct
     otherwise, and the cache would hold another basis under the same key.
     Raises ConfigError if the mesh or the settings of the duct cannot be used.
     """
+    stages = StartProgress(_STAGES, progress)
     with _one_thread(), _one_sentence(scene):
-        return build_scene_duct(scene, cache / "bases", progress, mesh=_file_mesh(scene.duct, cache, progress))
+        mesh = _file_mesh(scene.duct, cache, stages.stage)
+        duct = build_scene_duct(scene, cache / "bases", stages.stage, mesh=mesh)
+    stages.finish("the duct is there")
+    return duct
 
 
 def load_surface(scene: SceneModel, cache: Path) -> TriangleMesh:
@@ -64,8 +76,7 @@ def _one_sentence(scene: SceneModel) -> Iterator[None]:
         yield
     except ModuleNotFoundError as error:
         key = "mesh_file" if scene.duct.mesh_file else "branches"
-        need = f"duct.{key}: needs the package {error.name!r}, install trocar[mesh]"
-        raise ConfigError(f"{scene.source}: {need}") from None
+        raise MissingPackageError(f"{scene.source}: duct.{key}", error.name) from None
     except ValueError as error:
         raise ConfigError(f"{scene.source}: {error}") from None
 

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from contextlib import closing
 
 from trocar.services import start_up
+from trocar.services.runtime import log
 from trocar.services.runtime.errors import UserError
 from trocar.services.runtime.process import parse
 from trocar.services.supervisor.fork_link import ForkServer
@@ -57,7 +58,8 @@ class _Greeting:
 
 
 def _print(event: Event) -> None:
-    print(f"{event.t:8.2f} {event.level.upper():7} {event.text}", file=sys.stderr)  # noqa: T201
+    if log.LEVELS[event.level] >= (log.asked_level() or log.LEVELS["debug"]):
+        print(f"{event.t:8.2f} {event.level.upper():7} {event.text}", file=sys.stderr)  # noqa: T201
 
 
 if __name__ == "__main__":

@@ -86,6 +86,7 @@ class ProcessRow(msgspec.Struct, frozen=True):
     gauges: Mapping[str, float]
     quality_level: int
     usage: Usage | None
+    start: tuple[str, float] | None
 
 
 class TopicRow(msgspec.Struct, frozen=True):
@@ -127,6 +128,7 @@ class Snapshot(msgspec.Struct, frozen=True):
     incarnation: int
     state: str
     reason: str
+    start_notice: str
     quality_level: int
     quality: Mapping[str, object]
     safe_stop: bool
@@ -197,19 +199,27 @@ def snapshot(
     paths = {name: path for window in windows.values() for name, path in window.paths.items()}
     model = paths.get("device_model")
     nothing = Heard.nothing(rig.supervisor.window_s)
+    starts = status.starts
     usage = {name: row.lately for name, row in observed.threads.items()}
     return Snapshot(
         t=round(status.said_s - status.started_s, 3),
         incarnation=status.incarnation,
         state=state.state,
         reason=state.reason,
+        start_notice=status.start_notice,
         quality_level=state.quality_level,
         quality=msgspec.structs.asdict(state.quality),
         safe_stop=state.safe_stop,
         rig=rig.name,
         scene=scene,
         processes=tuple(
-            process_row(process, heard.get(process.name, nothing), broken, usage.get(process.name))
+            process_row(
+                process,
+                heard.get(process.name, nothing),
+                broken,
+                usage.get(process.name),
+                starts.get(process.name),
+            )
             for process in state.processes
         ),
         topics=topic_rows(windows),
@@ -240,7 +250,11 @@ def _judge_row(heard: Heard) -> JudgeRow | None:
 
 
 def process_row(
-    process: bodies.ProcessReport, heard: Heard, broken: set[str], usage: Usage | None = None
+    process: bodies.ProcessReport,
+    heard: Heard,
+    broken: set[str],
+    usage: Usage | None = None,
+    start: tuple[str, float] | None = None,
 ) -> ProcessRow:
     """Return the row of one process."""
     health, window = heard.health, heard.figures
@@ -259,6 +273,7 @@ def process_row(
         gauges=health.gauges if health else {},
         quality_level=health.quality_level if health else 0,
         usage=usage,
+        start=start,
     )
 
 

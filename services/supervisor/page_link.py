@@ -9,6 +9,7 @@ import msgspec
 
 import trocar.protocol.bodies as bodies
 from trocar.services.supervisor.shown_recording import ReplayStatus
+from trocar.services.supervisor.state_machine import RigState
 from trocar.services.supervisor.supervisor import Event, Supervisor
 
 #: More than the largest status, two hundred events of a few hundred characters.
@@ -31,6 +32,7 @@ class PageSetup(msgspec.Struct, frozen=True):
 class RigStatus(msgspec.Struct, frozen=True):
     """The supervisor's judgement of the rig. Times are seconds of the monotonic clock; `broken` are keys of breaches.
 
+    `starts` holds what each starting process does and how far it is, 0 to 1; `start_notice` is empty once it runs.
     `path_limits_us` are the present limits of the paths, at least those of the rig file. `replay` is the shown
     recording, None in a working rig.
     """
@@ -43,6 +45,8 @@ class RigStatus(msgspec.Struct, frozen=True):
     events: tuple[Event, ...]
     replay: ReplayStatus | None = None
     incarnation: int = 0
+    start_notice: str = ""
+    starts: dict[str, tuple[str, float]] = {}
 
     @classmethod
     def of(cls, supervisor: Supervisor, now_s: float) -> RigStatus:
@@ -52,7 +56,10 @@ class RigStatus(msgspec.Struct, frozen=True):
         limits_us = supervisor.path_limits_us()
         replay = supervisor.shown.status() if supervisor.shown is not None else None
         body, started_s = supervisor.body(), supervisor.started_s
-        return cls(now_s, started_s, body, broken, limits_us, events, replay, supervisor.incarnation)
+        members = supervisor.crew.members.items()
+        starts = {name: each.progress for name, each in members if each.progress is not None and not each.came_up}
+        starting = supervisor.start_notice if supervisor.state is RigState.STARTING else ""
+        return cls(now_s, started_s, body, broken, limits_us, events, replay, supervisor.incarnation, starting, starts)
 
 
 class Heartbeat(msgspec.Struct, frozen=True):

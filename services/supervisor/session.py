@@ -13,6 +13,8 @@ from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from trocar.services import first_start
+from trocar.services.exit_codes import ExitCode
 from trocar.services.recordings.errors import RecordingError
 from trocar.services.recordings.place import fault_of_folder
 from trocar.services.runtime import config, endpoints
@@ -61,7 +63,7 @@ class GivenUpError(StartError):
 class InterruptedStartError(UserError):
     """A person, or a service's stop, has ended the rig before it ran, which scripts must not take for a run."""
 
-    exit_code = 8
+    exit_code = ExitCode.INTERRUPTED_START
 
 
 @dataclass(slots=True)
@@ -142,6 +144,9 @@ def run_session(process: Process, session: SessionOptions) -> None:
         web.host, web.port, "--set supervisor.web.port=N"
     )  # before anything is started, to report a used port at once
     supervisor = Supervisor(setup, process.bus, time.monotonic(), session.on_event)
+    if process.rig.supervisor.mode == "launch" and (told := first_start.notice()):
+        supervisor.start_notice = told
+        supervisor.say("info", told)
     for remark in session.remarks:
         supervisor.say("warning", remark)
     threads = OwnIoThreads()

@@ -69,6 +69,7 @@ class Supervisor:
         self.commands = Commands(self)
         self.page_address = self.next_scenario = ""
         self.token_sha256 = ""
+        self.start_notice = ""  # what a person should know while it starts
         self.shown: ShownRecording | None = None
         self.meter: LoopMeter | None = None  # measures its own turns
         self.floor = MachineFloor()

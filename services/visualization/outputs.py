@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 
-from trocar.services.runtime.errors import UserError
+from trocar.services.runtime.errors import MissingPackageError
 from trocar.services.runtime.health import LatencyPath
 from trocar.services.runtime.loop import sleep_until
 from trocar.services.runtime.rig import ViewSettings
@@ -71,7 +71,7 @@ class WebOutput(Output):
         try:
             from trocar.services.visualization.server import ViewServer
         except ImportError as error:
-            raise UserError(f"visualization.viewer: web needs starlette (pip install trocar[web]): {error}") from None
+            raise MissingPackageError("visualization.viewer: web", error.name) from None
         self._server = ViewServer(settings, self._feeds, self._camera, hands)
         self._bytes = 0
         log.info("view on ws://%s:%d/ws", settings.host, self._server.port)

@@ -11,7 +11,7 @@ import signal
 import sys
 import time
 
-from trocar.services.runtime.errors import DeviceError, UserError
+from trocar.services.runtime.errors import DeviceError, MissingPackageError, UserError
 from trocar.services.runtime.health import LatencyPath
 from trocar.services.runtime.loop import sleep_until
 from trocar.services.visualization.display import display_name
@@ -41,7 +41,7 @@ class WindowOutput(Output):
                 "visualization.viewer: native needs a display, and neither DISPLAY nor WAYLAND_DISPLAY is set"
             )
         if importlib.util.find_spec("pyvista") is None:
-            raise UserError("visualization.viewer: native needs pyvista (pip install trocar[view])")
+            raise MissingPackageError("visualization.viewer: native", "pyvista")
         super().__init__(painted)
         self._log = log
         self._loop = asyncio.new_event_loop()

@@ -15,7 +15,7 @@ from rich.table import Table
 from trocar.services.cache_directory import cache_directory
 from trocar.services.mechanics.effects import EFFECTS
 from trocar.services.mechanics.scene import SceneModel
-from trocar.services.runtime.errors import UserError
+from trocar.services.runtime.errors import ConfigError
 from trocar.services.scenes import load_duct, load_scene
 from trocar.studies.effect_costs import EffectCost, measure_effect
 
@@ -68,7 +68,7 @@ def _measure(scene_name: str, scene: SceneModel) -> dict[str, EffectCost]:
         try:
             costs[name] = measure_effect(name, scene, lambda each: load_duct(each, directory, lambda *_: None))
         except ValueError as error:
-            raise UserError(f"scene {scene_name}: {error}") from error
+            raise ConfigError(f"scene {scene_name}: {error}") from error
     return costs
 
 

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from trocar.services.cli import targets
 from trocar.services.runtime import config
-from trocar.services.runtime.errors import ConfigError, UserError
+from trocar.services.runtime.errors import ConfigError, MissingPackageError
 from trocar.studies.commands.progress_bar import progress_line
 from trocar.studies.fem.case import FemCase
 from trocar.studies.fem.output import save_vtu, to_json
@@ -53,7 +53,7 @@ def fem_command(file: Path, json_file: Path | None = None, vtu_file: Path | None
     try:
         result = _solve_with_progress(case, file)
     except ModuleNotFoundError as error:
-        raise UserError(f"{file}: this needs the package '{error.name}', install trocar[mesh]") from error
+        raise MissingPackageError(f"{file}: this", error.name) from error
     except ValueError as error:
         raise ConfigError(f"{file}: {error}") from error
     _print(result, Console(soft_wrap=True))

@@ -17,7 +17,7 @@ from rich.console import Console
 
 from trocar.services.cache_directory import cache_directory
 from trocar.services.cli import targets
-from trocar.services.runtime.errors import UserError
+from trocar.services.runtime.errors import ConfigError
 from trocar.services.scenes import load_scene
 from trocar.studies.accuracy.facts import Facts
 from trocar.studies.accuracy.study import Draw, Size
@@ -99,14 +99,14 @@ def _measure_running(file: Path, made_with: list[str]) -> None:
 def read_running(file: Path) -> Running | None:
     """Return what running processes were last seen to do, None if nobody has looked.
 
-    Raises UserError if the file is not one of ours.
+    Raises ConfigError if the file is not one of ours.
     """
     if not file.exists():
         return None
     try:
         return msgspec.json.decode(file.read_bytes(), type=Running)
     except msgspec.DecodeError as error:
-        raise UserError(f"{file}: {error}; `trocar haptics --running` writes it anew") from None
+        raise ConfigError(f"{file}: {error}; `trocar haptics --running` writes it anew") from None
 
 
 def _data(felt: Felt) -> dict[str, object]:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import logging
 import subprocess
 import sys
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.conftest import Trocar
+from trocar.services.runtime import log
 
 ROOT = Path(__file__).parents[2]
 
@@ -30,12 +32,55 @@ def test_every_verb_is_listed(trocar: Trocar) -> None:
 def test_unknown_option_is_a_usage_error(trocar: Trocar) -> None:
     ran = trocar("up", "--sceen", "default")
     assert ran.code == 2
-    assert "Traceback" not in ran.err
+    assert ran.sentence().startswith("no such option: --sceen")
+    assert ran.sentence().endswith("; see `trocar up --help`")
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("score",), "missing argument 'file'"),
+        (("up", "--seconds", "soon"), "invalid value for '--seconds': input should be a valid number"),
+        (
+            ("up", "--viewer", "eye"),
+            "invalid value for '--viewer': 'eye' is not one of 'auto', 'native'",
+        ),
+        (("config", "show", "rig"), "got unexpected extra argument(s) (rig)"),
+        (("config", "shwo"), "no such command 'shwo'; did you mean 'show'"),
+        (("up", "--rig"), "option '--rig' requires an argument"),
+    ],
+)
+def test_wrong_words_are_one_sentence_without_a_box(trocar: Trocar, words: tuple[str, ...], says: str) -> None:
+    ran = trocar(*words)
+    assert ran.code == 2
+    assert ran.sentence().lower().startswith(says.lower())
+
+
+@pytest.mark.parametrize("words", [(), ("config",), ("attempts",)])
+def test_no_words_are_answered_with_help_alone(trocar: Trocar, words: tuple[str, ...]) -> None:
+    ran = trocar(*words)
+    assert (ran.code, ran.err) == (2, "")
+    assert "Usage: trocar" in ran.out
+
+
+@pytest.mark.parametrize("how", ["option", "variable"])
+def test_the_level_of_the_log_is_handed_on_and_a_wrong_one_refused(
+    trocar: Trocar, rig_file: Path, monkeypatch: pytest.MonkeyPatch, how: str
+) -> None:
+    monkeypatch.delenv(log.LEVEL_VARIABLE, raising=False)
+    assert log.asked_level() is None
+    monkeypatch.setenv(log.LEVEL_VARIABLE, "debug" if how == "option" else "loud")  # undone, whatever a verb sets
+    ran = trocar(*(("--log-level", "loud") if how == "option" else ()), "up", "--rig", rig_file)
+    where = "--log-level" if how == "option" else "TROCAR_LOG_LEVEL"
+    assert ran.code == 2
+    assert ran.sentence() == f"{where}: there is no level 'loud'; known: debug, info, warning, error"
+    assert trocar("--log-level", "warning", "scenes").code == 0
+    assert log.asked_level() == logging.WARNING
 
 
 def test_a_package_that_is_not_installed_is_a_sentence(trocar: Trocar, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(sys.modules, "trocar.services.cli.sniff", raising=False)
     monkeypatch.setitem(sys.modules, "zmq", None)
     ran = trocar("sniff")
-    assert ran.code == 1
-    assert ran.sentence().startswith("the package zmq is not installed")
+    assert ran.code == 4
+    assert ran.sentence().startswith("this needs the package 'zmq': ")

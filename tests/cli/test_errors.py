@@ -165,7 +165,7 @@ def test_a_present_folder_that_is_gone_is_one_sentence(
     monkeypatch.chdir(gone)
     gone.rmdir()
     ran = trocar("fem", ROOT / "configs/fem/incised-duct.yaml", "--json", "out.json")
-    assert (ran.code, ran.sentence()) == (1, "the present folder is gone; `cd` to one that is there")
+    assert (ran.code, ran.sentence()) == (2, "the present folder is gone; `cd` to one that is there")
 
 
 def test_a_closed_folder_is_one_sentence(trocar: Trocar, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -176,7 +176,7 @@ def test_a_closed_folder_is_one_sentence(trocar: Trocar, monkeypatch: pytest.Mon
 
     monkeypatch.setattr(config, "read_yaml", closed)
     ran = trocar("config", "show", "--scene", "insertion")
-    assert (ran.code, ran.sentence()) == (1, f"{tmp_path}: Permission denied")
+    assert (ran.code, ran.sentence()) == (2, f"{tmp_path}: permission denied")
 
 
 def test_arm_where_nobody_answers(trocar: Trocar) -> None:

@@ -66,11 +66,11 @@ def test_schemas(trocar: Trocar) -> None:
 @pytest.mark.parametrize(
     ("override", "sentence"),
     [
-        ("duct.length_m=-0.04", "default.yaml: duct.length_m: must be positive, is -0.04"),
-        ("forceps.1.jaw_radius_m=-1e-3", "default.yaml: forceps.1.jaw_radius_m: must be positive, is -0.001"),
-        ("catheter.outer_diameter_m=0.0", "default.yaml: catheter.outer_diameter_m: must be positive, is 0.0"),
-        ("duct.damping_ratio=-0.1", "default.yaml: duct.damping_ratio: must not be negative, is -0.1"),
-        ("quality=[]", "default.yaml: quality: needs one to 16 rungs, has 0"),
+        ("duct.length_m=-0.04", "duct.length_m: must be positive, is -0.04"),
+        ("forceps.1.jaw_radius_m=-1e-3", "forceps.1.jaw_radius_m: must be positive, is -0.001"),
+        ("catheter.outer_diameter_m=0.0", "catheter.outer_diameter_m: must be positive, is 0.0"),
+        ("duct.damping_ratio=-0.1", "duct.damping_ratio: must not be negative, is -0.1"),
+        ("quality=[]", "quality: needs one to 16 rungs, has 0"),
         ("duct.mesh_file=nowhere.stl", "nowhere.stl: no such file"),
         ("duct.n_modes=6000", "n_modes: must not be above 2000, is 6000"),
         ("duct.poisson_ratio=0.6", "poisson_ratio of an isotropic material must not exceed 0.5"),
@@ -89,7 +89,9 @@ def test_what_up_would_refuse_is_refused(trocar: Trocar, by: str, override: str,
     name = "default" if by == "scene" else "stub"
     ran = trocar("config", "show", f"--{by}", name, "--set", override)
     assert ran.code == 2
+    assert ran.sentence().startswith(f"--set {override}: ")
     assert ran.sentence().endswith(sentence)
+    assert "default.yaml" not in ran.sentence()  # which is not at fault
 
 
 @pytest.mark.parametrize(

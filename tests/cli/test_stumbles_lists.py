@@ -65,8 +65,8 @@ def test_a_misspelt_study_and_family_are_told_the_nearest(trocar: Trocar) -> Non
 
 
 def test_a_misspelt_verb_or_option_is_told_the_nearest(trocar: Trocar) -> None:
-    assert "Did you mean 'up'?" in trocar("upp").err
-    assert "Did you mean 'show'?" in trocar("config", "shwo").err
+    assert "did you mean 'up'" in trocar("upp").err
+    assert "did you mean 'show'" in trocar("config", "shwo").err
     assert "--scene" in trocar("up", "--sene", "default").err
 
 

@@ -11,8 +11,13 @@ from typing import Any
 import typer
 from pydantic import TypeAdapter
 
+import trocar
+import trocar.envs
+from trocar import front
 from trocar.protocol.bodies import SupervisorState
 from trocar.services.cli.app import add_installed_verbs, app
+from trocar.services.exit_codes import ExitCode
+from trocar.services.first_sentence import first_sentence
 from trocar.services.gateway.device_files import DeviceFile
 from trocar.services.runtime.rig import Rig
 from trocar.services.scenes import scene_file_type
@@ -37,13 +42,16 @@ def commands() -> str:
         "",
         _MADE,
         "",
-        "`./dev VERB` sets up what is missing, then runs `trocar VERB`.",
+        "`./dev VERB` sets up what is missing, then runs `trocar VERB`. `trocar --version` prints the version. The",
+        "[exit code](exit-codes.md) of a verb says what kind of end it was.",
         "",
         "Most verbs take these options:",
         "",
         "- `--rig NAME`: a rig file, or the name of one in `configs/rigs` (default `stub`; or `TROCAR_RIG`).",
         "- `--scene NAME`: a scene file, or the name of one in `configs/scenes` (or `TROCAR_SCENE`).",
         "- `--set KEY=VALUE`: change one key; may be given again ([configuration](configuration.md)).",
+        "- `--log-level LEVEL`, before the verb (or `TROCAR_LOG_LEVEL`): `debug`, `info`, `warning` or `error`; what",
+        "  the verb and the processes that it starts tell on standard error. Results and refusals are always told.",
         "- `--json`: print one JSON object instead of text.",
         "- `--address URL`, `--token TOKEN` (`arm`, `safe-stop`): page of a rig elsewhere, and its printed token.",
         "- `--rules NAME`: rules of a score: a file, or the name of one in `configs/scores` (default `mistels`).",
@@ -165,7 +173,42 @@ keys. An unknown key or a wrong type is refused, with the path of the key and th
 Below, the value in brackets is the default.
 """
 
+
+def exit_codes() -> str:
+    """Return the page of exit codes."""
+    return "\n".join(
+        [
+            "# Exit codes",
+            "",
+            _MADE,
+            "",
+            "Every verb of `trocar` and every process of a rig ends with one of these. What went wrong stands in one",
+            "sentence on standard error, results on standard output. `trocar up` ends with the code of the process",
+            "that could not start, or was given up.",
+            "",
+            "| code | name | when |",
+            "| --- | --- | --- |",
+            *(f"| {code.value} | {code.name} | {code.meaning} |" for code in ExitCode),
+            "",
+        ]
+    )
+
+
+def names() -> str:
+    """Return the page of public names."""
+    lines = ["# Public names", "", _MADE, "", "[What stays, and for how long](../../CONTRIBUTING.md).", ""]
+    for module, named_only in ((trocar, front.NAMED_ONLY), (trocar.envs, trocar.envs.NAMED_ONLY)):
+        told = {name: first_sentence(inspect.getdoc(getattr(module, name)) or "") for name in module.__all__}
+        lines += [f"## {module.__name__}", ""]
+        lines += [*(f"- `{name}`: {what}" for name, what in told.items() if name not in named_only), ""]
+        lines += ["Public because signatures of the others name them; they are asked of, not made:", ""]
+        lines += [*(f"- `{name}`: {what}" for name, what in told.items() if name in named_only), ""]
+    return "\n".join(lines)
+
+
 PAGES: dict[str, Callable[[], str]] = {
+    "exit-codes.md": exit_codes,
+    "names.md": names,
     "cli.md": commands,
     "metrics.md": metrics,
     "configuration.md": configuration,

@@ -22,7 +22,7 @@ from trocar.services.gateway.device_files import GraspFile
 from trocar.services.gateway.driver import Arm, Place
 from trocar.services.gateway.emulated_drive import ENCODER_COUNTS
 from trocar.services.runtime import config
-from trocar.services.runtime.errors import ConfigError, DeviceError
+from trocar.services.runtime.errors import ConfigError, DeviceError, MissingPackageError
 from trocar.services.runtime.rig import DriverSettings, Mount
 
 PLACE = Place("left", Mount(centre_m=(0.04, -0.03, 0.03)))
@@ -35,19 +35,19 @@ def _arm() -> Arm:
 
 
 def test_an_unknown_driver_is_told_with_the_known_ones() -> None:
-    with pytest.raises(DeviceError, match=r"no driver 'phantom'; known: .*phantom_simulated"):
+    with pytest.raises(ConfigError, match=r"no driver 'phantom'; known: .*phantom_simulated"):
         driver.load_arm(DriverSettings(driver="phantom"), PLACE)
 
 
 def test_a_handle_is_no_arm() -> None:
-    with pytest.raises(DeviceError, match="'left', arm: driver 'grasp_simulated' drives something else"):
+    with pytest.raises(ConfigError, match="'left', arm: driver 'grasp_simulated' drives something else"):
         driver.load_arm(DriverSettings(driver="grasp_simulated"), PLACE)
 
 
 def test_a_missing_library_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(sys.modules, "trocar.services.gateway.drivers.grasp_odrive_can")
     monkeypatch.setitem(sys.modules, "can", None)
-    with pytest.raises(DeviceError, match="instrument 'left': driver 'grasp_odrive_can' needs can, which is not"):
+    with pytest.raises(MissingPackageError, match="'left': driver 'grasp_odrive_can' needs the package 'can': "):
         driver.load_grasp(DriverSettings(driver="grasp_odrive_can"), PLACE)
 
 

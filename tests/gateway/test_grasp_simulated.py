@@ -18,7 +18,7 @@ from tests.patience import PATIENCE_S
 from trocar.services.gateway import driver, drives, servo_arrays
 from trocar.services.gateway.driver import Place
 from trocar.services.gateway.drivers import grasp_simulated
-from trocar.services.runtime.errors import DeviceError
+from trocar.services.runtime.errors import ConfigError, DeviceError
 from trocar.services.runtime.rig import DriverSettings, Mount
 
 PLACE = Place("left", Mount(centre_m=(0.04, -0.03, 0.03)))
@@ -204,7 +204,7 @@ def test_a_process_that_cannot_start_is_one_sentence(monkeypatch: pytest.MonkeyP
 
 
 def test_a_recording_that_cannot_be_read_is_named(tmp_path: Path) -> None:
-    with pytest.raises(DeviceError, match=r"none\.csv"), _opened(_handle(recording=str(tmp_path / "none.csv"))):
+    with pytest.raises(ConfigError, match=r"none\.csv"), _opened(_handle(recording=str(tmp_path / "none.csv"))):
         pass
 
 

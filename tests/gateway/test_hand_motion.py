@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from trocar.services.gateway import hand_motion
-from trocar.services.runtime.errors import DeviceError
+from trocar.services.recordings.errors import RecordingError
 
 GRASP = Path(__file__).resolve().parents[3] / "shared" / "data" / "grasp"
 
@@ -25,7 +25,7 @@ def test_a_recording_is_played_there_and_back_without_a_jump(tmp_path: Path) -> 
 def test_a_file_that_is_no_recording_is_named(tmp_path: Path, text: str) -> None:
     path = tmp_path / "bad.csv"
     path.write_text(text)
-    with pytest.raises(DeviceError, match=r"bad\.csv: "):
+    with pytest.raises(RecordingError, match=r"bad\.csv: "):
         hand_motion.recorded(path)
 
 

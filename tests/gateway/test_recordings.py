@@ -10,8 +10,9 @@ import pytest
 from trocar.services.gateway import pose
 from trocar.services.gateway.driver import Place
 from trocar.services.gateway.recording import read_hand, read_table
+from trocar.services.recordings.errors import RecordingError
 from trocar.services.recordings.reader import read_messages
-from trocar.services.runtime.errors import DeviceError
+from trocar.services.runtime.errors import ConfigError
 from trocar.services.runtime.rig import Mount
 
 COLUMNS = ("time_s", "x_m")
@@ -20,7 +21,7 @@ COLUMNS = ("time_s", "x_m")
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        (None, "No such file or directory"),
+        (None, "no such file or directory"),
         ("", "the file is empty"),
         ("\n\n", "the file is empty"),
         ("time_s,x_m\n0,0\n1\n", r"is not a csv file with a header line: .*Line #3 \(got 1 columns instead of 2\)"),
@@ -35,7 +36,7 @@ def test_what_is_no_recording_is_one_sentence(tmp_path: Path, text: str | None, 
     file = tmp_path / "hand.csv"
     if text is not None:
         file.write_text(text)
-    with pytest.raises(DeviceError, match=f"{file}: {sentence}") as caught:
+    with pytest.raises(ConfigError if text is None else RecordingError, match=f"{file}: {sentence}") as caught:
         read_table(file, COLUMNS)
     assert "\n" not in str(caught.value)
 
@@ -62,5 +63,5 @@ def test_a_hand_is_read_from_a_recording_of_a_rig_wherever_the_arm_stands() -> N
         pose.to_world(np.array([row["x_m"], row["y_m"], row["z_m"]]), 0, packed, world_m, 0)
         np.testing.assert_allclose(world_m + packed[2:], hand.position_m, atol=1e-12)
         assert (row["roll_rad"], row["handle_angle_rad"]) == (hand.roll_rad, hand.handle_angle_rad)
-    with pytest.raises(DeviceError, match=r"success\.mcap: holds no two frames of an instrument 'third'"):
+    with pytest.raises(RecordingError, match=r"success\.mcap: holds no two frames of an instrument 'third'"):
         read_hand(SAMPLE, COLUMNS, Place("third", mount))

@@ -6,16 +6,18 @@
     env = gymnasium.make("trocar/Insertion-v0")  # or trocar/Navigation-v0
 
 Success, errors and cost are those of the training procedure for people, and an episode can be recorded as a file of the
-rig. Needs the package gymnasium: ``pip install "trocar[envs]"``.
+rig. Needs the package gymnasium, which the extra ``envs`` brings.
 """
 
 from __future__ import annotations
+
+from trocar.services.extras import how_to_get
 
 try:
     import gymnasium
 except ModuleNotFoundError as error:
     raise ModuleNotFoundError(
-        "trocar.envs needs the package 'gymnasium': install trocar[envs]", name=error.name
+        f"trocar.envs needs the package 'gymnasium': {how_to_get('gymnasium')}", name=error.name
     ) from None
 
 from trocar.envs.expert import Expert
@@ -23,8 +25,23 @@ from trocar.envs.hands import HandLimits
 from trocar.envs.insertion import Insertion
 from trocar.envs.navigation import DriveLimits, Navigation
 from trocar.envs.randomisation import Randomisation
+from trocar.envs.state import View
+from trocar.envs.task import Task, TaskOptions
 
 gymnasium.register("trocar/Insertion-v0", entry_point="trocar.envs.insertion:Insertion", max_episode_steps=750)
 gymnasium.register("trocar/Navigation-v0", entry_point="trocar.envs.navigation:Navigation", max_episode_steps=1500)
 
-__all__ = ["DriveLimits", "Expert", "HandLimits", "Insertion", "Navigation", "Randomisation"]
+#: Public because signatures of the others name it: to be asked of, not made.
+NAMED_ONLY = frozenset({"View"})
+
+__all__ = [
+    "DriveLimits",
+    "Expert",
+    "HandLimits",
+    "Insertion",
+    "Navigation",
+    "Randomisation",
+    "Task",
+    "TaskOptions",
+    "View",
+]

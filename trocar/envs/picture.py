@@ -10,7 +10,7 @@ import numpy.typing as npt
 from trocar.envs.stage import Stage
 from trocar.protocol import Frame
 from trocar.review.export.fluoroscopy import open_renderer
-from trocar.services.runtime.errors import ConfigError
+from trocar.services.runtime.errors import MissingPackageError
 from trocar.services.visualization.composer import Composer
 
 
@@ -31,7 +31,7 @@ class Camera:
         try:
             self._renderer = open_renderer(view, size)
         except ModuleNotFoundError as error:
-            raise ConfigError(f"an image needs the package {error.name!r}, install trocar[view]") from None
+            raise MissingPackageError("an image", error.name) from None
         self._bus = _Newest()
         self._composer = Composer(self._bus, stage.scene, str(stage.name), stage.duct)  # type: ignore[arg-type]
 

@@ -22,11 +22,11 @@ for tick, z_m in enumerate(height_m):
     force_n[tick] = simulation.tool_results.force_n[0, 2]
 print(f"{force_n.max():.3f} N at most, {1e-3 * sum(simulation.stage_cost_ns.values()):.0f} us for the last tick")
 
-# %% The plot, where matplotlib is there: pip install "trocar[study]"
+# %% The plot, where matplotlib is there: extra `study`
 try:
     from matplotlib.figure import Figure
 except ModuleNotFoundError:
-    print("no plot without matplotlib: pip install 'trocar[study]'")
+    print("no plot without matplotlib: pip install matplotlib")
 else:
     figure = Figure(figsize=(5, 3), layout="constrained")
     axes = figure.subplots()

@@ -24,7 +24,8 @@ from sqlalchemy.orm import Session
 from trocar.review.attempts.assessment import Assessment
 from trocar.review.attempts.report import Past
 from trocar.review.attempts.store.tables import StoredAttempt, Trainee
-from trocar.services.runtime.errors import UserError
+from trocar.services.exit_codes import ExitCode
+from trocar.services.runtime.errors import MissingPackageError, UserError
 
 ENVIRONMENT = "TROCAR_ATTEMPTS"
 #: Any number, of the lock that is held while tables are made.
@@ -39,6 +40,12 @@ _LISTED = (
 
 class StoreError(UserError):
     """A database that cannot be used, or something that is not in it."""
+
+
+class UnknownError(StoreError):
+    """What was named is not there, or no database can be where it was named."""
+
+    exit_code = ExitCode.USAGE
 
 
 class Listed(msgspec.Struct, frozen=True):
@@ -84,7 +91,7 @@ class Store:
     def add(self, found: Assessment, trainee: str, recording: Path) -> int:
         """Keep an attempt, in the place of an earlier judgement of the same one; return its number."""
         if not _PSEUDONYM.fullmatch(trainee):
-            raise StoreError(f"{trainee!r} is no pseudonym: letters, digits, '.', '_' and '-', at most 64")
+            raise UnknownError(f"{trainee!r} is no pseudonym: letters, digits, '.', '_' and '-', at most 64")
         key = hashlib.sha256(f"{found.source}\0{found.attempt_id}\0{found.began_ns}".encode()).hexdigest()
         with self._session() as session:
             owner = session.scalar(select(Trainee).where(Trainee.pseudonym == trainee)) or Trainee(pseudonym=trainee)
@@ -119,7 +126,7 @@ class Store:
         with self._session() as session:
             row = session.execute(query).first()
         if row is None:
-            raise StoreError(f"there is no attempt {number}")
+            raise UnknownError(f"there is no attempt {number}")
         return _unpacked(row[0]), row[1]
 
     def past(self, trainee: str, scenario: str, until_ns: int) -> list[Past]:
@@ -163,7 +170,7 @@ class Store:
         with self._session() as session:
             rows = session.execute(query.order_by(StoredAttempt.began_ns, StoredAttempt.id)).all()
         if trainee is not None and not rows:
-            raise StoreError(f"there is no trainee {trainee!r}")
+            raise UnknownError(f"there is no trainee {trainee!r}")
         return [(name, recording, _unpacked(data)) for name, recording, data in rows]
 
     def erase(self, trainee: str) -> Sequence[Path]:
@@ -174,7 +181,7 @@ class Store:
         with self._session() as session:
             owner = session.scalar(select(Trainee).where(Trainee.pseudonym == trainee))
             if owner is None:
-                raise StoreError(f"there is no trainee {trainee!r}")
+                raise UnknownError(f"there is no trainee {trainee!r}")
             mine = StoredAttempt.trainee_id == owner.id
             left = [Path(each) for each in session.scalars(select(StoredAttempt.recording).where(mine).distinct())]
             session.execute(delete(StoredAttempt).where(mine))
@@ -203,11 +210,11 @@ def _engine(url: str) -> Engine:
             _make_folder(Path(parsed.database).parent)
         engine = create_engine(parsed)
     except (ArgumentError, NoSuchModuleError):
-        raise StoreError(
+        raise UnknownError(
             "the address of the database cannot be read: sqlite:///FILE or postgresql+psycopg://..."
         ) from None
     except ModuleNotFoundError as error:
-        raise StoreError(f"the database's driver, the package {error.name}, is not installed") from None
+        raise MissingPackageError("the database", error.name) from None
     if parsed.get_backend_name() == "sqlite":
         event.listen(engine, "connect", _settle_sqlite)
     return engine
@@ -217,7 +224,7 @@ def _make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     except OSError as error:
-        raise StoreError(f"{folder}: {(error.strerror or str(error)).lower()}") from None
+        raise UnknownError(f"{folder}: {(error.strerror or str(error)).lower()}") from None
 
 
 def _settle_sqlite(connection: Any, _: object) -> None:

@@ -7,6 +7,7 @@ import { AttemptPanel } from "./attempt/panel.js";
 import { ReplayBar } from "./attempt/replay.js";
 import { Controls } from "./dashboard/controls.js";
 import { Dashboard } from "./dashboard/dashboard.js";
+import { startTold } from "./dashboard/format.js";
 import { RigStream } from "./dashboard/stream.js";
 import { Hands } from "./hands/hands.js";
 import { viewAddress } from "./address.js";
@@ -83,6 +84,7 @@ new RigStream({
     replay.update(state.replay);
     if (state.attempt && view?.stage) view.startMirrored(state.attempt.mirrored);
     dashboard.update(state);
+    view?.tellStart(view.last ? "" : startTold(state));
   },
   onLink: (text) => {
     dashboard.link(text);

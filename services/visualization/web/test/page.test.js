@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { viewAddress } from "../src/address.js";
-import { busLoad, duration, force, givenUp, hz, losses, percent, share, us } from "../src/dashboard/format.js";
+import { busLoad, duration, force, givenUp, hz, losses, percent, share, startTold, us } from "../src/dashboard/format.js";
 
 const page = (href) => new URL(href);
 
@@ -49,4 +49,13 @@ test("what was given up for time is told with what it costs in accuracy", () => 
   assert.equal(givenUp({ quality_level: 0, quality }), "");
   assert.equal(givenUp({ quality_level: 1, quality }), "quality level 1 of 2: dry, force off by 1.5 %");
   assert.equal(givenUp({ quality_level: 2 }), "quality level 2");
+});
+
+test("while the rig starts the slowest process is told, and why it takes long", () => {
+  const processes = [{ name: "physics", start: ["contact: 37 kernels compiled", 0.434] }, { name: "gateway", start: ["devices open", 1] }, { name: "recorder", start: null }];
+  const state = { state: "starting", start_notice: "first start: compiles for about a minute; later ones take seconds", processes };
+  assert.equal(startTold(state), "First start: compiles for about a minute; later ones take seconds. physics 43 %, contact: 37 kernels compiled");
+  assert.equal(startTold({ ...state, start_notice: "" }), "physics 43 %, contact: 37 kernels compiled");
+  assert.equal(startTold({ state: "starting", processes: [] }), "The rig is starting");
+  assert.equal(startTold({ ...state, state: "running" }), "");
 });

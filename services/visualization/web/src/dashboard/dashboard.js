@@ -110,6 +110,8 @@ export class Dashboard {
     for (const table of this.tables) table.update(state.processes ?? []);
     this.topics.update(state.topics ?? []);
     this.floor.update(state.floor ?? [], state.processes ?? [], state.judge);
+    $("start-notice").hidden = !state.start_notice;
+    text($("start-notice"), state.start_notice ?? "");
     text($("flight"), state.flight ? `last flight: ${state.flight} (trocar latency)` : "");
     this.events.update(state.events ?? []);
     this.paths.update((state.paths ?? []).map((path) => path.name), FIRST_PATH);

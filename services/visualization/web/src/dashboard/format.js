@@ -62,3 +62,12 @@ export function givenUp({ quality_level: level, quality }) {
   const rung = quality?.name ? ` of ${quality.rungs - 1}: ${quality.name}` : "";
   return [`quality level ${level}${rung}`, ...off].join(", ");
 }
+
+// What is told in the place of the picture while the rig starts: how far the slowest process is, and why it takes long.
+export function startTold(state) {
+  if (state.state !== "starting") return "";
+  const begun = (state.processes ?? []).filter((process) => process.start?.[1] > 0).map(({ name, start }) => ({ name, stage: start[0], share: start[1] }));
+  const slowest = begun.sort((a, b) => a.share - b.share)[0];
+  const now = slowest ? `${slowest.name} ${Math.floor(100 * slowest.share)} %, ${slowest.stage}` : "The rig is starting";
+  return state.start_notice ? `${state.start_notice[0].toUpperCase()}${state.start_notice.slice(1)}. ${now}` : now;
+}

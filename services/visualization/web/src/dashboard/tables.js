@@ -26,7 +26,11 @@ export class Processes {
     tile.title = process.reason || "";
     text(head.firstChild, process.name);
     text(head.lastChild, process.state);
-    text(rate, loop ? `${hz(loop.rate_hz)} of ${hz(loop.target_hz)} Hz` : "no loop");
+    const starting = process.start && !loop;
+    if (starting) text(rate, `${Math.floor(100 * process.start[1])} % ${process.start[0]}`);
+    else text(rate, loop ? `${hz(loop.rate_hz)} of ${hz(loop.target_hz)} Hz` : "no loop");
+    rate.title = starting ? process.start[0] : "";
+    tile.style.setProperty("--started", starting ? `${100 * process.start[1]}%` : "0%");
     text(late, loop ? `late ${share(loop.miss_ratio)}` : "");
     text(rest, [`up ${duration(process.uptime_s)}`, `restarts ${count(process.restarts)}`, busLoad(process.gauges)].filter(Boolean).join(", "));
     rest.title = rest.textContent;

@@ -30,6 +30,7 @@ export class View {
     this.drawnAt = 0;
     this.changed = true;
     this.costs = [];
+    this.starting = "";
     this.since = performance.now();
     const drawnOn = canvasFor($("scene"));
     ({ canvas: this.canvas, software: this.software } = drawnOn);
@@ -57,9 +58,15 @@ export class View {
       onLayout: (layout) => this.setLayout(layout),
       onFrame: () => this.request(),
       onRig: (rig) => this.setRig(rig),
-      onLink: (text) => this.say(text ?? ""),
+      onLink: (text) => this.say(this.starting || (text ?? "")),
     };
     stream.want(this.governor.step.hz);
+  }
+
+  // While the rig starts that is told, not that there is no picture yet.
+  tellStart(text) {
+    if (text || this.starting) this.say(text);
+    this.starting = text;
   }
 
   say(text) {
@@ -264,6 +271,7 @@ export class View {
   beginAnew() {
     this.frames = 0;
     this.costs = [];
+    this.starting = "";
     this.stream?.countCame();
     this.since = performance.now();
   }
