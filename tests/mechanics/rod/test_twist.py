@@ -1,6 +1,8 @@
 """Torsion, rest curvature and twist buckling."""
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -33,6 +35,8 @@ from trocar.studies.published.rods import (
 
 NO_LOAD = np.zeros((51, 3))
 DAMPED = {"torsional_stiffness_n_m2": GJ, "internal_damping_s": 5e-3, "viscous_drag_n_s_m2": 0.05}
+
+PAGE = Path(__file__).parents[3] / "docs" / "results" / "verification.md"
 
 
 def test_a_rod_without_torsional_stiffness_has_no_frame():
@@ -108,7 +112,11 @@ def test_torsion_between_different_stiffnesses_divides_as_springs_in_series():
 
 def test_a_clamped_rod_buckles_under_torque_where_half_its_angle_equals_its_tangent():
     # straight rod, both ends clamped, no thrust: tan(M L / 2 EI) = M L / 2 EI, so M L / EI = 8.9868
-    assert critical_torque_factor() == pytest.approx(8.9868, rel=0.01)
+    factor = critical_torque_factor()
+    assert factor == pytest.approx(8.9868, rel=0.01)
+    told = re.search(r"^\| twist buckling.* \| ([+-][\d.]+) \|$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+    assert told is not None
+    assert float(told[1]) == pytest.approx(100.0 * (factor / 8.9868 - 1.0), abs=0.011), "benchmarks/verification.py"
 
 
 def test_a_rod_of_uniform_rest_curvature_becomes_a_circle_of_its_radius():
