@@ -1,7 +1,7 @@
 """Gamepads and SpaceMice by the Linux kernel's /dev/input/event*, read with the library evdev.
 
 One file may serve several drivers of the process (two arms, two handles). They share one reader, which reads events at
-most once a millisecond, never waits, and stores the value of each axis and button.
+most once a millisecond, never waits, and keeps the state of each axis and button (`input_axis`).
 """
 
 from __future__ import annotations
@@ -12,17 +12,14 @@ from typing import Any, Protocol, cast
 
 from evdev import InputDevice, ecodes, ff, list_devices
 
+from trocar.services.gateway.input_axis import Axis, Button, RelativeAxis
 from trocar.services.runtime.errors import DeviceError
 
 _TICK_NS = 1_000_000
 #: Most events read in a tick; the rest is read in the next.
 _EVENTS_A_TICK = 32
-#: Relative axes do not report their release, but repeat every 8 to 16 ms while pushed; after this time they are at 0.
-_RELATIVE_NS = 60 * _TICK_NS
 #: Value of a fully pushed cap in a relative report.
 _RELATIVE_FULL = 350.0
-#: Triggers are pressed from one end; everything else is pushed both ways from its middle.
-_ONE_SIDED = {ecodes.ABS_Z, ecodes.ABS_RZ, ecodes.ABS_GAS, ecodes.ABS_BRAKE}
 _RUMBLE_MS = 200
 
 
@@ -97,7 +94,7 @@ SPACEMOUSE = Kind(
 
 @dataclass(slots=True)
 class Inputs:
-    """One device and the values of its axes and buttons, -1 to 1.
+    """One device, with its axes and buttons.
 
     Attributes:
         fault: Empty, or one sentence on its loss.
@@ -105,9 +102,9 @@ class Inputs:
 
     source: EventSource
     fault: str = ""
-    _values: dict[tuple[int, int], float] = field(default_factory=dict)
-    _ranges: dict[int, tuple[float, float]] = field(default_factory=dict)
-    _moved_ns: int = 0
+    _axes: dict[int, Axis] = field(default_factory=dict)
+    _relative: dict[int, RelativeAxis] = field(default_factory=dict)
+    _buttons: dict[int, Button] = field(default_factory=dict)
     _read_ns: int = -1
     _rumbles: bool = False
     _effect: int = -1
@@ -115,20 +112,80 @@ class Inputs:
     users: int = 0
 
     def __post_init__(self) -> None:
-        self._rumbles = ecodes.FF_RUMBLE in self.source.capabilities(absinfo=True).get(ecodes.EV_FF, ())
-        self._synchronise()
-
-    def _synchronise(self) -> None:
-        """Read the present values of all axes and buttons, as events may have been lost."""
-        self._values = {(ecodes.EV_KEY, code): 1.0 for code in self.source.active_keys()}
-        for code, _ in self.source.capabilities(absinfo=True).get(ecodes.EV_ABS, ()):
+        can = self.source.capabilities(absinfo=True)
+        self._rumbles = ecodes.FF_RUMBLE in can.get(ecodes.EV_FF, ())
+        pressed = set(self.source.active_keys())
+        self._buttons = {code: Button(code in pressed) for code in can.get(ecodes.EV_KEY, ())}
+        self._relative = {code: RelativeAxis(_RELATIVE_FULL) for code in can.get(ecodes.EV_REL, ())}
+        for code, _ in can.get(ecodes.EV_ABS, ()):
             info = self.source.absinfo(code)  # those of the capabilities are from when it was opened
-            self._ranges[code] = _range_of(code, float(info.min), float(info.max))
-            self._values[ecodes.EV_ABS, code] = self._scaled(code, float(info.value))
+            self._axes[code] = Axis(float(info.min), float(info.max), float(info.value))
+
+    def _synchronise(self, time_ns: int) -> None:
+        """Report the present values of all axes and buttons, as events have been lost."""
+        pressed = set(self.source.active_keys())
+        for code, button in self._buttons.items():
+            if button.is_pressed != (code in pressed):
+                button.report(code in pressed, time_ns)
+        for code, axis in self._axes.items():
+            value = float(self.source.absinfo(code).value)
+            if value != axis.raw:
+                axis.report(value, time_ns)
+
+    def _control(self, name: str) -> Axis | RelativeAxis | Button | None:
+        kind, code = code_of(name)
+        if self.fault:
+            return None
+        if kind == ecodes.EV_ABS:
+            return self._axes.get(code)
+        return self._relative.get(code) if kind == ecodes.EV_REL else self._buttons.get(code)
+
+    def has(self, name: str) -> bool:
+        """Return whether the device is there and has this axis or button."""
+        return self._control(name) is not None
 
     def value(self, name: str) -> float:
-        """Return the value of an axis or button by its kernel name (`code_of`), 0 if the device lacks it."""
-        return self._values.get(code_of(name), 0.0)
+        """Return how far an axis or button is pushed from its rest, by its kernel name (`code_of`), -1 to 1.
+
+        It is 0 if the device lacks it, is lost, or has not shown yet where it rests.
+        """
+        return self.trigger(name) if self.rests_at_end(name) else self.stick(name)
+
+    def stick(self, name: str) -> float:
+        """Return `value`, but 0 for an axis that rests at an end."""
+        control = self._control(name)
+        return control.stick() if isinstance(control, Axis) else self._pushed(control)
+
+    def trigger(self, name: str) -> float:
+        """Return `value`, but 0 for an axis that rests in its middle."""
+        control = self._control(name)
+        return control.trigger() if isinstance(control, Axis) else self._pushed(control)
+
+    def _pushed(self, control: RelativeAxis | Button | None) -> float:
+        if isinstance(control, RelativeAxis):
+            return control.value(self._read_ns)
+        return 0.0 if control is None else control.value()
+
+    def rests_in_middle(self, name: str) -> bool:
+        """Return whether this is an absolute axis that rests in its middle."""
+        control = self._control(name)
+        return isinstance(control, Axis) and control.middle is not None
+
+    def rests_at_end(self, name: str) -> bool:
+        """Return whether this is an absolute axis that rests at an end, and has not been seen to be a stick."""
+        control = self._control(name)
+        return isinstance(control, Axis) and control.end is not None and control.middle is None
+
+    def problem(self, name: str) -> str:
+        """Return what keeps an axis or button of the device from being used, as "ABS_Z never rests", or empty."""
+        control = self._control(name)
+        found = "" if control is None else control.problem(self._read_ns)
+        return f"{name} {found}" if found else ""
+
+    def learn_anew(self) -> None:
+        """Forget where axes rest, as a person has armed the rig with the device at rest."""
+        for axis in self._axes.values():
+            axis.learn_anew(self._read_ns)
 
     def poll(self, time_ns: int) -> None:
         """Read events up to `time_ns`, once in a tick. All values of a lost device are 0."""
@@ -136,17 +193,27 @@ class Inputs:
             return
         self._read_ns = time_ns
         try:
-            for _ in range(_EVENTS_A_TICK):
-                event = self.source.read_one()
-                if event is None:
-                    break
-                self._take(event, time_ns)
+            is_all = self._read(time_ns)
         except OSError:
             self.fault = f"{self.source.name} ({self.source.path}) went away"
-            self._values.clear()
-        if time_ns - self._moved_ns > _RELATIVE_NS:
-            for key in [key for key in self._values if key[0] == ecodes.EV_REL]:
-                self._values[key] = 0.0
+            return
+        came = [axis for axis in self._axes.values() if axis.reported_ns == time_ns and axis.came_to_middle]
+        if len(came) > 1:  # a finger moves one half the way at once, but not two
+            for axis in came:
+                axis.learn_anew(time_ns)
+        if is_all:
+            for controls in (self._axes, self._relative, self._buttons):
+                for control in controls.values():
+                    control.advance(time_ns)
+
+    def _read(self, time_ns: int) -> bool:
+        """Read some events; return whether these were all."""
+        for _ in range(_EVENTS_A_TICK):
+            event = self.source.read_one()
+            if event is None:
+                return True
+            self._take(event, time_ns)
+        return False
 
     def _take(self, event: Any, time_ns: int) -> None:
         if event.type == ecodes.EV_SYN and event.code == ecodes.SYN_DROPPED:
@@ -154,18 +221,13 @@ class Inputs:
         elif self._dropped:
             if event.type == ecodes.EV_SYN and event.code == ecodes.SYN_REPORT:
                 self._dropped = False
-                self._synchronise()
-        elif event.type == ecodes.EV_KEY:
-            self._values[event.type, event.code] = 1.0 if event.value else 0.0
-        elif event.type == ecodes.EV_ABS and event.code in self._ranges:
-            self._values[event.type, event.code] = self._scaled(event.code, float(event.value))
-        elif event.type == ecodes.EV_REL:
-            self._values[event.type, event.code] = min(max(event.value / _RELATIVE_FULL, -1.0), 1.0)
-            self._moved_ns = time_ns
-
-    def _scaled(self, code: int, value: float) -> float:
-        middle, half = self._ranges[code]
-        return min(max((value - middle) / half, -1.0), 1.0) if half > 0.0 else 0.0
+                self._synchronise(time_ns)
+        elif event.type == ecodes.EV_KEY and event.code in self._buttons:
+            self._buttons[event.code].report(bool(event.value), time_ns)
+        elif event.type == ecodes.EV_ABS and event.code in self._axes:
+            self._axes[event.code].report(float(event.value), time_ns)
+        elif event.type == ecodes.EV_REL and event.code in self._relative:
+            self._relative[event.code].report(float(event.value), time_ns)
 
     def rumble(self, strength: float) -> None:
         """Rumble for a fifth of a second with `strength` 0 to 1, if the device can."""
@@ -179,13 +241,6 @@ class Inputs:
             self.source.write(ecodes.EV_FF, self._effect, 1)
         except OSError:
             self._rumbles = False  # no permission to write
-
-
-def _range_of(code: int, low: float, high: float) -> tuple[float, float]:
-    """Return the value that maps to 0, and the distance that maps to 1."""
-    if code in _ONE_SIDED and low >= 0.0:
-        return low, high - low
-    return (low + high) / 2.0, (high - low) / 2.0
 
 
 def code_of(name: str) -> tuple[int, int]:

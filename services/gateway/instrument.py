@@ -119,7 +119,7 @@ class Instrument:
         if engagement.fault or self.arm.fault or self.arm.prompt:
             self.arm.clear_fault()
             engagement.arm()
-        if self.grasp is not None and self.grasp.fault:
+        if self.grasp is not None and (self.grasp.fault or self.grasp.prompt):
             self.grasp.clear_fault()
 
     def begin_again(self) -> None:
@@ -144,7 +144,7 @@ class Instrument:
     def fault(self) -> str:
         """The fault that restricts the instrument, or empty."""
         own = self.servo.engagement.fault or self.arm.prompt
-        return own if own or self.grasp is None else self.grasp.fault
+        return own if own or self.grasp is None else self.grasp.fault or self.grasp.prompt
 
     def links(self) -> dict[str, float]:
         """Return by device whether it answers, and its gauges, for the health report."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +15,7 @@ from trocar.services.gateway.driver import Place
 from trocar.services.gateway.hand_arm import HandArm, HandSettings
 from trocar.services.gateway.hand_grasp import HandGrasp, HandGraspSettings
 from trocar.services.gateway.host_check import HostCheck
+from trocar.services.gateway.input_axis import DEAD
 from trocar.services.gateway.input_events import Inputs, Kind
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.nearest_word import did_you_mean
@@ -24,7 +26,6 @@ from trocar.services.runtime.rig import Settings
 #: Motions of the tool by axes: sideways and up as seen along the shaft, along the shaft, about it.
 MOTIONS = ("right", "up", "inward", "roll")
 Axes = dict[str, Annotated[float, between(-10.0, 10.0, "", "an axis goes from -1 to 1, and its sign is 1 or -1")]]
-_DEAD = 0.12
 _LONGEST_STEP_S = 0.05
 _RUMBLE_EVERY_S = 0.1
 #: Force at which a gamepad rumbles with full strength.
@@ -74,14 +75,55 @@ class JawSettings(HandGraspSettings, DeviceSettings):
         return _check_axes(close)
 
 
-def pushed(inputs: Inputs, axes: Mapping[str, float]) -> float:
-    """Return the sum of the deflections of one motion's axes, -1 to 1, before the dead zone."""
-    return min(max(sum(sign * inputs.value(name) for name, sign in axes.items()), -1.0), 1.0)
+@dataclass(frozen=True, slots=True)
+class Control:
+    """The axes and buttons of one motion, or of the jaws, and their signs.
+
+    Those of a layout are alternatives, of which a device uses the ones that rest where this control needs them: sticks
+    in their middle, triggers at an end. Those that a rig file names are used however they rest.
+    """
+
+    axes: Axes
+    is_named: bool
+    is_trigger: bool = False
+
+    def pushed(self, inputs: Inputs) -> float:
+        """Return the sum of the deflections, -1 to 1, before the dead zone."""
+        return min(max(sum(sign * self._value(inputs, name) for name, sign in self.axes.items()), -1.0), 1.0)
+
+    def _value(self, inputs: Inputs, name: str) -> float:
+        if self.is_named:
+            return inputs.value(name)
+        if not self.is_trigger:
+            return inputs.stick(name)
+        is_replaced = name.startswith("BTN_") and any(map(inputs.rests_at_end, self.axes))
+        return 0.0 if is_replaced else inputs.trigger(name)  # a trigger's own button is pressed long before its end
+
+    def problem(self, inputs: Inputs) -> str:
+        """Return what keeps it from being used, or empty; of alternatives one is enough."""
+        own = [found for found in map(inputs.problem, self.axes) if found]
+        if self.is_named:
+            return ", ".join(own)
+        fits, misfits = inputs.rests_in_middle, inputs.rests_at_end
+        if self.is_trigger:
+            fits, misfits = misfits, fits
+        if any(map(fits, self.axes)):
+            return ""
+        if not any(inputs.has(name) and not name.startswith("ABS_") for name in self.axes):
+            where = "in its middle" if self.is_trigger else "at an end"
+            own += [f"{name} rests {where}" for name in self.axes if misfits(name)]
+        return ", ".join(own)
+
+
+def problems(inputs: Inputs, controls: Iterable[Control]) -> str:
+    """Return one sentence that names what of a device is not used, or empty."""
+    found = ", ".join(dict.fromkeys(filter(None, (control.problem(inputs) for control in controls))))
+    return f"{inputs.source.name} ({inputs.source.path}) is not used in part: {found}: let go of it" if found else ""
 
 
 def shaped(push: float) -> float:
     """Return the fraction of full speed: 0 in the dead zone, fine control beyond it, 1 at the end."""
-    beyond = max(abs(push) - _DEAD, 0.0) / (1.0 - _DEAD)
+    beyond = max(abs(push) - DEAD, 0.0) / (1.0 - DEAD)
     return (0.3 * beyond + 0.7 * beyond**3) * (1.0 if push > 0.0 else -1.0)
 
 
@@ -113,12 +155,14 @@ class Source:
         self.inputs = input_events.open_inputs(self._kind, self._path, self._place.index, where)
 
     def reopen(self) -> str:
-        """Reopen the device without raising; return the reason of a failure, or empty."""
+        """Reopen the device without raising, and learn its places of rest; return the reason of a failure, or empty."""
         self.close()
         try:
             self.open()
         except DeviceError as error:
             return str(error)
+        if self.inputs is not None:
+            self.inputs.learn_anew()
         return ""
 
     def close(self) -> None:
@@ -136,7 +180,8 @@ class SteeredArm(HandArm):
     ) -> None:
         super().__init__(name, settings, place)
         self._source = Source(kind, settings, place)
-        self._axes = {**axes, **settings.axes}
+        layout = {motion: Control(names, is_named=False) for motion, names in axes.items()}
+        self._controls = layout | {motion: Control(names, is_named=True) for motion, names in settings.axes.items()}
         self._steering = settings
         self._port = np.array(place.port_m)
         self._rumbled_s = 0.0
@@ -153,12 +198,17 @@ class SteeredArm(HandArm):
             return
         inputs.poll(time_ns)
         self.fault = inputs.fault
+        self.prompt = problems(inputs, self._controls.values())
         step_s = min(passed_s, _LONGEST_STEP_S)
-        right, up, inward, roll = (shaped(pushed(inputs, self._axes.get(motion, {}))) for motion in MOTIONS)
+        right, up, inward, roll = (shaped(self._pushed(inputs, motion)) for motion in MOTIONS)
         way = np.array((right, up, inward)) @ shaft_axes(self.target, self._port)
         self.target = self.target + step_s * self._steering.speed_m_s * way
         self.target_roll += step_s * self._steering.roll_rad_s * roll
         self._rumble(inputs, step_s)
+
+    def _pushed(self, inputs: Inputs, motion: str) -> float:
+        control = self._controls.get(motion)
+        return 0.0 if control is None else control.pushed(inputs)
 
     def _rumble(self, inputs: Inputs, passed_s: float) -> None:
         self._rumbled_s += passed_s
@@ -184,7 +234,7 @@ class SteeredGrasp(HandGrasp):
     def __init__(self, kind: Kind, close: Axes, settings: JawSettings, place: Place) -> None:
         super().__init__(settings, place)
         self._source = Source(kind, settings, place)
-        self._close = settings.close or close
+        self._control = Control(settings.close or close, is_named=bool(settings.close), is_trigger=True)
         self._touched = False
 
     def open(self) -> None:
@@ -198,8 +248,9 @@ class SteeredGrasp(HandGrasp):
             return None
         inputs.poll(time_ns)
         self.fault = inputs.fault
-        closed = pushed(inputs, self._close)
-        self._touched |= closed > _DEAD
+        self.prompt = problems(inputs, (self._control,))
+        closed = self._control.pushed(inputs)
+        self._touched |= closed > DEAD
         return 1.0 - max(closed, 0.0) if self._touched and not self.fault else None
 
     def clear_fault(self) -> None:

@@ -48,7 +48,10 @@ class InputStandIn:
     def say(self, code_name: str, value: int) -> None:
         """Let an axis or a button say `value`, in the device's own numbers."""
         kind = {"ABS": ecodes.EV_ABS, "REL": ecodes.EV_REL, "BTN": ecodes.EV_KEY}[code_name[:3]]
-        self._events.append(InputEvent(0, 0, kind, ecodes.ecodes[code_name], value))
+        code = ecodes.ecodes[code_name]
+        if kind == ecodes.EV_ABS:
+            self._axes[code] = self._axes[code]._replace(value=value)
+        self._events.append(InputEvent(0, 0, kind, code, value))
 
     def unplug(self) -> None:
         """Answer from now on as the kernel does for what is gone."""

@@ -19,14 +19,15 @@ from trocar.services.runtime.errors import ConfigError, DeviceError
 from trocar.services.runtime.rig import DriverSettings, Mount
 
 TICK_NS = 1_000_000
+RESTING = 300  # ticks in which nobody touches a device, after which it is known where it rests
 MOUNT = Mount(centre_m=(0.065, -0.005, 0.02), yaw_rad=0.9)
 PORT = (0.065, -0.085, 0.08)  # the shaft looks along +y and down: right is +x
 
 
 class Hand:
-    """An arm and a handle of one input, and their clock."""
+    """An arm and a handle of one input, and their clock; with `rest`, nobody touches it in the first moment."""
 
-    def __init__(self, kind: str, index: int = 0, **settings: Any) -> None:
+    def __init__(self, kind: str, index: int = 0, rest: bool = True, **settings: Any) -> None:
         place = Place("left", MOUNT, PORT, index=index)
         self.arm = driver.load_arm(DriverSettings(driver=kind, settings=settings), place)
         self.grasp = driver.load_grasp(DriverSettings(driver=f"grasp_{kind}"), place)
@@ -35,6 +36,7 @@ class Hand:
         self.now_ns = TICK_NS
         self.reading, self.handle = np.zeros(servo_arrays.READ_SIZE), np.zeros(servo_arrays.HANDLE_SIZE)
         self.motion = np.zeros(6)
+        self.run(RESTING if rest else 0)
 
     def run(self, ticks: int, force_n: float = 0.0) -> np.ndarray:
         """Return where the junction is in the world after `ticks`, under a force along z."""
@@ -141,6 +143,7 @@ def test_an_unplugged_input_is_a_fault_the_tool_stays_and_arming_finds_it_again(
         for device in (hand.arm, hand.grasp):
             device.clear_fault()
             assert device.fault == ""
+        hand.run(RESTING)
         anew.say("ABS_X", 32767)
         assert moved(hand)[0] > 0.004
         hand.close()
@@ -249,14 +252,16 @@ def test_the_rigs_differ_from_the_mouse_in_their_drivers_only(name: str) -> None
 def test_what_the_kernel_dropped_is_asked_for_anew(pad: InputStandIn) -> None:
     """A stick was let go, and a button pressed, while nobody read: SYN_DROPPED, then the torn rest of a report."""
     inputs = input_events.open_inputs(input_events.GAMEPAD, None, 0, "here")
+    for tick in range(RESTING):
+        inputs.poll(tick * TICK_NS)
     pad.say("ABS_X", 32767)
     pad.say("BTN_SOUTH", 1)
-    inputs.poll(TICK_NS)
+    inputs.poll(RESTING * TICK_NS)
     assert (inputs.value("ABS_X"), inputs.value("BTN_SOUTH")) == (1.0, 1.0)
     pad.run_over("ABS_X", -32768, ["BTN_EAST"])
-    inputs.poll(2 * TICK_NS)
+    inputs.poll((RESTING + 1) * TICK_NS)
     assert (inputs.value("ABS_X"), inputs.value("BTN_SOUTH"), inputs.value("BTN_EAST")) == (-1.0, 0.0, 1.0)
     pad.say("ABS_X", 0)
-    inputs.poll(3 * TICK_NS)
+    inputs.poll((RESTING + 2) * TICK_NS)
     assert inputs.value("ABS_X") == pytest.approx(0.0, abs=1e-4)
     input_events.close_inputs(inputs)

@@ -11,11 +11,12 @@ from trocar.services.gateway.steering import Axes, SteeredArm, SteeringSettings,
 from trocar.services.runtime.rig import DriverSettings
 
 #: Names are those of the kernel's gamepad layout. The first instrument has the left half, the second the right one.
+#: The right stick is on RX and RY or on Z and RZ, where other pads have their triggers.
 HALVES: tuple[dict[str, Axes], ...] = (
     {"right": {"ABS_X": 1.0}, "up": {"ABS_Y": -1.0}, "inward": {"ABS_HAT0Y": -1.0}, "roll": {"ABS_HAT0X": 1.0}},
     {
-        "right": {"ABS_RX": 1.0},
-        "up": {"ABS_RY": -1.0},
+        "right": {"ABS_RX": 1.0, "ABS_Z": 1.0},
+        "up": {"ABS_RY": -1.0, "ABS_RZ": -1.0},
         "inward": {"BTN_SOUTH": 1.0, "BTN_EAST": -1.0},
         "roll": {"BTN_TR": 1.0, "BTN_TL": -1.0},
     },

@@ -7,8 +7,11 @@ from trocar.services.gateway.driver import Place
 from trocar.services.gateway.steering import Axes, JawSettings, SteeredGrasp
 from trocar.services.runtime.rig import DriverSettings
 
-#: Left and right trigger; on pads without, the buttons in their place.
-TRIGGERS: tuple[Axes, ...] = ({"ABS_Z": 1.0, "BTN_TL2": 1.0}, {"ABS_RZ": 1.0, "BTN_TR2": 1.0})
+#: Left and right trigger, under any of their names; on pads without, the buttons in their place.
+TRIGGERS: tuple[Axes, ...] = (
+    {"ABS_Z": 1.0, "ABS_BRAKE": 1.0, "ABS_RX": 1.0, "BTN_TL2": 1.0},
+    {"ABS_RZ": 1.0, "ABS_GAS": 1.0, "ABS_RY": 1.0, "BTN_TR2": 1.0},
+)
 
 
 class Driver(SteeredGrasp):

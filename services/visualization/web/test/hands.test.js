@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { readGamepad } from "../src/hands/gamepad.js";
+import { Gamepads } from "../src/hands/gamepad.js";
 import { Grip } from "../src/hands/grip.js";
 import { Hands } from "../src/hands/hands.js";
 import { atDepth, jawsAt, junctionAt, leashed, length, onLevel, onPicture, sub } from "../src/hands/motion.js";
@@ -138,16 +138,19 @@ test("a second finger raises, or turns if it sets off sideways, and closes nothi
 
 test("a gamepad's stick has a dead zone, and its triggers close", () => {
   const pad = { connected: true, mapping: "standard", axes: [0.05, -1, 0, 0], buttons: Array(16).fill({ value: 0 }) };
+  const gamepads = new Gamepads();
+  const resting = { ...pad, axes: [0.05, 0, 0, 0] };
+  for (let now = 0; now <= 300; now += 16) gamepads.read(0.016, now, [null, resting]);
   pad.buttons[6] = { value: 0.5 };
-  const [left, right] = readGamepad(1, [null, pad]);
+  const [left, right] = gamepads.read(1, 320, [null, pad]);
   near(left.by, [0, 25, 0]);
   assert.equal(left.closing, 0.5);
   assert.deepEqual([left.roll, right.roll], [0, 0]);
   pad.buttons[15] = pad.buttons[2] = { value: 1 };
-  const turned = readGamepad(0.5, [pad]).map((hand) => hand.roll);
+  const turned = gamepads.read(0.5, 336, [pad]).map((hand) => hand.roll);
   assert.deepEqual(turned, [0.6, -0.6]);
   near(right.by, [0, 0, 0]);
-  assert.equal(readGamepad(1, [null]), null);
+  assert.equal(gamepads.read(1, 352, [null]), null);
 });
 
 test("more force sounds higher and louder, none is silent", () => {

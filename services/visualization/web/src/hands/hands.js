@@ -1,7 +1,7 @@
 // A person's hands on the instruments: their inputs, their frames to the rig, and the force that the page shows.
 
 import { Grip } from "./grip.js";
-import { readGamepad, rumble } from "./gamepad.js";
+import { Gamepads, rumble } from "./gamepad.js";
 import { Keys } from "./keys.js";
 import { HandLink } from "./link.js";
 import { onLevel, onPicture, scale, add, sub } from "./motion.js";
@@ -23,6 +23,7 @@ export class Hands {
     this.grips = [];
     this.active = 0;
     this.tone = new Tone();
+    this.gamepads = new Gamepads();
     this.pointer = new Pointer(view.canvas, {
       onDrag: (from, to) => this.drag(from, to),
       onLift: (mm, roll) => this.lift(mm, roll),
@@ -167,9 +168,19 @@ export class Hands {
     const [x, y, z, roll] = this.keys.take(seconds);
     if (x || y || z) this.move(this.grip, inWorld([x, y, z]));
     if (roll) this.grip.turn(roll);
-    readGamepad(seconds)?.forEach((hand, i) => this.follow(this.grips[i], hand, inWorld));
+    this.gamepads.read(seconds, now)?.forEach((hand, i) => this.follow(this.grips[i], hand, inWorld));
+    this.tellOfPads();
     this.link?.send(this.grips, this.begins);
     this.feel();
+  }
+
+  // Which gamepad, or what of it, is not used, and why.
+  tellOfPads() {
+    const text = this.gamepads.ignored.join(" ");
+    if (text === this.told) return;
+    this.told = text;
+    $("hand-pads").textContent = text;
+    $("hand-pads").hidden = !text;
   }
 
   follow(grip, hand, inWorld) {
