@@ -19,15 +19,19 @@ import can
 
 from trocar.services.gateway import canbus, cansimple
 from trocar.services.gateway.host_check import HostCheck, text_of
+from trocar.services.gateway.odrive_firmware import FirmwareCheck
 from trocar.services.runtime.errors import DeviceError
 
 #: Drives send a heartbeat ten times a second.
 _LISTEN_S = 0.5
+_ASK_EVERY_S = 0.1
 _UP = 1
 _ARPHRD_CAN = "280"
 _MAKE_VIRTUAL = "sudo modprobe vcan; sudo ip link add dev NAME type vcan; sudo ip link set NAME up"
 #: Longer queues in the kernel would send outdated torques.
 _LONGEST_QUEUE = 32
+_SILENT = "look at the drive's power, node number, bit rate and heartbeat, at the wires and both terminations"
+_FIRMWARE = "bring the drive to firmware 0.6 with ODrive's own tool; it then answers Get_Version (command 0x00)"
 _MODULES = (
     "sudo modprobe can_raw (and `vcan` for a bus without wires); a kernel that was built without CAN, as some virtual "
     "machines have, takes an adapter on a serial line: interface slcan (docs/how-to/hardware.md)"
@@ -145,7 +149,7 @@ def _serial(bus: dict[str, Any], root: Path) -> Iterator[HostCheck]:
 
 
 def _listen(bus: dict[str, Any], nodes: list[int]) -> Iterator[HostCheck]:
-    """Open the bus, send nothing, and report the drives that are heard."""
+    """Open the bus, ask the drives for their firmware, and report those that are heard."""
     where = " ".join(str(bus[key]) for key in ("interface", "channel") if key in bus)
     try:
         opened = canbus.open_bus(bus, "here")
@@ -154,27 +158,75 @@ def _listen(bus: dict[str, Any], nodes: list[int]) -> Iterator[HostCheck]:
         yield HostCheck(f"CAN bus {where}", False, said, "docs/how-to/hardware.md has a table of adapters", needed=True)
         return
     try:
-        heard = _hear_drives(opened)
+        heard = _Heard(opened, nodes)
+        heard.listen(_LISTEN_S)
+        noise = canbus.noise(opened)
     finally:
         opened.shutdown()
-    others = ", ".join(map(str, sorted(set(heard) - set(nodes)))) or "none"
-    for node in nodes:
-        found = heard.get(node, f"no heartbeat within {_LISTEN_S:g} s; other nodes heard: {others}")
-        advice = "look at the drive's power, node number, bit rate and heartbeat, at the wires and both terminations"
-        yield HostCheck(f"drive {node} on {where}", node in heard, found, advice)
+    for node in dict.fromkeys(nodes):
+        if nodes.count(node) > 1:
+            yield HostCheck(f"drive {node} on {where}", False, "two handles have this node", "give each its own node")
+        else:
+            yield heard.judge(node, f"drive {node} on {where}", noise)
 
 
-def _hear_drives(bus: can.BusABC) -> dict[int, str]:
-    """Return a description of the newest heartbeat of each node."""
-    heard: dict[int, str] = {}
-    until_s = time.monotonic() + _LISTEN_S
-    while time.monotonic() < until_s:
-        for message in canbus.drain(bus):
-            if cansimple.command(message.arbitration_id) != cansimple.HEARTBEAT or message.is_extended_id:
-                continue
-            with contextlib.suppress(struct.error):  # a wrong length: not from a drive
-                errors, state = cansimple.unpack_heartbeat(bytes(message.data))
-                shown = f"axis state {state}, {cansimple.error_names(errors) or 'no error'}"
-                heard[message.arbitration_id >> 5] = shown
-        time.sleep(0.01)
-    return heard
+class _Heard:
+    """What the nodes of a bus say, and whether their firmware is the right one.
+
+    Only the rig's own nodes are asked for it, which are idle as no rig runs.
+    """
+
+    def __init__(self, bus: can.BusABC, nodes: Sequence[int]) -> None:
+        self._bus, self._nodes = bus, nodes
+        self._frames = 0
+        self._said: dict[int, str] = {}
+        self._firmware: dict[int, FirmwareCheck] = {}
+
+    def listen(self, seconds: float) -> None:
+        """Listen, and ask each node for its version until it has told it."""
+        until_s, ask_s = time.monotonic() + seconds, 0.0
+        while time.monotonic() < until_s:
+            if time.monotonic() >= ask_s:
+                ask_s = time.monotonic() + _ASK_EVERY_S
+                self._ask()
+            for message in canbus.drain(self._bus):
+                self._frames += 1
+                if not message.is_extended_id and not message.is_remote_frame:
+                    with contextlib.suppress(struct.error):  # a wrong length: not from a drive
+                        self._take(message.arbitration_id, bytes(message.data))
+            time.sleep(0.01)
+
+    def _ask(self) -> None:
+        for node in self._nodes:
+            if self._firmware.get(node, FirmwareCheck()).version is None:
+                identifier = cansimple.identifier(node, cansimple.GET_VERSION)
+                with contextlib.suppress(can.CanError):  # a bus that cannot send is told of by its silence
+                    self._bus.send(can.Message(arbitration_id=identifier, is_remote_frame=True, is_extended_id=False))
+
+    def _take(self, identifier: int, data: bytes) -> None:
+        node = identifier >> 5
+        if cansimple.command(identifier) == cansimple.HEARTBEAT:
+            errors, state = cansimple.unpack_heartbeat(data)
+            self._said[node] = f"axis state {state}, {cansimple.error_names(errors) or 'no error'}"
+            self._firmware.setdefault(node, FirmwareCheck()).take_heartbeat(data)
+        elif cansimple.command(identifier) == cansimple.GET_VERSION:
+            self._firmware.setdefault(node, FirmwareCheck()).take_version(data)
+
+    def judge(self, node: int, name: str, noise: str) -> HostCheck:
+        """Return what was heard of a node."""
+        if node not in self._said:
+            return HostCheck(name, False, self._silence(noise), _SILENT)
+        firmware = self._firmware[node]
+        if firmware.is_wrong:
+            return HostCheck(name, False, firmware.sentence, _FIRMWARE, needed=True)
+        if firmware.version is None:
+            said = f"{self._said[node]}; it does not tell its firmware, as 0.5 does not: 0.6 is needed"
+            return HostCheck(name, False, said, _FIRMWARE)
+        return HostCheck(name, True, self._said[node], "")
+
+    def _silence(self, noise: str) -> str:
+        others = ", ".join(map(str, sorted(set(self._said) - set(self._nodes)))) or "none"
+        said = f"no heartbeat within {_LISTEN_S:g} s; other nodes heard: {others}"
+        if noise:
+            return f"{said}; {noise}"
+        return f"{said}; {self._frames} frames came, none is a heartbeat" if self._frames and not self._said else said

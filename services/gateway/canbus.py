@@ -10,7 +10,7 @@ from typing import Any
 
 import can
 
-from trocar.services.gateway.shared_bus import share
+from trocar.services.gateway.shared_bus import SharedBus, share
 from trocar.services.nearest_word import did_you_mean
 from trocar.services.runtime.errors import DeviceError
 
@@ -91,6 +91,14 @@ def bitrate(settings: dict[str, Any]) -> float:
     if isinstance(said, bool) or not isinstance(said, int | float) or not math.isfinite(said):
         raise ValueError(f"bitrate must be a number of bit/s, is {said!r}")
     return float(said)
+
+
+def noise(bus: can.BusABC) -> str:
+    """Return a phrase on what came over a serial line and is no frame, empty if nothing did."""
+    lines = bus.strange if isinstance(bus, SharedBus) else 0
+    return (
+        f"{lines} lines came that are no frames: look at the adapter's protocol (slcan) and baud rate" if lines else ""
+    )
 
 
 def drain(bus: can.BusABC) -> Iterator[can.Message]:

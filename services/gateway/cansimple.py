@@ -8,7 +8,7 @@ from __future__ import annotations
 import struct
 from enum import IntEnum, IntFlag
 
-HEARTBEAT, ESTOP, GET_ERROR = 0x01, 0x02, 0x03
+GET_VERSION, HEARTBEAT, ESTOP, GET_ERROR = 0x00, 0x01, 0x02, 0x03
 SET_AXIS_STATE, GET_ENCODER_ESTIMATES, SET_CONTROLLER_MODE = 0x07, 0x09, 0x0B
 SET_INPUT_TORQUE, SET_LIMITS, GET_TEMPERATURE, CLEAR_ERRORS, GET_TORQUES = 0x0E, 0x0F, 0x15, 0x18, 0x1C
 
@@ -16,6 +16,7 @@ MAX_NODE = 0x3E  # 0x3F is a drive without a number
 CONTROL_TORQUE, INPUT_PASSTHROUGH = 1, 1
 
 _HEARTBEAT = struct.Struct("<IBBBx")
+_VERSION = struct.Struct("<BBBBBBBB")
 _TWO_FLOATS = struct.Struct("<ff")
 _FLOAT = struct.Struct("<f")
 _WORD = struct.Struct("<I")
@@ -70,6 +71,17 @@ def unpack_heartbeat(data: bytes) -> tuple[int, int]:
     """Return errors and axis state of a heartbeat. Raises struct.error if the payload has another length."""
     errors, state, _, _ = _HEARTBEAT.unpack(data)
     return errors, state
+
+
+def pack_version(major: int, minor: int, revision: int) -> bytes:
+    """Return the payload of the answer to Get_Version: protocol 2, hardware 5.2.0, and this firmware, released."""
+    return _VERSION.pack(2, 5, 2, 0, major, minor, revision, 0)
+
+
+def unpack_version(data: bytes) -> tuple[int, int, int]:
+    """Return major, minor and revision of the firmware. Raises struct.error if the payload has another length."""
+    _, _, _, _, major, minor, revision, _ = _VERSION.unpack(data)
+    return major, minor, revision
 
 
 def pack_floats(first: float, second: float) -> bytes:

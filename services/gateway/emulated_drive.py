@@ -13,6 +13,7 @@ from trocar.services.gateway import cansimple
 from trocar.services.gateway.cansimple import AxisError, AxisState
 
 HEARTBEAT_S, ESTIMATE_S = 0.1, 0.002
+FIRMWARE = (0, 6, 11)
 #: Counts of the encoder a turn, as of the handle with which real grasps were recorded.
 ENCODER_COUNTS = 8192
 #: Handle with the fingers in it: inertia kg m2, stiffness N m/rad and damping N m s/rad of the hand, friction N m.
@@ -20,6 +21,7 @@ INERTIA, HAND_STIFFNESS, HAND_DAMPING, FRICTION = 2e-5, 2.0, 0.0126, 0.005
 _SUBSTEPS = 4
 _TURN = 2 * math.pi
 _SAID_BY_DRIVE = (
+    cansimple.GET_VERSION,
     cansimple.HEARTBEAT,
     cansimple.GET_ERROR,
     cansimple.GET_ENCODER_ESTIMATES,
@@ -111,6 +113,8 @@ class EmulatedDrive:
             data = cansimple.pack_floats(turns, self.handle.rate_rad_s / _TURN)
         elif command == cansimple.HEARTBEAT:
             data = cansimple.pack_heartbeat(self.errors, self.state, 0, False)
+        elif command == cansimple.GET_VERSION:
+            data = cansimple.pack_version(*FIRMWARE)
         elif command == cansimple.GET_ERROR:
             data = cansimple.pack_words(self.errors, self.disarm_reason)
         elif command == cansimple.GET_TORQUES:

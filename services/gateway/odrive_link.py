@@ -10,8 +10,10 @@ import can
 from trocar.services.gateway import canbus, cansimple
 from trocar.services.gateway.bus_load import BusLoad
 from trocar.services.gateway.clock import Clock
+from trocar.services.gateway.odrive_firmware import FirmwareCheck
 
 _TORQUE_BYTES = 4
+_ASK_EVERY_NS = 100_000_000
 
 
 class OdriveLink:
@@ -25,6 +27,7 @@ class OdriveLink:
         angle_turns, rate_turns_s: float. Newest encoder estimates.
         errors, state: int. Those of the newest heartbeat; None before the first.
         estimated_ns, heartbeat_ns: int. Times of their arrival, by this host's monotonic clock.
+        firmware: FirmwareCheck. What its frames tell of its firmware.
     """
 
     def __init__(self, bus: can.BusABC, node: int, clock: Clock, patience_s: float, bitrate: float) -> None:
@@ -37,6 +40,9 @@ class OdriveLink:
         self.errors = 0
         self.state: int | None = None
         self.estimated_ns = self.heartbeat_ns = 0
+        self.firmware = FirmwareCheck()
+        self._asked_ns = -_ASK_EVERY_NS
+        self._version_id = cansimple.identifier(node, cansimple.GET_VERSION)
         self._heartbeat_id = cansimple.identifier(node, cansimple.HEARTBEAT)
         self._estimates_id = cansimple.identifier(node, cansimple.GET_ENCODER_ESTIMATES)
         self._base = cansimple.identifier(node, 0)
@@ -61,7 +67,10 @@ class OdriveLink:
                         self._take_estimates(bytes(message.data))
                 elif identifier == self._heartbeat_id:
                     self.errors, self.state = cansimple.unpack_heartbeat(bytes(message.data))
+                    self.firmware.take_heartbeat(bytes(message.data))
                     self.heartbeat_ns = self._clock.monotonic_ns()
+                elif identifier == self._version_id:
+                    self.firmware.take_version(bytes(message.data))
             except struct.error:
                 continue  # a wrong length: not from a drive
         if count < canbus.DRAIN_LIMIT:  # otherwise there is more of the backlog
@@ -71,6 +80,18 @@ class OdriveLink:
         """Send a command."""
         self.load.count(len(data))
         self.bus.send(can.Message(arbitration_id=self._base | command, data=data, is_extended_id=False))
+
+    def ask_version(self) -> None:
+        """Ask for the firmware's version, at most ten times a second, until it is told.
+
+        Only an idle drive is to be asked, as any frame to it feeds its watchdog.
+        """
+        now_ns = self._clock.monotonic_ns()
+        if self.firmware.version is not None or now_ns - self._asked_ns < _ASK_EVERY_NS:
+            return
+        self._asked_ns = now_ns
+        self.load.count(0)
+        self.bus.send(can.Message(arbitration_id=self._version_id, is_remote_frame=True, is_extended_id=False))
 
     def send_torque(self, torque_nm: float) -> None:
         """Send a motor torque; the message is reused, as this is called every tick."""

@@ -28,6 +28,11 @@ class SharedBus(can.BusABC):  # type: ignore[misc]  # python-can is not read by 
         adapter.places.append(self)
         super().__init__(channel=adapter.key)
 
+    @property
+    def strange(self) -> int:
+        """Number of lines of the adapter so far that are neither a frame nor an answer."""
+        return int(getattr(self._adapter.bus, "strange", 0))
+
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Send a frame; the other handles receive it, as on a physical bus."""
         self._adapter.bus.send(msg, timeout)

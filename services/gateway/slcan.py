@@ -12,7 +12,9 @@ from can.interfaces.slcan import slcanBus
 
 #: Initial letters of frames; other lines answer commands: "z" for each frame sent, an empty line, a bell for an error.
 _FRAMES = (b"t", b"T", b"r", b"R")
-_ENDS = bytes.maketrans(b"\a", b"\r")
+_ENDS = bytes.maketrans(b"\a\n", b"\r\r")
+#: Answers to commands and to frames that were sent.
+_ANSWERS = (b"", b"z", b"Z")
 _READ = 4096
 #: Longest line: a frame of eight bytes has 26 characters, and its time stamp four.
 _LONGEST = 64
@@ -25,6 +27,9 @@ class SlcanBus(slcanBus):  # type: ignore[misc]  # python-can is not read by myp
     each write; and takes the answer to a command for the end of the input, so that one frame is left over for each
     frame sent.
 
+    Attributes:
+        strange: int. Number of lines so far that are neither a frame nor an answer.
+
     Args:
         settings: Those of python-can: ``channel``, the serial port; ``bitrate`` of the bus; ``tty_baudrate``,
             ``sleep_after_open``.
@@ -32,6 +37,7 @@ class SlcanBus(slcanBus):  # type: ignore[misc]  # python-can is not read by myp
 
     def __init__(self, **settings: Any) -> None:
         self._begun = b""
+        self.strange = 0
         self._frames: deque[str] = deque()
         super().__init__(**{**settings, "timeout": 0.0})
         # With pyserial's settings, a line without input could not be told from a closed one.
@@ -63,13 +69,19 @@ class SlcanBus(slcanBus):  # type: ignore[misc]  # python-can is not read by myp
         if not data:
             raise can.CanOperationError("the adapter is gone")
         *lines, begun = (self._begun + data.translate(_ENDS)).split(b"\r")
-        self._begun = begun[:_LONGEST]  # bounds an endless line, which is not from an adapter
-        self._frames.extend(line.decode("ascii", "replace") for line in lines if line.startswith(_FRAMES))
+        self.strange += len(begun) > _LONGEST  # an endless line is not from an adapter
+        self._begun = begun[:_LONGEST]
+        for line in map(bytes.strip, lines):
+            if line.startswith(_FRAMES):
+                self._frames.append(line.decode("ascii", "replace"))
+            else:
+                self.strange += line not in _ANSWERS
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         try:
             message, is_filtered = super()._recv_internal(timeout)
         except (ValueError, IndexError, KeyError):
+            self.strange += 1
             raise can.CanOperationError("the adapter says what is no frame") from None
         return message, is_filtered
 

@@ -22,7 +22,7 @@ from trocar.services.gateway import canbus, cansimple
 NODES = (1, 2)
 _TICK_S = 1e-3
 #: What drives say themselves: some buses give it back to whoever sent it.
-_OF_DRIVES = (cansimple.HEARTBEAT, cansimple.GET_ENCODER_ESTIMATES)
+_OF_DRIVES = (cansimple.HEARTBEAT, cansimple.GET_ENCODER_ESTIMATES, cansimple.GET_VERSION)
 _WIRES = "the wires behind the adapter"
 
 
@@ -57,7 +57,7 @@ def main(where: str) -> None:
             with contextlib.suppress(can.CanError):  # nobody listens
                 outside.send(message)
         for message in canbus.drain(outside):
-            if cansimple.command(message.arbitration_id) not in _OF_DRIVES:
+            if message.is_remote_frame or cansimple.command(message.arbitration_id) not in _OF_DRIVES:
                 wires.send(message)
         due_s = max(due_s + _TICK_S, time.monotonic() - 0.05)
         time.sleep(max(0.0, due_s - time.monotonic()))

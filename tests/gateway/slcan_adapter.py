@@ -53,6 +53,10 @@ class Adapter(can.BusABC):  # type: ignore[misc]
             data = bytes.fromhex(line[5 : 5 + 2 * int(line[4])])
             self._frames.append(can.Message(arbitration_id=int(line[1:4], 16), data=data, is_extended_id=False))
             self._write(b"z\r")
+        elif line[:1] == "r":
+            identifier = int(line[1:4], 16)
+            self._frames.append(can.Message(arbitration_id=identifier, is_remote_frame=True, is_extended_id=False))
+            self._write(b"z\r")
         else:
             self.is_open = (self.is_open or line == "O") and line != "C"
             self._write(b"\r")

@@ -13,6 +13,7 @@ from trocar.services.runtime import config
 
 DBC = cantools.database.load_file(config.config_directory() / "devices" / "odrive.dbc")
 COMMANDS = {
+    "Get_Version": cansimple.GET_VERSION,
     "Heartbeat": cansimple.HEARTBEAT,
     "Estop": cansimple.ESTOP,
     "Get_Error": cansimple.GET_ERROR,

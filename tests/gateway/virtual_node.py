@@ -6,7 +6,7 @@ import can
 
 from tests.gateway.bench import TICK_S, SteppedClock
 from trocar.services.gateway import canbus, cansimple
-from trocar.services.gateway.emulated_drive import EmulatedDrive, Handle
+from trocar.services.gateway.emulated_drive import CanFrame, EmulatedDrive, Handle
 
 _WATCHDOG_S = 0.05
 
@@ -56,7 +56,11 @@ class VirtualNode:
     def _tick(self, now_s: float) -> None:
         for message in canbus.drain(self._bus):
             if self.hearing:
-                self.drive.receive(message.arbitration_id, bytes(message.data), message.is_remote_frame, now_s)
-        for identifier, data in self.drive.step(self.wanted_rad, now_s, TICK_S):
+                data = bytes(message.data)
+                self._say(self.drive.receive(message.arbitration_id, data, message.is_remote_frame, now_s))
+        self._say(self.drive.step(self.wanted_rad, now_s, TICK_S))
+
+    def _say(self, frames: list[CanFrame]) -> None:
+        for identifier, data in frames:
             if self.speaking and cansimple.command(identifier) not in self.unsaid:
                 self._bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))

@@ -25,7 +25,7 @@ from trocar.services.runtime import config
 from trocar.services.runtime.errors import DeviceError
 from trocar.services.runtime.rig import DriverSettings, Settings
 
-_ARM_TIMEOUT_S = 0.5
+_ARM_TIMEOUT_S = _VERSION_TIMEOUT_S = 0.5
 #: How far below zero a handle pressed shut may be, as a share of its largest angle.
 _BELOW_SHUT = 0.25
 #: Speeds beyond this multiple of the drive's own limit are none: it lets go at 1.2 times that.
@@ -87,8 +87,29 @@ class OdriveGrasp(GraspHandle, ABC):
         """Find the drive and set it up, idle."""
         self._link = link = self._new_link(self.open_bus())
         if not self._find(link):
-            raise DeviceError(f"{self.where}: no heartbeat of node {self.node} within {self.found_timeout_s:g} s")
+            noise = canbus.noise(link.bus)
+            said = f"no heartbeat of node {self.node} within {self.found_timeout_s:g} s"
+            raise DeviceError(f"{self.where}: {said}{'; ' if noise else ''}{noise}")
+        problem = self._await_version(link)
+        if problem:
+            raise DeviceError(f"{self.where}: {problem}")
         self._set_up(link)
+
+    def _await_version(self, link: OdriveLink) -> str:
+        """Ask the drive for its firmware; return one sentence if it is not the needed one."""
+        until_ns = self._clock.monotonic_ns() + round(_VERSION_TIMEOUT_S * 1e9)
+        while not (link.firmware.is_needed or link.firmware.is_wrong) and self._clock.monotonic_ns() < until_ns:
+            link.ask_version()
+            self._clock.sleep(0.005)
+            link.receive()
+        return self._firmware_problem(link)
+
+    def _firmware_problem(self, link: OdriveLink) -> str:
+        if link.firmware.is_needed:
+            return ""
+        if link.firmware.is_wrong:
+            return f"{self._name} {link.firmware.sentence}"
+        return f"{self._name} does not tell its firmware (Get_Version), as 0.5 does not: 0.6 is needed"
 
     def _new_link(self, bus: can.BusABC) -> OdriveLink:
         return OdriveLink(bus, self.node, self._clock, self.file.watchdog_s, self.bitrate)
@@ -117,7 +138,7 @@ class OdriveGrasp(GraspHandle, ABC):
     def enable(self) -> None:
         """Close the loop, unless an error other than the watchdog's is latched."""
         link = self._link
-        if link is None or link.errors & ~AxisError.WATCHDOG_TIMER_EXPIRED:
+        if link is None or not link.firmware.is_needed or link.errors & ~AxisError.WATCHDOG_TIMER_EXPIRED:
             return
         self._wanted = True
         if self._has_bus:
@@ -202,11 +223,19 @@ class OdriveGrasp(GraspHandle, ABC):
 
     def _listen(self, link: OdriveLink) -> None:
         """Receive frames; a drive that answers soon after its bus was reopened by a person is armed."""
-        unknown = link.state is None
+        unknown = not link.firmware.is_needed
+        if unknown and link.state is not None:
+            self._ask_version(link)
         link.receive()
         is_soon = self._clock.monotonic_ns() < self._arming_until_ns
-        if unknown and link.state is not None and self._wanted and is_soon:
+        if unknown and link.firmware.is_needed and self._wanted and is_soon:
             self._arm(link)
+
+    def _ask_version(self, link: OdriveLink) -> None:
+        try:
+            link.ask_version()
+        except can.CanError as error:
+            self.fault = self._bus_fault(error)
 
     def _is_silent(self, link: OdriveLink, now_ns: int) -> bool:
         return now_ns - link.heartbeat_ns > self.file.heartbeat_timeout_s * 1e9
@@ -235,6 +264,8 @@ class OdriveGrasp(GraspHandle, ABC):
             self._steady_ns = now_ns
         if self._opening is not None or self._is_silent(link, now_ns):
             self.fault = self._silence()
+        elif not link.firmware.is_needed:
+            self.fault = self._firmware_problem(link)
         elif link.errors:
             self.fault = f"{self._name} let go: {cansimple.error_names(link.errors)}"
         elif self._impossible:

@@ -37,8 +37,11 @@ def check(names: Sequence[str | None], library: str, in_use: bool, root: Path = 
     if devices:
         yield _permissions(root, devices)
     yield _set_up(root, names)
-    if loaded.ok and not in_use:
-        yield from (_answers(library, name) for name in names)
+    for name in dict.fromkeys(names):
+        if names.count(name) > 1:
+            yield _shared(name, names.count(name))
+        elif loaded.ok and not in_use:
+            yield _answers(library, name)
 
 
 def _loads(library: str) -> HostCheck:
@@ -72,6 +75,12 @@ def _set_up(root: Path, names: Sequence[str | None]) -> HostCheck:
     shown = f"{folder}: {'no ' + ', no '.join(missing) if missing else ', '.join(wanted)}"
     advice = "run the vendor's Touch_Setup as this user and name the arms so; set GTDD_HOME to where it keeps them"
     return HostCheck("arms' set-up", not missing, shown, advice)
+
+
+def _shared(name: str | None, count: int) -> HostCheck:
+    said = f"{count} instruments of the rig have this arm, and only one of them can open it"
+    advice = "give each instrument the name of its own arm: `settings: {name: ...}`"
+    return HostCheck(f"arm {name or 'Default Device'}", False, said, advice, needed=True)
 
 
 def _answers(library: str, name: str | None) -> HostCheck:
