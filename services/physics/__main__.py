@@ -7,6 +7,7 @@ import trocar.services.entry  # noqa: F401  first: the environment of a process
 # isort: split
 import sys
 import time
+from functools import partial
 from operator import add
 from typing import TYPE_CHECKING
 
@@ -61,6 +62,7 @@ class Physics:
 
     def _begin(self) -> None:
         self.simulation = Simulation(self._scene, self._duct)
+        self.simulation.inside_watch.tell = partial(self._process.log.warning, "%s")
         self._reader = ContactsReader(self.simulation)
         self._outputs = Outputs(self.simulation, self._duct.basis.content_hash)
         self._outputs.settle()  # finds in which volume the catheter begins, by the whole wall; a restart need not
@@ -125,6 +127,7 @@ class Physics:
             "dropped_holds": float(dropped.holds),
             "refused_inputs": float(self.simulation.refused_inputs),
             "healed_states": float(self.simulation.healed_states),
+            "tools_inside": float(sum(self.simulation.inside_watch.inside)),
         }
 
     def _reset(self) -> None:

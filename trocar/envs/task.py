@@ -186,10 +186,14 @@ class Task(gymnasium.Env[Any, Any]):
         return self._observe(), {"drawn": drawn, **asked}
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Apply an action for ``step_s``."""
+        """Apply an action for ``step_s``.
+
+        Raises ValueError if the action has another shape than ``action_space``, or a number that is not finite; nothing
+        has moved then.
+        """
         if self._episode is None:
             raise ConfigError("step: an episode begins with reset")
-        self.hands.steer(self._rates_of(np.asarray(action, np.float64)))
+        self.hands.steer(self._rates_of(self._checked(action)))
         self._episode.advance(self._ticks)
         before, self._verdict = self._verdict, self._episode.verdict()
         verdict, was_m, self._potential_m = self._verdict, self._potential_m, self._way_m()
@@ -201,6 +205,15 @@ class Task(gymnasium.Env[Any, Any]):
             "outcome": verdict.outcome, "reason": verdict.reason, "score": verdict.score,
         }  # fmt: skip
         return self._observe(), reward, verdict.ended, False, info
+
+    def _checked(self, action: Any) -> FloatArray:
+        numbers = np.asarray(action, np.float64)
+        if numbers.shape != self.action_space.shape:
+            raise ValueError(f"action: its shape is {numbers.shape}, not {self.action_space.shape}")
+        if not np.isfinite(numbers).all():
+            at = tuple(np.argwhere(~np.isfinite(numbers))[0].tolist())
+            raise ValueError(f"action: {at} is {numbers[at]}, not a finite number")
+        return numbers
 
     def leave(self) -> None:
         """End the episode, and close its recording; the next one starts with reset."""

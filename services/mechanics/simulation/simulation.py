@@ -30,6 +30,7 @@ from trocar.services.mechanics.scene import SceneModel
 from trocar.services.mechanics.scene.argument_checks import ArgumentChecks
 from trocar.services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs, ToolResults
 from trocar.services.mechanics.simulation.healing import Healer
+from trocar.services.mechanics.simulation.inside_watch import InsideWatch
 from trocar.services.mechanics.simulation.scene_catheter import place_catheter
 from trocar.services.mechanics.simulation.scene_world import build_world
 from trocar.services.mechanics.simulation.step_solver import StepSolver
@@ -61,6 +62,7 @@ class Simulation:
 
     Attributes:
         is_felt: bool. Whether the report includes the local stiffness at each tool, which haptics needs.
+        inside_watch: InsideWatch. Tells of a tool that is inside a body and has no contact: by a `ToolInsideWarning`.
     """
 
     def __init__(self, scene: SceneModel, duct: ReducedDuct, search: CandidateSearch | None = None) -> None:
@@ -89,6 +91,7 @@ class Simulation:
         self._marks_ns = [0] * (len(STAGE_NAMES) - 1)
         self.splitter, self._must_settle = StepSplitter(world), True
         self.watcher: Watcher | None = None
+        self.inside_watch = InsideWatch(N_TOOLS)
         for effect in stages["prepare"]:
             effect.prepare(world)
         self.solver = StepSolver(world, self._tool_force)
@@ -127,6 +130,7 @@ class Simulation:
         start_ns = perf_counter_ns()
         self.write_report()
         self.cost_ns[-1] = perf_counter_ns() - start_ns
+        self.inside_watch.look(self.tools.present.tolist(), self.tools.disengaged.tolist())
         if self._fading and all(effect.rests for effect in self._fading):
             self._use_rung(self.quality_level)
 
