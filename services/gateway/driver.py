@@ -7,13 +7,17 @@ their `fault`.
 
 from __future__ import annotations
 
+import functools
 import importlib
+import math
 import pkgutil
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from types import ModuleType
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
+
+import numpy as np
 
 from trocar.protocol import Frame
 from trocar.services.gateway import drivers
@@ -146,7 +150,16 @@ class Arm(Device):
 
     @abstractmethod
     def write(self, force_n: FloatArray) -> None:
-        """Apply a force (3,) in the frame of the arm until the next call. Never waits."""
+        """Apply a force (3,) in the frame of the arm until the next call. Never waits.
+
+        A driver's own `write` gets no other forces than those within the arm's limit: a larger one is shortened to it,
+        and one that is not finite is none.
+        """
+
+    def __init_subclass__(cls) -> None:
+        """Put the check of forces before the driver's own `write`."""
+        if "write" in vars(cls):
+            setattr(cls, "write", _within_force(cls.write))  # noqa: B010 - a method is replaced on purpose
 
 
 class GraspHandle(Device):
@@ -165,7 +178,38 @@ class GraspHandle(Device):
 
     @abstractmethod
     def write(self, torque_nm: float) -> None:
-        """Apply a torque, positive opens, until the next call. Never waits."""
+        """Apply a torque, positive opens, until the next call. Never waits.
+
+        A driver's own `write` gets no other torques than those within the handle's limit: a larger one is cut to it,
+        and one that is not finite is none.
+        """
+
+    def __init_subclass__(cls) -> None:
+        """Put the check of torques before the driver's own `write`."""
+        if "write" in vars(cls):
+            setattr(cls, "write", _within_torque(cls.write))  # noqa: B010 - a method is replaced on purpose
+
+
+def _within_force(write: Callable[[Any, FloatArray], None]) -> Callable[[Any, FloatArray], None]:
+    @functools.wraps(write)
+    def checked(self: Arm, force_n: FloatArray) -> None:
+        size_n = math.hypot(*force_n.tolist())
+        if not math.isfinite(size_n):
+            force_n = np.zeros(3)
+        elif size_n > self.limits.max_force_n:
+            force_n = force_n * (self.limits.max_force_n / size_n)
+        write(self, force_n)
+
+    return checked
+
+
+def _within_torque(write: Callable[[Any, float], None]) -> Callable[[Any, float], None]:
+    @functools.wraps(write)
+    def checked(self: GraspHandle, torque_nm: float) -> None:
+        limit_nm = self.max_torque_nm
+        write(self, min(max(torque_nm, -limit_nm), limit_nm) if math.isfinite(torque_nm) else 0.0)
+
+    return checked
 
 
 def known_drivers() -> list[str]:

@@ -116,6 +116,22 @@ def test_force_is_off_until_enabled_then_as_written_and_gone_after_close(opened:
     assert opened.output() == 0.0, "it pushes after it was closed"
 
 
+@pytest.mark.parametrize("written", [math.nan, math.inf, -math.inf, 1e9, -1e9, 1e308])
+def test_what_no_hand_may_get_ends_at_the_drivers_edge(opened: Subject, written: float) -> None:
+    device = opened.device
+    limit = device.limits.max_force_n if isinstance(device, Arm) else device.max_torque_nm
+    device.enable()
+    opened.exchange_until(lambda: opened.output() != 0.0 or not device.has_force, WRITTEN)
+    for _ in range(20):
+        opened.exchange(written)
+        assert math.isfinite(opened.output())
+        assert abs(opened.output()) <= (1.0 + 1e-6) * limit
+        if not math.isfinite(written):
+            opened.exchange(written)
+    if not math.isfinite(written) and isinstance(opened.bench.clock, SteppedClock):
+        assert opened.output() == pytest.approx(0.0, abs=WRITTEN / 2)
+
+
 def test_an_arm_evaluates_the_law_and_one_with_a_servo_of_its_own_applies_it(opened: Subject) -> None:
     arm = opened.device
     if not isinstance(arm, Arm):

@@ -97,6 +97,12 @@ def servo_tick(address: Address[ServoCell]) -> int:
 
 
 @kernel
+def claim_cell(address: Address[ServoCell]) -> bool:
+    """Return whether no thread serves the arms, and none will from now on."""
+    return native.claim(servo_at(address).busy_at)
+
+
+@kernel
 def _serve(servo: ServoCell, arm: ArmCell, now_ns: int) -> None:
     _take_order(arm)
     dt_ns = now_ns - arm.last_ns if arm.last_ns != 0 else TICK_NS

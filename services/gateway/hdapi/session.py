@@ -8,6 +8,7 @@ it for good.
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import functools
 import os
 from pathlib import Path
@@ -21,10 +22,12 @@ from trocar.services.gateway.hdapi.error_stack import unreachable
 from trocar.services.gateway.hdapi.library import Library
 from trocar.services.gateway.hdapi.open_arm import OpenArm, Terms, find_functions, open_arm
 from trocar.services.gateway.hdapi.reopening import Reopening
-from trocar.services.gateway.hdapi.servo_callback import callback
+from trocar.services.gateway.hdapi.servo_callback import callback, claim_cell
 from trocar.services.runtime.errors import DeviceError
 
 RATE_HZ = 1000
+#: Longest time of a call that is under way when the scheduler has been stopped.
+_UNDER_WAY_NS = 100_000_000
 
 
 class Session:
@@ -140,7 +143,9 @@ class Session:
         if not self._arms:
             return
         library = self._library
-        self._servo = _servo(self._functions, [arm.cell for arm in self._arms.values()])
+        cells = [arm.cell for arm in self._arms.values()]
+        self._servo = _servo(self._functions, cells)
+        _keep_forever((self._servo, cells))
         library.take_error()
         self._scheduled = library.c.hdScheduleAsynchronous(
             callback().address, self._servo.address, MAX_SCHEDULER_PRIORITY
@@ -155,12 +160,29 @@ class Session:
             raise DeviceError(f"{where}: the scheduler of OpenHaptics does not start: {describe(error)}")
 
     def _stop(self) -> None:
+        """Stop the scheduler, and take the cell from a thread of the library that still calls afterwards."""
         if self._servo is None:
             return
         self._library.c.hdStopScheduler()
+        self._retire(self._servo)
         self._library.c.hdUnschedule(self._scheduled)
         self._library.take_error()  # of a callback that has ended by itself and is not scheduled
         self._servo = None
+
+    def _retire(self, servo: ServoCell) -> None:
+        """Claim the cell for good: a call that is under way ends first, and a later one returns at once."""
+        until_ns = self._clock.monotonic_ns() + _UNDER_WAY_NS
+        while not claim_cell(servo.address) and self._clock.monotonic_ns() < until_ns:
+            self._clock.sleep(1e-4)
+
+
+def _keep_forever(cells: object) -> None:
+    """Let the memory of cells live as long as the process, its end included.
+
+    A library's thread may outlive `hdStopScheduler`, and still call with their address. A start takes a few kilobytes,
+    and is the work of a person.
+    """
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(cells))
 
 
 _sessions: dict[str, Session] = {}

@@ -19,7 +19,7 @@ static Callback callback;
 static void *user_data;
 static int threaded, scheduled, stalled, overrun_us, period_us = 1000;
 static int dropped; /* forces that fell to nothing at once as the scheduler stopped */
-static atomic_int stopping;
+static atomic_int stopping, outlives_ms, left_behind; /* how long threads call on after a stop; how many do */
 static unsigned refuse_start;
 static int64_t stepped_ns, durations[KEPT];
 static long n_durations;
@@ -45,6 +45,21 @@ static void tick(void)
     scheduled = callback(user_data) == CALLBACK_CONTINUE;
     while (overrun_us > 0 && real_ns() < began + 1000LL * overrun_us) {}
     durations[n_durations++ % KEPT] = real_ns() - began;
+}
+
+/* A thread that does not end with the scheduler: it calls on with the address that it was given, as fast as it can. */
+static void *call_on(void *unused)
+{
+    (void)unused;
+    Callback function = callback;
+    void *data = user_data;
+    int64_t until = real_ns() + 1000000LL * atomic_load(&outlives_ms);
+    while (real_ns() < until) {
+        function(data);
+        nanosleep(&(struct timespec){0, 100000L}, NULL);
+    }
+    atomic_fetch_sub(&left_behind, 1);
+    return NULL;
 }
 
 static void *run(void *unused)
@@ -102,6 +117,12 @@ void hdStopScheduler(void)
     if (running && threaded) {
         atomic_store(&stopping, 1);
         pthread_join(thread, NULL);
+    }
+    if (running && atomic_load(&outlives_ms) > 0) {
+        pthread_t other;
+        atomic_fetch_add(&left_behind, 1);
+        if (pthread_create(&other, NULL, call_on, NULL) == 0)
+            pthread_detach(other);
     }
     pthread_mutex_lock(&lock); /* not in the middle of a tick that a test drives */
     running = 0;
@@ -175,6 +196,7 @@ HOOK(standin_stall, (int ticks), stalled = ticks)
 /* How far apart the ticks are that a test drives: a library that does not keep to the rate that it was told. */
 HOOK(standin_period_us, (int us), period_us = us)
 HOOK(standin_overrun, (int us), overrun_us = us)
+HOOK(standin_outlive, (int ms), atomic_store(&outlives_ms, ms))
 HOOK(standin_refuse_init, (unsigned code), refuse_init = code)
 HOOK(standin_complain_init, (unsigned code), complain_init = code)
 HOOK(standin_init_ms, (int ms), init_ms = ms)
