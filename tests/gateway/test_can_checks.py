@@ -4,20 +4,27 @@ from __future__ import annotations
 
 import json
 import os
+import struct
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from threading import Event, Thread
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from tests.gateway.drives_to_try import LiveAdapter
+from tests.gateway.slcan_adapter import Adapter
 from tests.gateway.virtual_node import VirtualNode
 from tests.patience import PATIENCE_S
-from trocar.services.gateway import can_checks
+from trocar.services.gateway import can_checks, canbus
 from trocar.services.gateway.driver import check_host
 from trocar.services.gateway.host_check import HostCheck
+from trocar.services.gateway.odrive_firmware import FirmwareCheck
 from trocar.services.runtime.rig import DriverSettings
 
 SOCKET: dict[str, Any] = {"interface": "socketcan", "channel": "can0"}
@@ -183,3 +190,105 @@ def test_the_drives_to_try_are_heard_through_their_adapter(serial_port: Path, mo
     adapter, *drives = check_host(named, in_use=False)
     assert adapter.ok
     assert [drive.found for drive in drives] == ["axis state 1, no error"] * 2
+
+
+@pytest.mark.parametrize(
+    ("version", "heartbeat", "said"),
+    [
+        ((0, 6), (0, 1, 0, 0, 0), ""),
+        ((0, 6), (0x4000, 1, 3, 1, 0), ""),
+        ((0, 5), (0, 1, 0, 0, 0), "speaks firmware 0.5, 0.6 is needed"),
+        ((0, 4), (0, 1, 0, 0, 0), "speaks firmware 0.4, 0.6 is needed"),
+        ((0, 7), (0, 1, 0, 0, 0), "speaks firmware 0.7, 0.6 is needed"),
+        (None, (0x4000, 1, 0, 0, 0), "speaks firmware 0.5, 0.6 is needed"),
+        (None, (0x100, 1, 0, 0, 0), "speaks firmware 0.5, 0.6 is needed"),
+        (None, (0, 1, 1, 1, 1), "speaks firmware 0.5, 0.6 is needed"),
+        ((0, 6), (0, 1, 0, 0, 1), "speaks firmware 0.5, 0.6 is needed"),
+        (None, (0, 8, 0, 0, 0x80), "speaks firmware 0.5, 0.6 is needed"),
+    ],
+)
+def test_firmware_is_told_by_version_and_heartbeat(
+    version: tuple[int, int] | None, heartbeat: tuple[int, int, int, int, int], said: str
+) -> None:
+    check = FirmwareCheck()
+    if version is not None:
+        check.take_version(bytes((2, 3, 6, 0, *version, 4, 0)))
+    check.take_heartbeat(struct.pack("<IBBBB", *heartbeat))
+    assert (check.sentence if check.is_wrong else "") == said
+    assert check.is_needed == (version == (0, 6) and not said)
+
+
+@given(
+    errors=st.integers(0, 2**32 - 1), state=st.integers(0, 255), flags=st.tuples(*3 * [st.integers(0, 255)]),
+    version=st.one_of(st.none(), st.tuples(st.integers(0, 255), st.integers(0, 255))),
+)  # fmt: skip
+def test_no_drive_is_used_that_has_not_told_0_6_and_none_is_refused_that_is_as_0_6_is(
+    errors: int, state: int, flags: tuple[int, int, int], version: tuple[int, int] | None
+) -> None:
+    check = FirmwareCheck()
+    if version is not None:
+        check.take_version(bytes((2, 5, 2, 0, *version, 11, 0)))
+    check.take_heartbeat(struct.pack("<IBBBB", errors, state, *flags))
+    assert not check.is_needed or version == (0, 6)
+    if version == (0, 6) and flags[1] < 2 and flags[2] == 0 and not errors & 0xE0080:
+        assert check.is_needed
+    if version not in (None, (0, 6)):
+        assert check.sentence == f"speaks firmware {version[0]}.{version[1]}, 0.6 is needed"
+    assert not (check.is_needed and check.is_wrong)
+
+
+@given(
+    said=st.lists(st.sampled_from(("frame", "noise", "z", "Z", "")), max_size=12),
+    end=st.sampled_from((b"\r", b"\r\n", b"\n", b"\n\r")),
+    blank=st.sampled_from((b"", b" ", b"\t")),
+    cut=st.integers(1, 40),
+)
+@settings(max_examples=150, deadline=None)
+def test_lines_are_read_with_any_end_and_noise_is_told_from_silence(
+    said: list[str], end: bytes, blank: bytes, cut: int
+) -> None:
+    lines = {"frame": b"t02180000000001000000", "noise": b"# hello", "z": b"z", "Z": b"Z", "": b""}
+    adapter = Adapter()
+    bus = canbus.open_bus(
+        {"interface": "slcan", "channel": adapter.port_name, "bitrate": 1_000_000, "sleep_after_open": 0.0}, "here"
+    )
+    try:
+        text = b"".join(blank + lines[each] + end for each in said)
+        heard = []
+        for k in range(0, len(text), cut):
+            adapter.say(text[k : k + cut])
+            heard += list(canbus.drain(bus))
+        assert [message.arbitration_id for message in heard] == [0x21] * said.count("frame")
+        noisy = said.count("noise")
+        assert canbus.noise(bus).startswith(f"{noisy} lines came that are no frames" if noisy else "")
+        assert bool(canbus.noise(bus)) == bool(noisy)
+    finally:
+        bus.shutdown()
+        adapter.shutdown()
+
+
+def test_what_comes_and_is_no_frame_is_in_the_sentence_of_a_drive_that_is_not_heard() -> None:
+    adapter = LiveAdapter()
+    bus = {"interface": "slcan", "channel": adapter.port_name, "bitrate": 1_000_000, "sleep_after_open": 0.0}
+    stop = Event()
+
+    def speak() -> None:
+        while not stop.wait(0.02):
+            adapter.say(b"hello\r\n")
+
+    speaker = Thread(target=speak)
+    speaker.start()
+    try:
+        found = list(can_checks.check([(bus, 1)], in_use=False))[-1]
+    finally:
+        stop.set()
+        speaker.join()
+        adapter.shutdown()
+    assert not found.ok
+    assert "lines came that are no frames: look at the adapter's protocol (slcan) and baud rate" in found.found
+
+
+def test_two_handles_with_one_node_are_told(tmp_path: Path) -> None:
+    bus = {"interface": "virtual", "channel": str(tmp_path)}
+    (found,) = can_checks.check([(bus, 1), (bus, 1)], in_use=False)
+    assert (found.ok, found.found) == (False, "two handles have this node")

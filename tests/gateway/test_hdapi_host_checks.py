@@ -124,3 +124,12 @@ def test_doctor_opens_the_arms_of_the_rig_unless_it_runs(tmp_path: Path) -> None
     assert found["arm Default Device"].ok
     in_use = {check.name for check in host_checks.check(["Left"], library, in_use=True, root=tmp_path)}
     assert "arm Left" not in in_use
+
+
+@pytest.mark.parametrize("names", [("Left", "Left"), (None, None), ("Left", "Right", "Left")])
+def test_two_instruments_with_one_arm_are_refused_as_the_driver_refuses_them(
+    tmp_path: Path, names: tuple[str | None, ...]
+) -> None:
+    found = _look(tmp_path, names)[f"arm {names[0] or 'Default Device'}"]
+    assert (found.ok, found.needed) == (False, True)
+    assert found.found == "2 instruments of the rig have this arm, and only one of them can open it"

@@ -118,9 +118,12 @@ class Driver(Arm):
         return self._wants_reopening or self._reopening is not None
 
     def gauges(self) -> dict[str, float]:
-        """Return the measured rate of the library's callback, Hz."""
-        period_ns = float(self._arm.port.newest[cells.SEEN_PERIOD]) if self._arm is not None else 0.0
-        return {"servo_rate_hz": 1e9 / period_ns} if period_ns else {}
+        """Return the measured rate of the library's callback, Hz, and how many positions no hand could have reached."""
+        if self._arm is None:
+            return {}
+        period_ns = float(self._arm.port.newest[cells.SEEN_PERIOD])
+        rate = {"servo_rate_hz": 1e9 / period_ns} if period_ns else {}
+        return rate | {"strange_positions": float(self._arm.cell.strange)}
 
     def enable(self) -> None:
         """Enable force, once the arm is calibrated."""

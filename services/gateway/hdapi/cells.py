@@ -103,6 +103,7 @@ class ArmCell(Struct):
     refusal: int = 0
     refused: int = 0
     late: int = 0
+    strange: int = 0  # positions out of reach of a hand, so far
 
 
 class ServoCell(Struct):

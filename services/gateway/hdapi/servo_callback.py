@@ -66,6 +66,8 @@ TICK_NS = 1_000_000
 LATE_PERIODS = 2.0
 #: Time over which the library's rate is measured, and the deviation up to which the nominal rate is assumed.
 _COUNT_NS, _NEARLY = 250_000_000, 0.1
+#: Speed that no hand has. A place that stays is believed once it is within reach, and trips the velocity limit then.
+_REACH_M_S = 20.0
 #: Frames in a row with an invalid handle after which there is nothing left to release.
 _FORGOTTEN_FRAMES = 3
 _CHECK_EVERY, _RECHECK_EVERY = 100, 1000
@@ -192,7 +194,7 @@ def _accept(arm: ArmCell, now_ns: int) -> None:
     x = 1e-3 * numbers[POSITION + 2] - arm.centre_m[2]
     y = 1e-3 * numbers[POSITION] - arm.centre_m[0]
     z = 1e-3 * numbers[POSITION + 1] - arm.centre_m[1]
-    if not math.isfinite(x + y + z):
+    if not math.isfinite(x + y + z) or _is_out_of_reach(arm, x, y, z, now_ns):
         return
     periods = 0.0 if arm.read_ns == 0 else max(1.0, math.floor((now_ns - arm.read_ns) / arm.period_ns + 0.5))
     for axis, now in enumerate((x, y, z)):
@@ -213,6 +215,19 @@ def _accept(arm: ArmCell, now_ns: int) -> None:
     if buttons != 0 and report[SEEN_BUTTONS] == 0.0:
         arm.confirmed = True
     report[SEEN_BUTTONS] = buttons
+
+
+@kernel
+def _is_out_of_reach(arm: ArmCell, x: float, y: float, z: float, now_ns: int) -> bool:
+    """Return whether no hand moves so far since the last reading; the reading is then held, as if there were none."""
+    if arm.read_ns == 0:
+        return False
+    way_m = math.sqrt((x - arm.position_m[0]) ** 2 + (y - arm.position_m[1]) ** 2 + (z - arm.position_m[2]) ** 2)
+    passed_ns = max(float(now_ns - arm.read_ns), arm.period_ns)
+    is_far = way_m > _REACH_M_S * 1e-9 * passed_ns
+    if is_far:
+        arm.strange += 1
+    return is_far
 
 
 @kernel

@@ -175,7 +175,8 @@ void hdGetDoublev(unsigned parameter, double *out)
     switch (parameter) {
     case 0x2050:
         for (int i = 0; i < 3; i++)
-            out[i] = arm->not_a_number & 1 ? NAN : 1e3 * arm->position[i];
+            out[i] = arm->not_a_number & 1 ? NAN : 1e3 * (arm->position[i] + (arm->wrong_frames > 0 ? arm->wrong[i] : 0.0));
+        arm->wrong_frames -= arm->wrong_frames > 0;
         break;
     case 0x2150:
         for (int i = 0; i < 3; i++)

@@ -192,6 +192,9 @@ HOOK(standin_max_force, (int k, double force), arms[k].max_force = force)
 HOOK(standin_hand, (int k, const double *at), memcpy(arms[k].hand, at, sizeof arms[k].hand))
 HOOK(standin_place, (int k, const double *at), memcpy(arms[k].position, at, sizeof arms[k].position);
      memcpy(arms[k].hand, at, sizeof arms[k].hand); memset(arms[k].velocity, 0, sizeof arms[k].velocity))
+/* Positions of the next frames are wrong by so much. */
+HOOK(standin_wrong, (int k, const double *by, int frames), memcpy(arms[k].wrong, by, sizeof arms[k].wrong);
+     arms[k].wrong_frames = frames)
 HOOK(standin_stall, (int ticks), stalled = ticks)
 /* How far apart the ticks are that a test drives: a library that does not keep to the rate that it was told. */
 HOOK(standin_period_us, (int us), period_us = us)

@@ -26,7 +26,8 @@ typedef struct {
     /* what it is doing */
     int open, in_frame, framed, motors, calibration, in_inkwell, updates, buttons;
     /* what a test has spoiled */
-    int unplugged, not_a_number;
+    int unplugged, not_a_number, wrong_frames;
+    double wrong[3]; /* what is added to the position in so many frames, m */
     unsigned inject, inject_every;
     /* of this opening, and how many there were */
     unsigned handle, openings;
