@@ -219,8 +219,11 @@ def _accept(arm: ArmCell, now_ns: int) -> None:
 
 @kernel
 def _is_out_of_reach(arm: ArmCell, x: float, y: float, z: float, now_ns: int) -> bool:
-    """Return whether no hand moves so far since the last reading; the reading is then held, as if there were none."""
-    if arm.read_ns == 0:
+    """Return whether no hand moves so far since the last reading; the reading is then held, as if there were none.
+
+    Without motors nobody feels it, and wherever the arm is, it is believed.
+    """
+    if arm.read_ns == 0 or not arm.motors_on:
         return False
     way_m = math.sqrt((x - arm.position_m[0]) ** 2 + (y - arm.position_m[1]) ** 2 + (z - arm.position_m[2]) ** 2)
     passed_ns = max(float(now_ns - arm.read_ns), arm.period_ns)
