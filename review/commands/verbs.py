@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from trocar.services.cli.options import Json
+from trocar.services.cli.plain_help import PlainTyper
 
 Rules = Annotated[str, typer.Option(help="Rules of the score: a file, or the name of one in configs/scores.")]
 Experts = Annotated[Path | None, typer.Option(help="Reference attempts, as `trocar attempts export` writes them.")]
@@ -34,7 +35,7 @@ class View(StrEnum):
     FLUOROSCOPY = "fluoroscopy"
 
 
-attempts_app = typer.Typer(no_args_is_help=True, help="What was kept of trainees: list, curve, export, erase.")
+attempts_app = PlainTyper(no_args_is_help=True, help="What was kept of trainees: list, curve, export, erase.")
 
 
 def add_to(app: typer.Typer) -> None:

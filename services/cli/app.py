@@ -20,9 +20,10 @@ import typer
 
 from trocar.services.cli import refusals
 from trocar.services.cli.options import Address, Json, Overrides, Rig, Scene, Token, finite
+from trocar.services.cli.plain_help import PlainTyper
 from trocar.services.runtime import log
 
-app = typer.Typer(
+app = PlainTyper(
     name="trocar", no_args_is_help=True, add_completion=True, pretty_exceptions_enable=False,
     help="Trocar: an open laparoscopic haptic trainer.",
 )  # fmt: skip
@@ -30,7 +31,7 @@ VERBS = "trocar.verbs"
 #: Options that may be given again.
 _LISTS = "overrides", "files", "topics"
 
-config_app = typer.Typer(no_args_is_help=True, help="Show configuration, and what it may say.")
+config_app = PlainTyper(no_args_is_help=True, help="Show configuration, and what it may say.")
 app.add_typer(config_app, name="config")
 Verb = Callable[..., None]
 

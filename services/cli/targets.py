@@ -46,6 +46,19 @@ def make_folder(option: str, path: Path) -> None:
         raise ConfigError(f"{option} {path}: this user may not write there")
 
 
+def make_figures_folder(option: str, page: Path) -> Path:
+    """Return the folder for the figures of a page, made beside it: it is called as the page without its ending.
+
+    Raises ConfigError naming the option: the page has no ending, or one of both cannot be made or written to.
+    """
+    folder = page.absolute().with_suffix("")
+    if folder == page.absolute() and not page.is_dir():
+        raise ConfigError(f"{option} {page}: needs an ending, as .md: without it this is the folder of its figures")
+    look_at_file(option, page, makes_folder=True)
+    make_folder(option, folder)
+    return folder
+
+
 @contextmanager
 def writing(option: str, path: Path) -> Iterator[None]:
     """Turn what the system refuses meanwhile (a full disk) into one sentence.

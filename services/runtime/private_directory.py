@@ -76,7 +76,7 @@ def _opened(path: Path) -> Iterator[int]:
         os.close(descriptor)
 
 
-_INSTEAD = "remove it, or name another as transport.directory"
+_INSTEAD = "name another as transport.directory"
 
 
 def _fault(found: os.stat_result) -> str:

@@ -9,7 +9,6 @@ from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import track
 from rich.table import Table
 
 from trocar.services.cache_directory import cache_directory
@@ -17,6 +16,7 @@ from trocar.services.mechanics.effects import EFFECTS
 from trocar.services.mechanics.scene import SceneModel
 from trocar.services.runtime.errors import ConfigError
 from trocar.services.scenes import load_duct, load_scene
+from trocar.studies.commands.progress_bar import progress_line
 from trocar.studies.effect_costs import EffectCost, measure_effect
 
 
@@ -64,11 +64,13 @@ def describe(name: str, scene: SceneModel, cost: EffectCost | None = None) -> Ef
 def _measure(scene_name: str, scene: SceneModel) -> dict[str, EffectCost]:
     costs = {}
     directory = cache_directory()
-    for name in track(EFFECTS, "measuring", console=Console(stderr=True), transient=True):
-        try:
-            costs[name] = measure_effect(name, scene, lambda each: load_duct(each, directory, lambda *_: None))
-        except ValueError as error:
-            raise ConfigError(f"scene {scene_name}: {error}") from error
+    with progress_line() as tell:
+        for done, name in enumerate(EFFECTS):
+            tell(f"measuring {name}", done, len(EFFECTS))
+            try:
+                costs[name] = measure_effect(name, scene, lambda each: load_duct(each, directory, lambda *_: None))
+            except ValueError as error:
+                raise ConfigError(f"scene {scene_name}: {error}") from error
     return costs
 
 

@@ -60,20 +60,18 @@ def run_haptics(request: Request) -> None:
     Raises ConfigError: a page in a folder that cannot be made, or that is closed to this user. Raises UserError: the
     disk is full.
     """
-    targets.look_at_file("--out", request.out, makes_folder=True)
-    figures = request.out.absolute().parent / request.out.stem
-    targets.make_folder("--out", figures)
+    figures = targets.make_figures_folder("--out", request.out)
+    running = read_running(figures / RUNNING) if not request.running else None
     command = f"trocar haptics --hands {request.hands}{' --running' * request.running}"
     facts = Facts.collect(command, code_version(Path(__file__).parents[2]), Draw(Size.FULL, 0), {})
     if request.running:
-        _measure_running(figures / RUNNING, facts.lines())
+        running = _measure_running(figures / RUNNING, facts.lines())
     with progress_line() as tell, open_pool(os.cpu_count() or 1) as executor:
         late = answer_late(solve(cache_directory() / "bases"))
         won = energies(request.hands, executor, tell)
         hunted, slow = hunts(request.hands, executor, tell), slow_rows(request.hands // 2)
     compared = compare(max(40, request.hands // 4))
     widths, told = z_widths(max(40, request.hands // 4)), told_rows(request.hands // 2)
-    running = read_running(figures / RUNNING)
     felt = Felt(
         passive_borders(), stable_borders(), transparency(), won, late, hunted, slow, running, compared, widths, told
     )
@@ -88,12 +86,14 @@ def run_haptics(request: Request) -> None:
         Console().print(f"written to {request.out}, figures in {figures}", soft_wrap=True)
 
 
-def _measure_running(file: Path, made_with: list[str]) -> None:
-    """Run the insertion in a rig, alone on the machine, and keep what it did."""
+def _measure_running(file: Path, made_with: list[str]) -> Running:
+    """Run the insertion in a rig, alone on the machine; keep what it did, and return it."""
     with tempfile.TemporaryDirectory(prefix="trocar-haptics-") as folder:
         said, solved = run_insertion(Path(folder))
     found = find_running(said, solved, load_scene(SCENE), cache_directory() / "bases")
-    targets.write_text("--out", file, msgspec.json.encode(replace(found, made_with=tuple(made_with))).decode())
+    found = replace(found, made_with=tuple(made_with))
+    targets.write_text("--out", file, msgspec.json.encode(found).decode())
+    return found
 
 
 def read_running(file: Path) -> Running | None:

@@ -21,7 +21,7 @@ from trocar.studies.accuracy.facts import Facts
 from trocar.studies.accuracy.figures import draw_study
 from trocar.studies.accuracy.log import StudyLog
 from trocar.studies.accuracy.page import Text, held_figure, write_page
-from trocar.studies.accuracy.report import findings_of, microseconds, write_report
+from trocar.studies.accuracy.report import findings_of, microseconds, page_of, write_report
 from trocar.studies.accuracy.run import fill_costs, fill_errors, floors, table
 from trocar.studies.accuracy.study import Draw, Row, Size, load_study, study_names
 from trocar.studies.accuracy.table import frontier_rows, write_table
@@ -61,7 +61,8 @@ def run_study(request: Request) -> None:
         _list(request.json)
         return
     names = _chosen(request.names)
-    targets.look_at_file("--report", request.report, makes_folder=True)
+    if request.report is not None:
+        _look_at_report(request.report)
     targets.make_folder("--out", request.out)
     draw, code = Draw(request.size, request.seed), code_version(Path(__file__).parents[2])
     try:
@@ -88,6 +89,15 @@ def run_study(request: Request) -> None:
             write_report(rows, names, facts, request.out, request.report)
     if not request.json:
         print(f"Table, figures and page: {request.out / 'index.html'}")
+
+
+def _look_at_report(report: Path) -> None:
+    """Refuse a report that could not be written in the end, as when a study that lies there cannot be read."""
+    folder = targets.make_figures_folder("--report", report)
+    try:
+        page_of(folder)
+    except ValueError as error:
+        raise ConfigError(f"--report {report}: {error}") from None
 
 
 def write_results(rows: list[Row], names: list[str], facts: Facts, out: Path) -> None:

@@ -11,6 +11,7 @@ import pytest
 from tests.cli.conftest import Trocar
 from trocar.services.mechanics.effects import EFFECTS, EffectEntry
 from trocar.studies import effect_costs
+from trocar.studies.commands import progress_bar
 
 SMALL = Path(__file__).parents[1] / "scenes" / "small.yaml"
 
@@ -73,8 +74,10 @@ def _measure(
     monkeypatch.setattr(effect_costs, "N_TICKS", 20)
     scene = tmp_path / "scene.yaml"
     scene.write_text(SMALL.read_text().replace("effects: {gravity: {}, friction: {}}", "effects: {grasp_slip: {}}"))
+    monkeypatch.setattr(progress_bar, "EVERY_S", 1e-3)
     ran = trocar("effects", "--scene", scene, "--measure", "--json")
     assert ran.code == 0, ran.err
+    assert "measuring wasteful: 1 of 2" in ran.err, "in a pipe, too, it says how far it is"
     costs = {line["name"]: line["cost"] for line in json.loads(ran.out)["effects"]}
     assert costs["wasteful"] == pytest.approx({"extra_us": 1000.0, "noise_us": 0.0, "step_us": 1.0})
     assert costs["grasp_slip"] == pytest.approx({"extra_us": 0.0, "noise_us": 0.0, "step_us": 1.0})

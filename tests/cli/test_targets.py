@@ -56,6 +56,36 @@ def test_a_folder_is_no_file(trocar: Trocar, case: Path, command: tuple[str, ...
     assert ran.sentence() == f"{command[-2]} {case.parent}: is a folder, not a file"
 
 
+@pytest.mark.parametrize("command", [("haptics", "--out"), ("study", "element", "--out", "{folder}", "--report")])
+@pytest.mark.parametrize("name", ["page", ".md", "folder/page"])
+def test_a_page_whose_figures_would_lie_in_its_place_is_refused_before(
+    trocar: Trocar, tmp_path: Path, command: tuple[str, ...], name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was refused in the end, after an hour of computing: the folder of its figures had its name."""
+    monkeypatch.setattr("trocar.services.cli.targets.writing", lambda *_: pytest.fail("it computed"))
+    ran = trocar(*(part.format(folder=tmp_path / "study") for part in command), tmp_path / name)
+    assert ran.code == 2
+    assert ran.sentence().startswith(f"{command[-1]} {tmp_path / name}: needs an ending")
+    assert not (tmp_path / name).exists()
+
+
+@pytest.mark.parametrize(
+    ("command", "beside"),
+    [
+        (("haptics", "--out"), "page/running.json"),
+        (("study", "element", "--out", "{folder}", "--report"), "page/mesh.json"),
+    ],
+)
+def test_what_lies_beside_a_page_and_cannot_be_read_is_refused_before(
+    trocar: Trocar, tmp_path: Path, command: tuple[str, ...], beside: str
+) -> None:
+    (tmp_path / "page").mkdir()
+    (tmp_path / beside).write_text("{")
+    ran = trocar(*(part.format(folder=tmp_path / "study") for part in command), tmp_path / "page.md")
+    assert ran.code in (1, 2)
+    assert beside.partition("/")[2] in ran.sentence()
+
+
 @pytest.mark.parametrize("command", [("study", "element"), ("stability",)])
 def test_a_file_is_no_folder(trocar: Trocar, case: Path, command: tuple[str, ...]) -> None:
     ran = trocar(*command, "--out", case)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -45,6 +46,19 @@ def test_one_that_is_open_to_others_is_refused(tmp_path: Path, mode: int) -> Non
     (tmp_path / "rig").chmod(mode)
     with pytest.raises(BusError, match=rf"others may use it \(mode {mode:04o}, must be 0700\)"):
         endpoints.run_directory(Transport(directory=tmp_path / "rig"))
+
+
+@pytest.mark.parametrize(
+    "place", ["/etc/passwd", "/etc", "/", "/dev/null", "{here}/file", "{here}/link", "{here}/open"]
+)
+def test_nobody_is_told_to_take_away_what_is_in_its_place(tmp_path: Path, place: str) -> None:
+    (tmp_path / "file").write_text("mine")
+    (tmp_path / "link").symlink_to("/etc/passwd")
+    (tmp_path / "open").mkdir()
+    (tmp_path / "open").chmod(0o755)
+    with pytest.raises(BusError, match=r"name another as transport\.directory") as caught:
+        endpoints.run_directory(Transport(directory=Path(place.format(here=tmp_path))))
+    assert not re.search(r"remove|delete|\brm\b", str(caught.value))
 
 
 def test_a_link_is_refused_even_to_a_directory_of_ours(tmp_path: Path) -> None:
