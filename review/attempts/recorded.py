@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from functools import cache
 from pathlib import Path
 
@@ -42,7 +43,8 @@ def assess_file(
         return load_band(experts, name) if experts is not None else {}
 
     terms = Terms(scenario_of=scenario_of, rules=rules, band_of=band_of, site=site)
-    return list(assess(read_messages(path, TOPICS), terms, path.name))
+    source = os.fsencode(path.name).decode("utf-8", "backslashreplace")  # what is kept and shown is text
+    return list(assess(read_messages(path, TOPICS), terms, source))
 
 
 def _site(path: Path) -> Site | None:

@@ -57,9 +57,9 @@ def _write(out: Path, found: Assessment, request: Request, trainee: str = "", pa
 
 
 def _kept(request: Request) -> tuple[Assessment, str, list[Past]]:
-    from trocar.review.attempts.store.attempts import Store
+    from trocar.review.commands.attempts import reading
 
-    with Store(request.database) as store:
+    with reading(request.database) as store:
         found, trainee = store.assessment(int(request.what))
         return found, trainee, store.past(trainee, found.scenario, found.began_ns)
 

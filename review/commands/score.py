@@ -10,6 +10,7 @@ from rich.markup import escape
 
 from trocar.review.attempts.assessment import Assessment
 from trocar.review.attempts.recorded import assess_file
+from trocar.review.commands.keep import Kept, keep
 from trocar.services.training.errors import ERRORS
 from trocar.services.training.score import load_rules
 
@@ -28,24 +29,26 @@ def run_score(
     Raises RecordingError or ConfigError or StoreError: one sentence, if something of what is named cannot be used.
     """
     found = assess_file(file, load_rules(rules), scenario, experts)
-    numbers = [] if trainee is None else _kept(found, trainee, database, file)
+    kept = Kept() if trainee is None else keep(found, trainee, database, file)
     if as_json:
-        print(msgspec.json.format(msgspec.json.encode({"attempts": found, "numbers": numbers}), indent=1).decode())
-        return
+        print(msgspec.json.format(msgspec.json.encode({"attempts": found, "numbers": kept.numbers}), indent=1).decode())
+    else:
+        _print_all(file, found, kept)
+    if kept.refused is not None:
+        raise kept.refused
+
+
+def _print_all(file: Path, found: list[Assessment], kept: Kept) -> None:
     console = Console(highlight=False, soft_wrap=True)
     if not found:
         console.print(f"{escape(str(file))}: nobody makes an attempt in it")
     for each in found:
         _print(each, console)
-    if numbers:
-        console.print(f"kept as {', '.join(map(str, numbers))}: `trocar report {numbers[-1]}` shows the last")
-
-
-def _kept(found: list[Assessment], trainee: str, database: str | None, file: Path) -> list[int]:
-    from trocar.review.attempts.store.attempts import Store
-
-    with Store(database) as store:
-        return [store.add(each, trainee, file) for each in found]
+    for number, (before, now) in kept.moved.items():
+        console.print(f"attempt {number} was kept as {escape(before)}'s; it is {escape(now)}'s now")
+    if kept.numbers:
+        said = ", ".join(map(str, kept.numbers))
+        console.print(f"kept as {said}: `trocar report {kept.numbers[-1]}` shows the last")
 
 
 def _print(found: Assessment, console: Console) -> None:

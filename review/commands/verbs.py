@@ -144,11 +144,14 @@ def attempts_export(
 @attempts_app.command("erase")
 def attempts_erase(
     trainee: Annotated[str, typer.Argument(help="Pseudonym.")],
-    recordings: Annotated[bool, typer.Option("--recordings", help="Delete the recordings, too.")] = False,
+    recordings: Annotated[
+        bool, typer.Option("--recordings", help="Delete the recordings, too, but those shared with other trainees.")
+    ] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
     database: Database = None,
     json: Json = False,
 ) -> None:
-    """Delete a trainee and all attempts."""
+    """Delete a trainee and all attempts, once you have agreed."""
     from trocar.review.commands.attempts import run_erase
 
-    run_erase(database, trainee, recordings, json)
+    run_erase(database, trainee, recordings, yes, json)

@@ -18,7 +18,7 @@ import msgspec
 import pytest
 from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
-from sqlalchemy import create_engine, event, insert
+from sqlalchemy import create_engine, event, insert, inspect
 from typer.testing import CliRunner
 
 from tests.review import postgres
@@ -123,8 +123,18 @@ def test_the_migrations_make_the_tables_that_the_code_has(url: str) -> None:
     engine.dispose()
 
 
-def test_rigs_that_open_an_empty_database_at_once_make_its_tables_once(new_database: Callable[[], str]) -> None:
-    address, errors, listed = new_database(), [], []
+@pytest.mark.parametrize("kind", ["sqlite", "postgresql", "empty file"])
+def test_threads_that_open_an_empty_database_at_once_make_its_tables_once(
+    kind: str, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    """Alembic keeps what it does in names that all threads share: nine classes of eleven died of it."""
+    address = str(tmp_path / "a.sqlite")
+    if kind == "postgresql":
+        address = request.getfixturevalue("new_database")()
+    elif kind == "empty file":
+        Path(address).touch()
+    errors: list[BaseException] = []
+    listed: list[object] = []
 
     def open_it() -> None:
         try:
@@ -134,13 +144,27 @@ def test_rigs_that_open_an_empty_database_at_once_make_its_tables_once(new_datab
         except BaseException as error:
             errors.append(error)
 
-    together = threading.Barrier(4)
-    threads = [threading.Thread(target=open_it) for _ in range(4)]
+    together = threading.Barrier(8)
+    threads = [threading.Thread(target=open_it) for _ in range(8)]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    assert (errors, listed) == ([], [[]] * 4)
+    assert (errors, listed) == ([], [[]] * 8)
+
+
+def test_a_migration_that_breaks_leaves_nothing_and_the_next_one_is_whole(
+    url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise RuntimeError("the power went off")
+
+    with monkeypatch.context() as broken:
+        broken.setattr("alembic.op.create_index", fail)
+        with pytest.raises(RuntimeError, match="the power went off"):
+            Store(url)
+    with Store(url) as store:
+        assert store.listed() == []
 
 
 def test_a_trainee_is_erased_and_nobody_else(url: str, tmp_path: Path, attempt: Assessment) -> None:
@@ -208,6 +232,66 @@ def test_something_that_is_no_database_is_refused(tmp_path: Path) -> None:
         Store(str(path))
 
 
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("attempts", "list"), ("attempts", "curve", "heron-17", "basic"), ("attempts", "export"),
+        ("attempts", "erase", "heron-17", "--yes"), ("report", "1"),
+    ],
+)  # fmt: skip
+def test_a_database_that_is_not_there_is_no_empty_one(tmp_path: Path, command: tuple[str, ...]) -> None:
+    place = tmp_path / "folder" / "a.sqlite"
+    add_installed_verbs()
+    ran = RUN.invoke(app, [*command, "--database", str(place)])
+    assert isinstance(ran.exception, StoreError)
+    assert f"there is no database of attempts at {place}" in str(ran.exception)
+    assert "attempts" not in ran.stdout
+    assert not place.parent.exists(), "to look makes nothing"
+
+
+def test_a_database_of_a_newer_version_is_one_sentence_and_the_score_is_shown(url: str, tmp_path: Path) -> None:
+    path = recorded(tmp_path / "a.mcap", chain(messages(GOOD, 3.0)))
+    with Store(url) as store, store._engine.begin() as connection:
+        connection.exec_driver_sql("UPDATE alembic_version SET version_num = '0099'")
+    says = r"its tables are of version '0099', which a newer Trocar wrote; this one knows them up to '0001'"
+    with pytest.raises(StoreError, match=says) as caught:
+        Store(url)
+    assert "\n" not in str(caught.value)
+    add_installed_verbs()
+    ran = RUN.invoke(app, ["score", str(path), "--trainee", "heron-17", "--database", url])
+    assert isinstance(ran.exception, StoreError)
+    assert str(ran.exception).startswith("not kept: ")
+    assert "incomplete after 3.0 s" in ran.stdout
+
+
+def test_a_database_of_another_program_is_left_alone(tmp_path: Path) -> None:
+    engine = create_engine(f"sqlite:///{tmp_path / 'places.sqlite'}")
+    with engine.begin() as connection:
+        connection.exec_driver_sql("CREATE TABLE bookmarks (id INTEGER)")
+    with pytest.raises(StoreError, match="is no database of attempts, but has tables of another program: bookmarks"):
+        Store(str(tmp_path / "places.sqlite"))
+    with engine.connect() as connection:
+        assert inspect(connection).get_table_names() == ["bookmarks"]
+    engine.dispose()
+
+
+def test_an_attempt_that_goes_to_another_trainee_is_told(
+    tmp_path: Path, url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TROCAR_ATTEMPTS", url)
+    path = recorded(tmp_path / "a.mcap", chain(messages(GOOD, 3.0)))
+    assert "was kept as" not in run("score", str(path), "--trainee", "heron-17")
+    assert "was kept as" not in run("score", str(path), "--trainee", "heron-17")
+    said = run("score", str(path), "--trainee", "wren-2")
+    assert "attempt 1 was kept as heron-17's; it is wren-2's now" in said
+
+
+@pytest.mark.parametrize("number", ["0", "7", "99999999999999999999999"])
+def test_a_number_that_no_attempt_has_is_a_sentence(url: str, number: str) -> None:
+    with Store(url) as store, pytest.raises(StoreError, match=f"^there is no attempt {number}$"):
+        store.assessment(int(number))
+
+
 def test_a_name_that_is_no_pseudonym_is_refused(tmp_path: Path, attempt: Assessment) -> None:
     with Store(str(tmp_path / "a.sqlite")) as store, pytest.raises(StoreError, match="'Ada Lovelace' is no pseudonym"):
         store.add(attempt, "Ada Lovelace", tmp_path / "a.mcap")
@@ -234,7 +318,7 @@ def test_a_recording_from_score_to_erasure_through_the_command(tmp_path: Path, m
         assert "incomplete: the recording ends before the attempt" in out.read_text()
     run("attempts", "export", "heron-17", "--out", str(tmp_path / "mine.json"))
     assert len(json.loads((tmp_path / "mine.json").read_text())["attempts"]) == 1
-    assert "heron-17: erased" in run("attempts", "erase", "heron-17", "--recordings")
+    assert "heron-17: 1 attempt erased" in run("attempts", "erase", "heron-17", "--recordings", "--yes")
     assert not path.exists()
     assert json.loads(run("attempts", "list", "--json"))["attempts"] == []
 

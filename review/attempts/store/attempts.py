@@ -5,47 +5,41 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
-import os
 import re
+import warnings
 import zlib
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import msgspec
-from alembic import command
-from alembic.config import Config
-from sqlalchemy import Engine, create_engine, delete, event, make_url, select, text
-from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
+from sqlalchemy import select, update
+from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session
 
 from trocar.review.attempts.assessment import Assessment
 from trocar.review.attempts.report import Past
+from trocar.review.attempts.store.database import ENVIRONMENT, Database, StoreError, UnknownError, default_url
+from trocar.review.attempts.store.erasing import erase_rows, number_of, plan_erasure
+from trocar.review.attempts.store.migrate import migrate
+from trocar.review.attempts.store.recordings import Erased, Plan, reason_of, remove, to_stored
+from trocar.review.attempts.store.rows import DAMAGED, Query, read_rows, to_record, unreadable
 from trocar.review.attempts.store.tables import StoredAttempt, Trainee
-from trocar.services.exit_codes import ExitCode
-from trocar.services.runtime.errors import MissingPackageError, UserError
 
-ENVIRONMENT = "TROCAR_ATTEMPTS"
-#: Any number, of the lock that is held while tables are made.
-_MIGRATING = 32
-_PSEUDONYM = re.compile(r"[a-z0-9][a-z0-9._-]{0,63}", re.IGNORECASE)
+__all__ = ["ENVIRONMENT", "Listed", "Store", "StoreError", "UnknownError", "default_url"]
+_PSEUDONYM = re.compile(r"[a-z0-9][a-z0-9._-]{0,63}", re.IGNORECASE | re.ASCII)
 _LISTED = (
-    StoredAttempt.id, Trainee.pseudonym, StoredAttempt.scenario, StoredAttempt.began_ns, StoredAttempt.outcome,
-    StoredAttempt.counts, StoredAttempt.time_s, StoredAttempt.total, StoredAttempt.percent, StoredAttempt.errors,
-    StoredAttempt.critical, StoredAttempt.recording,
+    StoredAttempt.id, Trainee.pseudonym.label("trainee"), StoredAttempt.scenario, StoredAttempt.began_ns,
+    StoredAttempt.outcome, StoredAttempt.counts, StoredAttempt.time_s, StoredAttempt.total, StoredAttempt.percent,
+    StoredAttempt.errors, StoredAttempt.critical, StoredAttempt.recording,
 )  # fmt: skip
-
-
-class StoreError(UserError):
-    """A database that cannot be used, or something that is not in it."""
-
-
-class UnknownError(StoreError):
-    """What was named is not there, or no database can be where it was named."""
-
-    exit_code = ExitCode.USAGE
+_WHOLE = (
+    StoredAttempt.id, Trainee.pseudonym.label("trainee"), StoredAttempt.began_ns, StoredAttempt.recording,
+    StoredAttempt.assessment,
+)  # fmt: skip
+_INSERTS: dict[str, Callable[..., Any]] = {"sqlite": sqlite.insert, "postgresql": postgresql.insert}
+_LARGEST_NUMBER = 2**31 - 1
 
 
 class Listed(msgspec.Struct, frozen=True):
@@ -65,86 +59,120 @@ class Listed(msgspec.Struct, frozen=True):
     recording: str
 
 
-def default_url() -> str:
-    """Return where attempts are kept: ``$TROCAR_ATTEMPTS``, else a file of this user."""
-    data = Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local/share") / "trocar"
-    return os.environ.get(ENVIRONMENT) or f"sqlite:///{data / 'attempts.sqlite'}"
+class _Whole(msgspec.Struct, frozen=True):
+    """A row with all that is known of an attempt."""
+
+    id: int
+    trainee: str
+    began_ns: int
+    recording: str
+    assessment: bytes
+
+
+_Record = TypeVar("_Record", Listed, _Whole)
+
+
+def _look_at_pseudonym(trainee: str) -> None:
+    """Raise StoreError if a trainee cannot be called so."""
+    if not _PSEUDONYM.fullmatch(trainee):
+        raise UnknownError(f"{trainee!r} is no pseudonym: letters, digits, '.', '_' and '-', at most 64")
 
 
 class Store:
-    """A database of attempts, brought to the present tables when it is opened.
+    """A database of attempts, brought to the present tables when it is opened; any number of processes may use it.
 
     Raises StoreError: one sentence, without the password, if the database cannot be used.
+
+    Args:
+        url: Address, or file of SQLite; None: where this user's attempts are kept.
+        create: Whether a file that is not there is made.
+        tell: Called with a sentence on rows that cannot be read; all others are.
     """
 
-    def __init__(self, url: str | None = None) -> None:
-        self._engine = _engine(url or default_url())
-        with self._refusing():
-            _migrate(self._engine)
+    def __init__(
+        self, url: str | None = None, *, create: bool = True, tell: Callable[[str], object] = warnings.warn
+    ) -> None:
+        self._database = Database(url or default_url(), create=create)
+        self._engine = self._database.engine
+        self._tell = tell
+        try:
+            migrate(self._database)
+        except BaseException:
+            self._database.close()
+            raise
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self._engine.dispose()
+        self._database.close()
 
     def add(self, found: Assessment, trainee: str, recording: Path) -> int:
         """Keep an attempt, in the place of an earlier judgement of the same one; return its number."""
-        if not _PSEUDONYM.fullmatch(trainee):
-            raise UnknownError(f"{trainee!r} is no pseudonym: letters, digits, '.', '_' and '-', at most 64")
-        key = hashlib.sha256(f"{found.source}\0{found.attempt_id}\0{found.began_ns}".encode()).hexdigest()
-        with self._session() as session:
-            owner = session.scalar(select(Trainee).where(Trainee.pseudonym == trainee)) or Trainee(pseudonym=trainee)
-            session.add(owner)
-            session.flush()
-            row = session.scalar(select(StoredAttempt).where(StoredAttempt.key == key)) or StoredAttempt(key=key)
-            row.trainee_id, row.recording = owner.id, str(recording.resolve())
-            row.scenario, row.began_ns, row.outcome, row.counts = (
-                found.scenario, found.began_ns, found.outcome, found.counts,
-            )  # fmt: skip
-            row.time_s, row.errors = found.time_s, len(found.errors)
-            row.critical = sum(error.severity == "critical" for error in found.errors)
-            row.total, row.percent = (found.score.total, found.score.percent) if found.score else (None, None)
-            row.assessment = zlib.compress(msgspec.json.encode(found))
-            session.add(row)
-            session.commit()
-            return row.id
+        _look_at_pseudonym(trainee)
+        key, values = _key(found), _values(found, recording)
+        with self._database.writing() as session:
+            values["trainee_id"] = self._trainee_id(session, trainee)
+            same = update(StoredAttempt).where(StoredAttempt.key == key).values(values).returning(StoredAttempt.id)
+            number = session.scalar(same)
+            if number is None:
+                new = self._insert(StoredAttempt).values(key=key, **values)
+                new = new.on_conflict_do_update(index_elements=[StoredAttempt.key], set_=values)
+                number = session.scalar(new.returning(StoredAttempt.id))
+            return int(number)
+
+    def _trainee_id(self, session: Session, trainee: str) -> int:
+        """Return the number of a trainee, who is new or was added by somebody else this moment."""
+        known = session.scalar(select(Trainee.id).where(Trainee.pseudonym == trainee))
+        if known is None:
+            new = self._insert(Trainee).values(pseudonym=trainee)
+            new = new.on_conflict_do_update(index_elements=[Trainee.pseudonym], set_={"pseudonym": trainee})
+            known = session.scalar(new.returning(Trainee.id))
+        return int(known)
+
+    def _insert(self, table: type[Trainee | StoredAttempt]) -> Any:
+        return _INSERTS["sqlite" if self._database.is_sqlite else "postgresql"](table)
+
+    def kept_of(self, found: Assessment) -> str | None:
+        """Return whose an attempt is, None if it was never kept."""
+        query = select(Trainee.pseudonym).join(StoredAttempt).where(StoredAttempt.key == _key(found))
+        with self._database.reading() as session:
+            return session.scalar(query)
 
     def listed(self, trainee: str | None = None, scenario: str | None = None) -> list[Listed]:
         """Return the attempts, oldest first."""
-        query = select(*_LISTED).join(Trainee).order_by(StoredAttempt.began_ns, StoredAttempt.id)
-        if trainee is not None:
-            query = query.where(Trainee.pseudonym == trainee)
-        if scenario is not None:
-            query = query.where(StoredAttempt.scenario == scenario)
-        with self._session() as session:
-            return [Listed(*values) for values in map(tuple, session.execute(query))]
+        return self._records(Listed, _of(select(*_LISTED).join(Trainee), trainee, scenario))
+
+    def last_totals(self, trainees: Collection[str]) -> dict[str, float]:
+        """Return the last score of each trainee who has one."""
+        query = select(*_LISTED).join(Trainee).where(Trainee.pseudonym.in_(trainees), StoredAttempt.total.is_not(None))
+        return {row.trainee: row.total for row in self._records(Listed, query) if row.total is not None}
 
     def assessment(self, number: int) -> tuple[Assessment, str]:
         """Return an attempt and whose it is."""
-        query = select(StoredAttempt.assessment, Trainee.pseudonym).join(Trainee).where(StoredAttempt.id == number)
-        with self._session() as session:
-            row = session.execute(query).first()
+        query = select(*_WHOLE).join(Trainee).where(StoredAttempt.id == number)
+        if not 0 < number <= _LARGEST_NUMBER:
+            raise UnknownError(f"there is no attempt {number}")
+        with self._database.reading() as session:
+            row = session.execute(query).mappings().first()
         if row is None:
             raise UnknownError(f"there is no attempt {number}")
-        return _unpacked(row[0]), row[1]
+        try:
+            whole = to_record(_Whole, row)
+            return _unpacked(whole), whole.trainee
+        except DAMAGED:
+            raise StoreError(unreadable([number])) from None
 
     def past(self, trainee: str, scenario: str, until_ns: int) -> list[Past]:
         """Return the attempts of a trainee at a scenario up to a moment, oldest first."""
-        query = (
-            select(StoredAttempt.assessment)
-            .join(Trainee)
-            .where(Trainee.pseudonym == trainee, StoredAttempt.scenario == scenario, StoredAttempt.began_ns <= until_ns)
-            .order_by(StoredAttempt.began_ns, StoredAttempt.id)
-        )
-        with self._session() as session:
-            return [_past(_unpacked(data)) for data in session.scalars(query)]
+        query = _of(select(*_WHOLE).join(Trainee), trainee, scenario).where(StoredAttempt.began_ns <= until_ns)
+        return [_past(found) for _, found in self._wholes(query)]
 
     def export(self, trainee: str | None = None) -> bytes:
         """Return everything that is known of a trainee, or of all, as JSON: also a file of reference attempts."""
         said = [
-            {"trainee": name, "recording": recording, "counts": found.counts, **msgspec.to_builtins(found)}
-            for name, recording, found in self._all(trainee)
+            {"trainee": row.trainee, "recording": row.recording, "counts": found.counts, **msgspec.to_builtins(found)}
+            for row, found in self._all(trainee)
         ]
         return msgspec.json.format(msgspec.json.encode({"attempts": said}), indent=1) + b"\n"
 
@@ -152,10 +180,10 @@ class Store:
         """Return the attempts of a trainee, or of all, as CSV: a row an attempt, a column each metric."""
         rows = [
             {
-                "trainee": name, "attempt_id": found.attempt_id, "scenario": found.scenario, "began_ns": found.began_ns,
-                "outcome": found.outcome, "counts": int(found.counts), **found.metrics,
+                "trainee": row.trainee, "attempt_id": found.attempt_id, "scenario": found.scenario,
+                "began_ns": found.began_ns, "outcome": found.outcome, "counts": int(found.counts), **found.metrics,
             }
-            for name, _, found in self._all(trainee)
+            for row, found in self._all(trainee)
         ]  # fmt: skip
         file = io.StringIO()
         writer = csv.DictWriter(file, list(dict.fromkeys(name for row in rows for name in row)), lineterminator="\n")
@@ -163,88 +191,100 @@ class Store:
         writer.writerows(rows)
         return file.getvalue()
 
-    def _all(self, trainee: str | None) -> list[tuple[str, str, Assessment]]:
-        query = select(Trainee.pseudonym, StoredAttempt.recording, StoredAttempt.assessment).join(Trainee)
+    def _all(self, trainee: str | None) -> list[tuple[_Whole, Assessment]]:
         if trainee is not None:
-            query = query.where(Trainee.pseudonym == trainee)
-        with self._session() as session:
-            rows = session.execute(query.order_by(StoredAttempt.began_ns, StoredAttempt.id)).all()
-        if trainee is not None and not rows:
-            raise UnknownError(f"there is no trainee {trainee!r}")
-        return [(name, recording, _unpacked(data)) for name, recording, data in rows]
+            with self._database.reading() as session:
+                number_of(session, trainee)
+        return self._wholes(_of(select(*_WHOLE).join(Trainee), trainee, None))
+
+    def _wholes(self, query: Query) -> list[tuple[_Whole, Assessment]]:
+        """Return rows with what they hold, oldest first, but those that cannot be read; it is told which."""
+        found, damaged = [], []
+        for row in self._records(_Whole, query):
+            try:
+                found.append((row, _unpacked(row)))
+            except DAMAGED:
+                damaged.append(row.id)
+        self._tell_of(damaged)
+        return found
+
+    def _records(self, kind: type[_Record], query: Query) -> list[_Record]:
+        """Return rows, oldest first, but those that are damaged; it is told which."""
+        found, damaged = read_rows(self._database, kind, query)
+        self._tell_of(damaged)
+        return found
+
+    def _tell_of(self, damaged: Sequence[int]) -> None:
+        if damaged:
+            self._tell(unreadable(damaged))
+
+    def plan_erasure(self, trainee: str) -> Plan:
+        """Return what `erase_with_recordings` would do."""
+        with self._database.reading() as session:
+            return plan_erasure(session, trainee)
 
     def erase(self, trainee: str) -> Sequence[Path]:
         """Forget a trainee and all attempts; return the recordings that are left.
 
         Beyond recovery from a file of SQLite; PostgreSQL overwrites what is deleted when it vacuums.
         """
-        with self._session() as session:
-            owner = session.scalar(select(Trainee).where(Trainee.pseudonym == trainee))
-            if owner is None:
-                raise UnknownError(f"there is no trainee {trainee!r}")
-            mine = StoredAttempt.trainee_id == owner.id
-            left = [Path(each) for each in session.scalars(select(StoredAttempt.recording).where(mine).distinct())]
-            session.execute(delete(StoredAttempt).where(mine))
-            session.delete(owner)
-            session.commit()
-        return [path for path in left if path.exists()]
+        plan, _ = erase_rows(self._database, trainee, lambda _: ())
+        return [*plan.own, *plan.shared]
 
-    @contextmanager
-    def _session(self) -> Iterator[Session]:
-        with self._refusing(), Session(self._engine) as session:
-            yield session
+    def erase_with_recordings(self, trainee: str) -> Erased:
+        """Remove the recordings of a trainee, and then forget the attempts in those that are gone.
 
-    @contextmanager
-    def _refusing(self) -> Iterator[None]:
-        try:
-            yield
-        except DBAPIError as error:
-            where = self._engine.url.render_as_string(hide_password=True)
-            raise StoreError(f"{where}: {str(error.orig).splitlines()[0]}") from None
+        Recordings that hold attempts of others, too, stay as they are. Attempts whose recordings could not be removed
+        stay, for a second try.
+        """
+        removed: dict[Path, int] = {}
+        failed: dict[Path, str] = {}
 
+        def take(plan: Plan) -> Collection[Path]:
+            for path in plan.own:
+                try:
+                    removed[path] = remove(path)
+                except OSError as error:
+                    failed[path] = reason_of(error)
+            return failed
 
-def _engine(url: str) -> Engine:
-    try:
-        parsed = make_url(url if "://" in url else f"sqlite:///{url}")
-        if parsed.get_backend_name() == "sqlite" and parsed.database:
-            _make_folder(Path(parsed.database).parent)
-        engine = create_engine(parsed)
-    except (ArgumentError, NoSuchModuleError):
-        raise UnknownError(
-            "the address of the database cannot be read: sqlite:///FILE or postgresql+psycopg://..."
-        ) from None
-    except ModuleNotFoundError as error:
-        raise MissingPackageError("the database", error.name) from None
-    if parsed.get_backend_name() == "sqlite":
-        event.listen(engine, "connect", _settle_sqlite)
-    return engine
+        plan, gone = erase_rows(self._database, trainee, take)
+        return Erased(
+            trainee=trainee, attempts=gone, left=plan.attempts - gone, removed=removed, shared=plan.shared,
+            missing=plan.missing, failed=failed,
+        )  # fmt: skip
 
 
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-    except OSError as error:
-        raise UnknownError(f"{folder}: {(error.strerror or str(error)).lower()}") from None
+def _of(query: Query, trainee: str | None, scenario: str | None) -> Query:
+    if trainee is not None:
+        query = query.where(Trainee.pseudonym == trainee)
+    return query if scenario is None else query.where(StoredAttempt.scenario == scenario)
 
 
-def _settle_sqlite(connection: Any, _: object) -> None:
-    """Hold foreign keys, overwrite what is deleted, and wait for another process that writes."""
-    for pragma in ("foreign_keys = ON", "secure_delete = ON", "busy_timeout = 10000"):
-        connection.execute(f"PRAGMA {pragma}")
+def _key(found: Assessment) -> str:
+    """Return what an attempt is known by, however often it is judged."""
+    return hashlib.sha256(f"{found.source}\0{found.attempt_id}\0{found.began_ns}".encode()).hexdigest()
 
 
-def _migrate(engine: Engine) -> None:
-    config = Config()
-    config.set_main_option("script_location", str(Path(__file__).with_name("migrations")))
-    with engine.begin() as connection:
-        if connection.dialect.name == "postgresql":  # two rigs of a centre that start at once
-            connection.execute(text(f"SELECT pg_advisory_xact_lock({_MIGRATING})"))
-        config.attributes["connection"] = connection
-        command.upgrade(config, "head")
+def _values(found: Assessment, recording: Path) -> dict[str, Any]:
+    score = found.score
+    return {
+        "recording": to_stored(recording),
+        "scenario": found.scenario,
+        "began_ns": found.began_ns,
+        "outcome": found.outcome,
+        "counts": found.counts,
+        "time_s": found.time_s,
+        "errors": len(found.errors),
+        "critical": sum(error.severity == "critical" for error in found.errors),
+        "total": score.total if score else None,
+        "percent": score.percent if score else None,
+        "assessment": zlib.compress(msgspec.json.encode(found)),
+    }
 
 
-def _unpacked(data: bytes) -> Assessment:
-    return msgspec.json.decode(zlib.decompress(data), type=Assessment)
+def _unpacked(row: _Whole) -> Assessment:
+    return msgspec.json.decode(zlib.decompress(row.assessment), type=Assessment)
 
 
 def _past(found: Assessment) -> Past:
