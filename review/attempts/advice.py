@@ -32,7 +32,7 @@ def advice(found: Assessment, rules: ScoreRules, band: Band) -> list[str]:
         said = ["Nothing stood out: do it again to be sure, then take a harder scenario."]
     elif not said:
         said = [f"Bring the catheter to {1e3 * found.goal_depth_m:.0f} mm within {found.time_limit_s:.0f} s."]
-    return said[:_MOST]
+    return list(dict.fromkeys(said))[:_MOST]
 
 
 def _against_experts(found: Assessment, band: Band, deviations: float) -> list[str]:

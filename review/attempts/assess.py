@@ -11,8 +11,9 @@ import numpy as np
 from trocar.protocol.bodies import GatewayState, PhysicsState, SupervisorState
 from trocar.protocol.bodies.training import Attempt
 from trocar.protocol.topics import TICK_S
-from trocar.review.attempts.assessment import Assessment, RigQuality, series_of
+from trocar.review.attempts.assessment import FAULTS_ABOVE, Assessment, RigQuality, series_of
 from trocar.review.attempts.experts import counts_of
+from trocar.review.attempts.faults import FaultLog
 from trocar.review.attempts.metrics import TISSUE_LIMITS, metrics_of
 from trocar.review.attempts.trace import Trace
 from trocar.services.runtime.errors import UserError
@@ -30,6 +31,8 @@ VERSION = "1"
 _LARGEST_GAP_S = 0.5
 _LONGEST_S = 86_400.0
 _LATE = ("degraded", "safe_stop")
+#: A recording begins some moments before the first word of `training.attempt`: they are no attempt.
+_HEAD_S = 5.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +48,8 @@ class Terms:
 def assess(messages: Iterable[Message], terms: Terms, source: str = "") -> Iterator[Assessment]:
     """Yield the attempts of a stream in which somebody moved, each when it has ended; the last may be incomplete.
 
-    Without a word of `training.attempt` the whole stream is one attempt at the scenario without a name.
+    Without a word of `training.attempt` the whole stream is one attempt at the scenario without a name, and so is what
+    goes on for more than some seconds before the first word.
     Raises UserError naming the source, if ticks jump by more than a day.
     """
     running: _Running | None = None
@@ -54,6 +58,8 @@ def assess(messages: Iterable[Message], terms: Terms, source: str = "") -> Itera
     for topic, time_ns, body in messages:
         first_ns = time_ns if first_ns is None and isinstance(body, GatewayState) else first_ns
         if isinstance(body, Attempt):
+            if not told and running is not None and running.time_s < _HEAD_S:
+                running = None
             told = True
             if running is not None and (body.attempt_id != running.attempt_id or body.state != "running"):
                 yield running.end(body)
@@ -78,6 +84,11 @@ class _Running:
         self._judge = Judge(self._scenario, terms.site)
         self._trace = Trace()
         self._rig = _RigWatch()
+
+    @property
+    def time_s(self) -> float:
+        """For how long it goes on."""
+        return self._judge.procedure.time_s
 
     def take(self, topic: str, time_ns: int, body: msgspec.Struct) -> None:
         """Take a frame of any topic."""
@@ -145,7 +156,10 @@ class _Running:
 
     def _why_not(self, told: Attempt | None, rig: RigQuality) -> tuple[str, ...]:
         why = [told.why_not or "the rig says so"] if told is not None and not told.counts else []
-        why += [f"the rig broke its contracts: {fault}" for fault in rig.faults]
+        if rig.faults:
+            more = len(rig.faults) - FAULTS_ABOVE
+            said = [*rig.faults[:FAULTS_ABOVE], *([f"and {more} more"] if more > 0 else [])]
+            why.append(f"the rig broke its contracts: {'; '.join(said)}")
         if rig.largest_gap_s > _LARGEST_GAP_S:
             why.append(f"the recording has a gap of {rig.largest_gap_s:.1f} s")
         return tuple(why)
@@ -167,12 +181,12 @@ class _RigWatch:
         self._last_step: int | None = None
         self._ages_s: list[float] = []
         self._level = 0
-        self._faults: dict[str, None] = {}
+        self._faults = FaultLog()
 
     def take_word(self, body: SupervisorState) -> None:
         self._level = max(self._level, body.quality_level)
-        if body.state in _LATE or (body.safe_stop and body.state != "off"):
-            self._faults[body.reason or body.state] = None
+        is_at_fault = body.state in _LATE or (body.safe_stop and body.state != "off")
+        self._faults.take((body.reason or body.state) if is_at_fault else "")
 
     def take_devices(self, body: GatewayState) -> None:
         if self._last_tick is not None and body.tick > self._last_tick:
@@ -193,5 +207,5 @@ class _RigWatch:
             model_age_ms=1e3 * float(np.quantile(self._ages_s, 0.99)) if self._ages_s else None,
             lowest_quality_level=self._level,
             has_force=has_force,
-            faults=tuple(self._faults),
+            faults=self._faults.sentences(),
         )

@@ -14,13 +14,15 @@ from trocar.services.training.score import Score
 
 _SERIES_HZ = 10.0
 _DIGITS = 6
+FAULTS_ABOVE = 3
+"""How many faults of the rig `Assessment.why_not` names; `RigQuality.faults` has them all."""
 
 
 class RigQuality(msgspec.Struct, frozen=True, kw_only=True):
     """How well the rig kept its word: shares are of ticks, ages of the force model that the hand felt.
 
     Attributes:
-        faults: What the supervisor said while it was degraded or stopped, each sentence once.
+        faults: What the supervisor said while it was degraded or stopped; sentences that differ in numbers are one.
         model_age_ms: 99th percentile; None where no device felt a force.
     """
 

@@ -13,7 +13,7 @@ import msgspec
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 
 from trocar.review.attempts.advice import advice
-from trocar.review.attempts.assessment import Assessment, metric_label, metric_words
+from trocar.review.attempts.assessment import FAULTS_ABOVE, Assessment, metric_label, metric_words
 from trocar.review.attempts.curve import cusum, learning_curve
 from trocar.review.attempts.experts import is_proficient
 from trocar.review.attempts.figures import LEAD_S, NARROW, Chart, chart, timeline
@@ -57,14 +57,15 @@ def render(
         page: Address of the rig's page, which opens replays.
     """
     experts: Band = band or {}
+    advised = advice(found, rules, experts)
     return _template().render(
         a=found,
         trainee=trainee,
         when=datetime.fromtimestamp(found.began_ns // 1_000_000_000, UTC).strftime("%Y-%m-%d %H:%M UTC"),
         verdict=verdict(found, rules, experts, past),
-        advice=advice(found, rules, experts),
+        advice=advised,
         timeline=timeline(found),
-        errors=[(event, *ERRORS[event.code]) for event in found.errors],
+        errors=_error_rows(found, advised),
         replay=lambda event: replay_link(found, event, page),
         command=lambda event: replay_command(found, event),
         lead=lead_s,
@@ -79,6 +80,7 @@ def render(
         cusum=_cusum(past, rules),
         goals=GOALS,
         goes=len(past),
+        faults_above=FAULTS_ABOVE,
     )
 
 
@@ -88,6 +90,17 @@ def _template() -> Template:
     return Environment(loader=FileSystemLoader(folder), autoescape=True, undefined=StrictUndefined).get_template(
         "report.html"
     )
+
+
+def _error_rows(found: Assessment, advised: Sequence[str]) -> list[tuple[ErrorEvent, str, str]]:
+    """Return each error with its name and what to do about its kind, unless that was said already."""
+    where = dict.fromkeys(advised, "see Practise next")
+    rows = []
+    for event in found.errors:
+        name, what = ERRORS[event.code]
+        rows.append((event, name, where.get(what, what)))
+        where.setdefault(what, f"as the first {event.code}")
+    return rows
 
 
 def replay_link(found: Assessment, event: ErrorEvent, page: str) -> str:

@@ -9,6 +9,8 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tests.training.simulated import SimulatedRig, attempt, patient
 from tests.training.streams import GOOD, SCENARIO, SITE, changed, messages
@@ -16,6 +18,7 @@ from trocar.protocol import TOPICS, Frame
 from trocar.protocol.bodies import SupervisorState
 from trocar.review.attempts.assess import Terms, assess
 from trocar.review.attempts.assessment import Assessment
+from trocar.review.attempts.faults import FaultLog
 from trocar.review.attempts.recorded import assess_file
 from trocar.services.mechanics.scenarios import insertion, miss
 from trocar.services.recorder.recording import RecordingWriter
@@ -104,6 +107,48 @@ def test_an_attempt_in_which_the_rig_broke_its_contracts_does_not_count(state: s
     found = assessed(told(chain(messages(GOOD, 8.0), [late], messages(GOOD, 1.0, 9000)), 9.0))
     assert found.counts == (not says)
     assert found.why_not == ((f"the rig broke its contracts: {says}",) if says else ())
+
+
+def _late(reason: str) -> tuple[str, int, msgspec.Struct]:
+    return "supervisor.state", 3_000_000_000, SupervisorState(state="degraded", reason=reason)
+
+
+def test_what_a_late_rig_says_a_hundred_times_is_said_once() -> None:
+    """92 sentences that differed in a number stood above advice and score."""
+    said = [_late(f"physics: {count} ticks lost in the last minute, budget 60") for count in range(61, 153)]
+    said += [_late("gateway: drive 1 does not answer"), _late("gateway: drive 3 does not answer")]
+    said += [_late("path servo: p99 1200 us over 5 s, limit 900 us")] * 40
+    found = assessed(told(chain(messages(GOOD, 8.0), said, messages(GOOD, 1.0, 9000)), 9.0))
+    assert found.rig.faults == (
+        "physics: 61 to 152 ticks lost in the last minute, budget 60 (said 92 times)",
+        "gateway: drive 1, 3 does not answer (said 2 times)",
+        "path servo: p99 1200 us over 5 s, limit 900 us",
+    )
+    assert found.why_not == (f"the rig broke its contracts: {'; '.join(found.rig.faults)}",)
+
+
+@given(st.lists(st.tuples(st.sampled_from(["physics: {} ticks", "a: {} of {}", "x", "{}", "p99 {}.", ""]),
+                          st.integers(0, 10**6), st.floats(0, 1e3)), max_size=60))  # fmt: skip
+def test_whatever_is_said_each_form_is_there_once_with_its_values(said: list[tuple[str, int, float]]) -> None:
+    log = FaultLog()
+    for form, count, share in said:
+        log.take(form.format(count, f"{share:.1f}"))
+    sentences = log.sentences()
+    forms = {form for form, *_ in said if form}
+    assert len(sentences) == len(forms)
+    for form in forms:
+        counts = [count for each, count, _ in said if each == form and "{}" in form]
+        assert any(all(str(end) in each for end in counts and (min(counts), max(counts))) for each in sentences)
+
+
+def test_the_moments_before_the_first_word_are_no_attempt_and_minutes_are() -> None:
+    """At the head of each recording stood a practice without a goal, abandoned after 0.0 s."""
+    for head_s, outcomes in ((0.02, ["success"]), (2.0, ["success"]), (20.0, ["abandoned", "success"])):
+        head = messages(GOOD, head_s, 1000)
+        first = 1000 + round(1000 * head_s)
+        done = word("done", first + 16_000, outcome="success", time_s=16.0)
+        stream = chain(head, word("armed", first), word("running", first), messages(GOOD, 16.0, first), done)
+        assert [each.outcome for each in assess(stream, terms(), "")] == outcomes
 
 
 def test_what_the_rig_says_of_the_attempt_is_heard() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html as html_text
 import re
 from collections.abc import Iterator
 from itertools import chain
@@ -64,6 +65,22 @@ def test_an_attempt_that_does_not_count_says_so(erring: Assessment, good: Assess
     html = render(erring, RULES)
     assert "This attempt does not count: the rig broke its contracts: physics: &lt;60&gt; ticks lost." in html
     assert "does not count" not in render(good, RULES)
+
+
+def test_a_report_says_each_thing_once() -> None:
+    """Of a rig that is late in many ways, and of a trainee who errs in the same way again and again."""
+    names = ("physics", "haptics", "gateway", "visualization", "recorder")
+    said = [SupervisorState(state="degraded", reason=f"{name}: {k} ticks lost") for k in range(30) for name in names]
+    late = [("supervisor.state", 1, body) for body in said]
+    found = assessed(told(chain(messages(changed(ERRING)), late), 16.0))
+    html = render(msgspec.structs.replace(found, errors=found.errors * 7), RULES)
+    seen = re.sub(r"<(style|script|title|code|table)\b.*?</\1>", " ", html, flags=re.DOTALL)
+    told_to_do = re.findall(r"<td>([^<>]*)<br>", html)
+    parts = [html_text.unescape(part).strip() for part in [*told_to_do, *re.split(r"<[^>]*>|; |\. ", seen)]]
+    sentences = [part for part in parts if len(part.split()) >= 5]
+    assert [each for each in dict.fromkeys(sentences) if sentences.count(each) > 1] == []
+    assert all(html.count(f"{name}: 0 to 29 ticks lost (said 30 times)") == 1 for name in names)
+    assert len(re.sub(r"<[^>]*>", "", html[html.index("<h1>") : html.index('id="next"')]).split()) < 80
 
 
 def test_marks_lead_to_three_seconds_before(erring: Assessment) -> None:
