@@ -14,17 +14,14 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.routing import Route
 
-from trocar.review.attempts.store.attempts import Store
 from trocar.review.classroom.roll import ClassRig, load_roll
+from trocar.review.classroom.scores import Scores
 from trocar.review.classroom.watch import Watch
 from trocar.services.runtime.errors import UserError
+from trocar.services.runtime.web_headers import SafeHeaders, page_policy
 from trocar.services.runtime.web_host import KnownHost, listen
 
 _PAGE = Path(__file__).with_name("page.html")
-_HEADERS = {
-    "Cache-Control": "no-store",
-    "Content-Security-Policy": "default-src 'self' 'unsafe-inline'; img-src 'self' blob:",
-}
 
 
 class Classroom:
@@ -32,26 +29,44 @@ class Classroom:
 
     def __init__(self, file: Path) -> None:
         self._file = file
-        self.remark = ""
-        self._changed_ns = 0
+        self._file_remark = ""
+        self._changed_ns: int | None = None
         self._watches: dict[ClassRig, Watch] = {}
-        self._load()
+        self.roll = load_roll(file)
+        self._scores = Scores(lambda: self.roll)
+        self._follow()
 
-    def _load(self) -> None:
-        self._changed_ns = self._file.stat().st_mtime_ns if self._file.exists() else 0
-        self.roll = roll = load_roll(self._file)  # before anybody is watched: threads of rigs ask for it at once
-        for place in self._watches.keys() - set(roll.rig):
+    def _follow(self) -> None:
+        """Follow the rigs that the file names, and no others."""
+        self._changed_ns = self._written_ns()
+        for place in self._watches.keys() - set(self.roll.rig):
             self._watches.pop(place).close()
-        self._watches = {place: self._watches.get(place) or Watch(place, self._last_score) for place in roll.rig}
+        self._watches = {place: self._watches.get(place) or Watch(place, self._scores.of) for place in self.roll.rig}
+
+    def _written_ns(self) -> int | None:
+        try:
+            return self._file.stat().st_mtime_ns
+        except OSError:
+            return None
+
+    @property
+    def remark(self) -> str:
+        """What is wrong with the file or the database, empty if nothing is."""
+        return "; ".join(said for said in (self._file_remark, self._scores.remark) if said)
 
     def look(self) -> None:
         """Read the file again if it has changed; one that cannot be used changes nothing, and is told."""
-        if self._file.exists() and self._file.stat().st_mtime_ns != self._changed_ns:
-            try:
-                self._load()
-                self.remark = ""
-            except UserError as error:
-                self.remark = str(error)
+        written_ns = self._written_ns()
+        if written_ns in (None, self._changed_ns):
+            return
+        try:
+            self.roll = load_roll(self._file)
+            self._follow()
+            self._scores.ask()
+            self._file_remark = ""
+        except UserError as error:
+            self._changed_ns = written_ns
+            self._file_remark = str(error)
 
     def watch(self, name: str) -> Watch | None:
         """Return what follows the rig of a name."""
@@ -63,36 +78,27 @@ class Classroom:
 
     def close(self) -> None:
         """Follow nobody any more."""
+        self._scores.close()
         for watch in self._watches.values():
             watch.close()
-
-    def _last_score(self, trainee: str) -> float | None:
-        """Return the last score that was kept of a trainee; asked by the threads of rigs."""
-        if not trainee or self.roll.database is None:
-            return None
-        try:
-            with Store(self.roll.database) as store:
-                return next((row.total for row in reversed(store.listed(trainee)) if row.total is not None), None)
-        except UserError as error:
-            self.remark = str(error)
-            return None
 
 
 def build_app(classroom: Classroom) -> Starlette:
     """Return the web application."""
+    html = _PAGE.read_text(encoding="utf-8")
 
     def is_refused(request: Request) -> bool:
         given = request.headers.get("X-Trocar-Token", "")
         return not secrets.compare_digest(given.encode(), classroom.roll.token.encode())
 
     async def page(_request: Request) -> Response:
-        return HTMLResponse(_PAGE.read_text(encoding="utf-8"), headers=_HEADERS)
+        return HTMLResponse(html)
 
     async def state(request: Request) -> Response:
         if is_refused(request):
             return JSONResponse({"error": "the token of the class is needed"}, 403)
         classroom.look()
-        return Response(classroom.told(), media_type="application/json", headers=_HEADERS)
+        return Response(classroom.told(), media_type="application/json")
 
     async def picture(request: Request) -> Response:
         if is_refused(request):
@@ -104,10 +110,11 @@ def build_app(classroom: Classroom) -> Starlette:
             image = await run_in_threadpool(watch.picture)
         except UserError as error:
             return JSONResponse({"error": str(error)}, 503)
-        return Response(image, media_type="image/png", headers=_HEADERS)
+        return Response(image, media_type="image/png")
 
     routes = [Route("/", page), Route("/api/class", state), Route("/api/picture/{name}", picture)]
-    return Starlette(routes=routes, middleware=[Middleware(KnownHost)])
+    policy = page_policy(html, "connect-src 'self'", "img-src blob:")
+    return Starlette(routes=routes, middleware=[Middleware(SafeHeaders, policy=policy), Middleware(KnownHost)])
 
 
 def serve(file: Path, host: str, port: int) -> None:

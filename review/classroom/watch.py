@@ -18,12 +18,12 @@ from trocar.services.runtime.errors import UserError
 
 PERIOD_S = 1.0
 #: A page that has not answered for so long is shown as silent: what is known of the rig is old.
-SILENT_S = 3.0
-_PATIENCE_S = 2.0
+SILENT_S = 5.0
+_PATIENCE_S = 4.0
 _STATE_BYTES = 1 << 20
 _PICTURE_BYTES = 8 << 20
 _PICTURE_S = 40.0
-_SCORE_EVERY_S = 30.0
+_PNG = b"\x89PNG"
 
 
 class _Loop(msgspec.Struct, frozen=True):
@@ -66,8 +66,15 @@ class RigState(msgspec.Struct, frozen=True):
         return (*loops, *(each.name for each in self.paths if not each.ok))
 
 
+class _RigData(msgspec.Struct, frozen=True):
+    """What is taken of a rig's ``/api/rig``."""
+
+    view_ws: str
+
+
 #: Built once: msgspec builds what it knows of a type at the first use, and two threads at once have crashed it.
 _STATES = msgspec.json.Decoder(RigState)
+_RIGS = msgspec.json.Decoder(_RigData)
 
 
 class Row(msgspec.Struct, frozen=True):
@@ -86,31 +93,36 @@ class Row(msgspec.Struct, frozen=True):
 
 
 class Watch:
-    """Follows one rig until it is closed; `last_score` is asked now and then for the last one of its trainee."""
+    """Follows one rig until it is closed; `last_score` returns the last one that is known of its trainee."""
 
     def __init__(self, place: ClassRig, last_score: Callable[[str], float | None]) -> None:
         self.place = place
         self._last_score = last_score
         self._state = RigState()
         self._fault = "has not answered yet"
-        self._score: float | None = None
-        self._heard_s = time.monotonic()
+        self._heard_s: float | None = None
+        self._began_s = time.monotonic()
         self._drawing = threading.Lock()
         self._ending = threading.Event()
-        threading.Thread(target=self._run, name=place.name, daemon=True).start()
+        self._thread = threading.Thread(target=self._run, name=place.name, daemon=True)
+        self._thread.start()
 
     def close(self) -> None:
         """Ask no more."""
         self._ending.set()
 
     def row(self) -> Row:
-        """Return what is known now."""
-        silent_s, state = time.monotonic() - self._heard_s, self._state
-        is_silent = bool(self._fault) or silent_s > SILENT_S
+        """Return what is known now: a rig is silent that was not heard yet, or not for `SILENT_S`."""
+        heard_s, state, fault = self._heard_s, self._state, self._fault
+        silent_s = time.monotonic() - (self._began_s if heard_s is None else heard_s)
+        is_silent = heard_s is None or silent_s > SILENT_S
+        if not self._thread.is_alive() and not self._ending.is_set():
+            fault = "is not followed any more: a fault of this program, which its terminal shows; start it again"
         return Row(
             self.place.name, self.place.address, self.place.trainee,
             "silent" if is_silent else state.state, state.reason, () if is_silent else state.late(),
-            state.attempt, self._score, silent_s if is_silent else 0.0, self._fault,
+            state.attempt, self._last_score(self.place.trainee), silent_s if is_silent else 0.0,
+            fault if is_silent else "",
         )  # fmt: skip
 
     def picture(self) -> bytes:
@@ -121,19 +133,20 @@ class Watch:
         if not self._drawing.acquire(blocking=False):
             raise UserError("a picture is being drawn already")
         try:
-            rig = msgspec.json.decode(self._once(self.place.address, "/api/rig", _STATE_BYTES, _PATIENCE_S))
-            host, port = urlsplit(self.place.address).hostname, urlsplit(rig["view_ws"]).port
-            netloc = f"[{host}]:{port}" if ":" in (host or "") else f"{host}:{port}"
-            return self._once(f"http://{netloc}", "/snapshot.png", _PICTURE_BYTES, _PICTURE_S)
-        except (OSError, http.client.HTTPException, ValueError, KeyError, TypeError) as error:
+            rig = _RIGS.decode(self._once(self.place.address, "/api/rig", _STATE_BYTES, _PATIENCE_S))
+            view = _view_of(self.place.address, rig.view_ws)
+            image = self._once(view, "/snapshot.png", _PICTURE_BYTES, _PICTURE_S)
+            if not image.startswith(_PNG):
+                raise ValueError(f"what is at {view} sends no PNG")
+            return image
+        except (OSError, http.client.HTTPException, ValueError) as error:
             raise UserError(f"no picture: {error}") from None
         finally:
             self._drawing.release()
 
     def _run(self) -> None:
         link: http.client.HTTPConnection | None = None
-        score_s = 0.0
-        while not self._ending.wait(PERIOD_S):
+        while True:
             try:
                 link = link or _connection(self.place.address, _PATIENCE_S)
                 self._state = _STATES.decode(_get(link, "/api/state", _STATE_BYTES))
@@ -143,9 +156,8 @@ class Watch:
                 if link is not None:
                     link.close()
                 link = None
-            if time.monotonic() >= score_s:
-                score_s = time.monotonic() + _SCORE_EVERY_S
-                self._score = self._last_score(self.place.trainee)
+            if self._ending.wait(PERIOD_S):
+                break
         if link is not None:
             link.close()
 
@@ -155,6 +167,20 @@ class Watch:
             return _get(link, path, most)
         finally:
             link.close()
+
+
+def _view_of(address: str, announced: str) -> str:
+    """Return where a rig's picture is: at the rig's own address, at the port that the rig announces as its view's.
+
+    Raises ValueError if it announces none, or another machine's.
+    """
+    rig, view = urlsplit(address), urlsplit(announced)
+    if view.scheme != "ws" or not view.port:
+        raise ValueError("the rig announces none")
+    if view.hostname != rig.hostname:
+        raise ValueError(f"the rig announces it at another machine: {view.hostname}")
+    host = f"[{rig.hostname}]" if ":" in (rig.hostname or "") else rig.hostname
+    return f"http://{host}:{view.port}"
 
 
 def _connection(address: str, patience_s: float) -> http.client.HTTPConnection:

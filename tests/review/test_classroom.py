@@ -5,7 +5,8 @@ from __future__ import annotations
 import functools
 import socket
 import threading
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -18,13 +19,18 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
+from tests.by_day import by_day
 from tests.chromium import Chromium, find
 from tests.patience import PATIENCE_S
+from tests.review.benches import made_up
 from tests.review.class_of_pages import TOKEN, rigs, served, state, until, write_roll
-from trocar.review.classroom import app, watch
+from trocar.review.attempts.store.attempts import Store
+from trocar.review.classroom import watch
 from trocar.review.classroom.app import Classroom, build_app
 from trocar.review.classroom.roll import ClassRig
 from trocar.review.classroom.watch import Watch
+from trocar.services.runtime.errors import UserError
+from trocar.services.training.score import Score
 
 _WITH = {"X-Trocar-Token": TOKEN}
 #: httpx gives up after five seconds: a busy machine may take them.
@@ -148,31 +154,84 @@ def test_a_rig_that_takes_calls_and_never_answers_holds_up_nobody(
             until(lambda: _rows(address)["bench-1"]["state"] == "running", "the other one is there")
 
 
-def test_the_last_score_of_who_sits_there_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(watch, "_SCORE_EVERY_S", 0.1)
-    asked: list[str] = []
-    made = Watch(
-        ClassRig(name="a", address="http://127.0.0.1:1", trainee="heron-17"), lambda who: asked.append(who) or 71.0
-    )
-    try:
-        until(lambda: made.row().score == 71.0, "a score")
-        assert set(asked) == {"heron-17"}
-    finally:
-        made.close()
+def test_the_last_score_of_who_sits_there_is_shown(tmp_path: Path) -> None:
+    database = tmp_path / "attempts.sqlite"
+    with Store(str(database)) as store:
+        for name, who, total in (("1", "heron-17", 50.0), ("2", "heron-17", 71.0), ("3", "wren-2", 12.0)):
+            score = Score(total=total, time_saved_s=total, penalties_s=0.0, percent=None)
+            found = msgspec.structs.replace(made_up(name), began_ns=int(name), score=score)
+            store.add(found, who, tmp_path / "a.mcap")
+    file = write_roll(tmp_path / "class.toml", ["http://127.0.0.1:1"] * 2, more=f'database = "{database}"',
+                      bench_0="heron-17", bench_1="magpie-2")  # fmt: skip
+    with _shown(file) as (_, address):
+        until(lambda: _rows(address)["bench-0"]["score"] == 71.0, "the last score")
+        assert _rows(address)["bench-1"]["score"] is None
 
 
 def test_scores_come_from_the_database_and_one_that_cannot_be_had_is_told(tmp_path: Path) -> None:
-    bad = write_roll(tmp_path / "class.toml", ["http://127.0.0.1:1"], more='database = "nonsense+driver://x/y"')
-    classroom = Classroom(bad)
-    try:
-        assert classroom._last_score("heron-17") is None
-        assert classroom.remark
-        write_roll(bad, ["http://127.0.0.1:1"], more=f'database = "{tmp_path / "attempts.sqlite"}"')
+    file = write_roll(tmp_path / "class.toml", ["http://127.0.0.1:1"], more='database = "nonsense+driver://x/y"',
+                      bench_0="heron-17")  # fmt: skip
+    with _shown(file) as (classroom, _):
+        until(lambda: "address of the database cannot be read" in classroom.remark, "it is told")
+        place = tmp_path / "attempts.sqlite"
+        write_roll(file, ["http://127.0.0.1:1"], more=f'database = "{place}"', bench_0="heron-17")
         classroom.look()
-        assert classroom._last_score("heron-17") is None  # nobody has been judged yet
-        assert classroom.remark == ""
-    finally:
-        classroom.close()
+        until(lambda: f"there is no database of attempts at {place}" in classroom.remark, "nobody was judged yet")
+        Store(str(place))
+        write_roll(file, ["http://127.0.0.1:1"] * 2, more=f'database = "{place}"', bench_0="heron-17")
+        classroom.look()
+        until(lambda: classroom.remark == "", "the database is there")
+
+
+@pytest.mark.parametrize("turn", by_day([0, 1], range(2, 20)))
+@pytest.mark.parametrize("is_new", [True, False])
+def test_ten_rigs_with_a_database_that_start_together_are_all_heard(
+    tmp_path: Path, turn: int, is_new: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Their threads brought the tables up to date at once, and died of it; a live rig was silent for ever."""
+    died: list[object] = []
+    monkeypatch.setattr(threading, "excepthook", died.append)
+    database = tmp_path / f"{turn}.sqlite"
+    database.touch()  # no tables yet: whoever comes first makes them
+    if not is_new:
+        Store(str(database))
+    names = {f"bench_{k}": f"heron-{k}" for k in range(10)}
+    with rigs(10) as (_, addresses):
+        file = write_roll(tmp_path / "class.toml", addresses, more=f'database = "{database}"', **names)
+        with _shown(file) as (classroom, address):
+            until(lambda: all(row["state"] != "silent" for row in _rows(address).values()), "all ten are heard")
+            for _ in range(5):
+                assert [row["state"] for row in _rows(address).values()] == ["running"] * 10
+                Store(str(database)).listed()
+                time.sleep(0.05)
+            assert (classroom.remark, died) == ("", [])
+
+
+def test_a_database_that_does_not_answer_silences_no_rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its server takes the call and says nothing; each rig's own thread waited for it."""
+    monkeypatch.setattr(watch, "SILENT_S", 2.0)
+    with socket.create_server(("127.0.0.1", 0)) as mute, rigs(2) as (contexts, addresses):
+        url = f"postgresql+psycopg://me@127.0.0.1:{mute.getsockname()[1]}/x"
+        names = {"bench_0": "heron-17", "bench_1": "wren-2"}
+        file = write_roll(tmp_path / "class.toml", addresses, more=f'database = "{url}"', **names)
+        with _shown(file) as (_, address):
+            mute.settimeout(PATIENCE_S)
+            with mute.accept()[0]:
+                time.sleep(3.0)
+                for context in contexts:
+                    context.latest = state(state="degraded")
+                until(lambda: {row["state"] for row in _rows(address).values()} == {"degraded"}, "both followed", 5.0)
+
+
+def test_a_rig_whose_thread_has_died_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise RuntimeError("a fault of ours")
+
+    monkeypatch.setattr(threading, "excepthook", lambda _: None)
+    monkeypatch.setattr(watch, "_connection", fail)
+    made = Watch(ClassRig(name="a", address="http://127.0.0.1:1"), lambda _: None)
+    until(lambda: "a fault of this program" in made.row().fault, "it is said")
+    assert made.row().state == "silent"
 
 
 def test_a_picture_comes_on_demand_and_one_at_a_time(tmp_path: Path) -> None:
@@ -224,17 +283,56 @@ def test_what_is_told_is_json_of_rows(tmp_path: Path) -> None:
         classroom.close()
 
 
-def test_a_rig_may_ask_for_the_last_score_as_soon_as_it_is_watched(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """On a busy machine a rig's thread ran before the class knew its file, and ended: the rig was silent for ever."""
-    told: list[float | None] = []
+_POLICY_OF_NOTHING = "default-src 'none'"
 
-    class Hasty(Watch):
-        def __init__(self, place: ClassRig, last_score: Callable[[str], float | None]) -> None:
-            told.append(last_score("heron-17"))
-            super().__init__(place, last_score)
 
-    monkeypatch.setattr(app, "Watch", Hasty)
-    Classroom(write_roll(tmp_path / "class.toml", ["http://127.0.0.1:1"])).close()
-    assert told == [None]
+@pytest.mark.parametrize("path", ["/", "/api/class", "/api/picture/bench-0", "/nowhere"])
+def test_every_answer_says_that_nothing_else_runs_in_it_and_nobody_frames_it(tmp_path: Path, path: str) -> None:
+    with _shown(write_roll(tmp_path / "class.toml", ["http://127.0.0.1:1"])) as (_, address):
+        for headers in ({}, _WITH, {"Host": "evil.example"}):
+            said = _get(f"{address}{path}", headers=headers).headers
+            policy = said["Content-Security-Policy"]
+            assert policy.startswith(_POLICY_OF_NOTHING)
+            assert "frame-ancestors 'none'" in policy
+            assert "unsafe" not in policy
+            assert said["X-Content-Type-Options"] == "nosniff"
+            assert said["Cache-Control"] == "no-store"
+
+
+@pytest.mark.parametrize(
+    ("announced", "why"),
+    [
+        ("ws://127.0.0.1:{port}/ws", ""),
+        ("ws://localhost:{port}/ws", "at another machine: localhost"),
+        ("ws://10.0.0.7:{port}/ws", "at another machine: 10.0.0.7"),
+        ("http://127.0.0.1:{port}/ws", "announces none"),
+        ("file:///etc/passwd", "announces none"),
+        ("ws://127.0.0.1/ws", "announces none"),
+        ("ws://127.0.0.1:0/ws", "announces none"),
+        ("ws://127.0.0.1:99999/ws", "Port out of range"),
+        ("ws://127.0.0.1:{other}/ws", "sends no PNG"),
+        ("", "announces none"),
+    ],
+)
+def test_a_picture_comes_from_the_port_that_the_rig_announces_and_nowhere_else(announced: str, why: str) -> None:
+    asked: list[str] = []
+
+    def draw(request: Request) -> Response:
+        asked.append(str(request.url))
+        return Response(b"\x89PNG of the rig", media_type="image/png")
+
+    view, secret = Starlette(routes=[Route("/snapshot.png", draw)]), _app(b"a secret of another server")
+    with served(view, secret) as [here, other]:
+        ports = {"port": httpx.URL(here).port, "other": httpx.URL(other).port}
+        told = msgspec.json.encode({"view_ws": announced.format(**ports)})
+        with served(_app(told)) as [rig]:
+            made = Watch(ClassRig(name="a", address=rig), lambda _: None)
+            try:
+                if why:
+                    with pytest.raises(UserError, match=why):
+                        made.picture()
+                else:
+                    assert made.picture() == b"\x89PNG of the rig"
+            finally:
+                made.close()
+    assert len(asked) == (0 if why else 1)
