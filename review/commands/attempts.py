@@ -19,6 +19,7 @@ from trocar.review.attempts.store.attempts import Listed, Store, StoreError, Unk
 from trocar.review.attempts.store.recordings import Erased, Plan
 from trocar.services.atomic_file import atomic_file
 from trocar.services.cli import targets
+from trocar.services.training.score import load_rules
 
 
 def run_list(database: str | None, trainee: str | None, scenario: str | None, as_json: bool) -> None:
