@@ -111,7 +111,7 @@ def run_erase(database: str | None, trainee: str, recordings: bool, yes: bool, a
 
 
 def _ask(plan: Plan, recordings: bool) -> None:
-    """Say what would go, and ask. Raises StoreError if nobody is there to answer."""
+    """Say what would go, and ask. Raises StoreError if nobody is there to answer, or the answer is no."""
     if not sys.stdin.isatty():
         raise StoreError(f"erasing {plan.trainee} cannot be undone, and nobody is here to be asked: --yes goes on")
     typer.echo(f"{plan.trainee}: {_counted(plan.attempts, 'attempt')}", err=True)
@@ -121,7 +121,8 @@ def _ask(plan: Plan, recordings: bool) -> None:
         typer.echo(_shared(path, names), err=True)
     for path in plan.missing:
         typer.echo(_missing(path), err=True)
-    typer.confirm("Erase for good?", abort=True, err=True)
+    if not typer.confirm("Erase for good?", err=True):
+        raise StoreError("nothing is erased")
 
 
 def _say_forgotten(trainee: str, left: Sequence[Path], as_json: bool) -> None:
