@@ -8,6 +8,7 @@ from platform import machine
 from setuptools import setup
 from setuptools.command.bdist_wheel import bdist_wheel
 from setuptools.command.build_py import build_py
+from setuptools.command.sdist import sdist
 
 ROOT = Path(__file__).resolve().parent
 #: Kernels for this Python, made by `./dev wheel`; another Python's serve nobody here.
@@ -47,4 +48,21 @@ class WheelOfThisPython(bdist_wheel):
         return f"cp{sys.version_info.major}{sys.version_info.minor}", "none", f"manylinux_2_17_{machine()}"
 
 
-setup(cmdclass={"build_py": BuildWithPage, "bdist_wheel": WheelOfThisPython})
+class SourcesWithPage(sdist):
+    """Sources that build the same wheel by themselves, kernels aside: with the page, its own sources, and `configs`."""
+
+    def make_release_tree(self, base_dir: str, files: list[str]) -> None:
+        """Collect everything; setuptools finds none of what lies behind a link and is not Python."""
+        sys.path.insert(0, str(ROOT))
+        from trocar.services.visualization.web import build
+
+        if build.main() != 0:
+            raise SystemExit("the sources hold the page, which could not be built")
+        super().make_release_tree(base_dir, files)
+        left_out = shutil.ignore_patterns("node_modules", "__pycache__")
+        web = Path(base_dir, "trocar", *build.WEB.relative_to(ROOT).parts)
+        shutil.copytree(build.WEB, web, dirs_exist_ok=True, ignore=left_out)
+        shutil.copytree(ROOT / "configs", Path(base_dir, "configs"), dirs_exist_ok=True)
+
+
+setup(cmdclass={"build_py": BuildWithPage, "bdist_wheel": WheelOfThisPython, "sdist": SourcesWithPage})
