@@ -21,7 +21,8 @@ _PUBLIC = {
 }
 _MECHANICS = "trocar.services.mechanics"
 _SECTION = re.compile(r"(Args|Arguments|Attributes|Raises|Returns|Yields|Note|Example|Examples):$")
-_CODE = re.compile(r"``.+?``|`[^`]+`", re.DOTALL)
+_KEPT = re.compile(r"(?::\w+:)?(?P<code>``.+?``|`[^`]+`)|(?<![\w*])\*(?=\S)[^*`\n]+(?<=\S)\*(?![\w*])", re.DOTALL)
+"""Code, which may have the name of a kind of text before it, and words with stress."""
 _MEANS = re.compile(r"[\\*|]|(?<=\w)_(?!\w)")
 """What means something in reStructuredText, and nothing in plain text."""
 
@@ -32,7 +33,7 @@ def pages() -> dict[str, str]:
     parts = sorted(_parts())
     for part in parts:
         name = part.removeprefix(f"{_MECHANICS}.")
-        made[f"api/mechanics/{name}.rst"] = _page(f"`mechanics.{name}`", _modules(part), "   :ignore-module-all:\n")
+        made[f"api/mechanics/{name}.rst"] = _page(f"Mechanics: `{name}`", _modules(part), "   :ignore-module-all:\n")
     return made | {"api/index.rst": _index([part.removeprefix(f"{_MECHANICS}.") for part in parts])}
 
 
@@ -74,7 +75,7 @@ def _page(title: str, modules: list[str], option: str) -> str:
     """Return a page of modules, each under a heading of its own where there are several."""
     parts = [_heading(title.replace("`", "``"), "=")]
     for module in modules:
-        parts += [_heading(f"``{module}``", "-")] if len(modules) > 1 else []
+        parts += [_heading(f"``{module.removeprefix(f'{_MECHANICS}.')}``", "-")] if len(modules) > 1 else []
         parts += [f".. automodule:: {module}\n   :members:\n{option}"]
     return "\n".join(parts)
 
@@ -109,8 +110,9 @@ def _as_code(block: str) -> str:
 
 
 def _escaped(block: str) -> str:
-    kept, at = [], 0
-    for code in _CODE.finditer(block):
-        kept += [_MEANS.sub(r"\\\g<0>", block[at : code.start()]), f"``{code.group().strip('`')}``"]
-        at = code.end()
-    return "".join([*kept, _MEANS.sub(r"\\\g<0>", block[at:])])
+    parts, at = [], 0
+    for kept in _KEPT.finditer(block):
+        code = kept["code"]
+        parts += [_MEANS.sub(r"\\\g<0>", block[at : kept.start()]), f"``{code.strip('`')}``" if code else kept.group()]
+        at = kept.end()
+    return "".join([*parts, _MEANS.sub(r"\\\g<0>", block[at:])])

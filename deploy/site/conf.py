@@ -22,6 +22,7 @@ release = version = _project["version"]
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 myst_heading_anchors = 6
 highlight_language = "none"
+add_module_names = False
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
 autodoc_type_aliases = {
@@ -46,7 +47,7 @@ html_theme_options = {
     "footer_icons": [{"name": "Repository", "url": repository(), "html": "repository", "class": ""}],
     "navigation_with_keys": True,
 }
-pygments_style, pygments_dark_style = "tango", "monokai"
+pygments_style, pygments_dark_style = "tango", "github-dark"
 
 
 _of_values: dict[str, list[str]] = {}

@@ -15,6 +15,7 @@ ALLOWED = (
 )
 #: What says nothing that a program can read, or something else; only who develops Trocar installs these.
 BY_HAND = {
+    "docutils": "public domain or BSD, but for a tool for Emacs; the site is made with it",
     "ipctk": "MIT; tests compare distances with it",
     "openseespy": "free for research, education and internal use, not for redistribution; tests compare shells with it",
     "openseespylinux": "as openseespy, whose compiled part it is",
