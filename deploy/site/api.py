@@ -92,7 +92,8 @@ def plain_to_rst(text: str) -> str:
 
 def _blocks(lines: list[str]) -> list[tuple[bool, str]]:
     """Return runs of lines, each with whether it is an indented paragraph outside a section."""
-    marks, in_section, before = [], False, ""
+    marks: list[bool] = []
+    in_section, before = False, ""
     for line in lines:
         indented = line.startswith("    ")
         if line.strip() and not line.startswith(" "):
