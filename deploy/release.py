@@ -129,7 +129,7 @@ def make_sources() -> Path:
     """Return the sources' archive, made anew."""
     for old in (ROOT / "dist").glob("trocar-*.tar.gz"):
         old.unlink()
-    code = "from setuptools.build_meta import build_sdist; build_sdist('dist')"
+    code = "from setuptools.build_meta import build_sdist; build_sdist('dist', {'--global-option': ['--quiet']})"
     run(sys.executable, "-c", f"import sys; sys.stdout = sys.stderr; {code}")
     return _only("trocar-*.tar.gz")
 
