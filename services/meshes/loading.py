@@ -59,15 +59,17 @@ def load_duct_surface(path: Path, settings: SurfaceSettings, on_step: OnStep = _
     Raises MeshError if the surface cannot be used; the sentence names the file, the reason and the place.
     """
     on_step("reading")
-    raw = read_surface(path, settings.units)
+    read: list[str] = []
+    raw = read_surface(path, settings.units, read)
     try:
         if settings.lumen_diameter_m is None:
             judge_unit(raw, settings.units)
         if settings.edge_m is None:
             judge_size(raw)
-        return _make_duct(raw, settings, on_step)
+        duct = _make_duct(raw, settings, on_step)
     except MeshError as error:
         raise MeshError(f"{path}: {error}") from error
+    return DuctSurface(duct.mesh, duct.openings, [*read, *duct.actions])
 
 
 def _make_duct(raw: TriangleMesh, settings: SurfaceSettings, on_step: OnStep) -> DuctSurface:

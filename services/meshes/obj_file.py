@@ -6,46 +6,52 @@ where a face counts back from those above it, and take vertices that are not the
 
 from __future__ import annotations
 
-import codecs
+from array import array
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
-from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.meshes.announced import MOST_TRIANGLES_READ, judge_counts
 from trocar.services.meshes.errors import MeshError
+from trocar.services.meshes.file_kind import plain_text
+from trocar.services.meshes.surface_data import SurfaceData
+
+_TRIANGLE_BYTES = 6
+"""Of the shortest in a text: three corners, or one more of a face."""
+_NO_VERTEX = -1
 
 
-def read_obj(path: Path) -> tuple[FloatArray, IntArray]:
-    """Return (n, 3) vertices in the file's unit and (m, 3) triangles; polygons are split round their first corner.
+def read_obj(path: Path) -> SurfaceData:
+    """Return vertices and faces.
 
     Raises MeshError that names the line of a vertex or a face that is none.
     """
-    vertices: list[tuple[float, ...]] = []
-    triangles: list[tuple[int, int, int]] = []
-    lines: list[int] = []
+    vertices, corners, counts, lines = array("d"), array("q"), array("q"), array("q")
+    triangles = 0
     for number, words in _statements(path):
         if words[0] == b"v":
-            vertices.append(_position(words[1:4], f"{path}: line {number}"))
+            vertices.extend(_position(words[1:4], f"{path}: line {number}"))
         elif words[0] == b"f":
-            corners = [_vertex(word, len(vertices)) for word in words[1:]]
-            if len(corners) < 3:
-                raise MeshError(f"{path}: line {number}: a face has {len(corners)} corners")
-            triangles += [(corners[0], corners[k], corners[k + 1]) for k in range(1, len(corners) - 1)]
-            lines += [number] * (len(corners) - 2)
-    named = np.array(triangles, np.int64).reshape(-1, 3)
-    strange = np.flatnonzero(((named < 0) | (named >= len(vertices))).any(axis=1))
+            triangles += max(0, len(words) - 3)
+            if triangles > MOST_TRIANGLES_READ:
+                judge_counts(path, max(triangles, path.stat().st_size // _TRIANGLE_BYTES))
+            corners.extend([_vertex(word, len(vertices) // 3) for word in words[1:]])
+            counts.append(len(words) - 1)
+            lines.append(number)
+    n = len(vertices) // 3
+    judge_counts(path, triangles, n)
+    named = np.array(corners, np.int64)
+    strange = np.flatnonzero((named < 0) | (named >= n))
     if len(strange):
-        raise MeshError(f"{path}: {_who_is_named(path, lines[strange[0]], len(vertices))}")
-    return np.array(vertices).reshape(-1, 3), named.astype(np.int32)
+        face = int(np.searchsorted(np.cumsum(counts), strange[0], side="right"))
+        raise MeshError(f"{path}: {_who_is_named(path, lines[face], n)}")
+    return SurfaceData(np.array(vertices).reshape(-1, 3), named, np.array(counts, np.int64), lines)
 
 
 def _statements(path: Path) -> Iterator[tuple[int, list[bytes]]]:
     """Yield the number and the words of each line that has any; one ends with its comment, or is carried on."""
-    data = path.read_bytes()
-    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        data = data.decode("utf-16", "replace").encode()
-    data = data.removeprefix(codecs.BOM_UTF8)
+    data = plain_text(path.read_bytes())
     carried: list[bytes] = []
     for number, line in enumerate(data.splitlines(), 1):
         words = line.partition(b"#")[0].split()
@@ -60,7 +66,7 @@ def _statements(path: Path) -> Iterator[tuple[int, list[bytes]]]:
 
 def _position(words: list[bytes], where: str) -> tuple[float, ...]:
     try:
-        position = tuple(map(float, words))
+        position = tuple(map(float, words)) if not any(b"_" in word for word in words) else ()
     except ValueError:
         position = ()
     if len(position) < 3:
@@ -73,9 +79,9 @@ def _vertex(word: bytes, n_above: int) -> int:
     try:
         named = int(word.partition(b"/")[0])
     except ValueError:
-        return -1
+        return _NO_VERTEX
     place = named - 1 if named > 0 else n_above + named
-    return place if named and place < 2**31 else -1
+    return place if named and 0 <= place < 2**31 else _NO_VERTEX
 
 
 def _who_is_named(path: Path, line: int, n_vertices: int) -> str:
@@ -91,4 +97,4 @@ def _who_is_named(path: Path, line: int, n_vertices: int) -> str:
 
 
 def _text(word: bytes) -> str:
-    return word.decode(errors="replace")
+    return word[:100].decode(errors="replace")

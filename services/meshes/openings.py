@@ -8,7 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from trocar.services.mechanics.arrays import FloatArray, IntArray
-from trocar.services.mechanics.surface.mesh import TriangleMesh, boundary_loops
+from trocar.services.mechanics.surface.mesh import (
+    TriangleMesh,
+    boundary_loops,
+    edge_of_half_edges,
+    half_edges,
+)
 from trocar.services.meshes.errors import MeshError
 
 
@@ -27,9 +32,30 @@ class SurfaceOpening:
     """Of the circle with the rim's area."""
 
 
+def open_rims(mesh: TriangleMesh) -> list[IntArray]:
+    """Return the open rims, longest first, each in order along the direction of its triangles' edges.
+
+    Raises MeshError with the place where rims touch: which is which cannot be told there.
+    """
+    directed = half_edges(mesh)
+    _, edge, counts = edge_of_half_edges(mesh)
+    leaves = np.bincount(directed[counts[edge] == 1, 0], minlength=mesh.n_vertices)
+    touching = np.flatnonzero(leaves > 1)
+    if len(touching):
+        place_mm = np.round(1e3 * mesh.vertices_m[touching[0]], 2).tolist()
+        raise MeshError(
+            f"surface has open rims that touch in {len(touching)} {'vertex' if len(touching) == 1 else 'vertices'}, the "
+            f"first at {place_mm} mm; close one of them, or leave a triangle between them"
+        )
+    return boundary_loops(mesh)
+
+
 def find_openings(mesh: TriangleMesh) -> list[SurfaceOpening]:
-    """Open rims of an outward-wound surface, widest first."""
-    measured = sorted(((rim, *_measure(mesh.vertices_m[rim])) for rim in boundary_loops(mesh)), key=lambda m: -m[3])
+    """Open rims of an outward-wound surface, widest first.
+
+    Raises MeshError if rims touch.
+    """
+    measured = sorted(((rim, *_measure(mesh.vertices_m[rim])) for rim in open_rims(mesh)), key=lambda m: -m[3])
     return [SurfaceOpening(f"end_{k}", *values) for k, values in enumerate(measured)]
 
 
@@ -46,7 +72,7 @@ def enclosed_volume_m3(mesh: TriangleMesh) -> float:
     """Volume inside the surface with every open rim capped; negative when it is wound inwards."""
     corners = mesh.vertices_m[mesh.triangles]
     volume = np.linalg.det(corners).sum() / 6.0
-    for rim in boundary_loops(mesh):
+    for rim in open_rims(mesh):
         points = mesh.vertices_m[rim]
         cap = np.stack([np.broadcast_to(points.mean(axis=0), points.shape), np.roll(points, -1, axis=0), points], 1)
         volume += np.linalg.det(cap).sum() / 6.0

@@ -6,19 +6,25 @@ import warnings
 
 import numpy as np
 
-from trocar.services.mechanics.surface.mesh import TriangleMesh, boundary_loops, triangle_areas_m2
+from trocar.services.mechanics.surface.mesh import TriangleMesh, triangle_areas_m2
 from trocar.services.meshes.checking import check_surface
 from trocar.services.meshes.errors import MeshError
+from trocar.services.meshes.openings import open_rims
 from trocar.services.meshes.plausibility import judge_remeshing
 
 FEWEST_VERTICES = 32
 """Below this no tube keeps its ends."""
 SAMPLES_PER_CLUSTER = 20
 """Vertices of the subdivided surface that one vertex of the new mesh gathers, at least."""
+SHARES = (1.0, *(1.0 + sign * 0.01 * step for step in range(1, 6) for sign in (-1.0, 1.0)))
+"""Of the wanted number of vertices, tried one after the other until the clusters touch nowhere: whether they do hangs on
+the last bit of the surface, in a third of all tries on a vessel with branches."""
 
 
 def remesh(mesh: TriangleMesh, edge_m: float) -> TriangleMesh:
     """Even triangles with edges of about ``edge_m``, by centroidal Voronoi clustering (pyacvd); deterministic.
+
+    Where clusters touch, a few more or fewer of them are tried: up to 5 %, which is 2.5 % of an edge.
 
     A scan is clustered as fine as it is: two million triangles take some seconds. To collapse edges first would leave
     long triangles where a wall is straight, whose clusters touch.
@@ -35,7 +41,13 @@ def remesh(mesh: TriangleMesh, edge_m: float) -> TriangleMesh:
     judge_remeshing(n_vertices, edge_m)
     growth = SAMPLES_PER_CLUSTER * n_vertices / mesh.n_vertices
     subdivisions = max(0, int(np.ceil(np.log(growth) / np.log(4.0))))
-    return _accept(mesh, _cluster(mesh, n_vertices, subdivisions), f"edges of {1e3 * edge_m:.3g} mm")
+    wanted, refused = f"edges of {1e3 * edge_m:.3g} mm", list[MeshError]()
+    for share in SHARES:
+        try:
+            return _accept(mesh, _cluster(mesh, round(share * n_vertices), subdivisions), wanted)
+        except MeshError as error:
+            refused.append(error)
+    raise refused[0]
 
 
 def _cluster(mesh: TriangleMesh, n_vertices: int, subdivisions: int) -> TriangleMesh:
@@ -64,7 +76,7 @@ def _accept(before: TriangleMesh, after: TriangleMesh, wanted: str) -> TriangleM
     findings = check_surface(after)
     if findings:
         raise MeshError(f"remeshing to {wanted} breaks the surface: " + "; ".join(map(str, findings)))
-    rims = len(boundary_loops(before)), len(boundary_loops(after))
+    rims = len(open_rims(before)), len(open_rims(after))
     if rims[0] != rims[1]:
         raise MeshError(f"remeshing to {wanted} turns {rims[0]} open ends into {rims[1]}")
     return after

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trocar.services.mechanics.surface.mesh import TriangleMesh, boundary_loops, triangle_areas_m2
-from trocar.services.meshes.checking import check_surface
+from trocar.services.mechanics.surface.mesh import TriangleMesh, triangle_areas_m2, unique_edges
+from trocar.services.meshes.checking import Finding, check_surface
 from trocar.services.meshes.errors import MeshError
-from trocar.services.meshes.openings import enclosed_volume_m3, find_openings
+from trocar.services.meshes.openings import enclosed_volume_m3, find_openings, open_rims
 from trocar.services.meshes.winding import flipped_edges, wind_consistently
 
 MERGE_RATIO = 1e-6
@@ -84,6 +84,11 @@ def _keep_largest_piece(mesh: TriangleMesh, actions: list[str]) -> TriangleMesh:
 
 
 def _wind_consistently(mesh: TriangleMesh, actions: list[str]) -> TriangleMesh:
+    edges, shared = unique_edges(mesh)
+    branching = edges[shared > 2]
+    if len(branching):
+        where = Finding("edges shared by more than two triangles", len(branching), mesh.vertices_m[branching[0]].mean(axis=0))
+        raise MeshError(f"surface cannot be repaired: {where}")
     wound = wind_consistently(mesh, actions)
     if len(flipped_edges(wound)):
         raise MeshError("surface has one side only (it is twisted like a Möbius band), it has no lumen")
@@ -94,7 +99,10 @@ def _close_pinholes(mesh: TriangleMesh, actions: list[str]) -> TriangleMesh:
     """Close every rim much narrower than the widest with a fan round its centre."""
     openings = find_openings(mesh)
     if not openings:
-        raise MeshError("surface has no open end, it cannot be a duct")
+        raise MeshError(
+            "surface has no open end, it cannot be a duct: if its vessels are capped, delete the triangles of two caps or "
+            "more (in Blender, MeshLab or 3D Slicer), so that a rim is left at each end"
+        )
     holes = [o for o in openings if o.diameter_m < PINHOLE_RATIO * openings[0].diameter_m]
     for hole in holes:
         centre = mesh.n_vertices
@@ -102,6 +110,6 @@ def _close_pinholes(mesh: TriangleMesh, actions: list[str]) -> TriangleMesh:
         mesh = TriangleMesh(np.vstack([mesh.vertices_m, hole.centre_m]), np.concatenate([mesh.triangles, fan]))
         place_mm = np.round(1e3 * hole.centre_m, 2).tolist()
         actions.append(f"closed a hole {1e3 * hole.diameter_m:.2g} mm wide at {place_mm} mm")
-    if len(boundary_loops(mesh)) != len(openings) - len(holes):
+    if len(open_rims(mesh)) != len(openings) - len(holes):
         raise MeshError("holes in the wall could not be closed")
     return mesh

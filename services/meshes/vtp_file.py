@@ -2,43 +2,117 @@
 
 from __future__ import annotations
 
-import logging
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
+import re
+from collections.abc import Mapping
 from pathlib import Path
+from xml.parsers import expat
 
 import numpy as np
 
-from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.meshes.announced import judge_counts
 from trocar.services.meshes.errors import MeshError
+from trocar.services.meshes.surface_data import Int64Array, SurfaceData, strip_triangles
+
+DEEPEST = 32
+"""Elements within each other; VTK's have seven."""
+_TAIL_BYTES = 1024
+_BLOCK_BYTES = 1 << 20
+_SAID = re.compile(r"\(0x[0-9a-f]+\): (.+?)\s*$", re.MULTILINE)
 
 
-def read_vtp(path: Path) -> tuple[FloatArray, IntArray]:
-    """Return (n, 3) vertices in the file's unit and (m, 3) triangles; polygons are split.
+def read_vtp(path: Path) -> SurfaceData:
+    """Return vertices, polygons and strips; lines and single points are left out.
 
-    Raises MeshError: says what VTK said first.
+    Raises MeshError: says what VTK said first, or which of the file's numbers cannot be.
     """
-    import pyvista
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
-    with _quiet(), pyvista.vtk_verbosity("off"), pyvista.VtkErrorCatcher() as caught:
-        surface = pyvista.read(path)
-    if caught.events:
-        raise MeshError(
-            f"{path}: not a readable triangle surface ({caught.events[0].alert.splitlines()[0].rstrip('.')})"
-        )
-    triangles = surface.extract_surface(algorithm="dataset_surface").triangulate()
-    return np.asarray(triangles.points, np.float64), np.asarray(triangles.regular_faces, np.int32)
+    _judge_elements(path)
+    told = vtkStringOutputWindow()
+    vtkOutputWindow.SetInstance(told)
+    reader = vtkXMLPolyDataReader()
+    reader.SetFileName(str(path))
+    reader.Update()
+    if said := told.GetOutput():
+        found = _SAID.search(said)
+        sentence = (found[1] if found else " ".join(said.split())[:200]).rstrip(".")
+        raise MeshError(f"{path}: not a readable triangle surface ({sentence})")
+    surface = reader.GetOutput()
+    points = surface.GetPoints()
+    vertices = np.zeros((0, 3)) if points is None else np.asarray(vtk_to_numpy(points.GetData()), np.float64)
+    corners, counts = _cells(path, surface.GetPolys(), "Polys")
+    strips, lengths = _cells(path, surface.GetStrips(), "Strips")
+    ends = np.cumsum(lengths)
+    for strip in np.split(strips, ends[:-1]) if len(lengths) else ():
+        triangles = strip_triangles(strip)
+        corners = np.concatenate([corners, triangles.ravel()])
+        counts = np.concatenate([counts, np.full(len(triangles), 3)])
+    judge_counts(path, int(np.maximum(counts - 2, 0).sum()), len(vertices))
+    return SurfaceData(vertices, corners, counts)
 
 
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep from the terminal what is told by an error."""
-    root = logging.getLogger()
-    was_disabled, root.disabled = root.disabled, True
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            yield
-    finally:
-        root.disabled = was_disabled
+def _cells(path: Path, cells: object, name: str) -> tuple[Int64Array, Int64Array]:
+    """Return the corners of all cells, and how many each has, as the file tells them."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    offsets = np.asarray(vtk_to_numpy(cells.GetOffsetsArray()), np.int64)  # type: ignore[attr-defined]
+    corners = np.asarray(vtk_to_numpy(cells.GetConnectivityArray()), np.int64)  # type: ignore[attr-defined]
+    if len(offsets) < 2:
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    counts = np.diff(offsets)
+    if offsets[0] < 0 or (counts < 0).any() or offsets[-1] > len(corners):
+        raise MeshError(f"{path}: the offsets of its {name} do not fit the {len(corners)} corners that it holds")
+    return corners[offsets[0] : offsets[-1]].copy(), counts
+
+
+class _DataBeginError(Exception):
+    """From here on it need not be XML."""
+
+
+def _judge_elements(path: Path) -> None:
+    """Refuse what VTK would end by: more than is read, elements within elements without end.
+
+    Raises MeshError.
+    """
+    depth, announced = 0, [0, 0]
+
+    def begin(name: str, attributes: Mapping[str, str]) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > DEEPEST:
+            raise MeshError(f"{path}: has elements within each other, more than {DEEPEST} deep")
+        if name == "AppendedData":
+            raise _DataBeginError
+        if name == "Piece":
+            announced[0] += _number(attributes, "NumberOfPolys") + _number(attributes, "NumberOfStrips")
+            announced[1] += _number(attributes, "NumberOfPoints")
+            judge_counts(path, *announced)
+            judge_counts(path, max(_number(attributes, "NumberOfLines"), _number(attributes, "NumberOfVerts")))
+
+    def end(_name: str) -> None:
+        nonlocal depth
+        depth -= 1
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = begin, end
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - _TAIL_BYTES))
+        is_whole = b"</VTKFile>" in file.read()
+        if not is_whole:
+            raise MeshError(f"{path}: the file is cut off, it does not end with '</VTKFile>'")
+        file.seek(0)
+        try:
+            while block := file.read(_BLOCK_BYTES):
+                parser.Parse(block)
+            parser.Parse(b"", True)
+        except _DataBeginError:
+            pass
+        except expat.ExpatError as error:
+            raise MeshError(f"{path}: not a readable triangle surface ({error})") from None
+
+
+def _number(attributes: Mapping[str, str], name: str) -> int:
+    text = attributes.get(name, "0").strip()
+    return int(text) if text.isdecimal() and len(text) < 30 else 0

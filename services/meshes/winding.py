@@ -10,11 +10,14 @@ from trocar.services.mechanics.surface.mesh import TriangleMesh, half_edges, pai
 
 
 def flipped_edges(mesh: TriangleMesh) -> IntArray:
-    """(k, 2) edges that two triangles run along in the same direction, as on no orientable surface."""
-    directed = half_edges(mesh).astype(np.int64)
-    found, times = np.unique(directed[:, 0] * mesh.n_vertices + directed[:, 1], return_counts=True)
-    flipped = np.stack(np.divmod(found[times > 1], mesh.n_vertices), axis=1)
-    return flipped.astype(np.int32)
+    """(k, 2) edges whose two triangles run along them in the same direction, as on no orientable surface.
+
+    An edge that more than two triangles share is another defect, and none of these.
+    """
+    directed = half_edges(mesh)
+    pairs = paired_half_edges(mesh)
+    flipped: IntArray = directed[pairs[directed[pairs[:, 0], 0] == directed[pairs[:, 1], 0], 0]]
+    return flipped
 
 
 def wind_consistently(mesh: TriangleMesh, actions: list[str], most_turned: float = 0.5) -> TriangleMesh:

@@ -208,7 +208,7 @@ def build_mesh(case: FemCase, folder: Path, on_stage: OnStage = _silent) -> tupl
     actions: list[str] = []
     if source.surface_file is None:
         raise ValueError("mesh: says nothing of where triangles come from")
-    raw = read_surface(folder / source.surface_file.path, source.surface_file.units)
+    raw = read_surface(folder / source.surface_file.path, source.surface_file.units, actions)
     check_memory(raw.n_triangles // 2)  # so many vertices has a closed surface; a file may name each once a triangle
     try:
         merged = merge_and_drop(raw, actions)

@@ -1,0 +1,63 @@
+"""Which format a surface file has: told by what is in it. Its name is asked where that tells nothing."""
+
+from __future__ import annotations
+
+import codecs
+import re
+from pathlib import Path
+
+from trocar.services.meshes.errors import MeshError
+
+READABLE = (".stl", ".obj", ".ply", ".vtp")
+HEAD_BYTES = 1 << 16
+_PACKED = {b"\x1f\x8b": "gzip", b"PK\x03\x04": "zip", b"BZh": "bzip2", b"\xfd7zXZ": "xz", b"7z\xbc\xaf": "7z"}
+_STL_HEADER = 80
+_VERTEX_LINE = re.compile(rb"^[ \t]*v([ \t]+[-+.\deE]+){3}", re.MULTILINE)
+#: How texts begin that are no surfaces, and what they are.
+_TEXTS = (
+    (re.compile(rb"version https://git-lfs"), "a pointer of Git LFS, fetch the file itself: `git lfs pull`"),
+    (re.compile(rb"(\.\.?/)*[\w./]*annex/objects/"), "a pointer of git-annex, fetch the file itself: `git annex get`"),
+    (re.compile(rb"<!doctype html|<html", re.IGNORECASE), "a web page: what was saved is not the file"),
+    (re.compile(rb"# vtk DataFile"), "a VTK file of the old kind, save it as .vtp"),
+    (re.compile(rb"\s*(off|coff)\s", re.IGNORECASE), "an OFF file, save it as one of " + ", ".join(READABLE)),
+)
+
+
+def find_kind(path: Path, head: bytes) -> str:
+    """Return ``stl``, ``text stl``, ``obj``, ``ply`` or ``vtp``.
+
+    Raises MeshError that says what the file is instead.
+    """
+    for magic, packer in _PACKED.items():
+        if head.startswith(magic):
+            raise MeshError(f"{path}: is packed with {packer}, unpack it first")
+    text = plain_text(head).lstrip()
+    if re.match(rb"ply\s", text):
+        return "ply"
+    if b"<VTKFile" in text and text.startswith(b"<"):
+        return "vtp"
+    has_text = b"\0" not in head[: _STL_HEADER + 4] or head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    if has_text and text[:5].lower() == b"solid":
+        return "text stl"
+    for begins, what in _TEXTS:
+        if has_text and begins.match(text):
+            raise MeshError(f"{path}: is text, no surface: {what}")
+    if has_text and _VERTEX_LINE.search(text):
+        return "obj"
+    return _by_name(path)
+
+
+def plain_text(data: bytes) -> bytes:
+    """Return a text without a byte order mark, in UTF-8."""
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return data.decode("utf-16", "replace").encode()
+    return data.removeprefix(codecs.BOM_UTF8)
+
+
+def _by_name(path: Path) -> str:
+    suffix = path.suffix.lower()
+    if suffix not in READABLE:
+        raise MeshError(f"{path}: cannot read '{path.suffix}' files; readable: {', '.join(READABLE)}")
+    if suffix in (".ply", ".vtp"):
+        raise MeshError(f"{path}: does not begin as a {suffix[1:].upper()} file does")
+    return suffix[1:]
