@@ -9,7 +9,7 @@ from pathlib import Path
 from trocar.review.attempts.assess import TOPICS, Terms, assess
 from trocar.review.attempts.assessment import Assessment
 from trocar.review.attempts.experts import load_band
-from trocar.services.recordings.reader import read_extras, read_messages
+from trocar.services.recordings.reader import read_arrays, read_messages
 from trocar.services.runtime.errors import ConfigError
 from trocar.services.training.scenario import Goal, Scenario, load_scenario
 from trocar.services.training.score import Band, ScoreRules
@@ -49,10 +49,10 @@ def assess_file(
 
 def _site(path: Path) -> Site | None:
     """Return where the mouth is, None of a recording without its duct."""
-    attachments = read_extras(path)[1]
-    if "duct.npz" not in attachments:
+    duct = read_arrays(path, "duct.npz")
+    if duct is None:
         return None
     try:
-        return read_site(attachments["duct.npz"])
+        return read_site(duct)
     except ValueError as error:
         raise ConfigError(f"{path}: {error}") from None

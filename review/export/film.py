@@ -50,7 +50,7 @@ def write_film(
     except ModuleNotFoundError as error:
         raise MissingPackageError("mp4", error.name) from None
     newest = _Newest()
-    composer = Composer(cast(Bus, newest), scene, metadata["trocar"].get("scene", ""), duct)
+    composer = Composer(cast(Bus, newest), scene, metadata.get("trocar", {}).get("scene", ""), duct)
     drawn = 0
     with av.open(str(out), "w") as film:
         stream = film.add_stream("libx264", rate=rate_hz)

@@ -23,6 +23,9 @@ from trocar.services.runtime.zmq_bus import ZmqBus
 from trocar.services.supervisor.fork_link import ForkServer
 from trocar.services.supervisor.supervisor import Supervisor
 
+#: Characters of a scene's name that a file has for it, each up to four bytes.
+_NAME_MAX = 60
+
 
 def run_check(path: Path, as_json: bool) -> None:
     """Run the inputs of a recording again and say whether the states are those recorded; exit code 1 if not.
@@ -96,7 +99,7 @@ def _show(asked: ReplayRequest, fork_server: ForkServer) -> None:
     overrides = (*pictures.IDLE, "contracts={loops: {}, paths: {}}", *asked.overrides)
     rig = config.load_rig(asked.rig, overrides)
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
-        scene = _scene_file(Path(folder), metadata["trocar"], attachments)
+        scene = _scene_file(Path(folder), metadata.get("trocar", {}), attachments)
 
         def open_player() -> pictures.PicturePlayer:
             bus = stack.enter_context(closing(ZmqBus(rig.transport, publishes=pictures.TOPICS)))
@@ -112,7 +115,9 @@ def _show(asked: ReplayRequest, fork_server: ForkServer) -> None:
 
 def _scene_file(folder: Path, metadata: Mapping[str, str], attachments: Mapping[str, bytes]) -> Path:
     """Return a file with the scene of a recording, of its name."""
-    path = folder / f"{Path(metadata.get('scene', 'scene')).stem}.yaml"
+    stem = Path(metadata.get("scene", "scene").replace("\0", "")).stem
+    name = "".join(each if each.isprintable() else "_" for each in stem)[:_NAME_MAX] or "scene"
+    path = folder / f"{name}.yaml"
     path.write_bytes(attachments["scene.yaml"])
     return path
 

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -58,7 +58,7 @@ def ask(
     nice: int = 0,
     on_end: OnEnd | None = None,
     **arguments: Any,
-) -> Iterator[bytes]:
+) -> Generator[bytes, None, None]:
     """Yield the messages that a function yields of a file, in another process.
 
     The first question of this process to a module takes as long as its imports do, a later one some milliseconds.
@@ -74,7 +74,9 @@ def ask(
         arguments: What JSON can hold.
     """
     limits = limits or limits_of(path)
-    encoded = {name: msgspec.Raw(json.dumps(value).encode()) for name, value in {"path": str(path), **arguments}.items()}
+    encoded = {
+        name: msgspec.Raw(json.dumps(value).encode()) for name, value in {"path": str(path), **arguments}.items()
+    }
     request = Request(function, encoded, limits.memory_bytes, limits.cpu_s, nice)
     with closing(_server(module).send(request)) as source:
         yield from _Answer(path, limits, source, on_end).messages()

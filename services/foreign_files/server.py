@@ -76,6 +76,7 @@ class _Server:
                         self._kill_all()
                         return
                 elif isinstance(key.data, Ended):
+                    assert isinstance(key.fileobj, socket.socket)
                     self._tell(key.fileobj, key.data)
                 elif key.data in self._readers:
                     self._selector.unregister(key.fileobj)  # nobody listens any more

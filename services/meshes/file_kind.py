@@ -6,21 +6,13 @@ import codecs
 import re
 from pathlib import Path
 
+from trocar.services.foreign_files.known_kinds import find_known_kind
 from trocar.services.meshes.errors import MeshError
 
 READABLE = (".stl", ".obj", ".ply", ".vtp")
 HEAD_BYTES = 1 << 16
-_PACKED = {b"\x1f\x8b": "gzip", b"PK\x03\x04": "zip", b"BZh": "bzip2", b"\xfd7zXZ": "xz", b"7z\xbc\xaf": "7z"}
 _STL_HEADER = 80
 _VERTEX_LINE = re.compile(rb"^[ \t]*v([ \t]+[-+.\deE]+){3}", re.MULTILINE)
-#: How texts begin that are no surfaces, and what they are.
-_TEXTS = (
-    (re.compile(rb"version https://git-lfs"), "a pointer of Git LFS, fetch the file itself: `git lfs pull`"),
-    (re.compile(rb"(\.\.?/)*[\w./]*annex/objects/"), "a pointer of git-annex, fetch the file itself: `git annex get`"),
-    (re.compile(rb"<!doctype html|<html", re.IGNORECASE), "a web page: what was saved is not the file"),
-    (re.compile(rb"# vtk DataFile"), "a VTK file of the old kind, save it as .vtp"),
-    (re.compile(rb"\s*(off|coff)\s", re.IGNORECASE), "an OFF file, save it as one of " + ", ".join(READABLE)),
-)
 
 
 def find_kind(path: Path, head: bytes) -> str:
@@ -28,9 +20,9 @@ def find_kind(path: Path, head: bytes) -> str:
 
     Raises MeshError that says what the file is instead.
     """
-    for magic, packer in _PACKED.items():
-        if head.startswith(magic):
-            raise MeshError(f"{path}: is packed with {packer}, unpack it first")
+    known = find_known_kind(head)
+    if known:
+        raise MeshError(f"{path}: is no surface but {known}")
     text = plain_text(head).lstrip()
     if re.match(rb"ply\s", text):
         return "ply"
@@ -39,9 +31,6 @@ def find_kind(path: Path, head: bytes) -> str:
     has_text = b"\0" not in head[: _STL_HEADER + 4] or head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     if has_text and text[:5].lower() == b"solid":
         return "text stl"
-    for begins, what in _TEXTS:
-        if has_text and begins.match(text):
-            raise MeshError(f"{path}: is text, no surface: {what}")
     if has_text and _VERTEX_LINE.search(text):
         return "obj"
     return _by_name(path)

@@ -44,8 +44,8 @@ def open_rims(mesh: TriangleMesh) -> list[IntArray]:
     if len(touching):
         place_mm = np.round(1e3 * mesh.vertices_m[touching[0]], 2).tolist()
         raise MeshError(
-            f"surface has open rims that touch in {len(touching)} {'vertex' if len(touching) == 1 else 'vertices'}, the "
-            f"first at {place_mm} mm; close one of them, or leave a triangle between them"
+            f"surface has open rims that touch in {len(touching)} vertices, the first at {place_mm} mm: close one of "
+            "them, or leave a triangle between them"
         )
     return boundary_loops(mesh)
 

@@ -1,8 +1,6 @@
 """Vertices, faces and triangle strips of PLY files, in text or binary, whatever else is in them.
 
-Of the maintained readers none reads all right files: trimesh 5.2.0 wants faces that are all alike, meshio 5.3.5 knows no
-property of faces but their corners and no strips, VTK 9.7.1 takes positions as 32 bit numbers, ends where faces come
-before vertices, and takes an index of 2^32 for 0.
+Why no library reads them: docs/decisions/surface-readers.md.
 """
 
 from __future__ import annotations
@@ -268,7 +266,9 @@ def _held(body: _Text | _Binary, element: _Element) -> int:
 def _gather_lists(body: _Text | _Binary, each: _Property, starts: Int64Array, counts: Int64Array) -> Values:
     """Return the items of all lists, one list behind the other."""
     ends = np.cumsum(counts)
-    items = np.zeros(int(ends[-1]), np.float64 if body.unit == "numbers" else np.int64)
+    items: Values = np.zeros(int(ends[-1]), np.float64)
+    if body.unit == "bytes":
+        items = np.zeros(int(ends[-1]), np.int64)
     for count in np.unique(counts).tolist():
         of_count = np.flatnonzero(counts == count)
         places = (ends[of_count] - count)[:, None] + np.arange(count)
@@ -288,10 +288,9 @@ def _lists(path: Path, element: _Element, columns: _Columns) -> tuple[Int64Array
     """Return the corners of all lists, and how many each has."""
     if not element.rows:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    found = [columns[name] for name in _CORNERS if name in columns]
-    if not found or found[0][1] is None:
+    counts, items = next((columns[name] for name in _CORNERS if name in columns), (None, None))
+    if counts is None or items is None:
         raise MeshError(f"{path}: its {_NAMES[element.name]} do not name vertices")
-    counts, items = found[0]
     whole = items.astype(np.int64)
     if (whole != items).any():
         raise MeshError(f"{path}: a face names vertex {items[whole != items][0]:g}, which is no number of one")

@@ -17,8 +17,10 @@ FEWEST_VERTICES = 32
 SAMPLES_PER_CLUSTER = 20
 """Vertices of the subdivided surface that one vertex of the new mesh gathers, at least."""
 SHARES = (1.0, *(1.0 + sign * 0.01 * step for step in range(1, 6) for sign in (-1.0, 1.0)))
-"""Of the wanted number of vertices, tried one after the other until the clusters touch nowhere: whether they do hangs on
-the last bit of the surface, in a third of all tries on a vessel with branches."""
+"""Of the wanted number of vertices, tried one after the other until the clusters touch nowhere.
+
+Whether they touch hangs on the last bit of the surface: on a vessel with branches they do in a third of all tries.
+"""
 
 
 def remesh(mesh: TriangleMesh, edge_m: float) -> TriangleMesh:

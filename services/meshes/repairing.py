@@ -87,7 +87,9 @@ def _wind_consistently(mesh: TriangleMesh, actions: list[str]) -> TriangleMesh:
     edges, shared = unique_edges(mesh)
     branching = edges[shared > 2]
     if len(branching):
-        where = Finding("edges shared by more than two triangles", len(branching), mesh.vertices_m[branching[0]].mean(axis=0))
+        where = Finding(
+            "edges shared by more than two triangles", len(branching), mesh.vertices_m[branching[0]].mean(axis=0)
+        )
         raise MeshError(f"surface cannot be repaired: {where}")
     wound = wind_consistently(mesh, actions)
     if len(flipped_edges(wound)):
@@ -100,8 +102,8 @@ def _close_pinholes(mesh: TriangleMesh, actions: list[str]) -> TriangleMesh:
     openings = find_openings(mesh)
     if not openings:
         raise MeshError(
-            "surface has no open end, it cannot be a duct: if its vessels are capped, delete the triangles of two caps or "
-            "more (in Blender, MeshLab or 3D Slicer), so that a rim is left at each end"
+            "surface has no open end, it cannot be a duct: if its vessels are capped, delete the triangles of two caps "
+            "or more (in Blender, MeshLab or 3D Slicer), so that a rim is left at each end"
         )
     holes = [o for o in openings if o.diameter_m < PINHOLE_RATIO * openings[0].diameter_m]
     for hole in holes:

@@ -11,6 +11,7 @@ import trocar.services.entry  # noqa: F401  first: the environment of a process
 import logging
 import platform
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
@@ -22,6 +23,7 @@ from shutil import disk_usage
 from trocar.protocol import Frame
 from trocar.protocol.topics import observed_by, read_by
 from trocar.services.cache_directory import cache_directory
+from trocar.services.foreign_files import Refusal
 from trocar.services.recorder import attachments
 from trocar.services.recorder.losses import Losses, counts
 from trocar.services.recorder.picture import PictureRecorder
@@ -157,12 +159,20 @@ class Recording:
         self._process.log.log(loudly, "%d frames in %s, %s", *said)
 
 
+def _mend(process: Process) -> None:
+    """Repair what other recorders left without an end, whatever that is, beside the recording."""
+    for path, found in repair_all(process.rig.recorder.directory):
+        if isinstance(found, Refusal):
+            process.log.warning("a recording without an end is left as it is: %s", found)
+        else:
+            process.log.info("%s was not closed: indexed anew, %d frames", path, found.frames)
+
+
 def run(process: Process) -> None:
     """Write received frames, then one frame of each sampled topic, in turns."""
     realtime.keep_heap()  # otherwise each chunk is new memory from the system
     bus, settings = process.bus, process.rig.recorder
-    for path, found in repair_all(settings.directory).items():
-        process.log.info("%s was not closed: indexed anew, %d frames", path, found.frames)
+    threading.Thread(target=_mend, args=(process,), name="mend", daemon=True).start()
     speaks = process.requirements.is_published
     read = dict.fromkeys(filter(speaks, (*settings.whole, *read_by("recorder"))))
     sampled = [topic for topic in filter(speaks, observed_by("recorder")) if topic not in read]

@@ -4,8 +4,10 @@ order whatever happens, even on a full disk.
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
+import shutil
 import threading
 import time
 import zlib
@@ -31,6 +33,8 @@ from trocar.services.recordings.summary import (
 
 #: Most bytes pending for the disk, about a quarter of a minute of a whole rig at full rate.
 PENDING_MAX = 128 << 20
+#: Without so much room no file is begun, as it would stay nearly empty: a few seconds with what explains them.
+FREE_MIN = 16 << 20
 
 
 class RecordingFile:
@@ -54,6 +58,10 @@ class RecordingFile:
             if fault := fault_of_folder(path.parent, shared=shared):
                 raise RecordingError(f"{path}: cannot be written: {fault}")
             path.parent.mkdir(parents=True, exist_ok=True)
+            free = shutil.disk_usage(path.parent).free
+            if free < FREE_MIN:
+                told = f"{os.strerror(errno.ENOSPC).lower()}: {free >> 20} MB are free, {FREE_MIN >> 20} MB are needed"
+                raise RecordingError(f"{path}: cannot be written: {told}")
             flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
             self._file = os.open(path, flags, 0o666 if shared else 0o600)
             fcntl.flock(self._file, fcntl.LOCK_EX)  # prevents repairs while it is being written

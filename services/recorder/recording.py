@@ -12,8 +12,8 @@ from mcap.records import Attachment, Channel, Schema
 from trocar.protocol import TOPICS, Frame
 from trocar.services.recorder.disk import PENDING_MAX, RecordingFile
 from trocar.services.recorder.losses import Loss
+from trocar.services.recordings.channels import channel_name
 from trocar.services.recordings.chunks import OpenChunk
-from trocar.services.recordings.reader import channel_name
 from trocar.services.recordings.scene_update import SCHEMAS, descriptor
 from trocar.services.recordings.schema import PACKAGE, file_descriptor
 from trocar.services.recordings.transcode import to_protobuf

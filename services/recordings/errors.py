@@ -10,6 +10,7 @@ class RecordingError(UserError):
     """A recording cannot be written or read."""
 
     exit_code: int = ExitCode.RECORDING
+    is_told = True  # raised in a reader, the sentence goes to who asked as it is
 
 
 class UnopenedError(RecordingError):

@@ -19,6 +19,8 @@ _DEVICES = "gateway.state"
 _JOURNALS = ("haptics.journal", "physics.journal")
 #: A journal is sent every 128 ticks.
 _LONGEST_RUN = 1 << 12
+#: Of a short recording whose first device frames are missing.
+_TICKS_AT_LEAST = 100_000
 #: Fields of an instrument that physics receives.
 _TOLD = ("position_m", "orientation_wxyz", "roll_rad", "handle_angle_rad")
 _SOLVED = ("physics.state", "haptics.contacts")
@@ -100,8 +102,17 @@ def read_inputs(path: Path) -> RecordedInputs:
             inputs.contacts[frame.body.tick] = frame.body
         else:
             journals[frame.topic].append(frame.body)
+    _judge_counts(inputs, journals, len(devices))
     inputs.intakes += _intakes(inputs, devices, *(_ticks(inputs, name, journals[name]) for name in _JOURNALS))
     return inputs
+
+
+def _judge_counts(inputs: RecordedInputs, journals: dict[str, list[Journal]], n_devices: int) -> None:
+    """Refuse journals of far more ticks than device frames were recorded: each of those is one."""
+    for name, told in journals.items():
+        ticks = sum(max(0, run[1]) for journal in told for run in journal.runs.view().tolist())
+        if ticks > 2 * n_devices + _TICKS_AT_LEAST:
+            raise RecordingError(f"{inputs.path}: {name} tells of {ticks} ticks, {n_devices} device frames are in it")
 
 
 class _FirstIncarnation:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import trocar.protocol.bodies as bodies
-from trocar.services.recordings.errors import HoleError
+from trocar.services.recordings.errors import HoleError, RecordingError
 from trocar.services.runtime import log
 from trocar.services.runtime.bus import Bus
 from trocar.services.runtime.errors import EndOfRig
@@ -331,9 +331,11 @@ class Crew:
             self.fatal = Fault(start_sentence(member, status, log_file), status)
             member.enter(MemberState.FAILED, now_s, reason)
             return
-        delay_s = member.restarts.delay_s(now_s) if member.may_restart else None
+        has_room = status != RecordingError.exit_code
+        delay_s = member.restarts.delay_s(now_s) if member.may_restart and has_room else None
         if delay_s is None:
             limit = "restarted too often within a minute" if member.may_restart else "not to be restarted"
+            limit = limit if has_room else "records again when there is room and the rig is armed"
             member.enter(MemberState.FAILED, now_s, f"{reason}; {limit}, given up")
         else:
             member.enter(MemberState.LOST, now_s, reason)

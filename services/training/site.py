@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import zipfile
+import zlib
 from collections.abc import Sequence
 from typing import Any
 
@@ -102,7 +103,7 @@ def read_site(attachment: bytes) -> Site:
         with np.load(io.BytesIO(attachment), allow_pickle=False) as data:
             arrays = [data[name] for name in ("vertices_m", "triangles", "modes", "basis_hash")]
             ways = {name.removeprefix(_WAY): data[name] for name in data.files if name.startswith(_WAY)}
-    except (OSError, KeyError, EOFError, ValueError, zipfile.BadZipFile) as error:
+    except (OSError, KeyError, EOFError, ValueError, zipfile.BadZipFile, zlib.error) as error:
         raise ValueError(f"duct.npz cannot be read: {error}") from None
     vertices_m, triangles, modes, basis_hash = arrays
     n = len(vertices_m) if vertices_m.ndim == 2 else 0

@@ -22,7 +22,7 @@ from trocar.protocol.arrays import Array, Spec, pack
 from trocar.protocol.fields import arrays, fields
 from trocar.protocol.table import columns
 from trocar.services.recorder.recording import RecordingWriter
-from trocar.services.recordings import reader
+from trocar.services.recordings import foreign
 from trocar.services.recordings.reader import read_frames, read_messages, read_moments
 from trocar.services.recordings.schema import PACKAGE, file_descriptor
 from trocar.services.recordings.transcode import to_frame, to_protobuf
@@ -191,9 +191,10 @@ def test_a_moment_is_the_newest_of_each_and_no_more_than_that_is_decoded(
             writer.write(msgspec.structs.replace(frame, sent_ns=(tick + 1) * 1_000_000 + k, body=body))
     writer.close()
     decoded = []
-    monkeypatch.setattr(reader, "to_frame", lambda name, data: decoded.append(name) or to_frame(name, data))
+    monkeypatch.setattr(foreign, "to_frame", lambda name, data: decoded.append(name) or to_frame(name, data))
     moments = list(read_moments(writer.path, topics))
     assert [tuple(body.tick for body in each) for each in moments] == [(tick,) * 3 for tick in range(3, 100, 10)]
+    assert len(list(foreign.moments(str(writer.path), topics))) == 2, "the first at once, the others together"
     assert decoded == [*topics] * 10
 
 

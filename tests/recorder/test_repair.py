@@ -145,7 +145,7 @@ def test_what_is_broken_within_stays_as_it_is_and_keeps_no_recorder_from_its_sta
     was = broken.read_bytes()
     with pytest.raises(RecordingError, match=r"broken\.mcap: is broken within, the record at byte 8 cannot be read"):
         repair(broken)
-    assert repair_all(tmp_path) == {}
+    assert list(repair_all(tmp_path)) == []
     assert broken.read_bytes() == was
 
 
@@ -173,9 +173,9 @@ def test_the_next_start_mends_what_a_killed_recorder_left(tmp_path: Path) -> Non
     assert done.returncode == -9
     open_one = long_recording(tmp_path / "open.mcap", 10)
     (tmp_path / "text.mcap").write_text("notes")
-    assert {path: found.frames for path, found in repair_all(tmp_path).items()} == {killed: 1001}
+    assert {path: found.frames for path, found in repair_all(tmp_path)} == {killed: 1001}
     assert ticks_by_index(killed) == list(range(1001))
-    assert repair_all(tmp_path) == {}
+    assert list(repair_all(tmp_path)) == []
     open_one.close()
     assert os.path.getsize(tmp_path / "text.mcap") == 5
 

@@ -20,7 +20,8 @@ from trocar.envs.hands import HandLimits
 from trocar.envs.state import StateView, View
 from trocar.protocol.topics import TICK_S
 from trocar.services.mechanics.arrays import Float32Array, FloatArray
-from trocar.services.recordings.reader import read_extras, read_moments
+from trocar.services.recordings.errors import RecordingError
+from trocar.services.recordings.reader import read_arrays, read_moments
 from trocar.services.training.site import read_site
 
 if TYPE_CHECKING:
@@ -96,11 +97,18 @@ def read_demonstrations(
         parts = [_read(path, env.view, env.hands.limits.rates) for path in paths]
         return _joined([(seen, np.stack([env.action_of(each) for each in done])) for seen, done in parts])
     view_of, rates = cache(_view), (limits or HandLimits()).rates
-    return _joined([_read(path, view_of(read_extras(path)[1]["duct.npz"]), rates) for path in paths])
+    return _joined([_read(path, view_of(_duct_file(path)), rates) for path in paths])
 
 
 def _joined(parts: list[tuple[FloatArray, FloatArray]]) -> tuple[FloatArray, FloatArray]:
     return np.concatenate([each[0] for each in parts]), np.concatenate([each[1] for each in parts])
+
+
+def _duct_file(path: Path) -> bytes:
+    found = read_arrays(path, "duct.npz")
+    if found is None:
+        raise RecordingError(f"{path}: its duct is not in it")
+    return found
 
 
 def _view(duct_file: bytes) -> StateView:
