@@ -141,7 +141,7 @@ class _Answer:
         if -ended.code in (signal.SIGXCPU, signal.SIGKILL):
             raise self._too_long()
         how = signal.Signals(-ended.code).name if ended.code < 0 else f"exit code {ended.code}"
-        raise Refusal("crash", f"{self._path}: is broken: the library that reads such files ends by it ({how})")
+        raise Refusal("crash", f"{self._path}: is broken: what reads such files ended on it ({how})")
 
     def _refusal(self, refused: Refused) -> Refusal:
         if refused.is_told:

@@ -141,8 +141,9 @@ def _read(function: Callable[..., Iterator[bytes]], request: Request, sink: sock
         pass  # nobody listens any more
     except BaseException as error:
         told = getattr(error, "is_told", False)
-        trace = "" if told or isinstance(error, MemoryError) else traceback.format_exc()[-_TRACE_MAX:]
-        refused = Refused(type(error).__name__, _one_line(str(error)), told, trace)
+        kind = MemoryError if isinstance(error, MemoryError) else type(error)  # numpy has one of its own
+        trace = "" if told or kind is MemoryError else traceback.format_exc()[-_TRACE_MAX:]
+        refused = Refused(kind.__name__, _one_line(str(error)), told, trace)
         with suppress(OSError):
             sink.send(REFUSED + msgspec.json.encode(refused)[: PACKET_MAX - 1])
     finally:

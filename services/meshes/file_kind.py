@@ -11,11 +11,11 @@ from trocar.services.meshes.errors import MeshError
 
 READABLE = (".stl", ".obj", ".ply", ".vtp")
 HEAD_BYTES = 1 << 16
-_STL_HEADER = 80
+_STL_HEADER, _STL_TRIANGLE, _BEHIND_BYTES = 80, 50, 8192
 _VERTEX_LINE = re.compile(rb"^[ \t]*v([ \t]+[-+.\deE]+){3}", re.MULTILINE)
 
 
-def find_kind(path: Path, head: bytes) -> str:
+def find_kind(path: Path, head: bytes, size: int) -> str:
     """Return ``stl``, ``text stl``, ``obj``, ``ply`` or ``vtp``.
 
     Raises MeshError that says what the file is instead.
@@ -33,7 +33,15 @@ def find_kind(path: Path, head: bytes) -> str:
         return "text stl"
     if has_text and _VERTEX_LINE.search(text):
         return "obj"
+    if not has_text and _is_binary_stl(head, size):
+        return "stl"
     return _by_name(path)
+
+
+def _is_binary_stl(head: bytes, size: int) -> bool:
+    """Return whether the number of triangles fits the size, but for a little behind them."""
+    wanted = _STL_HEADER + 4 + _STL_TRIANGLE * int.from_bytes(head[_STL_HEADER : _STL_HEADER + 4], "little")
+    return wanted > _STL_HEADER + 4 and wanted <= size <= wanted + _BEHIND_BYTES
 
 
 def plain_text(data: bytes) -> bytes:

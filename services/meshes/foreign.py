@@ -36,10 +36,11 @@ def read(path: str) -> Iterator[bytes]:
 
 
 def _read(path: Path) -> tuple[SurfaceData, npt.NDArray[np.int64]]:
-    if not path.stat().st_size:
+    size = path.stat().st_size
+    if not size:
         raise MeshError(f"{path}: the file is empty")
     with path.open("rb") as file:
-        kind = find_kind(path, file.read(HEAD_BYTES))
+        kind = find_kind(path, file.read(HEAD_BYTES), size)
     try:
         data = _READERS[kind](path)
         triangles = split_faces(path, data)

@@ -62,7 +62,7 @@ def _mesh(
 ) -> TriangleMesh:
     if not len(triangles):
         raise MeshError(f"{path}: the file holds no triangles")
-    with np.errstate(over="ignore"):  # what becomes infinite is told
+    with np.errstate(over="ignore", invalid="ignore"):  # what is no number is told
         mesh = TriangleMesh(vertices * unit_m, triangles)
     furthest = int(np.abs(mesh.vertices_m).max(axis=1).argmax())
     distance_m = float(np.abs(mesh.vertices_m[furthest]).max())

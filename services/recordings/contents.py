@@ -56,7 +56,7 @@ def _judge_origin(path: Path, file: IO[bytes]) -> None:
 
     Raises RecordingError that says whose it is, and what it holds.
     """
-    library, profile, foreign = "", "", list[str]()
+    library, profile, foreign = "", "", dict[str, str]()
     schemas: dict[int, Schema] = {}
     with suppress(*BROKEN):
         for record in _declarations(file):
@@ -71,12 +71,13 @@ def _judge_origin(path: Path, file: IO[bytes]) -> None:
                 if _is_ours(record, schema):
                     return
                 kind = " ".join(each for each in (record.message_encoding, schema.name if schema else "") if each)
-                foreign.append(f"{record.topic} ({kind})")
+                foreign[record.topic] = kind
     if foreign:
         whose = f"profile {profile!r}" if profile else f"written by {library!r}" if library else "of another program"
         others = f" and {len(foreign) - 1} more" if len(foreign) > 1 else ""
+        topic, kind = next(iter(foreign.items()))
         raise RecordingError(
-            f"{path}: is no recording of a rig but another program's ({whose}), with {foreign[0]}{others}"
+            f"{path}: is no recording of a rig but another program's ({whose}), with {topic} ({kind}){others}"
         )
 
 
