@@ -41,7 +41,7 @@ class Refusal(Exception):  # noqa: N818 - a file is refused
     """A file is not read; one sentence that names it.
 
     Attributes:
-        kind: Name of the class of the reader's exception; of what no reader told: ``limit`` or ``crash``.
+        kind: Name of the class of the reader's exception; of what no reader told: ``limit``, ``crash`` or ``ended``.
     """
 
     def __init__(self, kind: str, sentence: str) -> None:
@@ -125,7 +125,7 @@ class _Answer:
         if not self._started:
             self._started, self._left_s = True, min(self._left_s, self._limits.wait_s)
         if not packet:
-            raise Refusal("crash", f"{self._path}: cannot be read: its reader was ended")
+            raise Refusal("ended", f"{self._path}: cannot be read: its reader was ended")
         return packet[:1], packet[1:]
 
     def _too_long(self) -> Refusal:
@@ -196,12 +196,15 @@ class _ServerLink:
 
 
 _servers: dict[str, _ServerLink] = {}
+_is_at_end = False
 _lock = threading.Lock()
 
 
 def _server(module: str) -> _ServerLink:
     """Return the server of a module, started with its first use."""
     with _lock:
+        if _is_at_end:
+            raise Refusal("ended", "nothing is read any more: this process ends")
         found = _servers.get(module)
         if found is None or not found.is_alive():
             if found is not None:
@@ -224,5 +227,12 @@ def _forget_all() -> None:
         _servers.popitem()[1].forget()
 
 
-atexit.register(close_all)
+def _end() -> None:
+    """End all servers for good; a thread may still ask."""
+    global _is_at_end
+    _is_at_end = True
+    close_all()
+
+
+atexit.register(_end)
 os.register_at_fork(after_in_child=_forget_all)

@@ -12,6 +12,8 @@ MOST_TRIANGLES_READ = 2_000_000
 MOST_VERTICES_READ = 3 * MOST_TRIANGLES_READ
 """As many as triangles that share none have."""
 BYTES_READ = 1_000
+MOST_FILE_BYTES = 2 << 30
+"""Text of so many triangles takes a third of that."""
 
 
 def judge_place(path: Path) -> None:
@@ -20,7 +22,8 @@ def judge_place(path: Path) -> None:
     Raises MeshError that names the file and the reason.
     """
     try:
-        mode = path.stat().st_mode
+        status = path.stat()
+        mode = status.st_mode
         if stat.S_ISREG(mode):
             path.open("rb").close()
     except FileNotFoundError:
@@ -29,6 +32,9 @@ def judge_place(path: Path) -> None:
         raise MeshError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
     if not stat.S_ISREG(mode):
         raise MeshError(f"{path}: is a {'folder' if stat.S_ISDIR(mode) else 'device or a pipe'}, not a file")
+    if status.st_size > MOST_FILE_BYTES:
+        size, most = (f"{1e-9 * n_bytes:.2g} GB" for n_bytes in (status.st_size, MOST_FILE_BYTES))
+        raise MeshError(f"{path}: has {size}, at most {most} are read")
 
 
 def judge_counts(path: Path, triangles: int, vertices: int = 0) -> None:

@@ -14,7 +14,7 @@ from trocar.services.mechanics.surface.mesh import TriangleMesh
 from trocar.services.meshes.announced import judge_place
 from trocar.services.meshes.loading import OnStep, SurfaceSettings, load_duct_surface
 
-MESH_LIBRARIES = ("trimesh", "pyvista", "pyacvd")
+MESH_LIBRARIES = ("trimesh", "pyvista", "pyacvd", "vtk")
 
 
 def load_mesh(
