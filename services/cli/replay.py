@@ -33,10 +33,11 @@ def run_check(path: Path, as_json: bool) -> None:
     Raises RecordingError if it cannot be run again, with the reason.
     """
     inputs = read_inputs(path)
-    inputs.check_mechanics()
+    inputs.check_scene()
     found = compare(inputs)
     if as_json:
-        print(json.dumps({"file": str(path), **asdict(found), "ended": inputs.ended, "guessed": inputs.guessed}))
+        said = {"ended": inputs.ended, "guessed": inputs.guessed, "other_mechanics": bool(inputs.other_mechanics)}
+        print(json.dumps({"file": str(path), **asdict(found), **said}))
     else:
         until = f", up to where {inputs.ended}" if inputs.ended else ""
         print(f"{path}: {found.ticks} ticks run again{until}; {found.alike} of {found.compared} kept states are alike")
@@ -45,6 +46,8 @@ def run_check(path: Path, as_json: bool) -> None:
             print(f"at the end the catheter is {1e6 * found.apart_m:.3g} um from where it was")
             if inputs.guessed:
                 print(f"the hands of its first {inputs.guessed} ticks are missing, and moved: it may come of that")
+        if inputs.other_mechanics:
+            print(inputs.other_mechanics)
         if inputs.machine_differs or found.has_other_modes:
             print("it was recorded on another kind of machine or with other libraries: the last bits may differ")
     if found.first_difference or not found.compared:
@@ -75,7 +78,9 @@ def run_replay(asked: ReplayRequest, fork_server: ForkServer) -> None:
     if asked.pictures:
         return _show(asked, fork_server)
     inputs = read_inputs(asked.file)
-    inputs.check_mechanics()
+    inputs.check_scene()
+    if inputs.other_mechanics:
+        print(inputs.other_mechanics)
     if inputs.ended:
         print(f"{asked.file}: can be run up to where {inputs.ended}")
     settings = {

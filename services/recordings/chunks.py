@@ -17,7 +17,7 @@ _MESSAGE = struct.Struct("<BQHIQQ")
 _MESSAGE_INDEX = struct.Struct("<BQHI")
 _AFTER_LENGTH = _MESSAGE.size - 9
 #: A tenth of the library's effort for nearly the same size, as most of a frame are the low bits of doubles.
-_LEVEL = -5
+_FAST = -5
 
 
 @dataclass(slots=True)
@@ -27,10 +27,12 @@ class OpenChunk:
     Attributes:
         size: Number of bytes so far, before compression.
         index: By channel, log time and offset of each message, alternating as in the file's message indexes.
+        level: Effort of its compression, at most 22.
     """
 
     size: int = 0
     index: dict[int, array[int]] = field(default_factory=dict)
+    level: int = _FAST
     _records: list[bytes] = field(default_factory=list)
 
     def add(self, channel: int, sequence: int, log_ns: int, publish_ns: int, data: bytes) -> None:
@@ -48,7 +50,7 @@ class OpenChunk:
     def close(self, offset: int) -> tuple[bytes, ChunkIndex]:
         """Return the records of the chunk, compressed, to be written at `offset`, and its entry in the summary."""
         data = b"".join(self._records)
-        compressed = zstandard.ZstdCompressor(level=_LEVEL).compress(data)
+        compressed = zstandard.ZstdCompressor(level=self.level).compress(data)
         times = [entries[::2] for entries in self.index.values()]
         chunk = Chunk(
             compression="zstd",

@@ -71,14 +71,19 @@ class RecordedInputs:
         """Whether it was recorded on another kind of machine, so that the last bits may differ."""
         return self.metadata.get("machine") != machine()
 
-    def check_mechanics(self) -> None:
-        """Raise RecordingError if it was made by another version of the mechanics, or lacks its scene."""
+    @property
+    def other_mechanics(self) -> str:
+        """One sentence if it was made by another version of the mechanics, else empty."""
         theirs = self.metadata.get("mechanics", "")
-        if theirs != mechanics_digest():
-            raise RecordingError(
-                f"{self.path}: was made by another version of the mechanics ({theirs[:12] or 'not named'}, these are "
-                f"{mechanics_digest()[:12]}): the same hands would lead elsewhere; --pictures shows what was recorded"
-            )
+        if theirs == mechanics_digest():
+            return ""
+        return (
+            f"{self.path}: was made by another version of the mechanics ({theirs[:12] or 'not named'}, these are "
+            f"{mechanics_digest()[:12]}): the same hands may lead elsewhere; --pictures shows what was recorded"
+        )
+
+    def check_scene(self) -> None:
+        """Raise RecordingError if its scene is not in it."""
         if "scene.yaml" not in self.attachments:
             raise RecordingError(f"{self.path}: its scene is not in it")
 

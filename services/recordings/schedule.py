@@ -32,7 +32,7 @@ def read_schedule(settings: ReplaySettings) -> Schedule:
     Raises RecordingError if it cannot be replayed.
     """
     inputs = read_inputs(settings.file)
-    inputs.check_mechanics()
+    inputs.check_scene()
     awaited, taken = {}, -1
     intakes = replayed(inputs, settings.until_s)
     for intake in intakes:

@@ -11,8 +11,9 @@ from google.protobuf.descriptor import Descriptor
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
+from tests.made_samples import SUCCESS
+
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
-SAMPLE = EXAMPLES / "recordings" / "insertion-success.mcap"
 
 
 def words(part: object) -> Iterator[str]:
@@ -28,7 +29,7 @@ def words(part: object) -> Iterator[str]:
 
 
 def test_its_topics_and_fields_are_those_of_a_recording() -> None:
-    with SAMPLE.open("rb") as file:
+    with SUCCESS.open("rb") as file:
         messages = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
         found: dict[str, Descriptor] = {channel.topic: body.DESCRIPTOR for _, channel, _, body in messages}
     layout = json.loads((EXAMPLES / "foxglove-layout.json").read_text())

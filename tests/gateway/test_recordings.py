@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.made_samples import SUCCESS
+from tests.recorder.conftest import recorded
 from trocar.services.gateway import pose
 from trocar.services.gateway.driver import Place
 from trocar.services.gateway.recording import read_hand, read_table
@@ -15,6 +17,7 @@ from trocar.services.recordings.reader import read_messages
 from trocar.services.runtime.errors import ConfigError
 from trocar.services.runtime.rig import Mount
 
+__all__ = ["recorded"]
 COLUMNS = ("time_s", "x_m")
 
 
@@ -48,20 +51,22 @@ def test_a_recording_is_read_by_its_columns(tmp_path: Path) -> None:
     assert (table["time_s"].tolist(), table["x_m"].tolist()) == ([0.0, 1.0], [0.5, 0.25])
 
 
-SAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "recordings" / "insertion-success.mcap"
-
-
-def test_a_hand_is_read_from_a_recording_of_a_rig_wherever_the_arm_stands() -> None:
+def test_a_hand_is_read_from_a_recording_of_a_rig_wherever_the_arm_stands(recorded: Path) -> None:
     mount = Mount(centre_m=(0.01, 0.02, 0.03), yaw_rad=0.7)
-    table = read_hand(SAMPLE, COLUMNS, Place("right", mount))
-    states = [body for _, _, body in read_messages(SAMPLE, ["gateway.state"])]
+    table = read_hand(recorded, COLUMNS, Place("1", mount))
+    states = [body for _, _, body in read_messages(recorded, ["gateway.state"])]
     first_of_tick = {body.tick: body for body in reversed(states)}
     assert len(first_of_tick) < len(states), "time stood while the rig started: nothing ends there"
     hands = [first_of_tick[tick].instruments[1] for tick in sorted(first_of_tick)]
     packed, world_m = pose.pack_mount(mount), np.zeros(3)
-    for row, hand in list(zip(table, hands, strict=True))[::500]:
+    for row, hand in list(zip(table, hands, strict=True))[::100]:
         pose.to_world(np.array([row["x_m"], row["y_m"], row["z_m"]]), 0, packed, world_m, 0)
         np.testing.assert_allclose(world_m + packed[2:], hand.position_m, atol=1e-12)
         assert (row["roll_rad"], row["handle_angle_rad"]) == (hand.roll_rad, hand.handle_angle_rad)
-    with pytest.raises(RecordingError, match=r"success\.mcap: holds no two frames of an instrument 'third'"):
-        read_hand(SAMPLE, COLUMNS, Place("third", mount))
+    with pytest.raises(RecordingError, match=r"a\.mcap: holds no two frames of an instrument 'third'"):
+        read_hand(recorded, COLUMNS, Place("third", mount))
+
+
+def test_a_hand_of_a_sample_moves() -> None:
+    table = read_hand(SUCCESS, COLUMNS, Place("left", Mount(centre_m=(0.0, 0.0, 0.0))))
+    assert np.ptp(table["x_m"]) > 0.01

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 import signal
 import subprocess
 import sys
@@ -17,6 +16,7 @@ import pytest
 
 from tests import chromium
 from tests.chromium import Chromium
+from tests.made_samples import make_sample
 from tests.patience import PATIENCE_S
 from tests.ports import free_port
 from tests.with_us import with_us
@@ -29,7 +29,8 @@ pytestmark = [
     pytest.mark.skipif(chromium.find() is None, reason="no Chromium on this machine"),
 ]
 
-SAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "recordings" / "insertion-success.mcap"
+#: Of the recording that is shown.
+TICKS = 7500
 
 
 @dataclass
@@ -38,6 +39,7 @@ class Shown:
 
     browser: Chromium
     address: str
+    file: Path
 
     def replay(self) -> Any:
         return httpx.get(f"{self.address}api/state", timeout=PATIENCE_S).json().get("replay")
@@ -59,7 +61,7 @@ class Shown:
 def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shown]:
     folder = tmp_path_factory.mktemp("shown")
     file = folder / "it's mine.mcap"
-    shutil.copy(SAMPLE, file)
+    make_sample(file, TICKS)
     settings = (
         f"transport.directory={folder / 'bus'}", f"supervisor.web.port={free_port()}",
         f"visualization.port={free_port()}",
@@ -74,7 +76,7 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shown]:
                 browser.until(place.exists, PATIENCE_S, "the page is served")
                 address = json.loads(place.read_text())["address"]
                 browser.open(address)
-                shown = Shown(browser, address)
+                shown = Shown(browser, address, file)
                 browser.until(
                     lambda: browser.evaluate("document.getElementById('replay')?.hidden === false"),
                     PATIENCE_S,
@@ -114,7 +116,7 @@ def test_the_page_halts_steps_and_goes_anywhere(shown: Shown) -> None:
 
 
 def test_the_picture_is_of_that_moment(shown: Shown) -> None:
-    frames = [(time_ns, body.tick) for _, time_ns, body in read_messages(SAMPLE, ["gateway.state"])]
+    frames = [(time_ns, body.tick) for _, time_ns, body in read_messages(shown.file, ["gateway.state"])]
     for place_s in (1.0, 6.0, 3.0):
         shown.choose("#replay-place", str(place_s))
         wanted_s = 1e-3 * max(tick for time_ns, tick in frames if (time_ns - frames[0][0]) * 1e-9 <= place_s)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -76,13 +78,29 @@ def _at_rest(frame: Frame) -> Frame:
     )
 
 
-def test_the_command_says_so(recorded: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_command_says_so(recorded: Path) -> None:
     result = CliRunner().invoke(app, ["replay", str(recorded), "--check"])
     assert result.exit_code == 0, result.output
     assert "kept states are alike" in result.output
+    assert "another version" not in result.output
+
+
+def test_another_version_of_the_mechanics_is_said_and_tried(recorded: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(recorded_inputs, "mechanics_digest", lambda: "0" * 64)
-    with pytest.raises(RecordingError, match=r"a\.mcap: was made by another version of the mechanics"):
-        CliRunner().invoke(app, ["replay", str(recorded), "--check"], catch_exceptions=False, standalone_mode=False)
+    result = CliRunner().invoke(app, ["replay", str(recorded), "--check"])
+    assert result.exit_code == 0, result.output
+    assert re.search(
+        r"a\.mcap: was made by another version of the mechanics \([0-9a-f]{12}, these are 0{12}\)", result.output
+    )
+    found = json.loads(CliRunner().invoke(app, ["replay", str(recorded), "--check", "--json"]).output)
+    assert (found["other_mechanics"], found["alike"]) == (True, found["compared"])
+
+
+def test_without_its_scene_it_is_refused(recorded: Path) -> None:
+    inputs = read_inputs(recorded)
+    del inputs.attachments["scene.yaml"]
+    with pytest.raises(RecordingError, match=r"a\.mcap: its scene is not in it"):
+        inputs.check_scene()
 
 
 def test_what_lacks_its_beginning_is_refused_with_the_reason(recorded: Path, monkeypatch: pytest.MonkeyPatch) -> None:
