@@ -1,4 +1,4 @@
-"""Three runs of 3,000 ticks whose every state and force is kept beside the tests.
+"""Three runs of 3,000 ticks of which a few figures are kept beside the tests.
 
 They are made to go through as much of the mechanics as a run can: every effect, both kinds of holds, folds, the rim,
 stones, tools that press and slide, a mesh of a scan. What they show is not judged here, only that it stays the same.

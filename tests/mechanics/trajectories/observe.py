@@ -1,13 +1,10 @@
-"""What a run is known by: every state and every force of each of its ticks."""
+"""What a run is known by: a checksum of every state and force of each tick, and a few numbers that mean something."""
 
 from __future__ import annotations
 
 import hashlib
-import platform
-from dataclasses import dataclass, field
-from importlib.metadata import version
+from dataclasses import dataclass
 
-import llvmlite.binding as llvm
 import numpy as np
 import numpy.typing as npt
 
@@ -17,58 +14,49 @@ from trocar.services.mechanics.simulation import Simulation
 from .cases import DT_S, TICKS, Case
 
 FloatArray = npt.NDArray[np.float64]
+State = dict[str, npt.NDArray[np.generic]]
 
 N_WALL_NODES = 24
-# What one unit of a stored number means: far below what is seen (0.1 mm) or felt (1 mN).
-QUANTA = {
-    "modal_q": 1e-9,
-    "modal_qdot": 1e-6,
-    "modal_qddot": 1e-3,
-    "wall_m": 1e-9,
-    "load_force_n": 1e-7,
-    "catheter_m": 1e-9,
-    "catheter_m_s": 1e-6,
-    "director": 1e-7,
-    "twist_rad": 1e-7,
-    "stone_m": 1e-9,
-    "stone_m_s": 1e-6,
-    "contact_force_n": 1e-7,
-    "tool_force_n": 1e-7,
-    "port_moment_nm": 1e-9,
-    "grasp_torque_nm": 1e-9,
-    "stiffness_n_m": 1e-3,
-    "proxy_m": 1e-9,
-    "proxy_jaw_rad": 1e-8,
-    "inserted_m": 1e-9,
-}
-# The number of rows of these differs from tick to tick.
-RAGGED = ("load_node", "load_force_n", "contact_force_n")
 
 
 @dataclass
 class Run:
-    """A run: for every tick a checksum of all bits, and of every quantity its values.
+    """A run.
 
     Attributes
     ----------
     checksum : (T,) uint64
-    values : dict of str to (T, ...)
-        Ragged quantities are laid one behind the other; ``counts`` says how many rows belong to each tick.
+        Of all bits of all states and forces after each tick.
+    figures : dict of str to (T,) float64
+        Quantities that do not depend on the signs and the order of the modes.
     """
 
     checksum: npt.NDArray[np.uint64]
-    values: dict[str, npt.NDArray[np.generic]]
-    counts: dict[str, npt.NDArray[np.int64]] = field(default_factory=dict)
+    figures: dict[str, FloatArray]
 
 
-def observe(simulation: Simulation, wall: FloatArray, rest: FloatArray) -> dict[str, npt.NDArray[np.generic]]:
-    """Return copies of every state and force after a step; ``wall`` (w, 3, r) are the modes at its nodes ``rest``."""
+@dataclass
+class Wall:
+    """The nodes of the wall that are looked at: their modes (w, 3, r) and places at rest (w, 3)."""
+
+    modes: FloatArray
+    rest_m: FloatArray
+
+    @classmethod
+    def of(cls, case: Case) -> Wall:
+        """Choose nodes that lie evenly in the mesh's order."""
+        nodes = np.linspace(0, case.duct.mesh.n_vertices - 1, N_WALL_NODES).astype(np.int64)
+        return cls(np.ascontiguousarray(case.duct.basis.Phi[nodes]), case.duct.mesh.vertices_m[nodes])
+
+
+def observe(simulation: Simulation, wall: Wall) -> State:
+    """Return copies of every state and force after a step."""
     duct, catheter, felt = simulation.duct.state, simulation.catheter.state, simulation.tool_results
-    seen: dict[str, npt.NDArray[np.generic]] = {
+    seen: State = {
         "modal_q": duct.q,
         "modal_qdot": duct.qdot,
         "modal_qddot": duct.qddot,
-        "wall_m": rest + wall @ duct.q,
+        "wall_m": wall.rest_m + wall.modes @ duct.q,
         "load_node": simulation.duct.load_nodes[: simulation.duct.n_loads],
         "load_force_n": simulation.duct.load_force_n[: simulation.duct.n_loads],
         "catheter_m": catheter.position_m,
@@ -90,31 +78,68 @@ def observe(simulation: Simulation, wall: FloatArray, rest: FloatArray) -> dict[
     return {name: np.array(values) for name, values in seen.items()}
 
 
-def run(case: Case, jiggle: np.random.Generator | None = None) -> Run:
-    """Step a case through its ticks; ``jiggle`` moves its state by about a rounding error before every step."""
-    simulation, tools = Simulation(case.scene, case.duct), ToolInputs()
-    nodes = np.linspace(0, case.duct.mesh.n_vertices - 1, N_WALL_NODES).astype(np.int64)
-    wall, rest = np.ascontiguousarray(case.duct.basis.Phi[nodes]), case.duct.mesh.vertices_m[nodes]
-    checksum, seen = np.zeros(TICKS, np.uint64), []
-    for tick in range(TICKS):
+def figures(simulation: Simulation, wall: Wall, seen: State) -> dict[str, float]:
+    """Return the numbers of one tick: where everything is, how it moves, what it bears."""
+    duct, tip = simulation.duct, seen["catheter_m"][-1]
+    found = {
+        "wall_m": _mean_norm(seen["wall_m"] - wall.rest_m),
+        "strain_j": duct.strain_energy_j(),
+        "kinetic_j": duct.kinetic_energy_j(),
+        "contacts": len(seen["contact_force_n"]),
+        "contact_n": _norms(seen["contact_force_n"]).sum(),
+        **{f"tool{k}_n": norm for k, norm in enumerate(_norms(seen["tool_force_n"]))},
+        **{f"jaw{k}_nm": torque for k, torque in enumerate(seen["grasp_torque_nm"])},
+        **{f"proxy{k}_m": _norms(each[None])[0] for k, each in enumerate(seen["proxy_m"])},
+        **{f"tip_{axis}_m": place for axis, place in zip("xyz", tip, strict=True)},
+        "catheter_m_s": _mean_norm(seen["catheter_m_s"]),
+        "inserted_m": seen["inserted_m"][0],
+    }
+    if "twist_rad" in seen:
+        found["twist_rad"] = np.abs(seen["twist_rad"]).mean()
+    if "stone_m" in seen:
+        found["stone_x_m"] = seen["stone_m"].reshape(-1, 3)[:, 0].mean()
+    return {name: float(value) for name, value in found.items()}
+
+
+def _norms(vectors: npt.NDArray[np.generic]) -> FloatArray:
+    return np.linalg.norm(np.asarray(vectors, np.float64).reshape(-1, 3), axis=1)
+
+
+def _mean_norm(vectors: npt.NDArray[np.generic]) -> float:
+    return float(_norms(vectors).mean())
+
+
+def run(case: Case, ticks: int = TICKS, jiggle: np.random.Generator | None = None, start: float = 0.0) -> Run:
+    """Step a case through its ticks.
+
+    Parameters
+    ----------
+    jiggle
+        Moves the state by about a rounding error before every step.
+    start
+        By what share of its place the catheter begins elsewhere.
+    """
+    simulation, tools, wall = Simulation(case.scene, case.duct), ToolInputs(), Wall.of(case)
+    simulation.catheter.state.position_m *= 1.0 + start
+    checksum, rows = np.zeros(ticks, np.uint64), []
+    for tick in range(ticks):
         case.move(tick, tools)
         if jiggle is not None:
             _jiggle(simulation, jiggle)
         simulation.step(tools, dt_s=DT_S)
-        seen.append(observe(simulation, wall, rest))
-        checksum[tick] = _checksum(seen[-1])
-    values = {name: _stack([one[name] for one in seen], name) for name in seen[-1]}
-    counts = {name: np.array([len(one[name]) for one in seen]) for name in RAGGED}
-    return Run(checksum, values, counts)
+        seen = observe(simulation, wall)
+        checksum[tick] = _checksum(seen)
+        rows.append(figures(simulation, wall, seen))
+    return Run(checksum, {name: np.array([row.get(name, 0.0) for row in rows]) for name in rows[-1]})
 
 
-def _stack(rows: list[npt.NDArray[np.generic]], name: str) -> npt.NDArray[np.generic]:
-    if name in RAGGED:
-        return np.concatenate(rows)
-    return np.stack([np.zeros_like(rows[-1]) if row.shape != rows[-1].shape else row for row in rows])
+def first_difference(one: Run, other: Run) -> int | None:
+    """Return the first tick in which any bit of any state or force differs, None if none does."""
+    differs = np.flatnonzero(one.checksum != other.checksum)
+    return int(differs[0]) if differs.size else None
 
 
-def _checksum(seen: dict[str, npt.NDArray[np.generic]]) -> int:
+def _checksum(seen: State) -> int:
     """Return 64 bits that tell whether anything at all is different; -0.0 counts as 0.0."""
     digest = hashlib.blake2b(digest_size=8)
     for values in seen.values():
@@ -125,11 +150,3 @@ def _checksum(seen: dict[str, npt.NDArray[np.generic]]) -> int:
 def _jiggle(simulation: Simulation, random: np.random.Generator) -> None:
     for state in (simulation.duct.state.q, simulation.catheter.state.position_m):
         state *= 1.0 + 2.0**-52 * random.integers(-1, 2, state.shape)
-
-
-def machine() -> str:
-    """Name the kind of machine that gives the same bits: processor, features that LLVM uses, numerical packages."""
-    features = ",".join(sorted(name for name, has in llvm.get_host_cpu_features().items() if has))
-    kind = hashlib.blake2b(features.encode(), digest_size=4).hexdigest()
-    packages = " ".join(f"{name} {version(name)}" for name in ("numpy", "scipy", "numba", "llvmlite"))
-    return f"{llvm.get_host_cpu_name()} {kind} {platform.system()} {packages}"
