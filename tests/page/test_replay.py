@@ -99,10 +99,10 @@ def test_the_page_halts_steps_and_goes_anywhere(shown: Shown) -> None:
     assert browser.text("#replay-file") == "it's mine.mcap"
     shown.click("#replay-halt")
     shown.until("r['halted']", "it stands")
-    shown.choose("#replay-place", "6")
-    shown.until("r['place_s'] == 6.0", "it is there")
+    shown.choose("#replay-place", "6.03")  # between two states
+    shown.until("r['place_s'] == 6.03", "it is there")
     browser.until(lambda: browser.text("#replay-time").startswith("0:06.0 of 0:"), PATIENCE_S, "it is said")
-    places = [6.0]
+    places = [6.03]
     for line in ("s", "s", "b", "-5", "+5"):
         shown.click(f"#replay [data-line='{line}']")
         shown.until(f"abs(r['place_s'] - {places[-1]}) > 1e-3", f"{line} was heard")
