@@ -12,6 +12,7 @@ from typing import Any
 
 from trocar.services.mechanics.scene import CatheterScene, QualityLevel, SceneModel, ToolScene
 from trocar.services.mechanics.scene.tools import N_TOOLS
+from trocar.services.scenes.bends import bend_fault
 
 _POSITIVE = {
     "duct": "radius_m length_m n_around n_along thickness_m youngs_modulus_pa density_kg_m3 n_modes mesh_edge_m "
@@ -70,7 +71,7 @@ def fault(scene: SceneModel) -> str:
         return "forceps: one drive holds the catheter's end, are 2"
     if sum(tool.drives_wire for tool in scene.forceps) != (scene.catheter.guide_wire is not None):
         return "catheter.guide_wire: goes with one tool of kind wire_drive, and that with it"
-    return _hands_fault(scene) or _catheter_fault(scene.catheter) or _ladder_fault(scene.quality)
+    return _hands_fault(scene) or _catheter_fault(scene.catheter) or bend_fault(scene) or _ladder_fault(scene.quality)
 
 
 def _bounded(part: str, holder: Any) -> tuple[Sequence[str], Sequence[str]]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from trocar.services.mechanics.arrays import AnyArray, FloatArray, IntArray
 from trocar.services.mechanics.bodies.guide_wire import GuideWire, lay_at_rest
-from trocar.services.mechanics.bodies.sections import segment_radii, softness
+from trocar.services.mechanics.bodies.sections import axial_softness, end_softness, segment_radii
 from trocar.services.mechanics.compiled import kernel
 from trocar.services.mechanics.compiled.struct import Struct, reader
 from trocar.services.mechanics.rod import (
@@ -236,9 +236,10 @@ def rod_properties(scene: CatheterScene) -> RodProperties:
     )
     if not scene.sections:
         return rod
-    stiff = {name: softness(scene) * getattr(rod, name) for name in ("axial_stiffness_n", "bending_stiffness_n_m2")}
     return replace(
-        rod, axial_stiffness_n=stiff["axial_stiffness_n"], bending_stiffness_n_m2=stiff["bending_stiffness_n_m2"]
+        rod,
+        axial_stiffness_n=axial_softness(scene) * rod.axial_stiffness_n,
+        bending_stiffness_n_m2=end_softness(scene) * rod.bending_stiffness_n_m2,
     )
 
 

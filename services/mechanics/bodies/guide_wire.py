@@ -34,19 +34,25 @@ def with_wire(rod: RodProperties, wire: GuideWireScene, n_beyond: int) -> RodPro
     """
     tube = wire_tube(wire).rod(2, 1.0, twist=True)
 
-    def joined(name: str, *, adds: bool = False) -> FloatArray:
-        own, beyond = rod.per_segment(name), tube.per_segment(name)[0]
-        return np.concatenate([own + beyond if adds else own, np.full(n_beyond, beyond)])
+    def joined(own: FloatArray, name: str, *, adds: bool = False) -> FloatArray:
+        beyond = tube.per_segment(name)[0]
+        return np.concatenate([own + beyond if adds else own, np.full((n_beyond, *own.shape[1:]), beyond)])
+
+    def per_end(name: str) -> FloatArray:
+        return joined(rod.per_end(name), name)
+
+    def per_segment(name: str, *, adds: bool = False) -> FloatArray:
+        return joined(rod.per_segment(name), name, adds=adds)
 
     bent = rod.rest_curvature_1_m
     return replace(
         rod,
         n_segments=rod.n_segments + n_beyond,
         length_m=rod.segment_length_m * (rod.n_segments + n_beyond),
-        axial_stiffness_n=joined("axial_stiffness_n"),
-        bending_stiffness_n_m2=joined("bending_stiffness_n_m2"),
-        linear_density_kg_m=joined("linear_density_kg_m", adds=True),
-        torsional_stiffness_n_m2=joined("torsional_stiffness_n_m2"),
+        axial_stiffness_n=per_segment("axial_stiffness_n"),
+        bending_stiffness_n_m2=per_end("bending_stiffness_n_m2"),
+        linear_density_kg_m=per_segment("linear_density_kg_m", adds=True),
+        torsional_stiffness_n_m2=per_end("torsional_stiffness_n_m2"),
         rest_curvature_1_m=None if bent is None else np.concatenate([bent, np.zeros((n_beyond, 3))]),
     )
 
@@ -65,10 +71,11 @@ class GuideWire:
         wire, c, model, twist = scene.guide_wire, scene.n_segments, integrator.model, integrator.twist
         assert wire is not None
         assert twist is not None
-        own = properties.per_segment("bending_stiffness_n_m2"), properties.per_segment("torsional_stiffness_n_m2")
+        own = properties.per_end("bending_stiffness_n_m2"), properties.per_end("torsional_stiffness_n_m2")
         half_m = 0.5 * properties.segment_length_m
         bending, torsion = (
-            np.append(1.0 / (half_m / each[: c - 1] + half_m / each[1:c]), each[c - 1] / half_m) for each in own
+            np.append(1.0 / (half_m / each[: c - 1, 1] + half_m / each[1:c, 0]), each[c - 1, 1] / half_m)
+            for each in own
         )
         tube, drag = wire_tube(wire), properties.particle_drag_n_s_m()
         density = tube.density_kg_m3 * tube.area_m2()
@@ -76,10 +83,10 @@ class GuideWire:
         model.tip, self._rod = c, model
         twist.bending = model.joint_stiffness
         self.catheter_rest = twist.rest_rotation.copy()
-        arc_m, bent, squared = _sections(wire, tube)
+        arc_m, flexibility, curvature = _sections(wire, tube)
         self.place_array: FloatArray = np.zeros(2)
         self.model = GuideWireModel(
-            arc=arc_m, bent=bent, squared=squared, catheter_bending=bending, catheter_torsion=torsion,
+            arc=arc_m, flexibility=flexibility, curvature=curvature, catheter_bending=bending, catheter_torsion=torsion,
             catheter_rest=self.catheter_rest, joint_stiffness=model.joint_stiffness, torsion=twist.torsion,
             rest_rotation=twist.rest_rotation, rest_length=model.rest_length, mass=model.mass, drag=model.drag,
             EA=model.EA, load=np.zeros((properties.n_particles, 3)), moment=np.zeros((properties.n_particles - 2, 3)),
@@ -137,11 +144,10 @@ def frame_of(state: RodState) -> Frame:
 
 
 def _sections(wire: GuideWireScene, tube: RoundTube) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return rows of `GuideWireModel`: ends of the sections, from the tip on, and integrals of stiffness up to them."""
-    flexibility, rows = 1.0 / (wire.youngs_modulus_pa * tube.second_moment_m4()), [np.zeros(5)]
-    for section in wire.sections:
-        softness = wire.youngs_modulus_pa / (section.youngs_modulus_pa or wire.youngs_modulus_pa)
-        a, b, _ = section.rest_curvature_1_m
-        rows.append(section.length_m * np.array([1.0, softness * flexibility, a, b, a * a + b * b]))
-    table = np.cumsum([*rows, _FAR_M * np.array([1.0, flexibility, 0.0, 0.0, 0.0])], axis=0)
-    return table[:, 0].copy(), table[:, 1:4].copy(), table[:, 4].copy()
+    """Return `GuideWireModel`'s ends, flexibilities and rest curvatures of sections, from the tip on, the body last."""
+    moduli = np.array(
+        [*(each.youngs_modulus_pa or wire.youngs_modulus_pa for each in wire.sections), wire.youngs_modulus_pa]
+    )
+    lengths_m = [*(section.length_m for section in wire.sections), _FAR_M]
+    bent = np.array([*(section.rest_curvature_1_m[:2] for section in wire.sections), (0.0, 0.0)])
+    return np.cumsum([0.0, *lengths_m]), 1.0 / (moduli * tube.second_moment_m4()), bent

@@ -63,7 +63,7 @@ class WireDrive:
         self._along = np.array(scene.direction) / float(np.linalg.norm(scene.direction))
         model, length_m = self.wire.model, scene.length_m
         self._mass_kg = model.density * (length_m + self._scene.out_m)
-        bending = (model.arc[-1] - model.arc[-2]) / (model.bent[-1, 0] - model.bent[-2, 0])
+        bending = 1.0 / model.flexibility[-1]
         self._torsion_nm_rad = bending / (1.0 + model.poisson) / length_m
         self.motion = WireMotion(self.wire.place)
         self._origin_m, self._rolled_rad, self._is_held, self._ahead_m = 0.0, 0.0, False, 0.0

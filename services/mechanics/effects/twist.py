@@ -8,7 +8,7 @@ import numpy as np
 
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.bodies.catheter import round_tube
-from trocar.services.mechanics.bodies.sections import joint_curvature, softness
+from trocar.services.mechanics.bodies.sections import end_softness, joint_curvature
 from trocar.services.mechanics.effects.base import Effect
 from trocar.services.mechanics.rod import RodProperties
 
@@ -25,7 +25,7 @@ class Twist(Effect):
         curvature = np.array(catheter.rest_curvature_1_m) if catheter.rest_curvature_1_m else None
         stiffness: float | FloatArray = round_tube(catheter).torsional_stiffness_n_m2()
         if catheter.sections:
-            stiffness = stiffness * softness(catheter)
+            stiffness = stiffness * end_softness(catheter)
             bent = joint_curvature(catheter, "rest_curvature_1_m")
             curvature = bent if curvature is None else curvature + (0.0 if bent is None else bent)
         return replace(rod, torsional_stiffness_n_m2=stiffness, rest_curvature_1_m=curvature)

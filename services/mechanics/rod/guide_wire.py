@@ -4,7 +4,8 @@ The model is that of concentric tubes without clearance (Dupont, Lock, Itkowitz 
 concentric-tube robots", IEEE Transactions on Robotics 2010): stiffnesses add, and the rest curvature of the rod is the
 mean of both, weighted by stiffness. The wire has two coordinates, its *place*: the length that protrudes from the tip,
 and its roll relative to the catheter. The segments beyond the tip divide this length evenly. Positions on the wire are
-arc lengths from its own tip.
+arc lengths from its own tip. A joint has the integrals of the wire's properties with the linear shape function of its
+particle, as in `bodies.sections`, so that a section acts over its own length wherever it lies between the particles.
 """
 
 from __future__ import annotations
@@ -25,9 +26,9 @@ _STEP_M, _STEP_RAD = 1e-5, 1e-4  # steps of difference quotients, far below a no
 class GuideWireModel(Struct):
     """Properties of wire and catheter, and the arrays of the common rod with n particles; c joints up to the tip."""
 
-    arc: Annotated[FloatArray, "k"]  # ends of the wire's sections from its tip; the last is beyond its end, m
-    bent: Annotated[FloatArray, "k", 3]  # integrals up to there: compliance, rad/(N m); rest angles about m1, m2, rad
-    squared: Annotated[FloatArray, "k"]  # integral of the square of the rest curvature up to there, rad^2/m
+    arc: Annotated[FloatArray, "k + 1"]  # ends of the wire's sections from its tip; the last is beyond its end, m
+    flexibility: Annotated[FloatArray, "k"]  # of the sections, 1/(N m^2)
+    curvature: Annotated[FloatArray, "k", 2]  # of the sections at rest, about m1 and m2, 1/m
     catheter_bending: Annotated[FloatArray, "c"]  # of the joints, and of the half segment before the tip, N m/rad
     catheter_torsion: Annotated[FloatArray, "c"]
     catheter_rest: Annotated[FloatArray, "n - 2", 3]  # its own rest rotation, rad
@@ -109,32 +110,46 @@ def _rotation(frame: Frame, i: int) -> tuple[float, Vector]:
 
 
 @kernel
-def _piece(wire: GuideWireModel, start: float, end: float, roll: float) -> tuple[float, float, float, float]:
-    """Return the wire's bending stiffness and rest rotation about the catheter's m1 and m2 between two arc lengths.
+def _piece(
+    wire: GuideWireModel, at: float, before: float, after: float, roll: float
+) -> tuple[float, float, float, float]:
+    """Return the wire's bending stiffness and rest rotation about the catheter's m1 and m2 at a joint.
 
-    The last number is the length times the integral of the square of the rest curvature, in rad^2.
+    The joint lies at an arc length ``at`` from the wire's tip, between segments of the lengths ``before`` and
+    ``after``. The last number is the joint's length times the integral of the square of the rest curvature, in rad^2.
     """
-    bent, squared = (0.0, 0.0, 0.0), 0.0
-    for at, sign in ((start, -1.0), (end, 1.0)):
-        k = 1
-        while k < wire.arc.shape[0] - 1 and wire.arc[k] < at:
-            k += 1
-        share = (at - wire.arc[k - 1]) / (wire.arc[k] - wire.arc[k - 1])
-        bent = along(along(bent, row(wire.bent, k - 1), sign * (1.0 - share)), row(wire.bent, k), sign * share)
-        squared += sign * ((1.0 - share) * wire.squared[k - 1] + share * wire.squared[k])
+    compliance, first, second, squared = 0.0, 0.0, 0.0, 0.0
+    for k in range(wire.flexibility.shape[0]):
+        start, end = wire.arc[k] - at, wire.arc[k + 1] - at
+        length = _part_below(end, before) - _part_below(start, before)
+        length += _part_below(-start, after) - _part_below(-end, after)
+        a, b = wire.curvature[k, 0], wire.curvature[k, 1]
+        compliance += length * wire.flexibility[k]
+        first += length * a
+        second += length * b
+        squared += length * (a * a + b * b)
     cosine, sine = math.cos(roll), math.sin(roll)
-    a, b = cosine * bent[1] - sine * bent[2], sine * bent[1] + cosine * bent[2]
-    return 1.0 / bent[0], a, b, (end - start) * squared
+    a, b = cosine * first - sine * second, sine * first + cosine * second
+    return 1.0 / compliance, a, b, 0.5 * (before + after) * squared
+
+
+@kernel
+def _part_below(place: float, length: float) -> float:
+    """Return the integral up to a place of a shape function that falls from 1 at 0 to 0 at ``length``."""
+    if place <= 0.0 or length <= 0.0:
+        return 0.0
+    part = min(place / length, 1.0)
+    return length * part * (1.0 - 0.5 * part)
 
 
 @kernel
 def _wire_joint(wire: GuideWireModel, i: int, place: Place) -> tuple[float, float, float, float]:
-    """Return what `_piece` returns for the wire at joint i: half a segment on either side of it."""
+    """Return what `_piece` returns for the wire at joint i."""
     beyond = place[0] / (wire.mass.shape[0] - 1 - wire.tip)
     before = wire.rest_length[0] if i < wire.tip else beyond
     after = wire.rest_length[0] if i + 1 < wire.tip else beyond
     at = place[0] + (wire.tip - i - 1) * before
-    piece: tuple[float, float, float, float] = _piece(wire, at - 0.5 * after, at + 0.5 * before, place[1])
+    piece: tuple[float, float, float, float] = _piece(wire, at, before, after, place[1])
     return piece
 
 
@@ -151,7 +166,7 @@ def _joint(wire: GuideWireModel, i: int, place: Place) -> tuple[float, tuple[flo
         return bending, (a, b), bending / shear, 0.0, 0.0
     own, own_torsion = wire.catheter_bending[i], wire.catheter_torsion[i]
     if i == wire.tip - 1:  # half of the joint is in the catheter, half of it outside: two springs in series
-        inside, a_in, b_in, squared = _piece(wire, place[0], place[0] + 0.5 * wire.rest_length[0], place[1])
+        inside, a_in, b_in, squared = _piece(wire, place[0], wire.rest_length[0], 0.0, place[1])
         outside = 1.0 / (1.0 / bending - 1.0 / inside)
         both, share = own + inside, own / (own + inside)
         twists = own_torsion + inside / shear

@@ -66,7 +66,7 @@ model_at, work_at = reader(RodModel), reader(RodWork)
 
 def build_model(properties: RodProperties, supports: Supports) -> RodModel:
     """Return the arrays of a rod. Raises ValueError if the supports do not fit the rod."""
-    EI = properties.per_segment("bending_stiffness_n_m2")
+    EI = properties.per_end("bending_stiffness_n_m2")
     held = supports.held_indices(properties.n_particles)
     is_held = np.zeros(properties.n_particles, dtype=np.bool_)
     is_held[held] = True
@@ -80,7 +80,7 @@ def build_model(properties: RodProperties, supports: Supports) -> RodModel:
         tip=properties.n_particles - 1,
         beta=float(properties.internal_damping_s),
         walls=supports.wall_directions(),
-        wall_stiffness=2.0 * EI[[0, -1]] / properties.segment_length_m,
+        wall_stiffness=2.0 * EI[[0, -1], [0, 1]] / properties.segment_length_m,
         introducer=supports.introducer.springs() if supports.introducer is not None else IntroducerSprings.zeros(),
         held=held,
         is_held=is_held,

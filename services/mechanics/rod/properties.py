@@ -16,10 +16,10 @@ class RodProperties:
     Attributes:
         n_segments, length_m, radius_m: Segments (at least 2), rest length and outer radius of the rod.
         axial_stiffness_n: EA, a number or one per segment.
-        bending_stiffness_n_m2: EI, a number or one per segment; a joint between two segments takes their series
-            (harmonic) mean.
+        bending_stiffness_n_m2: EI, a number, one per segment, or (n_segments, 2) at both ends of each segment, where it
+            is not the same all along a segment; a joint takes the series (harmonic) mean of the ends that it connects.
         linear_density_kg_m: rho A, a number or one per segment.
-        torsional_stiffness_n_m2: GJ, a number or one per segment, or None: then the rod has no material frame at all.
+        torsional_stiffness_n_m2: GJ, given as EI is, or None: then the rod has no material frame at all.
         internal_damping_s: beta of a Kelvin-Voigt material: the stress has an additional part, beta times modulus times
             strain rate. A mode of angular frequency omega has the damping ratio beta omega / 2. It conserves linear and
             angular momentum.
@@ -47,10 +47,11 @@ class RodProperties:
             raise ValueError(f"n_segments is {self.n_segments}; a rod needs at least 2 segments")
         for name in ("length_m", "radius_m", "linear_density_kg_m", "axial_stiffness_n"):
             _require(name, self.per_segment(name), positive=True)
-        for name in ("bending_stiffness_n_m2", "internal_damping_s", "viscous_drag_n_s_m2"):
+        for name in ("internal_damping_s", "viscous_drag_n_s_m2"):
             _require(name, self.per_segment(name), positive=False)
+        _require("bending_stiffness_n_m2", self.per_end("bending_stiffness_n_m2"), positive=False)
         if self.torsional_stiffness_n_m2 is not None:
-            _require("torsional_stiffness_n_m2", self.per_segment("torsional_stiffness_n_m2"), positive=True)
+            _require("torsional_stiffness_n_m2", self.per_end("torsional_stiffness_n_m2"), positive=True)
         self._check_rest_curvature()
 
     def _check_rest_curvature(self) -> None:
@@ -61,6 +62,12 @@ class RodProperties:
         shape = np.shape(self.rest_curvature_1_m)
         if shape != (self.n_segments - 1, 3) or not np.all(np.isfinite(self.rest_curvature_1_m)):
             raise ValueError(f"rest_curvature_1_m must be finite, of shape ({self.n_segments - 1}, 3), not {shape}")
+        across_1_m = np.linalg.norm(np.asarray(self.rest_curvature_1_m)[:, :2], axis=1)
+        if across_1_m[sharpest := int(np.argmax(across_1_m))] * self.radius_m > 1.0:
+            raise ValueError(
+                f"rest_curvature_1_m bends joint {sharpest} to a radius of {1e3 / across_1_m[sharpest]:.3g} mm, below "
+                f"the rod's own of {1e3 * self.radius_m:.3g} mm"
+            )
 
     @property
     def n_particles(self) -> int:
@@ -82,6 +89,16 @@ class RodProperties:
             raise ValueError(f"{name} has shape {value.shape}; give a number or one per segment ({self.n_segments},)")
         return np.ascontiguousarray(np.broadcast_to(value, (self.n_segments,)))
 
+    def per_end(self, name: str) -> FloatArray:
+        """Return the values (n_segments, 2) of a stiffness at both ends of each segment.
+
+        Raises ValueError if an array has another shape than (n_segments,) or (n_segments, 2).
+        """
+        value = np.asarray(getattr(self, name), dtype=np.float64)
+        if value.shape == (self.n_segments, 2):
+            return np.ascontiguousarray(value)
+        return np.repeat(self.per_segment(name)[:, None], 2, axis=1)
+
     def particle_mass_kg(self) -> FloatArray:
         """Return the lumped masses (n,), half of each neighbouring segment; their sum is the mass of the rod."""
         return self._lump(self.per_segment("linear_density_kg_m"))
@@ -101,9 +118,10 @@ class RodProperties:
 
     def joint_stiffness_n_m(self, name: str = "bending_stiffness_n_m2") -> FloatArray:
         """Return the moment per radian (n_segments - 1,) of the inner joints, EI/l: two half segments in series."""
-        stiffness = self.per_segment(name)
-        total = stiffness[:-1] + stiffness[1:]
-        series = np.divide(2.0 * stiffness[:-1] * stiffness[1:], total, out=np.zeros_like(total), where=total > 0.0)
+        stiffness = self.per_end(name)
+        before, after = stiffness[:-1, 1], stiffness[1:, 0]
+        total = before + after
+        series = np.divide(2.0 * before * after, total, out=np.zeros_like(total), where=total > 0.0)
         return np.asarray(series / self.segment_length_m)
 
 

@@ -68,8 +68,8 @@ def build_twist_model(properties: RodProperties, walls: FloatArray = NO_WALLS) -
         slice(at_start, at_start + properties.n_segments - 1),
     )
     torsion, bending, rest = np.zeros(n_directors - 1), np.zeros(n_directors - 1), np.zeros((n_directors - 1, 3))
-    half_joint = 2.0 * properties.per_segment("torsional_stiffness_n_m2") / properties.segment_length_m
-    torsion[0], torsion[-1] = half_joint[0], half_joint[-1]
+    half_joint = 2.0 * properties.per_end("torsional_stiffness_n_m2") / properties.segment_length_m
+    torsion[0], torsion[-1] = half_joint[0, 0], half_joint[-1, 1]
     torsion[joints] = properties.joint_stiffness_n_m("torsional_stiffness_n_m2")
     bending[joints] = properties.joint_stiffness_n_m()
     if properties.rest_curvature_1_m is not None:

@@ -11,6 +11,7 @@ Vector3 = tuple[float, float, float]
 class CatheterSection:
     """One section. Sections are listed from the tip on; behind the last one the catheter's own values hold.
 
+    A section is as long as it is said to be, whatever the segments: where it ends within one, that has a part of both.
     ``youngs_modulus_pa`` is the catheter's by default. ``rest_curvature_1_m`` is the curvature at rest, and
     ``steering_1_m_rad`` its change per radian of a drive's handle: about m1, about m2 and twist, in the material frame.
     """

@@ -50,6 +50,10 @@ def test_a_joint_between_two_stiffnesses_is_two_half_segments_in_series():
         ({"linear_density_kg_m": np.ones(3)}, "linear_density_kg_m"),
         ({"rest_curvature_1_m": np.zeros((49, 3))}, "torsional_stiffness_n_m2"),
         ({"rest_curvature_1_m": np.zeros((50, 3)), "torsional_stiffness_n_m2": 1e-5}, r"\(49, 3\)"),
+        (
+            {"rest_curvature_1_m": np.full((49, 3), 2e3), "torsional_stiffness_n_m2": 1e-5},
+            "joint 0 to a radius of 0.354 mm, below the rod's own of 0.75 mm",
+        ),
     ],
 )
 def test_what_has_no_physical_meaning_is_refused_by_name(changes, named):
