@@ -260,7 +260,8 @@ def attempt(
         AttemptVerb, typer.Argument(help="The order: new, pause, resume, step, slow, bookmark; `status` only looks.")
     ],
     value: Annotated[
-        float | None, typer.Argument(min=0.0, callback=finite, help="`step`: milliseconds; `slow`: pace, 1/32 to 1.")
+        float | None,
+        typer.Argument(min=0.0, callback=finite, help="`step`: whole milliseconds; `slow`: pace, 1/32 to 1."),
     ] = None,
     rig: Rig = "stub",
     json: Json = False,

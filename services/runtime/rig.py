@@ -294,11 +294,11 @@ class ReplaySettings(Settings):
         1.0, description="multiple of real time; 0: as fast as possible"
     )
     from_s: Annotated[float, between(0.0, _A_WEEK, "s", "a recording begins at 0, and none lasts longer")] = Field(
-        0.0, description="what comes before is simulated as fast as possible"
+        0.0, description="what comes before is simulated as fast as possible; a time in whole ticks of 1 ms"
     )
     until_s: (
         Annotated[float, between(1e-3, _A_WEEK, "s", "no recording lasts longer, and a tick takes 0.001 s")] | None
-    ) = None
+    ) = Field(None, description="end, a time in whole ticks of 1 ms; none: that of the recording")
     loop: bool = False
     take_over: bool = Field(False, description="whether the rig's own devices take over at the end")
 

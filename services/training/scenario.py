@@ -79,7 +79,8 @@ class Goal:
 
     With a ``branch``, the name of an end of the duct, ``depth_m`` is the distance of the tip along the path to it; a
     tip on another branch counts up to the fork. ``phases`` is the required order of the procedure's phases; empty for
-    any. ``forbidden`` are the errors that make the attempt fail.
+    any. ``forbidden`` are the errors that make the attempt fail. A rig judges 12 times a second, so that an attempt may
+    end a twelfth of a second after ``hold_s`` or ``time_limit_s``.
     """
 
     __pydantic_config__ = STRICT

@@ -127,12 +127,12 @@ class Trainer:
                 return True, f"time goes at {order.value:g} of the clock"
             case "slow":
                 return False, f"slow motion goes from 1/32 to 1, not {order.value:g}"
-            case "step" if self._pace == 0.0 and 1 <= order.value <= _MOST_STEPS:
+            case "step" if self._pace == 0.0 and order.value in range(1, _MOST_STEPS + 1):
                 self._steps += int(order.value)
                 self.attempt.spoil("it was stepped through")
                 return True, f"{int(order.value)} ms on"
             case "step":
-                return False, f"single steps, 1 to {_MOST_STEPS} ms, are taken while paused"
+                return False, f"single steps, whole ms from 1 to {_MOST_STEPS}, are taken while paused"
             case "bookmark":
                 self.attempt.bookmark()
                 return True, f"marked at {self.attempt.time_s:.1f} s"

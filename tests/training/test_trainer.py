@@ -186,6 +186,7 @@ def test_single_steps_are_counted_while_paused_and_spoil_an_attempt_as_slow_moti
     assert rig.trainer.body().counts
     assert _answer(rig, "step", 20.0).ok
     assert _answer(rig, "step", 1.0).ok
+    assert not _answer(rig, "step", 1.9).ok
     told = rig.trainer.body()
     assert (told.steps, told.counts, told.why_not) == (21, False, "it was stepped through")
     _answer(rig, "new")

@@ -22,7 +22,10 @@ _FILM = number_of("film")
 
 @dataclass(frozen=True, slots=True)
 class MucusDragSettings:
-    """Viscosity of the film at the rates of an insertion, and its thickness, which is also its reach; assumptions."""
+    """Viscosity of the film at the rates of an insertion, and its thickness, which is also its reach; assumptions.
+
+    The wet length is one of whole segments of the catheter, one for each particle that the film reaches.
+    """
 
     viscosity_pa_s: float = 0.5
     film_m: float = 0.3e-3

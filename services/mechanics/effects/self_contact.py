@@ -13,7 +13,10 @@ from trocar.services.mechanics.world import World
 
 @dataclass(frozen=True, slots=True)
 class SelfContactSettings:
-    """Segments closer along the catheter than this many diameters are not tested against each other."""
+    """Segments closer along the catheter than this many diameters are not tested against each other.
+
+    The distance is rounded up to whole segments, and is at least two.
+    """
 
     neighbour_diameters: float = 4.0
 

@@ -127,17 +127,20 @@ def depth_root(model: RodModel, i: int, axial: float) -> tuple[float, float]:
 def stop_overlap(model: RodModel, x: FloatArray, passage: Passage) -> tuple[int, float]:
     """Return the particle that is beyond a stop, and its overlap (m), positive towards the exit; (0, 0.0) if none is.
 
-    The first particle stops two segments (at most half the introducer) before the exit, and the particle
-    ``least_tip_m`` before the tip stops at the exit. So the rod cannot leave its introducer.
+    The first particle stops two segments (at most half the introducer) before the exit, and the point ``least_tip_m``
+    before the tip stops at the exit: the force acts on the last particle before it, which stops as much earlier. So the
+    rod cannot leave its introducer.
     """
     length = model.introducer.length
     if not passage.has_entry and passage.first == 0:
         over = axial_position(model.introducer, x, 0) - (length - min(2.0 * model.rest_length[0], 0.5 * length))
         if over > 0.0:
             return 0, over
-    bead = max(model.tip - int(np.ceil(model.introducer.least_tip / model.rest_length[0])), 0)
+    least, spacing = model.introducer.least_tip, model.rest_length[0]
+    bead = max(model.tip - int(np.ceil(least / spacing)), 0)
     if passage.last >= bead:
-        short = axial_position(model.introducer, x, bead) - length
+        early = max((model.tip - bead) * spacing - least, 0.0)
+        short = axial_position(model.introducer, x, bead) + early - length
         if short < 0.0:
             return bead, short
     return 0, 0.0

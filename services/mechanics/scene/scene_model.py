@@ -28,7 +28,7 @@ class DuctScene:
 
     The tube is clamped at x = 0 and open at x = ``length_m``; its mid-surface has the radius ``radius_m``. A scene file
     may leave ``n_around`` and ``n_along`` to the rule in `scene.mesh_cells`: ``auto``. With ``branches`` it is the
-    trunk of a tree, meshed with edges of ``mesh_edge_m``; its far end is held unless branches continue from it.
+    trunk of a tree, meshed with edges of about ``mesh_edge_m``; its far end is held unless branches continue from it.
     Both integrators of its modes are of second order and without numerical damping (spectral radius 1); each mode is
     damped by ``damping_ratio``.
     ``tissue`` names the preset of `scene.tissue` from which the wall's values were taken, if any.
@@ -70,7 +70,7 @@ class CatheterScene:
     It starts straight, with its tip at ``tip_position_m`` and the rest along ``-direction`` from there; or, with
     ``before_mouth_m``, at that distance before the duct's mouth, or another ``opening``, on the opening's axis.
     ``anchor`` "clamped" holds the proximal end; with "introducer" it slides through one of ``introducer_length_m``, its
-    exit ``introducer_to_tip_m`` behind the tip, and cannot leave it.
+    exit ``introducer_to_tip_m`` behind the tip, and cannot leave it: its last two segments and its first 5 mm stay.
     ``guide_wire`` lies in its lumen and reaches beyond the tip.
     ``introducer_friction`` is the Coulomb coefficient of its wall; ``introducer_seal_friction_n`` the friction of the
     seal at its exit, which keeps a released catheter in place.

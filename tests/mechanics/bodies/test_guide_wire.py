@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.special import ellipk
 
 from trocar.services.mechanics.bodies.catheter import CatheterBody
@@ -155,6 +157,43 @@ def test_torsion_is_of_both():
     wanted = 2.0 * (own * tube + other * wire) / (LENGTH_M / N)
     np.testing.assert_allclose(rod.wire.model.torsion[: N - 1], wanted, rtol=1e-9)
     assert wire_tube(WIRE).torsional_stiffness_n_m2() == pytest.approx(2.0 * other * wire)
+
+
+@given(
+    n_segments=st.integers(10, 150),
+    out_m=st.floats(5e-3, 40e-3),
+    roll_rad=st.floats(-3.0, 3.0),
+    parts=st.lists(st.tuples(st.floats(1e-3, 25e-3), st.floats(0.1e9, 2e9), st.floats(0.0, 20.0)), max_size=4),
+)
+def test_sections_of_a_wire_act_over_their_lengths_wherever_it_is(n_segments, out_m, roll_rad, parts):
+    """Compliance and rest turn have the first moments about the tip that their integrals have, at any mesh.
+
+    The catheter is so soft that the wire alone is felt.
+    """
+    sections = tuple(
+        CatheterSection(length_m=length_m, youngs_modulus_pa=modulus_pa, rest_curvature_1_m=(curvature_1_m, 0.0, 0.0))
+        for length_m, modulus_pa, curvature_1_m in parts
+    )
+    first_moments, exact = [], np.zeros(2)
+    for each in ((), sections):
+        wire = replace(WIRE, sections=each, out_m=out_m)
+        catheter = replace(CATHETER, n_segments=n_segments, youngs_modulus_pa=1e-3, guide_wire=wire)
+        scene = SceneModel(catheter=catheter, forceps=(WireDriveScene(),), effects={"twist": NoSettings()})
+        properties = scene_rod(scene, build_effects(scene).values())
+        rod, state = ImplicitIntegrator(properties, Supports()), straight_rod(properties, (0, 0, 0), (1, 0, 0))
+        GuideWire(catheter, properties, rod, state).set_place((out_m, roll_rad))
+        arc_m = np.cumsum(rod.model.rest_length[::-1])[-2::-1]
+        turns_rad = np.linalg.norm(rod.twist.rest_rotation, axis=1)
+        first_moments.append([arc_m @ turns_rad, arc_m @ (1.0 / rod.model.joint_stiffness)])
+    start_m, second_m4 = 0.0, np.pi / 64.0 * WIRE.outer_diameter_m**4
+    for length_m, modulus_pa, curvature_1_m in parts:
+        moment_m2 = 0.5 * ((start_m + length_m) ** 2 - start_m**2)
+        softer = 1.0 / modulus_pa - 1.0 / WIRE.youngs_modulus_pa
+        exact += moment_m2 * np.array([curvature_1_m, softer / second_m4])
+        start_m += length_m
+    without, found = first_moments
+    assert found[0] == pytest.approx(exact[0], rel=1e-6, abs=1e-12)
+    assert found[1] - without[1] == pytest.approx(exact[1], rel=1e-6, abs=1e-6 * without[1])
 
 
 def pressed(push_n, aside_n, steps=400):

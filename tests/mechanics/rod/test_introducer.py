@@ -91,8 +91,21 @@ def test_a_rod_that_is_pulled_hard_stays_in_its_introducer():
         if force_n > 0.0:
             assert axial(state, 0) == pytest.approx(0.03 - 2 * 0.002 + give_m, rel=1e-4)
         else:
-            # the particle that stops is the first one at least 5 mm from the tip: 6 mm
-            assert axial(state, 50 - 3) == pytest.approx(0.03 - give_m, rel=1e-4)
+            # the point that stops lies between the particles 4 and 6 mm from the tip
+            assert axial(state, 50 - 3) == pytest.approx(0.03 - 0.001 - give_m, rel=1e-4)
+
+
+@pytest.mark.parametrize("n_segments", [33, 50, 71, 100])
+@pytest.mark.parametrize("least_tip_m", [5e-3, 7.3e-3])
+def test_the_same_length_of_tip_stays_out_whatever_the_segments(n_segments, least_tip_m):
+    properties = example_rod(n_segments, internal_damping_s=5e-3, viscous_drag_n_s_m2=0.5)
+    supports = Supports(introducer=Introducer(*INTRODUCER, least_tip_m=least_tip_m))
+    integrator, state = ImplicitIntegrator(properties, supports), straight_rod(properties, (-0.06, 0, 0), X)
+    load = np.zeros_like(state.position_m)
+    load[0, 0] = -0.05
+    for _ in range(3000):
+        integrator.predict(state, load, 1e-3)
+    assert state.position_m[-1, 0] - 0.03 == pytest.approx(least_tip_m, rel=0.01)
 
 
 def test_a_rod_that_runs_into_its_stop_gains_no_energy():
