@@ -27,6 +27,11 @@ FLOOD_BURST = 100.0
 FLOOD_FRAMES = 50.0
 #: Seconds of frames that a delayed reader of every frame of a fast topic may catch up.
 BACKLOG_S = 30.0
+#: No publisher sends more frames of a topic in a second: a greater step of the sequence was not made by sending.
+FASTEST_HZ = 1e6
+#: Silence after which a process is taken to be gone, as the supervisor does by default: one that it had replaced may
+#: come back then. Another sequence of the same process is followed once its last frame is no longer fresh.
+GONE_S = 0.5
 FAR_NS = 1_000_000  # half a round trip from which a sampled topic is read all the time
 #: Most frames of one `drain`, to bound a loop's time; the others wait for the next.
 DRAIN_LIMIT = 256
@@ -133,6 +138,7 @@ class Inbox:
         self.age = LatencyHistogram(round(1e9 / row.rate_hz))
         self.last: Frame | None = None
         self._retired: deque[int] = deque(maxlen=16)
+        self._begun_ns = self._heard_ns = 0  # first and last frame of the sender that is followed, by this host's clock
         self._used = not every  # a reader of every frame only stores or shows it
         self._burst = max(FLOOD_BURST, BACKLOG_S * row.rate_hz) if every else FLOOD_BURST
         self._tokens = self._burst
@@ -146,7 +152,7 @@ class Inbox:
             self._is_refusing = True  # which may be this reader's lateness
             return None
         self._tokens -= 1.0
-        frame = self._decoded(data)
+        frame = self._decoded(data, now)
         if frame is not None:
             self._count(frame, 1, now)
         return frame if frame is None or self.is_near else self._here(frame, now)
@@ -158,7 +164,7 @@ class Inbox:
         if within < len(batch):
             self.refused[Reason.FLOOD] += len(batch) - within
             self._is_refusing = True  # which may be this reader's lateness
-        frames = [frame for data in batch[:within] if (frame := self._decoded(data)) is not None]
+        frames = [frame for data in batch[:within] if (frame := self._decoded(data, now)) is not None]
         if frames:
             self._count(frames[-1], len(frames), now)
         return frames if self.is_near else [self._here(frame, now) for frame in frames]
@@ -189,15 +195,15 @@ class Inbox:
             return now_ns - frame.sent_ns, 0
         return (now_ns - clock.here_ns(frame.sent_ns), clock.uncertainty_ns(now_ns)) if clock.known else None
 
-    def _decoded(self, data: bytes) -> Frame | None:
+    def _decoded(self, data: bytes, now_ns: int) -> Frame | None:
         """Return the frame in `data` and store it as the last, if it is valid; else None, counting the reason."""
         try:
             frame = protocol.decode(data, self.row.name, used=self._used)
-            self._order(frame)
+            self._order(frame, now_ns)
         except FrameError as error:
             self.refused[error.reason] += 1
             return None
-        self.last = frame
+        self.last, self._heard_ns = frame, now_ns
         return frame
 
     def _count(self, last: Frame, n: int, now: int) -> None:
@@ -240,25 +246,52 @@ class Inbox:
         self._refilled_ns = now_ns
         return self._tokens
 
-    def _order(self, frame: Frame) -> None:
+    def _order(self, frame: Frame, now_ns: int) -> None:
+        """Raise FrameError if a frame is not the next of the sender that is followed, nor the first of its successor.
+
+        Nobody keeps that place by what a single frame says, such as a forged sequence or incarnation: once the sender
+        is silent there is nothing left to protect, and the next young frame is followed.
+        """
         last = self.last
         if last is None:
-            self._counted = frame.sequence, frame.sent_ns
-            return
-        if frame.incarnation == last.incarnation:
-            gap = frame.sequence - last.sequence - 1
-            if gap < 0:
-                raise FrameError(Reason.OUT_OF_ORDER, f"sequence {frame.sequence} after {last.sequence}")
-            if self.every:
-                self.dropped += gap
-            elif gap:
-                self.superseded += gap
-                self._look_for_flood(frame)
-            return
-        if frame.incarnation in self._retired:
-            raise FrameError(Reason.OLD_INCARNATION, f"{frame.incarnation} was replaced")
-        self._retired.append(last.incarnation)
+            self._follow(frame, now_ns)
+        elif frame.incarnation != last.incarnation:
+            if frame.incarnation in self._retired and not self._may_replace(frame, now_ns, GONE_S):
+                raise FrameError(Reason.OLD_INCARNATION, f"{frame.incarnation} was replaced")
+            self._retired.append(last.incarnation)
+            self._follow(frame, now_ns)
+        elif 0 <= (gap := frame.sequence - last.sequence - 1) <= self._longest_gap(now_ns):
+            self._skip(frame, gap)
+        elif self._may_replace(frame, now_ns, self.row.stale_after_s):
+            self._follow(frame, now_ns)
+        else:
+            raise FrameError(Reason.OUT_OF_ORDER, f"sequence {frame.sequence} after {last.sequence}")
+
+    def _follow(self, frame: Frame, now_ns: int) -> None:
+        """Take a frame as the first of the sender that is followed from now on."""
+        self._begun_ns = now_ns
         self._counted = frame.sequence, frame.sent_ns
+        if frame.incarnation in self._retired:
+            self._retired.remove(frame.incarnation)
+
+    def _skip(self, frame: Frame, gap: int) -> None:
+        """Count the frames that are missing before this one."""
+        if self.every:
+            self.dropped += gap
+        elif gap:
+            self.superseded += gap
+            self._look_for_flood(frame)
+
+    def _longest_gap(self, now_ns: int) -> float:
+        """Return how many frames the sender can have sent since its first one here, and before, into its queues."""
+        return BACKLOG_S * self.row.rate_hz + (now_ns - self._begun_ns) * 1e-9 * FASTEST_HZ
+
+    def _may_replace(self, frame: Frame, now_ns: int, silence_s: float) -> bool:
+        """Return whether the sender that is followed has been silent for so long, and the frame is a young one."""
+        fresh_ns = self.row.stale_after_s * 1e9
+        age = self._age_ns(frame, now_ns)
+        is_young = age is None or -age[1] <= age[0] <= fresh_ns + age[1]
+        return is_young and now_ns - self._heard_ns > max(fresh_ns, silence_s * 1e9)
 
     def _look_for_flood(self, frame: Frame) -> None:
         """Compare the publisher's numbers with its times, which does not depend on this reader's lateness."""

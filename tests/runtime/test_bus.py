@@ -133,8 +133,9 @@ def test_what_the_sender_calls_invalid_or_old_is_not_fresh(
     assert not reader.is_fresh(STATE)
 
 
-def test_a_restarted_publisher_is_believed_and_its_ghost_is_not() -> None:
+def test_a_restarted_publisher_is_believed_and_its_ghost_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
     """Frames of the dead predecessor that arrive late are refused by their incarnation."""
+    monkeypatch.setattr(bus_module, "time", SimpleNamespace(monotonic_ns=lambda: 10**12))
     hub = MemoryHub()
     first, second = MemoryBus(hub, publishes=[STATE]), MemoryBus(hub, publishes=[STATE])
     reader = MemoryBus(hub, reads=[STATE])
