@@ -6,10 +6,14 @@ Trocar as a library does not import this module: its environment, threads and nu
 
 from __future__ import annotations
 
-import os
+from trocar.services import interrupts
 
-from trocar.services import bytecode, start_up
-from trocar.services.processor import numba_target
+interrupts.begin()  # before all that takes time
+
+import os  # noqa: E402
+
+from trocar.services import bytecode, start_up  # noqa: E402
+from trocar.services.processor import numba_target  # noqa: E402
 
 #: One thread for every numerics library, as a second one would leave the loop's core and priority.
 _THREADS = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"

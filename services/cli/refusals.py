@@ -10,6 +10,7 @@ from io import TextIOWrapper
 
 import typer
 
+from trocar.services import interrupts
 from trocar.services.exit_codes import ExitCode
 from trocar.services.runtime.errors import ConfigError, MissingPackageError, UserError
 
@@ -22,10 +23,11 @@ _OF_A_PERSON = (
 
 def run(app: typer.Typer) -> None:
     """Run a command on the arguments of this process; leaves with an exit code where it is refused."""
-    _write_any_name()
     try:
-        _refuse_empty(sys.argv[1:])
-        ended = app(standalone_mode=False, prog_name="trocar")
+        with interrupts.Raised():
+            _write_any_name()
+            _refuse_empty(sys.argv[1:])
+            ended = app(standalone_mode=False, prog_name="trocar")
     except UserError as error:
         _leave(str(error), error.exit_code)
     except typer.TyperException as error:
