@@ -18,9 +18,15 @@ from trocar.review.classroom.roll import ClassRig, load_roll
 from trocar.review.classroom.scores import Scores
 from trocar.review.classroom.watch import Watch
 from trocar.services.runtime.errors import UserError
-from trocar.services.runtime.web_headers import SafeHeaders, page_policy
+from trocar.services.runtime.web_headers import SafeHeaders, policy_of_text
 from trocar.services.runtime.web_host import KnownHost, listen
 
+#: Nobody else reads the class page, and no browser keeps it.
+_ALONE = {
+    "x-frame-options": "DENY",
+    "cross-origin-resource-policy": "same-origin",
+    "cache-control": "no-store",
+}
 _PAGE = Path(__file__).with_name("page.html")
 
 
@@ -113,8 +119,9 @@ def build_app(classroom: Classroom) -> Starlette:
         return Response(image, media_type="image/png")
 
     routes = [Route("/", page), Route("/api/class", state), Route("/api/picture/{name}", picture)]
-    policy = page_policy(html, "connect-src 'self'", "img-src blob:")
-    return Starlette(routes=routes, middleware=[Middleware(SafeHeaders, policy=policy), Middleware(KnownHost)])
+    policy = policy_of_text(html, "connect-src 'self'", "img-src blob:")
+    headers = Middleware(SafeHeaders, policy=policy, also=_ALONE)
+    return Starlette(routes=routes, middleware=[headers, Middleware(KnownHost)])
 
 
 def serve(file: Path, host: str, port: int) -> None:

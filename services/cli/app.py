@@ -19,7 +19,7 @@ from typing import Annotated, Any, cast
 import typer
 
 from trocar.services.cli import refusals
-from trocar.services.cli.options import Address, Json, Overrides, Rig, Scene, Token, finite
+from trocar.services.cli.options import Address, Fingerprint, Json, Overrides, Rig, Scene, Token, finite
 from trocar.services.cli.plain_help import PlainTyper
 from trocar.services.runtime import log
 
@@ -29,7 +29,7 @@ app = PlainTyper(
 )  # fmt: skip
 VERBS = "trocar.verbs"
 #: Options that may be given again.
-_LISTS = "overrides", "files", "topics"
+_LISTS = "overrides", "files", "topics", "names"
 
 config_app = PlainTyper(no_args_is_help=True, help="Show configuration, and what it may say.")
 app.add_typer(config_app, name="config")
@@ -181,23 +181,39 @@ def sniff(
 
 
 @_verb("cli.arm:run_command", what="arm")
-def arm(rig_name: Rig = "stub", address: Address = None, token: Token = None, overrides: Overrides = None) -> None:
+def arm(
+    rig_name: Rig = "stub",
+    address: Address = None,
+    token: Token = None,
+    fingerprint: Fingerprint = None,
+    overrides: Overrides = None,
+) -> None:
     """End a safe stop and try faulty devices again: the arms may push again."""
 
 
 @_verb("cli.arm:run_command", "safe-stop", what="safe_stop")
 def safe_stop(
-    rig_name: Rig = "stub", address: Address = None, token: Token = None, overrides: Overrides = None
+    rig_name: Rig = "stub",
+    address: Address = None,
+    token: Token = None,
+    fingerprint: Fingerprint = None,
+    overrides: Overrides = None,
 ) -> None:
     """Let the arms go limp until the rig is armed again."""
 
 
 @_verb("cli.make_keys:run_keys")
 def keys(
-    directory: Annotated[Path, typer.Argument(help="Made if it is not there; name it as transport.keys.")],
+    directory: Annotated[
+        Path, typer.Argument(help="Made if it is not there; name it as transport.keys and supervisor.web.keys.")
+    ],
+    names: Annotated[
+        list[str] | None,
+        typer.Option("--name", help="Another name or address by which browsers reach the rig; may be given again."),
+    ] = None,
     as_json: Json = False,
 ) -> None:
-    """Make the keys of a rig that spans hosts; copy the directory to each host."""
+    """Make the keys of a rig that spans hosts, and the certificate of its page; copy the directory to each host."""
 
 
 @app.command()

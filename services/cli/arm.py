@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import json
+import ssl
 import time
 import urllib.error
 import urllib.request
-from typing import Any
+from typing import Any, NamedTuple
 
 from trocar.services.runtime import config
 from trocar.services.runtime.errors import BusError, UserError
 from trocar.services.runtime.private_directory import open_text
 from trocar.services.runtime.rig import Rig
+from trocar.services.runtime.web_client import open_url
 from trocar.services.supervisor.commands import Command, What
 from trocar.services.supervisor.control import ask
 from trocar.services.supervisor.page_place import page_file
@@ -20,13 +22,27 @@ PATIENCE_S = 3.0
 WHO = "the command line"
 
 
-def run_command(what: What, rig_name: str, overrides: tuple[str, ...], address: str | None, token: str | None) -> None:
+class RigPage(NamedTuple):
+    """Address of a rig's page, and the fingerprint of its certificate; empty without one."""
+
+    address: str
+    fingerprint: str = ""
+
+
+def run_command(
+    what: What,
+    rig_name: str,
+    overrides: tuple[str, ...],
+    address: str | None,
+    token: str | None,
+    fingerprint: str | None = None,
+) -> None:
     """Send ``arm`` or ``safe_stop`` to the rig's supervisor; print what came of it.
 
     Raises UserError if there is no supervisor, or it refuses.
     """
     if address is not None:
-        print(ask_at(address, token or "", what))
+        print(ask_at(RigPage(address, fingerprint or ""), token or "", what))
         return
     print_answer(config.load_rig(rig_name, overrides), Command(what=what, who=WHO))
 
@@ -39,49 +55,54 @@ def print_answer(rig: Rig, command: Command) -> None:
     print(answer.text)
 
 
-def ask_at(address: str, token: str, what: str, asked: object = None) -> str:
+def ask_at(page: RigPage, token: str, what: str, asked: object = None) -> str:
     """Return what a supervisor answers at its page to a request with the body `asked`; raises as `run_command` does."""
-    url, began_s = f"{address.rstrip('/')}/api", time.monotonic()
-    state = state_at(address)
+    url, began_s = f"{page.address.rstrip('/')}/api", time.monotonic()
+    state = state_at(page)
     left_s = PATIENCE_S - (time.monotonic() - began_s)  # nobody waits longer: it is not carried out after that
     try:
         before = f"{state['incarnation']} {max(state['t'] + left_s, 0.0):.3f}"
         data = None if asked is None else json.dumps(asked).encode()
         headers = {"X-Trocar-Token": token, "X-Trocar-Before": before}
         request = urllib.request.Request(f"{url}/{what}", data, method="POST", headers=headers)
-        with urllib.request.urlopen(request, timeout=max(left_s, 0.001)) as answer:
+        with open_url(request, max(left_s, 0.001), page.fingerprint) as answer:
             return str(json.load(answer)["text"])
     except urllib.error.HTTPError as error:
         with error:
-            raise UserError(f"the supervisor at {address} answers: {_why(error.read())}") from None
+            raise UserError(f"the supervisor at {page.address} answers: {_why(error.read())}") from None
     except (OSError, ValueError, KeyError) as error:
-        raise _silent(address, error) from None
+        raise _silent(page, error) from None
 
 
-def state_at(address: str) -> dict[str, Any]:
+def state_at(page: RigPage) -> dict[str, Any]:
     """Return the state of a rig as its page has it. Raises BusError if nobody answers there."""
     try:
-        with urllib.request.urlopen(f"{address.rstrip('/')}/api/state", timeout=PATIENCE_S) as answer:
+        request = urllib.request.Request(f"{page.address.rstrip('/')}/api/state")
+        with open_url(request, PATIENCE_S, page.fingerprint) as answer:
             state: dict[str, Any] = json.load(answer)
             return state
     except (OSError, ValueError) as error:
-        raise _silent(address, error) from None
+        raise _silent(page, error) from None
 
 
-def page_address(rig: Rig) -> str:
-    """Return the address of the page of `rig` on this host. Raises BusError if no supervisor has left its page file."""
+def page_of(rig: Rig) -> RigPage:
+    """Return where the page is of `rig` on this host. Raises BusError if no supervisor has left its page file."""
     path = page_file(rig.transport)
     try:
         with open_text(path) as file:
-            return str(json.load(file)["address"])
+            said = json.load(file)
+            return RigPage(str(said["address"]), str(said["fingerprint"]))
     except FileNotFoundError:
         raise BusError(f"no supervisor is running here ({path} is not there)") from None
     except (OSError, ValueError, KeyError):
         raise BusError(f"{path}: cannot be read as the supervisor's page file") from None
 
 
-def _silent(address: str, error: Exception) -> BusError:
-    return BusError(f"no supervisor answers at {address}: {getattr(error, 'reason', error)}")
+def _silent(page: RigPage, error: Exception) -> BusError:
+    why = getattr(error, "reason", error)
+    if isinstance(why, ssl.SSLCertVerificationError):
+        why = "nobody vouches for its certificate; name with --fingerprint the one that the rig printed"
+    return BusError(f"no supervisor answers at {page.address}: {why}")
 
 
 def _why(body: bytes) -> str:

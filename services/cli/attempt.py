@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import trocar.protocol.bodies as bodies
-from trocar.services.cli.arm import WHO, page_address, print_answer, state_at
+from trocar.services.cli.arm import WHO, page_of, print_answer, state_at
 from trocar.services.runtime import config
 from trocar.services.runtime.errors import BusError, ConfigError
 from trocar.services.supervisor.commands import Command
@@ -37,10 +37,10 @@ def run_status(rig: str, overrides: tuple[str, ...], as_json: bool) -> None:
 
     Raises BusError if there is no rig, or nothing in it follows attempts.
     """
-    address = page_address(config.load_rig(rig, overrides))
-    attempt = state_at(address).get("attempt")
+    page = page_of(config.load_rig(rig, overrides))
+    attempt = state_at(page).get("attempt")
     if attempt is None:
-        raise BusError(f"the rig at {address} says of no attempt: has it a training process?")
+        raise BusError(f"the rig at {page.address} says of no attempt: has it a training process?")
     print(json.dumps(attempt) if as_json else "\n".join(_lines(attempt)))
 
 

@@ -16,6 +16,10 @@ Overrides = Annotated[
 ]
 Address = Annotated[str | None, typer.Option(help="Address of the supervisor's page; default: the one of this host.")]
 Token = Annotated[str | None, typer.Option(help="Token that the rig printed, with --address.")]
+Fingerprint = Annotated[
+    str | None,
+    typer.Option(help="SHA-256 fingerprint of its certificate, which the rig printed, with an https --address."),
+]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
 
 

@@ -107,13 +107,18 @@ class ZapAuthenticator:
         return [*parts[:2], b"1.0", parts[3], *status, b"", b""]
 
 
+def is_there(directory: Path) -> bool:
+    """Return whether `directory` holds the keys of a rig."""
+    return (directory / f"{_NAME}.key_secret").exists()
+
+
 def make(directory: Path) -> Path:
     """Create the keys of a rig in `directory`, readable by this user only, and return the secret's file.
 
     Raises ConfigError if keys exist already, or the directory is not writable.
     """
     file = directory / f"{_NAME}.key_secret"
-    if file.exists():
+    if is_there(directory):
         raise ConfigError(f"{file} is there already: a rig whose keys change must restart on every host")
     mask = os.umask(0o077)  # the secret is private even while it is written
     try:

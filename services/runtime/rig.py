@@ -13,6 +13,8 @@ from trocar.services.nearest_word import did_you_mean
 from trocar.services.runtime.bounds import Core, Metres, Port, Priority, Share, Torque, Turn, between
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
+#: Viewers for which the picture's process serves browsers.
+_SERVED = ("web", "auto")
 
 
 class Settings(BaseModel):
@@ -201,6 +203,10 @@ class WebSettings(Settings):
 
     host: Host = "127.0.0.1"
     port: Port = 8080
+    keys: NamedPath | None = Field(
+        None, description="directory of `trocar keys`: page and picture are encrypted (https) by its certificate"
+    )
+    insecure: bool = Field(False, description="allow page and picture beyond loopback without encryption")
 
 
 class LoopContract(Settings):
@@ -328,11 +334,27 @@ class Rig(Settings):
     @model_validator(mode="after")
     def _has_a_port_for_each(self) -> Self:
         port, page = self.visualization.port, self.supervisor.web.port
-        is_served = self.process("visualization").enabled and self.visualization.viewer in ("web", "auto")
-        beside = is_served and self.supervisor.mode == "launch"  # otherwise each may have its own host
+        beside = self._serves_picture() and self.supervisor.mode == "launch"  # otherwise each may have its own host
         if beside and port == page != 0:
             raise ValueError(f"visualization.port: {port} is the page's already (supervisor.web.port)")
         return self
+
+    @model_validator(mode="after")
+    def _is_encrypted_beyond_loopback(self) -> Self:
+        web = self.supervisor.web
+        served = {"supervisor.web.host": web.host}
+        if self._serves_picture():
+            served["visualization.host"] = self.visualization.host
+        beyond = next((f"{key}: {host}" for key, host in served.items() if host not in LOOPBACK), "")
+        if beyond and web.keys is None and not web.insecure:
+            raise ValueError(
+                f"{beyond} would send the page's token over the network in clear: name the directory of `trocar keys` "
+                "as `supervisor.web.keys`, or set `supervisor.web.insecure: true` to accept that"
+            )
+        return self
+
+    def _serves_picture(self) -> bool:
+        return self.process("visualization").enabled and self.visualization.viewer in _SERVED
 
     def process(self, name: str) -> ProcessSettings:
         """Return the settings of a process, by default those of the model."""

@@ -1,7 +1,7 @@
 """Headers of served pages: nothing from elsewhere runs in them, nobody frames them, no type is guessed.
 
-A page's own scripts and styles, written in it, are named by their hashes; so nothing else that finds its way into its
-markup runs, and no page needs a second file.
+A page consists of files of its own server, or of one text; scripts and styles written in a text are named by their
+hashes, so nothing else that finds its way into its markup runs.
 """
 
 from __future__ import annotations
@@ -9,15 +9,27 @@ from __future__ import annotations
 import hashlib
 import re
 from base64 import b64encode
-from collections.abc import Awaitable, Callable, Iterable, MutableMapping
+from collections.abc import Awaitable, Callable, Iterable, Mapping, MutableMapping
 from typing import Any
 
+_NEVER = "base-uri 'none'; form-action 'none'; frame-ancestors 'none'; object-src 'none'"
+#: Content-Security-Policy of all that is no page: data, pictures, scripts and style sheets, also where opened alone.
+NO_PAGE = f"default-src 'none'; {_NEVER}"
 _SCRIPT = re.compile(r"<script>(.*?)</script>", re.DOTALL)
 _STYLE = re.compile(r"<style>(.*?)</style>", re.DOTALL)
 _Message = MutableMapping[str, Any]
 
 
-def page_policy(html: str, *more: str) -> str:
+def policy_of_files(connects_to: str = "") -> str:
+    """Return the Content-Security-Policy of a page whose scripts and styles are files of its own server.
+
+    `connects_to` are further sources for its connections, as the policy writes them.
+    """
+    connections = f"'self' {connects_to}".strip()
+    return f"default-src 'self'; connect-src {connections}; img-src 'self' data:; {_NEVER}"
+
+
+def policy_of_text(html: str, *more: str) -> str:
     """Return the Content-Security-Policy of a page with its own scripts and styles in it, and nothing else.
 
     Args:
@@ -26,7 +38,7 @@ def page_policy(html: str, *more: str) -> str:
     """
     said = ["default-src 'none'", *_hashes("script-src", _SCRIPT.findall(html))]
     said += [*_hashes("style-src", _STYLE.findall(html)), *more]
-    return "; ".join([*said, "base-uri 'none'", "form-action 'none'", "frame-ancestors 'none'"])
+    return "; ".join([*said, _NEVER])
 
 
 def _hashes(directive: str, parts: Iterable[str]) -> list[str]:
@@ -39,28 +51,27 @@ class SafeHeaders:
 
     Args:
         app: The wrapped application, called with scope, receive and send.
-        policy: The Content-Security-Policy of all answers.
+        policy: The Content-Security-Policy of all answers that have none of their own.
+        also: Further headers by name.
     """
 
-    def __init__(self, app: Callable[..., Awaitable[None]], policy: str) -> None:
+    def __init__(
+        self, app: Callable[..., Awaitable[None]], policy: str = NO_PAGE, also: Mapping[str, str] | None = None
+    ) -> None:
         self._app = app
-        self._headers = {
-            b"content-security-policy": policy.encode("latin-1"),
-            b"x-content-type-options": b"nosniff",
-            b"x-frame-options": b"DENY",
-            b"referrer-policy": b"no-referrer",
-            b"cross-origin-resource-policy": b"same-origin",
-            b"cache-control": b"no-store",
-        }
+        headers = {"content-security-policy": policy, "x-content-type-options": "nosniff"}
+        headers |= {"referrer-policy": "no-referrer", **(also or {})}
+        self._headers = {name.encode("latin-1"): value.encode("latin-1") for name, value in headers.items()}
 
     async def __call__(self, scope: Any, receive: Any, send: Callable[[_Message], Awaitable[None]]) -> None:
         """Pass a request on, and add the headers to its answer."""
 
-        async def with_headers(message: _Message) -> None:
-            if message["type"] == "http.response.start":
-                said = [(name.lower(), value) for name, value in message.get("headers", ())]
-                names = {name for name, _ in said}
-                message["headers"] = [*said, *((k, v) for k, v in self._headers.items() if k not in names)]
+        async def send_with_headers(message: _Message) -> None:
+            if message["type"] in ("http.response.start", "websocket.http.response.start"):
+                given = [(bytes(name).lower(), value) for name, value in message.get("headers", ())]
+                names = {name for name, _ in given}
+                headers = [*given, *((k, v) for k, v in self._headers.items() if k not in names)]
+                message = {**message, "headers": headers}
             await send(message)
 
-        await self._app(scope, receive, with_headers)
+        await self._app(scope, receive, send_with_headers)

@@ -40,8 +40,8 @@ class Page:
         self._link: Link | None = None
         self._restarts = RestartPolicy((_RETRY_S,), _RETRIES)
         self._due_s = self._retry_s = 0.0
-        address, token = _address(sock), setup.token
-        write_page_file(self._file, address, token)
+        address, token = _address(sock, "https" if setup.fingerprint else "http"), setup.token
+        write_page_file(self._file, address, token, setup.fingerprint)
         supervisor.token_sha256 = hashlib.sha256(token.encode()).hexdigest()
         supervisor.page_address = f"{address}#token={token}"
         self._start(supervisor.started_s)
@@ -105,7 +105,7 @@ class Page:
         self._supervisor.say("warning", f"{text} (see {self._log_file})")
 
 
-def _address(sock: socket.socket) -> str:
+def _address(sock: socket.socket, scheme: str) -> str:
     host, port = sock.getsockname()[:2]
     host = "127.0.0.1" if host == "0.0.0.0" else "[::1]" if host == "::" else host
-    return f"http://{host}:{port}/"
+    return f"{scheme}://{host}:{port}/"

@@ -20,13 +20,15 @@ _WAIT_S = 10.0
 class PageSetup(msgspec.Struct, frozen=True):
     """The first message to the page. `rig` is the rig as JSON, with defaults and overrides.
 
-    `switches` tells whether the session can switch to another scenario.
+    `switches` tells whether the session can switch to another scenario; `fingerprint` is that of the certificate by
+    which the page is encrypted, empty without one.
     """
 
     rig: str
     scene: str
     token: str
     switches: bool = False
+    fingerprint: str = ""
 
 
 class RigStatus(msgspec.Struct, frozen=True):

@@ -20,7 +20,7 @@ def page_file(transport: Transport) -> Path:
     return endpoints.run_directory(transport) / "page.json"
 
 
-def write_page_file(path: Path, address: str, token: str) -> None:
+def write_page_file(path: Path, address: str, token: str, fingerprint: str = "") -> None:
     """Write the file, readable by this user only."""
     with open_text(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC) as file:
-        json.dump({"address": address, "token": token}, file)
+        json.dump({"address": address, "token": token, "fingerprint": fingerprint}, file)

@@ -27,6 +27,7 @@ from trocar.services.runtime.autogroup import set_group_niceness
 from trocar.services.runtime.bus import Bus
 from trocar.services.runtime.process import listen_as
 from trocar.services.runtime.rig import Rig
+from trocar.services.runtime.web_certificate import load_for
 from trocar.services.supervisor import control, dashboard
 from trocar.services.supervisor.metrics import Level, RigSource, registry
 from trocar.services.supervisor.observers.registry import Observers
@@ -133,7 +134,8 @@ def _run(page_data: PageData, setup: PageSetup, link: Link, sock: socket.socket)
 
 async def _serve(context: PageContext, page_data: PageData, bus: Bus, link: Link, sock: socket.socket) -> None:
     config = uvicorn.Config(
-        build_app(context), log_level="error", access_log=False, lifespan="off", ws="none", timeout_graceful_shutdown=1
+        build_app(context), log_level="error", access_log=False, lifespan="off", ws="none", timeout_graceful_shutdown=1,
+        **(certificate.server_options() if (certificate := load_for(context.rig)) else {}),
     )  # fmt: skip
     server = uvicorn.Server(config)
     following = asyncio.create_task(_follow(context, page_data, bus, link, server))

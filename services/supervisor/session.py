@@ -25,6 +25,7 @@ from trocar.services.runtime.loop import LoopMeter
 from trocar.services.runtime.private_directory import make_private
 from trocar.services.runtime.process import Options, Process, load_process_config, open_process
 from trocar.services.runtime.rig import Rig
+from trocar.services.runtime.web_certificate import load_for
 from trocar.services.runtime.web_host import listen
 from trocar.services.supervisor import frozen_configuration
 from trocar.services.supervisor.control import Control
@@ -139,7 +140,7 @@ def run_session(process: Process, session: SessionOptions) -> None:
     processes.
     """
     setup = _setup(process, session)
-    web = process.rig.supervisor.web
+    web, certificate = process.rig.supervisor.web, load_for(process.rig)
     sock = listen(
         web.host, web.port, "--set supervisor.web.port=N"
     )  # before anything is started, to report a used port at once
@@ -149,13 +150,17 @@ def run_session(process: Process, session: SessionOptions) -> None:
         supervisor.say("info", told)
     for remark in session.remarks:
         supervisor.say("warning", remark)
+    if certificate is not None:
+        until = f"valid until {certificate.until:%Y-%m-%d}"
+        supervisor.say("info", f"page: the certificate's SHA-256 fingerprint is {certificate.fingerprint}, {until}")
     threads = OwnIoThreads()
     supervisor.crew.has_heard_all = threads.are_idle
     files = frozen_configuration.files_of(process.rig, session.options.rig, process.scene_name)
     changed = frozen_configuration.ChangedFiles(files, supervisor.say)
     rings = _rings(process.rig)
     rig = process.rig.model_dump_json()
-    page_setup = PageSetup(rig, process.scene_name, session.token, session.switches)
+    fingerprint = "" if certificate is None else certificate.fingerprint
+    page_setup = PageSetup(rig, process.scene_name, session.token, session.switches, fingerprint)
     loop_progress = supervisor.crew.loop_progress = LoopProgress(rings)
     supervisor.floor = MachineFloor(rings)
     with (

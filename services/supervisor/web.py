@@ -25,6 +25,7 @@ from starlette.types import Receive, Scope, Send
 import trocar.protocol.bodies as bodies
 from trocar.services.runtime.errors import BusError, ConfigError
 from trocar.services.runtime.rig import Rig
+from trocar.services.runtime.web_headers import SafeHeaders, policy_of_files
 from trocar.services.runtime.web_host import KnownHost, host_of
 from trocar.services.supervisor.commands import Command, What
 from trocar.services.supervisor.page_place import DIST
@@ -34,6 +35,8 @@ EVENT_PERIOD_S = 0.2
 _ORDER_BYTES, _LINE_BYTES = 1024, 32
 _REPLAY_HEADER = "X-Trocar-Replay"
 _BEFORE_HEADER, _BEFORE = "X-Trocar-Before", re.compile(r"([0-9]{1,15}) ([0-9]{1,9}(?:\.[0-9]{1,9})?)")
+#: A host as a Content-Security-Policy can name it, which an IPv6 address is not.
+_PLAIN_HOST = re.compile(r"[a-z0-9-]+(\.[a-z0-9-]+)*")
 #: Place of the rig's data in the built page.
 _UNTOLD = '<script id="rig" type="application/json">null'
 _NOT_KEPT = {"Cache-Control": "no-store"}
@@ -99,7 +102,7 @@ def build_app(context: PageContext) -> Starlette:
         Route("/index.html", page.index),
         Mount("/", _BuiltFiles(context.dist)),
     ]
-    return Starlette(routes=routes, middleware=[Middleware(KnownHost)])
+    return Starlette(routes=routes, middleware=[Middleware(SafeHeaders), Middleware(KnownHost)])
 
 
 class _Asked(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -142,7 +145,8 @@ class _Endpoints:
         except (FileNotFoundError, NotADirectoryError):
             return HTMLResponse(_NOT_BUILT, 503)
         told = json.dumps(self._told(request)).replace("<", "\\u003c")  # so that no name ends the script element
-        return HTMLResponse(text.replace(_UNTOLD, f"{_UNTOLD[: -len('null')]}{told}", 1), headers=_NOT_KEPT)
+        headers = {**_NOT_KEPT, "Content-Security-Policy": policy_of_files(self._picture_source(request))}
+        return HTMLResponse(text.replace(_UNTOLD, f"{_UNTOLD[: -len('null')]}{told}", 1), headers=headers)
 
     async def state(self, _request: Request) -> Response:
         return Response(self._context.latest, media_type="application/json")
@@ -168,7 +172,7 @@ class _Endpoints:
             "name": rig.name,
             "scene": self._context.scene,
             "viewer": rig.visualization.viewer,
-            "view_ws": f"ws://{host}:{self._context.view_port()}/ws",
+            "view_ws": f"{self._scheme}://{host}:{self._context.view_port()}/ws",
             "hands": rig.page_hands(),
             "token_needed": True,
             "scenarios": scenario_names(),
@@ -176,6 +180,16 @@ class _Endpoints:
             "switches": self._context.switches,
             "contracts": rig.contracts.model_dump(mode="json"),
         }
+
+    @property
+    def _scheme(self) -> str:
+        """Scheme of the picture's WebSocket: it is encrypted where the page is."""
+        return "ws" if self._context.rig.supervisor.web.keys is None else "wss"
+
+    def _picture_source(self, request: Request) -> str:
+        """Return where the page may connect to for the picture: this host, at whatever port it comes to serve."""
+        host = host_of(request.headers.get("host"))
+        return f"{self._scheme}://{host}:*" if _PLAIN_HOST.fullmatch(host) else f"{self._scheme}:"
 
     async def arm(self, request: Request) -> Response:
         return self._refusal(request) or await self._ask(request, "arm")

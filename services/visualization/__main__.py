@@ -64,7 +64,7 @@ def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
         devices=composer.devices,
         token_sha256=rig_state.token_sha256,
     )
-    output = open_output(settings, painted, process.log, hands)
+    output = open_output(process.rig, painted, process.log, hands)
     meter = LoopMeter(settings.rate_hz, ("compose", "show"))
     process.ready(meter)
     health.change("running")

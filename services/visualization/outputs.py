@@ -8,7 +8,8 @@ import time
 from trocar.services.runtime.errors import MissingPackageError
 from trocar.services.runtime.health import LatencyPath
 from trocar.services.runtime.loop import sleep_until
-from trocar.services.runtime.rig import ViewSettings
+from trocar.services.runtime.rig import Rig, ViewSettings
+from trocar.services.runtime.web_certificate import Certificate, load_for
 from trocar.services.visualization import codec
 from trocar.services.visualization.camera_feed import CameraFeed
 from trocar.services.visualization.display import display_name, record
@@ -63,7 +64,14 @@ class WebOutput(Output):
     Raises UserError if the view's port is in use, or the web packages are not installed.
     """
 
-    def __init__(self, settings: ViewSettings, painted: LatencyPath, log: logging.Logger, hands: PageHands) -> None:
+    def __init__(
+        self,
+        settings: ViewSettings,
+        painted: LatencyPath,
+        log: logging.Logger,
+        hands: PageHands,
+        certificate: Certificate | None = None,
+    ) -> None:
         super().__init__(painted)
         self._hands = hands
         self._feeds = Feeds(painted)
@@ -72,9 +80,10 @@ class WebOutput(Output):
             from trocar.services.visualization.server import ViewServer
         except ImportError as error:
             raise MissingPackageError("visualization.viewer: web", error.name) from None
-        self._server = ViewServer(settings, self._feeds, self._camera, hands)
+        self._server = ViewServer(settings, self._feeds, self._camera, hands, certificate)
         self._bytes = 0
-        log.info("view on ws://%s:%d/ws", settings.host, self._server.port)
+        scheme = "wss" if certificate else "ws"
+        log.info("view on %s://%s:%d/ws", scheme, settings.host, self._server.port)
 
     def show(self, layout: PictureLayout, picture: Picture, notice: str) -> None:
         """Pass the picture to every client; without one, its path ends here."""
@@ -109,18 +118,18 @@ class WebOutput(Output):
         self._server.close()
 
 
-def open_output(settings: ViewSettings, painted: LatencyPath, log: logging.Logger, hands: PageHands) -> Output:
+def open_output(rig: Rig, painted: LatencyPath, log: logging.Logger, hands: PageHands) -> Output:
     """Return the output for the rig file's ``visualization.viewer``.
 
-    Raises UserError for a window without a display, or if the view's port is in use.
+    Raises UserError for a window without a display, if the view's port is in use, or if there is no certificate.
     """
-    viewer = settings.viewer
+    settings, viewer = rig.visualization, rig.visualization.viewer
     if viewer == "auto":
         viewer = "native" if display_name() else "web"
     if viewer == "none":
         return Output(painted)
     if viewer == "web":
-        return WebOutput(settings, painted, log, hands)
+        return WebOutput(settings, painted, log, hands, load_for(rig))
     from trocar.services.visualization.window import WindowOutput
 
     return WindowOutput(painted, log)

@@ -21,6 +21,8 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from trocar.services.runtime.loop import sleep_until
 from trocar.services.runtime.rig import ViewSettings
+from trocar.services.runtime.web_certificate import Certificate
+from trocar.services.runtime.web_headers import SafeHeaders
 from trocar.services.runtime.web_host import KnownHost, host_of, is_this_host, listen
 from trocar.services.visualization.camera_feed import CameraFeed
 from trocar.services.visualization.feed import Feed, Feeds
@@ -44,10 +46,17 @@ class PictureRate(msgspec.Struct, tag="want", tag_field="type", frozen=True):
 class ViewServer:
     """WebSockets ``/ws`` and ``/hands``, ``/snapshot.png`` and ``/camera.mjpeg`` on the view's port.
 
-    Raises UserError if the port is in use.
+    With a `certificate` they are encrypted. Raises UserError if the port is in use.
     """
 
-    def __init__(self, settings: ViewSettings, feeds: Feeds, camera: CameraFeed, hands: PageHands) -> None:
+    def __init__(
+        self,
+        settings: ViewSettings,
+        feeds: Feeds,
+        camera: CameraFeed,
+        hands: PageHands,
+        certificate: Certificate | None = None,
+    ) -> None:
         self._feeds = feeds
         self._hands = hands
         self._camera = camera
@@ -62,7 +71,7 @@ class ViewServer:
                     Route("/camera.mjpeg", self._mjpeg),
                     Route("/healthz", _alive),
                 ],
-                middleware=[Middleware(KnownHost)],
+                middleware=[Middleware(SafeHeaders), Middleware(KnownHost)],
             ),
             log_level="warning",
             lifespan="off",
@@ -70,6 +79,7 @@ class ViewServer:
             ws_per_message_deflate=False,
             ws_max_size=1024,
             timeout_graceful_shutdown=1,
+            **(certificate.server_options() if certificate else {}),
         )
         self._loop = asyncio.new_event_loop()
         self._server = uvicorn.Server(config)

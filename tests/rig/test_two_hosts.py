@@ -27,7 +27,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FarRig]:
     folder = tmp_path_factory.mktemp("hosts")
     with ExitStack() as stack:
         hosts = stack.enter_context(Hosts(folder, 3))
-        view = [f"visualization.host={address(2)}", "visualization.port=8081"]
+        view = [f"visualization.host={address(2)}", "visualization.port=8081", "supervisor.web.insecure=true"]
         rig = stack.enter_context(closing(FarRig(folder, hosts, WHERE, view)))
         rig.until_it_runs()
         yield rig

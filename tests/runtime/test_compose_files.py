@@ -12,6 +12,8 @@ from typing import Any
 import pytest
 import yaml
 
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import ConfigError
 from trocar.services.runtime.flight import FlightRing
 from trocar.services.runtime.realtime import DMA_LATENCY
 
@@ -55,6 +57,16 @@ def test_every_container_says_whether_it_is_well_and_has_limits_that_a_host_may_
         assert all(re.fullmatch(r"127\.0\.0\.1:\$\{\w+:-\d+\}:\d+", port) for port in ports), name
     for name, each in _services("docker-compose.yml").items():
         assert re.fullmatch(r"\$\{\w+:-\d+\}", each["pids_limit"]), name
+
+
+def test_the_rig_of_the_containers_may_be_open_within_because_nobody_outside_reaches_it() -> None:
+    """Without the word of the compose file it would be refused: its servers bind every address of their containers."""
+    services = _services("docker-compose.yml")
+    overrides = tuple(services["supervisor"]["environment"]["TROCAR_SET"].split())
+    config.load_rig("stub", overrides)
+    with pytest.raises(ConfigError, match="over the network in clear"):
+        config.load_rig("stub", tuple(each for each in overrides if "insecure" not in each))
+    assert {name for name, each in services.items() if "ports" in each} == {"supervisor", "visualization"}
 
 
 def test_every_container_of_the_rig_is_looked_at_by_its_own_ring() -> None:

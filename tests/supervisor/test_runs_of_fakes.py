@@ -26,7 +26,7 @@ from tests.patience import PATIENCE_S
 from tests.ports import base_port
 from tests.supervisor.fakes import HERE, Fakes, Scenario, gone, page_servers, until, until_running
 from tests.with_us import with_us
-from trocar.services.cli.arm import ask_at
+from trocar.services.cli.arm import RigPage, ask_at
 from trocar.services.runtime import config
 from trocar.services.runtime.zmq_bus import ZmqBus
 from trocar.services.supervisor import run_report, silence
@@ -281,7 +281,7 @@ def test_a_command_that_was_given_up_is_not_carried_out_by_a_page_that_hung(
             lambda: any("confirmed to its sender: nothing was done" in event.text for event in supervisor.events)
         )
         assert supervisor.body().armed == 0
-        armed = asked(lambda: until_obeyed(lambda: ask_at(address, token, "arm")))
+        armed = asked(lambda: until_obeyed(lambda: ask_at(RigPage(address), token, "arm")))
         yield from until(lambda: bool(armed))
         assert armed == ["armed: hands may be pushed"]
 

@@ -152,6 +152,37 @@ def test_the_page_brings_the_rig_that_it_would_ask_for(context: PageContext) -> 
         assert json.loads(found[1]) == client.get("/api/rig", headers={"Host": "[::1]:8080"}).json()
 
 
+def _policy(answer: httpx.Response) -> dict[str, str]:
+    parts = (each.strip().partition(" ") for each in answer.headers["Content-Security-Policy"].split(";"))
+    return {name: sources for name, _, sources in parts}
+
+
+def test_every_answer_says_what_a_browser_may_do_with_it(client: Client, context: PageContext) -> None:
+    """The page could be framed by any site, and ran what stood in it as well as what came with it."""
+    context.dist.mkdir()
+    (context.dist / "app.js").write_text("1")
+    asked = ["/", "/app.js", "/nothing", "/api/rig", "/api/state", "/metrics", "/healthz"]
+    answers = [client.get(path) for path in asked]
+    (context.dist / "index.html").write_text("<title>it is here</title>")
+    answers += [client.get("/"), client.post("/api/arm"), client.get("/", headers={"Host": "evil.example"})]
+    for answer in answers:
+        assert _policy(answer)["frame-ancestors"] == "'none'"
+        assert "unsafe" not in answer.headers["Content-Security-Policy"]
+        assert answer.headers["X-Content-Type-Options"] == "nosniff"
+        assert answer.headers["Referrer-Policy"] == "no-referrer"
+
+
+@pytest.mark.parametrize(
+    ("host", "source"),
+    [("localhost:8080", "ws://localhost:*"), ("192.168.1.11", "ws://192.168.1.11:*"), ("[::1]", "ws:")],
+)
+def test_the_page_connects_to_its_own_host_only(client: Client, context: PageContext, host: str, source: str) -> None:
+    context.dist.mkdir()
+    (context.dist / "index.html").write_text("<title>it is here</title>")
+    policy = _policy(client.get("/", headers={"Host": host}))
+    assert (policy["connect-src"], policy["default-src"]) == (f"'self' {source}", "'self'")
+
+
 def test_rig_names_the_view_on_the_host_that_was_asked(client: Client) -> None:
     answer = client.get("/api/rig").json()
     assert answer["name"] == "made up"

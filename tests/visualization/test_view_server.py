@@ -21,6 +21,7 @@ from trocar.services.runtime.errors import UserError
 from trocar.services.runtime.health import LatencyPath
 from trocar.services.runtime.histogram import LatencyHistogram
 from trocar.services.runtime.rig import ViewSettings
+from trocar.services.runtime.web_certificate import Certificate
 from trocar.services.visualization import codec
 from trocar.services.visualization.feed import IN_FLIGHT
 from trocar.services.visualization.outputs import WebOutput
@@ -40,7 +41,9 @@ def nobodys_hands(published: list[bodies.Hands] | None = None, *followers: str) 
 class Show:
     """An output that shows a picture every few milliseconds in a thread of its own, as the process does in its loop."""
 
-    def __init__(self, period_s: float = 4e-3) -> None:
+    def __init__(self, period_s: float = 4e-3, certificate: Certificate | None = None) -> None:
+        self._certificate = certificate
+        self.notice = '{"type": "rig"}'
         self._period_ns = round(1e9 * period_s)
         self.path = LatencyPath(LatencyHistogram(33_000_000))
         self.layout = a_layout()
@@ -62,7 +65,7 @@ class Show:
         self._thread.join()
 
     def _run(self) -> None:
-        output = WebOutput(ViewSettings(port=0), self.path, LOG, self.hands)
+        output = WebOutput(ViewSettings(port=0), self.path, LOG, self.hands, self._certificate)
         self.port = int(output.gauges()["view_port"])
         while not self._stop.is_set():
             self.shown += 1
@@ -70,7 +73,7 @@ class Show:
                 self.layout.epoch, self.shown, self.shown, time.monotonic_ns(), self.picture.points_m,
                 self.picture.centreline_m, self.picture.poses, self.picture.jaw_rad, self.picture.force_n,
             )  # fmt: skip
-            output.show(self.layout, picture, '{"type": "rig"}')
+            output.show(self.layout, picture, self.notice)
             output.wait_until(time.monotonic_ns() + self._period_ns)
             self.clients = output.gauges()["clients"]
             self.wanted_hz = output.wanted_hz()

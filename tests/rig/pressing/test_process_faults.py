@@ -17,7 +17,7 @@ from tests.patience import PATIENCE_S
 from tests.rig.conftest import Rig
 from tests.rig.faults import FAULTS, drives_of, engage, force_n, force_rates_n_s, rate_limit_n_s, strike
 from trocar.protocol.bodies import GatewayState
-from trocar.services.cli.arm import page_address, run_command, state_at
+from trocar.services.cli.arm import page_of, run_command, state_at
 from trocar.services.cli.attempt import run_order
 from trocar.services.runtime.config import load_rig
 
@@ -74,7 +74,7 @@ def test_a_process_that_dies_or_hangs(rig: Rig, name: str, number: signal.Signal
 def test_dead_drives_stand_in_the_history_and_arming_the_rig_at_once_brings_them_back(rig: Rig) -> None:
     """They are the gateway's own, not the supervisor's: nobody restarts them unasked, and force goes on."""
     observer, overrides = rig.observer, (f"transport.directory={rig.directory / 'bus'}",)
-    address = page_address(load_rig("stub", overrides))
+    address = page_of(load_rig("stub", overrides))
     engage(rig)
     before, killed_s = observer.pids(), state_at(address)["t"]
     (dead,) = drives_of(before["gateway"])

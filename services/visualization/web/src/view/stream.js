@@ -4,6 +4,13 @@ import { decodeFrame, decodeHello, encodeEcho } from "./protocol.js";
 
 const RETRY_MS = [250, 500, 1000, 2000];
 
+// What is waited for. A browser that trusts a certificate for one port only refuses the picture's without a word.
+function waiting(address, attempts) {
+  const { protocol, host } = new URL(address);
+  if (protocol !== "wss:" || attempts < RETRY_MS.length) return "Waiting for the view to start…";
+  return `The view does not answer yet. If it stays so, open https://${host}/healthz and accept the certificate there, too.`;
+}
+
 export class ViewStream {
   // Begins to connect. `handlers`, to be set in the same turn: onLayout(layout), onFrame() when one waits to be taken,
   // onRig(message), onLink(text or null).
@@ -33,7 +40,7 @@ export class ViewStream {
     socket.onmessage = ({ data }) => (typeof data === "string" ? this.text(JSON.parse(data)) : this.frame(data));
     socket.onclose = () => {
       this.layout = this.newest = null;
-      this.handlers.onLink(this.seen ? "The view is not reachable. Trying again…" : "Waiting for the view to start…");
+      this.handlers.onLink(this.seen ? "The view is not reachable. Trying again…" : waiting(this.address, this.attempts));
       setTimeout(() => this.connect(), RETRY_MS[Math.min(this.attempts++, RETRY_MS.length - 1)]);
     };
     this.socket = socket;
