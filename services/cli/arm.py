@@ -70,6 +70,10 @@ def ask_at(page: RigPage, token: str, what: str, asked: object = None) -> str:
     except urllib.error.HTTPError as error:
         with error:
             raise UserError(f"the supervisor at {page.address} answers: {_why(error.read())}") from None
+    except TimeoutError:
+        raise BusError(
+            f"the supervisor at {page.address} has not answered in time: its page tells whether this was done"
+        ) from None
     except (OSError, ValueError, KeyError) as error:
         raise _silent(page, error) from None
 

@@ -1,12 +1,16 @@
-"""The gateway's stop socket: any message removes all forces, without a page or a supervisor."""
+"""The gateway's stop socket: any message removes all forces, without a page or a supervisor.
+
+A message that comes with a claim (`claim`) does so only if its sender has not given up on it.
+"""
 
 from __future__ import annotations
 
 import socket
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 
 from trocar.services.runtime import endpoints
+from trocar.services.runtime.claim import Claim
 from trocar.services.runtime.rig import Transport
 
 _PATIENCE_S = 1.0
@@ -28,26 +32,41 @@ class StopLine:
 
     def is_asked(self) -> bool:
         """Return whether a stop was requested since the last call, and confirm it to one sender."""
-        try:
-            _, sender = self._line.recvfrom(1)
-        except BlockingIOError:
-            return False
-        with suppress(OSError, TypeError):  # a sender in another container, or without an address
-            self._line.sendto(b"done", sender)
-        return True
+        while True:
+            try:
+                _, claim, sender = Claim.receive(self._line, 1)
+            except BlockingIOError:
+                return False
+            if claim is not None:
+                with closing(claim):
+                    if not claim.take():
+                        continue
+            with suppress(OSError, TypeError):  # a sender in another container, or without an address
+                self._line.sendto(b"done", sender)
+            return True
 
     def close(self) -> None:
         """Close the socket."""
         self._line.close()
 
 
-def stop_gateway(transport: Transport) -> bool:
-    """Remove all forces of the rig on this host; return whether its gateway confirms it."""
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as line:
+def stop_gateway(transport: Transport) -> bool | None:
+    """Remove all forces of the rig on this host; return whether its gateway confirms it.
+
+    None if the gateway has begun and not confirmed it. If it has not begun it never will.
+    """
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as line, closing(Claim.new()) as claim:
         line.bind("")  # an automatic address, for the answer
         line.settimeout(_PATIENCE_S)
         try:
-            line.sendto(b"", str(stop_path(transport)))
+            line.connect(str(stop_path(transport)))
+            claim.send_with(line, b"")
             return bool(line.recv(4))
+        except TimeoutError:
+            if claim.take():
+                return False
         except OSError:
             return False
+        with suppress(OSError):
+            return bool(line.recv(4))
+        return None

@@ -46,13 +46,20 @@ class Commands:
         self._rig = supervisor
         self._open: list[tuple[Command, float, Reply]] = []
 
-    def take(self, command: Command, now_s: float, reply: Reply) -> None:
-        """Execute a command, unless it is for another run of the rig or its outcome would be known too late."""
+    def take(self, command: Command, now_s: float, reply: Reply, may_begin: Callable[[], bool] = lambda: True) -> None:
+        """Execute a command, unless it is for another run of the rig or its outcome would be known too late.
+
+        `may_begin` is asked last: it settles with the sender, for good, that the command is carried out.
+        """
         late_s = now_s + _OUTCOME_S - self._answer_due_s(command)
         if command.incarnation != self._rig.incarnation:
             reply(_answer(False, "it was meant for another run of the rig: nothing was done"))
         elif not late_s <= 0.0:
             text = f"came {late_s:.1f} s too late to be confirmed to its sender: nothing was done"
+            self._rig.say("warning", f"supervisor: {command.what} asked for by {command.who} {text}")
+            reply(_answer(False, text))
+        elif not may_begin():
+            text = "was given up by its sender before it began: nothing was done"
             self._rig.say("warning", f"supervisor: {command.what} asked for by {command.who} {text}")
             reply(_answer(False, text))
         else:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import socket
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 
 import msgspec
 
 import trocar.protocol.bodies as bodies
 from trocar.services.runtime import endpoints
+from trocar.services.runtime.claim import Claim
 from trocar.services.runtime.errors import BusError
 from trocar.services.runtime.rig import Transport
 from trocar.services.runtime.stop_line import stop_gateway
@@ -22,6 +23,8 @@ _PEERS = 8
 _HELLO_S = 1.0
 #: Timeout of a command, which is not executed afterwards.
 ANSWER_S = 2.5
+#: Time for an answer to a command that had been begun when its sender wanted to give up.
+_BEGUN_S = 1.0
 
 
 class RunTime(msgspec.Struct, frozen=True):
@@ -65,11 +68,19 @@ class Control:
                 self._drop(next(each for each, has_asked in self._callers.items() if not has_asked))
         for caller in tuple(self._callers):
             try:
-                while (command := caller.receive(Command)) is not None:
+                while (received := caller.receive_claimed(Command)) is not None:
                     self._callers[caller] = True
-                    self._rig.commands.take(command, now_s, caller.send)
+                    self._begin(*received, now_s, caller)
             except (ConnectionError, msgspec.DecodeError):
                 self._drop(caller)
+
+    def _begin(self, command: Command, claim: Claim | None, now_s: float, caller: Link) -> None:
+        """Hand on a command that came with a claim; without one nobody could tell whether it was given up."""
+        if claim is None:
+            caller.send(bodies.Answer(order=0, ok=False, text="it came without a claim: nothing was done"))
+            return
+        with closing(claim):
+            self._rig.commands.take(command, now_s, caller.send, claim.take)
 
     def _drop(self, caller: Link) -> None:
         caller.close()
@@ -80,7 +91,8 @@ def ask(transport: Transport, command: Command, patience_s: float = ANSWER_S) ->
     """Send a command to the rig on this host and return the answer.
 
     A command without an incarnation is for the present run. If the supervisor does not execute a safe stop, it is sent
-    to the gateway directly. Raises BusError if there is no supervisor, or it does not answer.
+    to the gateway directly. Raises BusError if there is no supervisor, or it does not answer: nothing is done then,
+    also later. What was begun is said to be.
     """
     try:
         answer = _ask_supervisor(transport, command, patience_s)
@@ -89,10 +101,15 @@ def ask(transport: Transport, command: Command, patience_s: float = ANSWER_S) ->
         answer, why = None, f"no supervisor is running here ({control_path(transport)}); name one with --address"
     if answer is not None and answer.ok:
         return answer
-    if command.what == "safe_stop" and stop_gateway(transport):
-        return bodies.Answer(order=0, ok=True, text=f"{why}: the gateway itself has let every hand go")
+    if command.what == "safe_stop":
+        let_go = stop_gateway(transport)
+        if let_go:
+            return bodies.Answer(order=0, ok=True, text=f"{why}: the gateway itself has let every hand go")
+        if let_go is None:
+            text = f"{why}: the gateway itself has begun to let every hand go, and has not confirmed it"
+            return bodies.Answer(order=0, ok=False, text=text)
     if answer is None:
-        raise BusError(why)
+        raise BusError(f"{why}: nothing is done any more")
     return answer
 
 
@@ -106,5 +123,19 @@ def _ask_supervisor(transport: Transport, command: Command, patience_s: float) -
         is_dated = command.incarnation is not None
         before_s = min(command.before_s if is_dated else math.inf, now.t + patience_s)
         incarnation = command.incarnation if is_dated else now.incarnation
-        link.send(msgspec.structs.replace(command, incarnation=incarnation, before_s=before_s))
-        return link.wait(bodies.Answer, patience_s)
+        with closing(Claim.new()) as claim:
+            link.send_claimed(msgspec.structs.replace(command, incarnation=incarnation, before_s=before_s), claim)
+            return _await(link, claim, patience_s)
+
+
+def _await(link: Link, claim: Claim, patience_s: float) -> bodies.Answer | None:
+    """Return the answer to a command; None if the supervisor has not begun with it, and then never will."""
+    with suppress(ConnectionError):
+        if (answer := link.wait(bodies.Answer, patience_s)) is not None:
+            return answer
+    if claim.take():
+        return None
+    with suppress(ConnectionError):  # it is at it
+        if (answer := link.wait(bodies.Answer, _BEGUN_S)) is not None:
+            return answer
+    return bodies.Answer(order=0, ok=False, text="the supervisor has begun with it, and has not said what came of it")

@@ -8,6 +8,7 @@ from typing import TypeVar
 import msgspec
 
 import trocar.protocol.bodies as bodies
+from trocar.services.runtime.claim import Claim
 from trocar.services.supervisor.shown_recording import ReplayStatus
 from trocar.services.supervisor.state_machine import RigState
 from trocar.services.supervisor.supervisor import Event, Supervisor
@@ -108,6 +109,25 @@ class Link:
         if not data:
             raise ConnectionResetError("the other end is gone")
         return msgspec.json.decode(data, type=kind)
+
+    def receive_claimed(self, kind: type[_T]) -> tuple[_T, Claim | None] | None:
+        """Return the next message with the claim that came with it; else as `receive`."""
+        try:
+            data, claim, _ = Claim.receive(self._end, _MESSAGE_MAX)
+        except BlockingIOError:
+            return None
+        try:
+            if not data:
+                raise ConnectionResetError("the other end is gone")
+            return msgspec.json.decode(data, type=kind), claim
+        except BaseException:
+            if claim is not None:
+                claim.close()
+            raise
+
+    def send_claimed(self, message: msgspec.Struct, claim: Claim) -> None:
+        """Send a message that is only carried out if its receiver can take the claim. Raises OSError."""
+        claim.send_with(self._end, msgspec.json.encode(message))
 
     def newest(self, kind: type[_T]) -> _T | None:
         """Return the last received message, None without one; raises as `receive` does."""

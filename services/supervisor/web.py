@@ -246,7 +246,7 @@ class _Endpoints:
         try:
             answer = await asyncio.to_thread(self._context.ask, command)
         except BusError as error:
-            return JSONResponse({"error": f"{error}: nothing is done any more"}, 504)
+            return JSONResponse({"error": str(error)}, 504)
         if answer.ok:
             return JSONResponse({"ok": True, "text": answer.text})
         return JSONResponse({"error": answer.text}, 409)

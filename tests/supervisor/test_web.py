@@ -37,7 +37,7 @@ class Asked:
             case "new":
                 return bodies.Answer(order=command.order.id, ok=True, text="a new attempt begins")
             case "silence":
-                raise BusError("the supervisor does not answer")
+                raise BusError("the supervisor does not answer: nothing is done any more")
         return bodies.Answer(order=command.order.id, ok=False, text="there is no such order")
 
 

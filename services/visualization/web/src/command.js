@@ -8,6 +8,12 @@ export function hear({ incarnation, t }, now = performance.now()) {
   rig = { incarnation, t, now };
 }
 
+// Returns what to say of a command that `fetch` brought no answer to: `unsent` if the rig has not heard it.
+export function unanswered(error, unsent) {
+  if (error?.name !== "TimeoutError") return unsent;
+  return "The rig has not answered in time: its state tells whether this was done.";
+}
+
 // Returns the options of `fetch` for a command, which the rig must not carry out after `fetch` has timed out.
 export function order(token, body, now = performance.now()) {
   const before = rig && `${rig.incarnation} ${(rig.t + (now - rig.now + PATIENCE_MS) / 1e3).toFixed(3)}`;

@@ -1,6 +1,6 @@
 // Orders of the attempt, with the session's token: begin again, pause, slow motion; the page shows their result.
 
-import { order } from "../command.js";
+import { order, unanswered } from "../command.js";
 
 export class Orders {
   // onSaid(text, ok): what the rig answers
@@ -19,8 +19,8 @@ export class Orders {
       const answer = await fetch(address, order(this.token, body));
       const said = await answer.json();
       this.onSaid(said.text ?? said.error, answer.ok);
-    } catch {
-      this.onSaid("The rig is not reachable: nothing was done.", false);
+    } catch (error) {
+      this.onSaid(unanswered(error, "The rig is not reachable: nothing was done."), false);
     }
   }
 }

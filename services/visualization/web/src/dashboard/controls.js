@@ -1,6 +1,6 @@
 // Arm and safe stop. The session's token is in the address that `trocar up` prints, after #token=, which browsers never send.
 
-import { order } from "../command.js";
+import { order, unanswered } from "../command.js";
 
 const $ = (id) => document.getElementById(id);
 
@@ -38,8 +38,8 @@ export class Controls {
         ? "The rig did not accept this page's token; open the address that trocar up printed."
         : (await answer.json().catch(() => null))?.error ?? `The rig answered with status ${answer.status}.`;
       this.say(answer.ok ? "" : refusal);
-    } catch {
-      this.say("The supervisor is not reachable: nothing was commanded.");
+    } catch (error) {
+      this.say(unanswered(error, "The supervisor is not reachable: nothing was commanded."));
     } finally {
       button.disabled = false;
     }
