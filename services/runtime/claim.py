@@ -32,7 +32,7 @@ class Claim:
         link.sendmsg([message], [rights], socket.MSG_NOSIGNAL)
 
     @classmethod
-    def receive(cls, link: socket.socket, most_bytes: int) -> tuple[bytes, Self | None, str | bytes | None]:
+    def receive(cls, link: socket.socket, most_bytes: int) -> tuple[bytes, Self | None, str | bytes]:
         """Return the next message, the claim that came with it, if any, and its sender; raises as `recvmsg` does."""
         descriptors = array.array("i")
         room = socket.CMSG_SPACE(_MOST * descriptors.itemsize)

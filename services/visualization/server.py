@@ -132,12 +132,16 @@ class ViewServer:
     async def _snapshot(self, request: Request) -> Response:
         image = await self._camera.image("png")
         if image is None:
-            return PlainTextResponse(f"no picture: {self._camera.fault}\n", status_code=503)
+            return self._no_picture()
         return Response(image, media_type="image/png", headers={"Cache-Control": "no-store"})
+
+    def _no_picture(self) -> Response:
+        headers = {"Retry-After": "3", "Cache-Control": "no-store"}
+        return PlainTextResponse(f"no picture: {self._camera.fault}\n", status_code=503, headers=headers)
 
     async def _mjpeg(self, request: Request) -> Response:
         if await self._camera.image("jpeg") is None:
-            return PlainTextResponse(f"no picture: {self._camera.fault}\n", status_code=503)
+            return self._no_picture()
         return StreamingResponse(
             _multipart(self._camera), media_type=f"multipart/x-mixed-replace; boundary={_BOUNDARY}"
         )
