@@ -12,7 +12,6 @@ import trocar.services.entry  # noqa: F401  first: the environment of a process
 # isort: split
 import array
 import os
-import signal
 import socket
 import struct
 import sys
@@ -138,7 +137,6 @@ def _read_angles(descriptor: int) -> array.array[float]:
 
 def main(core: int | None, priority: int | None) -> None:
     """Run the drives until the gateway has gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal's Ctrl-C is the gateway's to act on
     _release_scheduling()
     _facts, scheduling = realtime.set_up(core, priority, share=SHARE)
     drives = Drives(socket.socket(fileno=sys.stdin.fileno()))

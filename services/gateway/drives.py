@@ -5,11 +5,13 @@ from __future__ import annotations
 import contextlib
 import os
 import select
+import signal
 import socket
 import struct
 import subprocess
 import sys
 import threading
+from collections.abc import Collection, Iterator
 
 from trocar.services.gateway import drive_orders
 from trocar.services.gateway.drive_orders import Add, Ask, Order
@@ -18,6 +20,10 @@ from trocar.services.gateway.local_bus import LocalBus
 
 _STOP_TIMEOUT_S = 2.0
 _ANSWER_TIMEOUT_S = 5.0
+
+#: Signals by which a person or a service ends a rig, all its processes at once. The drives outlive them, as real ones:
+#: they go on for as long as the gateway lets the hands go, and end with it.
+_ENDS = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
 
 _running: dict[tuple[int | None, int | None], DriveProcess] = {}
 #: Guards the search, as handles are reopened in threads of their own.
@@ -37,7 +43,7 @@ class DriveProcess:
         self._orders, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         words = ["-" if each is None else str(each) for each in self._key]
         command = [sys.executable, "-m", "trocar.services.gateway.drive_process", *words]
-        with theirs:
+        with theirs, _blocked(_ENDS):
             self._process: subprocess.Popen[bytes] = subprocess.Popen(command, stdin=theirs.fileno())
 
     def join(self, node: int, watchdog_s: float, motion: HandMotion) -> LocalBus:
@@ -88,6 +94,16 @@ class DriveProcess:
     def end(self) -> int | None:
         """Return its exit code once it has ended."""
         return self._process.poll()
+
+
+@contextlib.contextmanager
+def _blocked(signals: Collection[signal.Signals]) -> Iterator[None]:
+    """Block signals in this thread, and for good in a process that it starts meanwhile."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, signals)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def find_process(core: int | None, priority: int | None) -> DriveProcess:

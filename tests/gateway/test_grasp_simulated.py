@@ -227,3 +227,16 @@ def test_which_recording_moves_a_handle(
     own = grasp_simulated.SimulatedGraspSettings(**settings)  # type: ignore[arg-type]
     found = grasp_simulated.find_recording(own, 1)
     assert (Path(found).name if found else None) == expected
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_what_ends_a_rig_ends_the_drives_with_the_gateway_and_not_before(number: signal.Signals) -> None:
+    """A service's stop reaches all processes at once: the drives were gone first, and that was an alarm."""
+    handle = _handle()
+    with _opened(handle):
+        (process,) = drives._running.values()
+        os.kill(process._process.pid, number)
+        handle.go_on()
+        assert _moves(handle, 1e-3)
+        assert handle.fault == ""
+    assert process.end() == 0
