@@ -13,7 +13,6 @@ DOCS = ROOT / "docs"
 FILES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
 _LINK = re.compile(r"\]\(([^)\s]+)\)")
 _NAMED = re.compile(r"`((?:services|studies|review|protocol|benchmarks|configs|deploy|tests)/[\w./-]+)`")
-"""Lines of a table are no words."""
 _IN_RECIPES = re.compile(r"```.*?```", re.DOTALL)
 
 
