@@ -12,11 +12,11 @@ from __future__ import annotations
 import trocar.services.entry  # first: the environment of a process
 
 # isort: split
+import argparse
 import gc
 import hashlib
 import json
 import platform
-import sys
 import time
 
 import numpy as np
@@ -55,4 +55,6 @@ def main(scene: str) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1] if len(sys.argv) > 1 else "insertion")
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scene", nargs="?", default="insertion", help="one that has hands (default insertion)")
+    main(parser.parse_args().scene)
