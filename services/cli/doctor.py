@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from trocar.services.cli import host_checks, probes
+from trocar.services.cli.delay_checks import delays
 from trocar.services.cli.host_checks import CheckResult, Verdict
 from trocar.services.cli.validation import RefusedError, validate
 from trocar.services.exit_codes import ExitCode
@@ -34,6 +35,7 @@ def run_doctor(rig_name: str, overrides: tuple[str, ...], as_json: bool) -> None
         *host_checks.ports(rig),
         *probes.graphics(),
         *_devices(rig),
+        *delays(rig),
     ]
     if as_json:
         print(json.dumps({"ok": not _failed(findings), "checks": [asdict(f) for f in findings]}, indent=1))

@@ -11,6 +11,7 @@ from typing import Annotated
 from trocar.services.gateway.script import COLUMNS, ROLL, draw_back
 from trocar.services.gateway.servo_arrays import READ_ROLL, READ_SIZE, READ_TEMPERATURE
 from trocar.services.gateway.simulated_arm import HAND_SIZE, filter_reading, hottest, place_hand, step_links, tremble
+from trocar.services.gateway.write_delay import WRITE_SIZE, WRITES
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.compiled import kernel
 from trocar.services.mechanics.compiled.struct import Address, Struct, reader
@@ -33,6 +34,8 @@ class ArmTick(Struct):
     rates: Annotated[FloatArray, 3]
     heat: Annotated[FloatArray, 2, 3]
     force: Annotated[FloatArray, 3]
+    writes: Annotated[FloatArray, WRITES, WRITE_SIZE]
+    given: Annotated[FloatArray, 1]
     work: Annotated[FloatArray, 4, 3]
     jacobian: Annotated[FloatArray, 3, 3]
     measured: Annotated[FloatArray, 3]
@@ -40,6 +43,8 @@ class ArmTick(Struct):
     coefficients: Annotated[FloatArray, 5]
     centre: Annotated[FloatArray, 3]
     reading: Annotated[FloatArray, READ_SIZE]
+    friction: float = 1.0
+    wait_s: float = 0.0  # until a force acts that is written now
 
 
 arm_tick_at = reader(ArmTick)
@@ -58,7 +63,19 @@ def tick_arm(address: Address[ArmTick], script_s: float, time_s: float) -> None:
     place_hand(tick.value, tick.rate, tick.stand, tick.hand)
     if tick.tremor_m > 0.0:
         tremble(tick.hand, tick.tremor_m, time_s)
-    step_links(tick.angles, tick.rates, tick.heat, tick.force, tick.hand, tick.work, tick.jacobian)
+    step_links(
+        tick.angles,
+        tick.rates,
+        tick.heat,
+        tick.force,
+        tick.wait_s,
+        tick.hand,
+        tick.friction,
+        tick.writes,
+        tick.given,
+        tick.work,
+        tick.jacobian,
+    )
     filter_reading(tick.angles, tick.measured, tick.filter, tick.coefficients, tick.centre, tick.reading)
     tick.reading[READ_TEMPERATURE] = hottest(tick.heat)
     tick.reading[READ_ROLL] = tick.value[ROLL]

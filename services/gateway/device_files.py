@@ -15,11 +15,19 @@ _CURRENT = between(0.01, 40.0, "A", "an ODrive S1 bears no more for long, and no
 _A_BLINK = between(1e-3, 1.0, "s", "a drive that is silent for longer would go on pushing; a tick takes 0.001 s")
 _COUNT = between(1e-8, 2e-4, "m", "no encoder of an arm is finer, and a coarser one is felt as grain")
 _FRICTION = between(1e-4, 2.0, "N", "every arm has some, and more would hide all forces")
+_SHARE = between(0.0, 1.0, "", "an arm has some part of its friction, and no more than all")
+_DELAY = between(0.0, 3e-3, "s", "a force that comes later than three ticks of 1 ms gives energy that no books cover")
+_DRY_NM = between(1e-6, 1.0, "N m", "every handle has some, and more would hide all torques")
+_COUNT_RAD = between(1e-7, 0.1, "rad", "no encoder of a handle is finer, and a coarser one is felt as grain")
 _NYQUIST = between(1.0, 499.0, "Hz", "a velocity is known up to half of the rate of 1 kHz, and has to follow a hand")
 _GEAR = between(0.01, 1000.0, "", "a handle's gear lies between")
 _TURNS = between(-1000.0, 1000.0, "turns", "a handle goes through no more turns of its motor")
 _SPEED = between(0.01, 1000.0, "turns/s", "no motor of a handle is faster, and with less a handle stands")
 _OFFSET = Annotated[float, between(-1.0, 1.0, "m", "the workspace of the largest arm, a Premium 3.0, is 0.84 m wide")]
+
+
+#: Share of a friction told that is relied on if a file does not tell it: docs/results/haptics.md has what it costs.
+SURE_FRICTION = 0.25
 
 
 class ArmFile(Settings):
@@ -34,7 +42,16 @@ class ArmFile(Settings):
         description="motion of the tip per encoder count: a smaller motion of a hand is not seen"
     )
     friction_n: Annotated[float, _FRICTION] = Field(
-        description="friction at the tip, motors off: smaller forces give a hand no energy, and have no bound"
+        description="friction at the tip, motors off, as the vendor tells it or as it was measured"
+    )
+    sure_friction: Annotated[float, _SHARE] = Field(
+        SURE_FRICTION,
+        description="share of it that this arm surely has: smaller forces give a hand no energy, and have no bound",
+    )
+    interface_delay_s: Annotated[float, _DELAY] = Field(
+        1e-3,
+        description="longest time that the interface adds from a motion to the force that answers it, beside the "
+        "measured time from reading to writing",
     )
     max_damping_n_s_m: Annotated[float, between(0.0, 1000.0, "N s/m", "no arm is damped more")] | None = Field(
         None, description="has no effect; older files name it"
@@ -46,13 +63,13 @@ class ArmFile(Settings):
 
     def limits(self) -> ArmLimits:
         """Return the limits for the servo."""
-        return ArmLimits(
-            self.max_force_n,
-            self.continuous_force_n,
-            self.max_velocity_m_s,
-            self.count_m,
-            self.friction_n,
-        )
+        count_m, friction_n, _ = self.own()
+        most = self.max_force_n, self.continuous_force_n, self.max_velocity_m_s
+        return ArmLimits(*most, count_m, friction_n, self.interface_delay_s)
+
+    def own(self) -> tuple[float, float, float]:
+        """Return count, sure friction, and no sudden change beyond those seen, for the energy bound."""
+        return self.count_m, self.sure_friction * self.friction_n, 0.0
 
 
 class GraspFile(Settings):
@@ -72,6 +89,25 @@ class GraspFile(Settings):
             description="largest angle of the handle (assumed); beyond it, or a quarter of it below shut, is a fault",
         )
     )
+    count_rad: Annotated[float, _COUNT_RAD] = Field(
+        2e-3, description="motion of the handle per encoder count (none: of 12 bits, rounded up)"
+    )
+    friction_nm: Annotated[float, _DRY_NM] = Field(
+        5e-3, description="friction of the handle, motor off, measured or assumed"
+    )
+    sure_friction: Annotated[float, _SHARE] = Field(
+        0.5,
+        description="share of it that the handle surely has: smaller torques give a hand no energy, and have no bound",
+    )
+    interface_delay_s: Annotated[float, _DELAY] = Field(
+        2.5e-3,
+        description="longest time that drive and bus add from a motion to the torque that answers it: age of a "
+        "position, and transport",
+    )
+    sudden_rad: Annotated[float, between(0.0, 1.0, "rad", "no handle turns further in a tick of 2 ms")] = Field(
+        0.02,
+        description="by how much more than in the last tick a hand may turn it in this: fingers and handle are light",
+    )
     max_motor_turns_s: Annotated[float, _SPEED]
     max_motor_current_a: Annotated[float, _CURRENT]
     watchdog_s: Annotated[
@@ -79,6 +115,10 @@ class GraspFile(Settings):
     ] = Field(description="set on the drive itself")
     feedback_timeout_s: Annotated[float, _A_BLINK] = 0.005
     heartbeat_timeout_s: Annotated[float, _A_BLINK] = 0.3
+
+    def own(self) -> tuple[float, float, float]:
+        """Return count, sure friction and sudden change, for the energy bound."""
+        return self.count_rad, self.sure_friction * self.friction_nm, self.sudden_rad
 
 
 DeviceFile = Annotated[ArmFile | GraspFile, Field(discriminator="kind")]

@@ -36,13 +36,41 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class ArmLimits:
-    """Limits of an arm, its resolution (an encoder's count, at the tip) and its own friction."""
+    """Limits of an arm, and what the energy bound has to know of it.
+
+    Attributes:
+        count_m: Its resolution: an encoder's count, at the tip.
+        friction_n: The friction that it surely has.
+        delay_s: The longest time that its interface adds from a motion to the force that answers it.
+    """
 
     max_force_n: float
     continuous_force_n: float
     max_velocity_m_s: float
     count_m: float
     friction_n: float
+    delay_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class HandleLimits:
+    """What the energy bound has to know of a handle.
+
+    Attributes:
+        count_rad: Its resolution.
+        friction_nm: The friction that it surely has.
+        sudden_rad: By how much more than in the last tick any hand may turn it in this.
+        delay_s: The longest time that drive and bus add from a motion to the torque that answers it.
+    """
+
+    count_rad: float
+    friction_nm: float
+    sudden_rad: float
+    delay_s: float
+
+
+#: Of an instrument without a handle: nothing bounds the energy of its torque.
+NO_HANDLE = HandleLimits(0.0, math.inf, 0.0, 0.0)
 
 
 def _nothing(_topic: str) -> Frame | None:
@@ -132,6 +160,14 @@ class Arm(Device):
     buttons: int = 0
     own_servo: bool = False
 
+    def write_span_ns(self, read_ns: int, written_ns: int) -> int:
+        """Return how long the newest force has taken from reading to writing.
+
+        Args:
+            read_ns, written_ns: When the gateway began to read the arm, and when it had written the force.
+        """
+        return written_ns - read_ns
+
     @abstractmethod
     def read(self, time_ns: int, reading: FloatArray) -> None:
         """Write position, velocity, temperature and roll into `reading`; see `servo_arrays`. Never waits.
@@ -170,6 +206,8 @@ class GraspHandle(Device):
     """
 
     max_torque_nm: float
+    #: Those of a handle of 12 bits a turn, for devices that apply no torque.
+    limits: HandleLimits = HandleLimits(count_rad=2e-3, friction_nm=2.5e-3, sudden_rad=0.02, delay_s=2.5e-3)
     ready: bool = False
 
     @abstractmethod

@@ -54,6 +54,7 @@ class HandArm(Arm):
         max_velocity_m_s=2.0,
         count_m=premium_model.COUNT_M,
         friction_n=premium_model.FRICTION_N,
+        delay_s=1e-4,
     )
 
     def __init__(self, name: str, settings: HandSettings, place: Place) -> None:

@@ -11,7 +11,7 @@ import trocar.protocol.bodies as bodies
 from trocar.protocol import Frame
 from trocar.protocol.bodies.haptics import MODEL_COLUMNS
 from trocar.services.gateway import pose, servo_arrays
-from trocar.services.gateway.driver import Arm, GraspHandle, Place, load_arm, load_grasp
+from trocar.services.gateway.driver import NO_HANDLE, Arm, GraspHandle, Place, load_arm, load_grasp
 from trocar.services.gateway.engagement import State
 from trocar.services.gateway.scene_hands import SceneHand, fitted
 from trocar.services.gateway.servo import Servo, ServoLimits
@@ -20,6 +20,8 @@ from trocar.services.runtime.rig import GatewaySettings, InstrumentSettings
 #: After so long without force because the tool pulls at something, a person would move, and the tool touches nothing
 #: until it is clear. A hand without force may have led it to where no way back is free.
 PATIENCE_S = 2.0
+#: Gauge of the longest time from reading a device to writing to it, s.
+WRITE_SPAN = "write_span_s"
 
 
 class Instrument:
@@ -40,6 +42,7 @@ class Instrument:
         self._motion, self._orientation = self._pose[:6], self._pose[6:]
         self._arm_force = np.zeros(3)
         self._torque_nm = 0.0
+        self._read_ns = self._wrote_ns = self._turned_ns = 0
 
     def open(self) -> None:
         """Open the devices, force off."""
@@ -61,6 +64,7 @@ class Instrument:
 
     def read(self, time_ns: int) -> None:
         """Read the arm."""
+        self._read_ns = time.monotonic_ns()
         self.arm.read(time_ns, self._reading)
         pose.place_tool(self._reading, self._mount, self._port, self._motion, self._orientation)
 
@@ -88,6 +92,10 @@ class Instrument:
         if arm.has_force and not arm.own_servo:
             pose.force_to_arm(servo.force_n, self._mount, self._arm_force)
             arm.write(self._arm_force)
+            wrote_ns = time.monotonic_ns()
+            span_ns = arm.write_span_ns(self._read_ns, wrote_ns)
+            servo.arm_span.note(1e-9 * span_ns, 1e-9 * (wrote_ns - self._wrote_ns))
+            self._wrote_ns = wrote_ns
 
     @property
     def is_withdrawn(self) -> bool:
@@ -101,10 +109,14 @@ class Instrument:
             return
         now_ns = time.monotonic_ns()
         grasp.read(now_ns, self._handle)
-        self.servo.grasp_on = grasp.ready
-        self.servo.step_grasp(now_ns, self._handle)
-        self._torque_nm = self.servo.torque_nm
+        servo = self.servo
+        servo.grasp_on = grasp.ready
+        servo.step_grasp(now_ns, self._handle)
+        self._torque_nm = servo.torque_nm
         grasp.write(self._torque_nm)
+        wrote_ns = time.monotonic_ns()
+        servo.handle_span.note(1e-9 * (wrote_ns - now_ns), 1e-9 * (wrote_ns - self._turned_ns))
+        self._turned_ns = wrote_ns
 
     def rearm(self) -> None:
         """Clear faults, as a person has armed the rig."""
@@ -153,6 +165,10 @@ class Instrument:
             if device is not None:
                 found[f"device_link_up.{self.name}.{kind}"] = float(not device.fault)
                 found.update({f"{name}.{self.name}.{kind}": value for name, value in device.gauges().items()})
+        if self.arm.has_force and not self.arm.own_servo:
+            found[f"{WRITE_SPAN}.{self.name}.arm"] = self.servo.arm_span.longest_s
+        if self.grasp is not None and self.grasp.has_force:
+            found[f"{WRITE_SPAN}.{self.name}.grasp"] = self.servo.handle_span.longest_s
         return found
 
     def state(self) -> bodies.InstrumentState:
@@ -225,5 +241,7 @@ def _build(
         velocity_m_s=arm.limits.max_velocity_m_s,
         count_m=arm.limits.count_m,
         friction_n=arm.limits.friction_n,
+        delay_s=arm.limits.delay_s,
+        handle=NO_HANDLE if grasp is None else grasp.limits,
     )
     return Instrument(row, arm, grasp, Servo(limits, settings.engage_ramp_s))

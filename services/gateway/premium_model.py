@@ -143,13 +143,13 @@ def passive_torque(angles: FloatArray, rates: FloatArray, joint: int) -> float:
 
 
 @kernel
-def rub(angles: FloatArray, rates: FloatArray, dt: float) -> None:
-    """Apply the dry friction of `dt` to rates (3,): an impulse at each joint of at most COULOMB dt towards rest.
+def rub(angles: FloatArray, rates: FloatArray, dt: float, share: float = 1.0) -> None:
+    """Apply a `share` of the dry friction of `dt` to rates (3,): an impulse at each joint of at most COULOMB dt.
 
     Modelled as a steep torque through rest, it would let an arm creep under a constant force, and its encoders toggle.
     """
     m11, m22, m23, m33 = mass(angles)
-    most, determinant = COULOMB * dt, m22 * m33 - m23 * m23
+    most, determinant = share * COULOMB * dt, m22 * m33 - m23 * m23
     rates[0] -= min(max(m11 * rates[0], -most), most) / m11
     w2, w3, pull2, pull3 = rates[1], rates[2], 0.0, 0.0
     for _ in range(_RUBS):

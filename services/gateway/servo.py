@@ -14,7 +14,9 @@ import numpy as np
 
 from trocar.protocol.bodies.haptics import MODEL_COLUMNS
 from trocar.services.gateway import servo_arrays, servo_law
+from trocar.services.gateway.driver import NO_HANDLE, HandleLimits
 from trocar.services.gateway.engagement import Engagement, State
+from trocar.services.gateway.write_span import WriteSpan
 from trocar.services.mechanics.arrays import FloatArray
 
 #: Model, motion, limits, present tick, memory: see `servo_arrays`.
@@ -26,7 +28,12 @@ _MAX_AGE_S = 1e3
 
 @dataclass(frozen=True, slots=True)
 class ServoLimits:
-    """Limits of forces on the hand, the smaller of rig and device, and the arm's encoder count and friction."""
+    """Limits of forces on the hand, the smaller of rig and device, and what the energy bound has to know.
+
+    Attributes:
+        count_m, friction_n, delay_s: Of the arm, as `ArmLimits` has them.
+        handle: Of the handle.
+    """
 
     force_n: float
     continuous_force_n: float
@@ -35,6 +42,8 @@ class ServoLimits:
     velocity_m_s: float
     count_m: float
     friction_n: float
+    delay_s: float = 0.0
+    handle: HandleLimits = NO_HANDLE
 
     def pack(self) -> FloatArray:
         """Return the limits as an array for kernels. Torque unloads in the same time as force."""
@@ -44,7 +53,9 @@ class ServoLimits:
         out[servo_arrays.LIMIT_RATE] = self.force_rate_n_s
         out[servo_arrays.LIMIT_TORQUE] = self.torque_nm
         out[servo_arrays.LIMIT_TORQUE_RATE] = self.torque_nm * self.force_rate_n_s / self.force_n
-        out[servo_arrays.LIMIT_COUNT], out[servo_arrays.LIMIT_FRICTION] = self.count_m, self.friction_n
+        out[servo_arrays.LIMIT_ARM : servo_arrays.LIMIT_HANDLE] = self.count_m, self.friction_n, 0.0
+        handle = self.handle
+        out[servo_arrays.LIMIT_HANDLE :] = handle.count_rad, handle.friction_nm, handle.sudden_rad
         return out
 
 
@@ -54,6 +65,7 @@ class Servo:
     Attributes:
         force_n: (3,) float64. Force to write, in world axes; a view that every `step` changes.
         grasp_on: bool. Whether the handle's drive is on and answers; otherwise the grasp torque falls to zero.
+        arm_span, handle_span: WriteSpan. How long forces and torques have taken from reading to writing.
     """
 
     def __init__(self, limits: ServoLimits, ramp_s: float) -> None:
@@ -61,6 +73,7 @@ class Servo:
         self.engagement = Engagement(ramp_s)
         self.age_s = _MAX_AGE_S
         self.grasp_on = False
+        self.arm_span, self.handle_span = WriteSpan(), WriteSpan()
         self._limits = limits.pack()
         self._model = np.zeros(MODEL_COLUMNS)
         self._memory = np.zeros(servo_arrays.MEMORY_SIZE)
@@ -97,13 +110,18 @@ class Servo:
 
     @property
     def energy_j(self) -> float:
-        """Energy that the hand has put in since it was free, negative if it received more."""
+        """Energy that the hand has put in since it was free, negative if it received more; the arm's alone."""
         return float(self._memory[servo_arrays.MEMORY_ENERGY])
 
     @property
     def reserved_j(self) -> float:
         """Energy that the present force may return to the hand until the next step accounts for it."""
         return float(self._memory[servo_arrays.MEMORY_RESERVED])
+
+    @property
+    def is_unknown(self) -> bool:
+        """Whether a force has come later than the books cover, so that what the hand was given is not known."""
+        return bool(self._memory[servo_arrays.MEMORY_UNKNOWN])
 
     def accept(self, model: FloatArray, ttl_s: float, answers_ns: int, incarnation: int) -> None:
         """Store a model (MODEL_COLUMNS,) that answers the device sample of `answers_ns`.
@@ -143,11 +161,11 @@ class Servo:
         self._last_ns = now_ns
         self.age_s = self._age_s(now_ns)
         self._trip(motion, dt_s)
-        ttl_s = self._ttl_s
+        ttl_s, is_known = self._ttl_s, not self.is_unknown
         begins = self.engagement.step(
             dt_s,
-            fresh=self.age_s <= servo_law.hold_s(ttl_s),
-            alive=self.age_s < ttl_s,
+            fresh=is_known and self.age_s <= servo_law.hold_s(ttl_s),
+            alive=is_known and self.age_s < ttl_s,
             demand_n=float(self._memory[servo_arrays.MEMORY_DEMAND]),
             calibrated=calibrated,
         )
@@ -156,13 +174,17 @@ class Servo:
         now[servo_arrays.NOW_GAIN] = self.engagement.gain
         now[servo_arrays.NOW_TEMPERATURE] = temperature
         now[servo_arrays.NOW_OTHERS], now[servo_arrays.NOW_RESERVED] = others_j, reserved_j
+        span = self.arm_span
+        now[servo_arrays.NOW_LAST_LATE_S] = self.limits.delay_s + span.newest_s
+        now[servo_arrays.NOW_LATE_S] = self.limits.delay_s + span.longest_s
         law(self._model, motion, self._limits, now, self._memory)
         return begins
 
     def step_grasp(self, now_ns: int, handle: FloatArray) -> None:
         """Compute `torque_nm` for the handle (2,), angle and rate, read at `now_ns`, perhaps by a newer model.
 
-        The torque of a drive that has returned is ramped up like a force that begins.
+        The torque of a drive that has returned is ramped up like a force that begins. A handle returns what its own
+        hand has put into it: what arms put in stays with them.
         """
         now = self._now
         dt_s = max(0.0, (now_ns - self._last_grasp_ns) * 1e-9) if self._last_grasp_ns else 1e-3
@@ -172,6 +194,10 @@ class Servo:
         rise = dt_s / self._ramp_s if self._ramp_s > 0.0 else 1.0
         self._grasp_gain = min(self._grasp_gain + rise, self.engagement.gain) if self.grasp_on else 0.0
         now[servo_arrays.NOW_GRASP_GAIN] = self._grasp_gain
+        now[servo_arrays.NOW_OTHERS] = now[servo_arrays.NOW_RESERVED] = 0.0
+        span = self.handle_span
+        now[servo_arrays.NOW_LAST_LATE_S] = self.limits.handle.delay_s + span.newest_s
+        now[servo_arrays.NOW_LATE_S] = self.limits.handle.delay_s + span.longest_s
         servo_law.servo_torque(self._model, handle, self._limits, now, self._memory)
 
     def reset_clock(self) -> None:

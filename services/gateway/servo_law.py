@@ -8,7 +8,10 @@ Forces on a hand are bounded only here, in this order: model, norm, rate, energy
   larger than can still be removed, so it reaches zero at T without a step.
 * Force rises, and changes direction, at most at the rate limit. It falls as fast as the spring that the hand unloads,
   as a force that outlasts its contact would push the withdrawing hand.
-* It returns no more energy than all hands have put in, see `energy_bound`.
+* It returns no more energy than all hands have put in, however late it reaches the motors, see `energy_bound`. If it
+  comes later than those books cover, it fades.
+
+A grasp torque obeys the same rules on its one axis.
 """
 
 from __future__ import annotations
@@ -28,12 +31,14 @@ from trocar.protocol.bodies.haptics import (
     MODEL_V0,
     MODEL_X0,
 )
-from trocar.services.gateway.energy_bound import book_work, bound_force, settle
+from trocar.services.gateway.energy_bound import book_work, bound_force, settle, take_as_put_in
 from trocar.services.gateway.servo_arrays import (
     HANDLE_ANGLE,
     HANDLE_RATE,
+    LIMIT_ARM,
     LIMIT_CONTINUOUS_FORCE,
     LIMIT_FORCE,
+    LIMIT_HANDLE,
     LIMIT_RATE,
     LIMIT_TORQUE,
     LIMIT_TORQUE_RATE,
@@ -44,6 +49,7 @@ from trocar.services.gateway.servo_arrays import (
     MEMORY_SCALE,
     MEMORY_STIFFNESS,
     MEMORY_TORQUE,
+    MEMORY_UNKNOWN,
     NOW_AGE,
     NOW_DT,
     NOW_GAIN,
@@ -103,8 +109,9 @@ def servo_force(model: FloatArray, motion: FloatArray, limits: FloatArray, now: 
         memory: (MEMORY_SIZE,). The last force, position and energy, changed in place. A force that is not finite is
             counted in ``MEMORY_REFUSED`` and taken as zero.
     """
-    way = book_work(motion, limits, memory)
-    settle(now, _is_free(model, now, memory), memory)
+    own = limits[LIMIT_ARM:LIMIT_HANDLE]
+    way = book_work((motion[0], motion[1], motion[2]), own, now, memory)
+    settle(way, own, now, _is_free(model, now, memory), memory)
     elastic = elastic_share(now[NOW_AGE], now[NOW_TTL])
     damping = damping_share(now[NOW_AGE], now[NOW_TTL])
     x = model_force(model, motion, 0, elastic, damping)
@@ -114,25 +121,35 @@ def servo_force(model: FloatArray, motion: FloatArray, limits: FloatArray, now: 
     if not math.isfinite(demand):
         memory[MEMORY_REFUSED] += 1.0
         x, y, z, demand = 0.0, 0.0, 0.0, 0.0
-    gain = now[NOW_GAIN]
+    gain = now[NOW_GAIN] if memory[MEMORY_UNKNOWN] == 0.0 else 0.0
     wanted = (gain * x, gain * y, gain * z)
     memory[MEMORY_DEMAND] = demand
     memory[MEMORY_SCALE] = gain * elastic
     _unload(model, way, wanted, memory)
     _approach(wanted, _largest_force(limits, now, memory), limits[LIMIT_RATE] * min(now[NOW_DT], MAX_STEP_S), memory)
-    bound_force(way, limits, now, memory)
+    bound_force(way, own, now, memory)
 
 
 @kernel
 def servo_torque(
     model: FloatArray, handle: FloatArray, limits: FloatArray, now: FloatArray, memory: FloatArray
 ) -> None:
-    """Write the grasp torque of this tick into `memory`: the same law in one dimension, without the energy bound."""
+    """Write the grasp torque of this tick into `memory`: the same law on one axis.
+
+    Jaws may hold something when a torque begins: while it is ramped up, what is squeezed then counts as put in.
+    """
+    books, own = memory[MEMORY_TORQUE:], limits[LIMIT_HANDLE:]
+    way = book_work((handle[HANDLE_ANGLE], 0.0, 0.0), own, now, books)
+    gain = now[NOW_GRASP_GAIN] if books[MEMORY_UNKNOWN] == 0.0 else 0.0
+    touches = model[MODEL_TORQUE] != 0.0 or model[MODEL_GRASP_K] != 0.0
+    settle(way, own, now, not touches or gain == 0.0, books)
     elastic = elastic_share(now[NOW_AGE], now[NOW_TTL])
     damping = damping_share(now[NOW_AGE], now[NOW_TTL])
     spring = model[MODEL_TORQUE] - model[MODEL_GRASP_K] * (handle[HANDLE_ANGLE] - model[MODEL_ANGLE0])
+    if 0.0 < gain < 1.0 and model[MODEL_GRASP_K] > 0.0 and math.isfinite(spring):
+        take_as_put_in(0.5 * min(abs(spring), limits[LIMIT_TORQUE]) ** 2 / model[MODEL_GRASP_K], books)
     friction = model[MODEL_GRASP_B] * (handle[HANDLE_RATE] - elastic * model[MODEL_RATE0])
-    wanted = now[NOW_GRASP_GAIN] * (elastic * spring - damping * friction)
+    wanted = gain * (elastic * spring - damping * friction)
     if not math.isfinite(wanted):
         memory[MEMORY_REFUSED] += 1.0
         wanted = 0.0
@@ -140,7 +157,8 @@ def servo_torque(
     largest = min(limits[LIMIT_TORQUE], rate * max(0.0, now[NOW_TTL] - now[NOW_AGE]))
     step = rate * min(now[NOW_DT], MAX_TORQUE_STEP_S)
     wanted = min(max(wanted, -largest), largest)
-    memory[MEMORY_TORQUE] = slew(memory[MEMORY_TORQUE], wanted, step)
+    books[MEMORY_FORCE] = slew(books[MEMORY_FORCE], wanted, step)
+    bound_force(way, own, now, books)
 
 
 @kernel

@@ -1,4 +1,7 @@
-"""One millisecond of a simulated arm in a hand: motors, links, hand, heat, encoders. Steps at 8 kHz inside."""
+"""One millisecond of a simulated arm in a hand: motors, links, hand, heat, encoders. Steps at 8 kHz inside.
+
+As with a real arm, a force may reach the motors some time after it was written, and friction may be less than told.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,7 @@ from trocar.services.gateway import premium_model
 from trocar.services.gateway.premium_model import GEARS
 from trocar.services.gateway.servo_arrays import READ_POSITION, READ_TEMPERATURE, READ_VELOCITY
 from trocar.services.gateway.velocity_filter import butterworth, low_pass
+from trocar.services.gateway.write_delay import WRITE_SIZE, WRITES, pass_time, write_late
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.compiled import kernel
 
@@ -33,9 +37,13 @@ class ArmState:
     Args:
         angles: (3,) float64. Initial joint angles.
         velocity_filter_hz: Cut-off of the second-order Butterworth filter on the differences of encoder positions.
+        friction: Its dry friction, as a share of `premium_model`'s.
+
+    Attributes:
+        given: ndarray (1,). Work of the motors on the joints so far, J.
     """
 
-    def __init__(self, angles: FloatArray, velocity_filter_hz: float) -> None:
+    def __init__(self, angles: FloatArray, velocity_filter_hz: float, friction: float = 1.0) -> None:
         self.angles = angles.copy()
         self.rates = np.zeros(3)
         self.heat = np.full((2, 3), ROOM_C)  # windings, housings
@@ -45,6 +53,7 @@ class ArmState:
         self.coefficients = butterworth(velocity_filter_hz)
         self.work = np.zeros((4, 3))
         self.jacobian = np.zeros((3, 3))
+        self.writes, self.given, self.friction = np.zeros((WRITES, WRITE_SIZE)), np.zeros(1), friction
 
     def put(self, angles: FloatArray) -> None:
         """Set the joint angles (3,), at rest, without changing temperatures."""
@@ -53,9 +62,13 @@ class ArmState:
         measure(self.angles, self.measured)
         self.filter[:] = 0.0
 
-    def step(self, force_n: FloatArray, hand: FloatArray) -> None:
-        """Advance by one tick under a constant force (3,) of the servo and the hand (HAND_SIZE,); base frame."""
-        step_links(self.angles, self.rates, self.heat, force_n, hand, self.work, self.jacobian)
+    def step(self, force_n: FloatArray, hand: FloatArray, wait_s: float = 0.0) -> None:
+        """Advance by one tick under a force (3,) of the servo, which acts after `wait_s`, and the hand (HAND_SIZE,).
+
+        Both are in the frame of the base.
+        """
+        links = self.angles, self.rates, self.heat
+        step_links(*links, force_n, wait_s, hand, self.friction, self.writes, self.given, self.work, self.jacobian)
 
     def read(self, centre: FloatArray, reading: FloatArray) -> None:
         """Write the readings of encoders and temperature model into `reading`; call this once a tick."""
@@ -69,11 +82,18 @@ def step_links(
     rates: FloatArray,
     heat: FloatArray,
     force: FloatArray,
+    wait_s: float,
     hand: FloatArray,
+    friction: float,
+    writes: FloatArray,
+    given: FloatArray,
     work: FloatArray,
     jacobian: FloatArray,
 ) -> None:
-    """Advance by TICK_S; semi-implicit Euler, stable up to hand and stop stiffnesses of about 30 kN/m."""
+    """Advance by TICK_S, and add the motors' work to `given`.
+
+    Semi-implicit Euler, stable up to hand and stop stiffnesses of about 30 kN/m.
+    """
     motor, torque, out, point = work[0], work[1], work[2], work[3]
     premium_model.jacobian(angles, jacobian)
     for joint in range(3):
@@ -82,10 +102,12 @@ def step_links(
         ) / GEARS[joint]
         motor[joint] = min(max(wanted, -STALL_NM), STALL_NM)
     _warm(motor, heat)
+    write_late(writes, motor[0], motor[1], motor[2], wait_s)
     dt = TICK_S / SUBSTEPS
     for k in range(SUBSTEPS):
         premium_model.forward(angles, point)
         premium_model.jacobian(angles, jacobian)
+        pass_time(writes, dt, motor)
         _hand_force(point, jacobian, rates, hand, (k + 1) * dt - TICK_S, out)
         for joint in range(3):
             torque[joint] = motor[joint] * GEARS[joint] + premium_model.passive_torque(angles, rates, joint)
@@ -93,9 +115,10 @@ def step_links(
         premium_model.accelerate(angles, rates, torque, out)
         for joint in range(3):
             rates[joint] += dt * out[joint]
-        premium_model.rub(angles, rates, dt)
+        premium_model.rub(angles, rates, dt, friction)
         for joint in range(3):
             angles[joint] += dt * rates[joint]
+            given[0] += motor[joint] * GEARS[joint] * dt * rates[joint]
 
 
 @kernel

@@ -35,6 +35,7 @@ from trocar.studies.feel.measure import (
     told_rows,
     transparency,
 )
+from trocar.studies.feel.passivity_cost import passivity_costs
 from trocar.studies.feel.report import Felt, write_page
 from trocar.studies.feel.tracking import Running, find_running
 from trocar.studies.feel.z_width import z_widths
@@ -72,8 +73,20 @@ def run_haptics(request: Request) -> None:
         hunted, slow = hunts(request.hands, executor, tell), slow_rows(request.hands // 2)
     compared = compare(max(40, request.hands // 4))
     widths, told = z_widths(max(40, request.hands // 4)), told_rows(request.hands // 2)
+    costs = list(passivity_costs(max(40, request.hands // 2)))
     felt = Felt(
-        passive_borders(), stable_borders(), transparency(), won, late, hunted, slow, running, compared, widths, told
+        passive_borders(),
+        stable_borders(),
+        transparency(),
+        won,
+        late,
+        hunted,
+        slow,
+        running,
+        compared,
+        widths,
+        told,
+        costs,
     )
     if request.json:
         print(json.dumps({"page": str(request.out), **_data(felt)}))
@@ -116,6 +129,7 @@ def _data(felt: Felt) -> dict[str, object]:
         "slow": [asdict(each) for each in felt.slow],
         "compared": [asdict(each) for each in felt.compared],
         "z_widths": [asdict(each) for each in felt.z_widths],
+        "costs": [asdict(each) for each in felt.costs],
         "told": [{"factor": factor, **asdict(each)} for factor, each in felt.told],
         "running": None if felt.running is None else msgspec.to_builtins(felt.running),
         "energies": [

@@ -131,11 +131,14 @@ def stiffest_of(make: Make, device: Device, hands: Hands) -> float:
 
 def rendered(law: str, arm: str, stiffness_n_m: float) -> float:
     """Return force over depth, N/m, of a wall that a hand of 2,000 N/m presses slowly with 1 N."""
-    if not stiffness_n_m:
-        return 0.0
+    return rendered_at(LAWS[law], device_of(arm), stiffness_n_m) if stiffness_n_m else 0.0
+
+
+def rendered_at(make: Make, device: Device, stiffness_n_m: float) -> float:
+    """Return that of any law on any device."""
     depth_m = 1.0 * (1.0 / stiffness_n_m + 1.0 / 2000.0)
     path = np.concatenate([np.linspace(1e-4, -depth_m, 600), np.full(400, -depth_m)])
-    run = move(law, arm, np.array([stiffness_n_m]), _steady(path, 2000.0, arm))
+    run = move_at(make, device, np.array([stiffness_n_m]), _steady(path, 2000.0, device.mass_kg))
     return float(np.median(run.force_n[0, -200:] / np.maximum(1e-9, -run.x_m[0, -200:])))
 
 
@@ -144,7 +147,7 @@ def met_and_left(law: str, arm: str) -> tuple[float, float]:
     into = 1e-3 - _MET_M_S * TICK_S * np.arange(26)
     out = into[-1] + _LEFT_M_S * TICK_S * np.arange(40)
     path = np.concatenate([into, np.full(100, into[-1]), out])
-    run = move(law, arm, np.array([_FELT_N_M]), _steady(path, 5000.0, arm))
+    run = move(law, arm, np.array([_FELT_N_M]), _steady(path, 5000.0, MASSES_KG[arm]))
     wall = np.clip(-_FELT_N_M * run.x_m[0], 0.0, None)
     there = (wall > 0.0) & (np.abs(run.force_n[0] - wall) < 0.1 * wall)
     met = int(np.argmax(wall > 0.0))
@@ -166,8 +169,8 @@ def noticed(law: str, arm: str, hands: int = 40, seed: int = 1) -> float:
     return float(told[wall > 0.0].mean())
 
 
-def _steady(path_m: FloatArray, stiffness_n_m: float, arm: str) -> Hands:
-    damping = 2.0 * np.sqrt(MASSES_KG[arm] * stiffness_n_m)
+def _steady(path_m: FloatArray, stiffness_n_m: float, mass_kg: float) -> Hands:
+    damping = 2.0 * np.sqrt(mass_kg * stiffness_n_m)
     return Hands(path_m[None], np.full((1, len(path_m)), stiffness_n_m), np.array([damping]))
 
 

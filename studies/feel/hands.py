@@ -12,14 +12,17 @@ import numpy as np
 from trocar.protocol.bodies.haptics import MODEL_COLUMNS, MODEL_CONTACT, MODEL_F0, MODEL_K, MODEL_X0
 from trocar.protocol.topics import TICK_S
 from trocar.services.gateway import premium_model, servo_law
-from trocar.services.gateway.premium_model import GEARS
+from trocar.services.gateway.device_files import SURE_FRICTION
 from trocar.services.gateway.servo_arrays import (
+    LIMIT_HANDLE,
     LIMIT_SIZE,
     MEMORY_FORCE,
     MEMORY_SIZE,
     NOW_AGE,
     NOW_DT,
     NOW_GAIN,
+    NOW_LAST_LATE_S,
+    NOW_LATE_S,
     NOW_SIZE,
     NOW_TTL,
     READ_POSITION,
@@ -33,12 +36,13 @@ from trocar.services.gateway.simulated_arm import (
     HAND_SIZE,
     HAND_STIFFNESS,
     HAND_TARGET,
-    STALL_NM,
     ArmState,
 )
 from trocar.services.mechanics.arrays import FloatArray
 
 TTL_S = 0.02
+#: What the servo is told of how late forces act: longer than of the Premium's device file.
+WRITE_S = 0.3e-3
 #: Largest force and its rate: those of the stub rig.
 FORCE_N, RATE_N_S = 3.0, 200.0
 
@@ -58,6 +62,8 @@ class Attack:
         cunning: 0: a sinusoid with noise; 1: a hand that is stiff while the wall pushes it out, and lets go while it
             goes in.
         seed
+        write_s, write_jitter: How late a force acts after its reading, at most, and by which share of that earlier.
+        friction: Dry friction of the arm, as a share of the model's: at least `SURE_FRICTION`.
     """
 
     stiffness_n_m: float
@@ -71,6 +77,9 @@ class Attack:
     hertz: float
     cunning: float
     seed: int
+    write_s: float = 0.0
+    write_jitter: float = 0.0
+    friction: float = 1.0
 
 
 def random_attack(seed: int, *, local: bool = True, bounded: bool = True) -> Attack:
@@ -88,6 +97,9 @@ def random_attack(seed: int, *, local: bool = True, bounded: bool = True) -> Att
         hertz=float(10.0 ** draw.uniform(-0.3, 2.0)),
         cunning=float(draw.integers(0, 2)),
         seed=seed,
+        write_s=float(draw.uniform(0.0, WRITE_S)),
+        write_jitter=float(draw.uniform()),
+        friction=float(draw.uniform(SURE_FRICTION, 1.0)),
     )
 
 
@@ -112,18 +124,15 @@ class Books:
 
     def __init__(self) -> None:
         self.given_j = self.lost_j = self.moved_j = 0.0
-        self._jacobian = np.zeros((3, 3))
 
-    def step(self, arm: ArmState, force_n: FloatArray, advance: Callable[[], None]) -> None:
-        """Let the arm `advance` by a tick under a held force (3,) in the frame of its base, and account for it."""
-        premium_model.jacobian(arm.angles, self._jacobian)
-        torque = np.clip((force_n @ self._jacobian) / GEARS, -STALL_NM, STALL_NM) * GEARS
-        angles, rates = arm.angles.copy(), arm.rates.copy()
+    def step(self, arm: ArmState, advance: Callable[[], None]) -> None:
+        """Let the arm `advance` by a tick, and account for it."""
+        angles, rates, before_j = arm.angles.copy(), arm.rates.copy(), float(arm.given[0])
         advance()
-        given_j = float(torque @ (arm.angles - angles))
+        given_j = float(arm.given[0]) - before_j
         self.given_j += given_j
         self.moved_j += abs(given_j)
-        self.lost_j += _friction_j(angles, arm.angles, rates, arm.rates)
+        self.lost_j += _friction_j(angles, arm, rates)
 
     def close(self) -> Book:
         """Return the sums."""
@@ -162,7 +171,7 @@ class _Wall:
 def attack_servo(attack: Attack, ticks: int = 1500) -> Book:
     """Let a hand work on a wall for `ticks`, then leave, and return what the servo gave."""
     random = np.random.default_rng(attack.seed)
-    arm = ArmState(np.array(premium_model.CENTRE_ANGLES), velocity_filter_hz=100.0)
+    arm = ArmState(np.array(premium_model.CENTRE_ANGLES), 100.0, attack.friction)
     centre = premium_model.centre()
     wall = _Wall(attack, 0.0, random)
     reading, motion, memory = np.zeros(READ_SIZE), np.zeros(6), np.zeros(MEMORY_SIZE)
@@ -175,15 +184,17 @@ def attack_servo(attack: Attack, ticks: int = 1500) -> Book:
         servo_law.servo_force(wall.model, motion, limits, now, memory)
         _move_hand(attack, hand, centre, motion, k, ticks, random)
         force = memory[MEMORY_FORCE : MEMORY_FORCE + 3]
-        books.step(arm, force, partial(arm.step, force, hand))
+        wait_s = attack.write_s * (1.0 - attack.write_jitter * random.random())
+        books.step(arm, partial(arm.step, force, hand, wait_s))
     return books.close()
 
 
-def _friction_j(angles: FloatArray, then: FloatArray, rates: FloatArray, rates_then: FloatArray) -> float:
+def _friction_j(angles: FloatArray, arm: ArmState, rates: FloatArray) -> float:
     """Return what the joints' friction took over the way of a tick, J: the viscous one at the mean rate."""
-    middle, rate = (angles + then) / 2.0, (rates + rates_then) / 2.0
+    then = arm.angles
+    middle, rate = (angles + then) / 2.0, (rates + arm.rates) / 2.0
     torques = np.array([premium_model.passive_torque(middle, rate, joint) for joint in range(3)])
-    return float(premium_model.COULOMB * np.abs(then - angles).sum() - torques @ (then - angles))
+    return float(arm.friction * premium_model.COULOMB * np.abs(then - angles).sum() - torques @ (then - angles))
 
 
 def servo_settings(*, bounded: bool = True) -> tuple[FloatArray, FloatArray]:
@@ -193,9 +204,11 @@ def servo_settings(*, bounded: bool = True) -> tuple[FloatArray, FloatArray]:
         bounded: Whether a force gives no more than was put in; else the law takes the arm's friction for endless.
     """
     limits, now = np.zeros(LIMIT_SIZE), np.zeros(NOW_SIZE)
-    own = premium_model.COUNT_M, premium_model.FRICTION_N if bounded else math.inf
-    limits[:] = (FORCE_N, FORCE_N, RATE_N_S, 0.3, 30.0, *own)
+    friction_n = SURE_FRICTION * premium_model.FRICTION_N if bounded else math.inf
+    own = premium_model.COUNT_M, friction_n, 0.0
+    limits[:LIMIT_HANDLE] = (FORCE_N, FORCE_N, RATE_N_S, 0.3, 30.0, *own)
     now[NOW_DT], now[NOW_TTL], now[NOW_GAIN] = TICK_S, TTL_S, 1.0
+    now[NOW_LAST_LATE_S] = now[NOW_LATE_S] = WRITE_S
     return limits, now
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
 
 from trocar.studies.feel.hands import Attack, Book, attack_servo, random_attack
-from trocar.studies.feel.hunt import MASSES_KG, Hunted, hunt, hunt_pairs
+from trocar.studies.feel.hunt import AS_FILED, HUNTED_KG, MASSES_KG, Hunted, Told, hunt, hunt_pairs
 from trocar.studies.feel.slow_hands import TOLD, WALLS_N_M, Slow, feel_walls
 from trocar.studies.feel.virtual_wall import (
     VirtualWall,
@@ -39,6 +39,10 @@ WAYS: tuple[tuple[str, int | None], ...] = (
     ("force over the bus, 20 ms", 20),
     ("force over the bus, 100 ms", 100),
 )
+#: What servos are told of delay and friction when hands are hunted for: what the device files tell, then other delays,
+#: and arms that need have no friction at all.
+HUNTED_WITH = (AS_FILED, Told(0.1e-3), Told(0.3e-3), Told(1e-3))
+FRICTIONLESS = Told(0.1e-3, 0.0)
 #: What a hand may be up against: whether stiffness travels, whether a force gives no more than was put in.
 KINDS: tuple[tuple[str, bool, bool], ...] = (
     ("local model, bounded", True, True),
@@ -150,7 +154,10 @@ def energies(count: int, executor: Executor, tell: Tell) -> list[Energies]:
 def hunts(count: int, executor: Executor, tell: Tell) -> list[Hunted]:
     """Return what searches found at each arm and for pairs, the bound on and off; 10 hands for each of `count`."""
     searches = max(1, count // 100)
-    asked = [(hunt, (name, searches), True) for name in MASSES_KG] + [(hunt_pairs, (max(1, searches // 5),), True)]
+    asked: list[tuple[Callable[..., Hunted], tuple[str | int, ...], bool]]
+    asked = [(partial(hunt, told=told), (name, searches), True) for name in HUNTED_KG for told in HUNTED_WITH]
+    asked += [(partial(hunt, told=FRICTIONLESS), (name, searches), True) for name in MASSES_KG]
+    asked += [(hunt_pairs, (max(1, searches // 5),), True)]
     asked += [(hunt, (name, 1), False) for name in MASSES_KG] + [(hunt_pairs, (1,), False)]
     waiting = [executor.submit(partial(ask, *words, bounded=bounded)) for ask, words, bounded in asked]
     found = []
@@ -167,7 +174,7 @@ def slow_rows(count: int) -> list[Slow]:
 
 def told_rows(count: int) -> list[tuple[float, Slow]]:
     """Return what they feel of the softest walls where models have another local stiffness, with its factor."""
-    return [(each, feel_walls(name, WALLS_N_M[0], max(1, count), told=each)) for name in MASSES_KG for each in TOLD]
+    return [(each, feel_walls(name, WALLS_N_M[0], max(1, count), local=each)) for name in MASSES_KG for each in TOLD]
 
 
 def _told(books: Iterable[Book], kind: str, count: int, tell: Tell) -> Iterable[Book]:

@@ -14,6 +14,7 @@ import numpy as np
 from trocar.protocol.bodies.haptics import MODEL_B, MODEL_COLUMNS, MODEL_CONTACT, MODEL_F0, MODEL_K, MODEL_X0
 from trocar.protocol.topics import TICK_S
 from trocar.services.gateway import premium_model, simulated_arm
+from trocar.services.gateway.device_files import SURE_FRICTION
 from trocar.services.gateway.premium_model import GEARS
 from trocar.services.gateway.servo_arrays import (
     MEMORY_ENERGY,
@@ -36,19 +37,21 @@ from trocar.services.gateway.simulated_arm import (
     HAND_SIZE,
     HAND_STIFFNESS,
     HAND_TARGET,
-    STALL_NM,
     filter_reading,
     measure,
     step_links,
 )
 from trocar.services.gateway.velocity_filter import butterworth
+from trocar.services.gateway.write_delay import WRITE_SIZE, WRITES
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.compiled import building_kernel, kernel
-from trocar.studies.feel.hands import servo_settings
+from trocar.studies.feel.hands import WRITE_S, servo_settings
 from trocar.studies.feel.wall_hands import (
     BOOK_SIZE,
     DAMPING,
+    FRICTION,
     GAINED,
+    GRIP,
     HAND_LOSS,
     JITTER,
     LARGEST,
@@ -64,14 +67,17 @@ from trocar.studies.feel.wall_hands import (
     START_M,
     STAY,
     WALL,
+    WRITE,
+    WRITE_JITTER,
     decode,
     drawn,
+    is_limp,
     move_target,
 )
 
 #: A pair in the cube of a search: two hands, and the stuff between, of the softer side's stiffness.
 DIMENSIONS = 2 * len(RANGES) + 1
-_GRIP_N, _FILTER_HZ = 15.0, 100.0
+_FILTER_HZ = 100.0
 
 
 def books_of_pairs(shares: FloatArray, *, bounded: bool = True) -> FloatArray:
@@ -121,7 +127,7 @@ def _run(
         angles[i], target[i, 0] = start, START_M
         measure(angles[i], measured[i])
     given = lost = 0.0
-    felt = False
+    writes, work_of, felt = np.zeros((2, WRITES, WRITE_SIZE)), np.zeros(1), False
     book[GAINED] = -1.0
     for k in range(int(max(hands[0, STAY], hands[1, STAY]) / TICK_S) + LEAVING):
         for i in range(2):
@@ -146,21 +152,26 @@ def _run(
             pressed = max(pressed, math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2))
         book[LARGEST] = max(book[LARGEST], pressed)
         felt = felt or pressed > 0.0
-        if felt and pressed == 0.0:
+        if felt and pressed == 0.0 and is_limp(writes[0]) and is_limp(writes[1]):
             book[GAINED] = max(book[GAINED], given - lost)
         for i in range(2):
             force[:] = memory[i, MEMORY_FORCE : MEMORY_FORCE + 3]
             place[0] = motion[i, 2]
             hand[HAND_STIFFNESS] = move_target(hands[i], target[i], place, k)
-            hand[HAND_DAMPING], hand[HAND_GRIP] = hands[i, HAND_LOSS], _GRIP_N
+            hand[HAND_DAMPING], hand[HAND_GRIP] = hands[i, HAND_LOSS], hands[i, GRIP]
             for axis in range(2):  # across the wall is z, along it y
                 target[i, axis] += TICK_S * target[i, 2 + axis]
                 hand[HAND_TARGET + 2 - axis] = centre[2 - axis] + target[i, axis]
                 hand[HAND_RATE + 2 - axis] = target[i, 2 + axis]
             hand[HAND_TARGET] = centre[0]
-            gave, took = _advance(angles[i], rates[i], heat[i], force, hand, work, jacobian)
+            friction = SURE_FRICTION + hands[i, FRICTION] * (1.0 - SURE_FRICTION)
+            wait_s = WRITE_S * hands[i, WRITE] * (1.0 - hands[i, WRITE_JITTER] * drawn(10 * k + 5 * i + 2))
+            before, gave = (angles[i, 0], angles[i, 1], angles[i, 2]), work_of[0]
+            step_links(angles[i], rates[i], heat[i], force, wait_s, hand, friction, writes[i], work_of, work, jacobian)
+            gave = work_of[0] - gave
             given += gave
-            lost += took
+            for joint in range(3):  # what is viscous is left to the hand
+                lost += friction * premium_model.COULOMB * abs(angles[i, joint] - before[joint])
             book[MOVED] += abs(gave)
     book[LEFT_WITH], book[SERVO] = given - lost, given
     book[GAINED] = max(book[GAINED], given - lost)
@@ -178,27 +189,3 @@ def _answer(hand: FloatArray, between: float, motion: FloatArray, other_m: float
     answer[MODEL_K + 8] = hand[MODEL] * (own + both)
     answer[MODEL_B] = answer[MODEL_B + 4] = answer[MODEL_B + 8] = hand[DAMPING]
     answer[MODEL_X0 : MODEL_X0 + 3] = motion[:3]
-
-
-@kernel
-def _advance(
-    angles: FloatArray,
-    rates: FloatArray,
-    heat: FloatArray,
-    force: FloatArray,
-    hand: FloatArray,
-    work: FloatArray,
-    jacobian: FloatArray,
-) -> tuple[float, float]:
-    """Let an arm go on for a tick; return what its motors gave to its joints and its friction took, J."""
-    premium_model.jacobian(angles, jacobian)
-    before = (angles[0], angles[1], angles[2])
-    torque = jacobian.T @ force
-    step_links(angles, rates, heat, force, hand, work, jacobian)
-    gave = took = 0.0
-    for joint in range(3):
-        way = angles[joint] - before[joint]
-        most = STALL_NM * GEARS[joint]
-        gave += min(max(torque[joint], -most), most) * way
-        took += premium_model.COULOMB * abs(way)  # what is viscous is left to the hand
-    return gave, took

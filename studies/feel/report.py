@@ -15,7 +15,15 @@ from trocar.studies.feel.compare import Compared
 from trocar.studies.feel.hunt import MASSES_KG, Hunted
 from trocar.studies.feel.late import TOOLS, WITHIN, Late
 from trocar.studies.feel.measure import TABLE_HZ, WAYS, Border, Energies, Rendered
-from trocar.studies.feel.report_tables import compared_lines, slow_lines, told_lines, words, z_widths_lines
+from trocar.studies.feel.passivity_cost import Cost
+from trocar.studies.feel.report_tables import (
+    compared_lines,
+    cost_lines,
+    slow_lines,
+    told_lines,
+    words,
+    z_widths_lines,
+)
 from trocar.studies.feel.slow_hands import Slow
 from trocar.studies.feel.tracking import WITHIN as TRACKED_WITHIN
 from trocar.studies.feel.tracking import Running
@@ -39,6 +47,7 @@ class Felt:
     compared: Sequence[Compared] = ()
     z_widths: Sequence[ZWidth] = ()
     told: Sequence[tuple[float, Slow]] = ()
+    costs: Sequence[Cost] = ()
 
     def worst_border(self) -> float:
         """Return the largest relative distance of a measured border from theory."""
@@ -73,6 +82,7 @@ def _lines(felt: Felt, made_with: Sequence[str], figures: str) -> Iterator[str]:
     yield from _energies(felt.energies, figures)
     yield from _hunted(felt.hunted)
     yield from slow_lines(felt.slow)
+    yield from cost_lines(felt.costs)
     yield from told_lines(felt.told)
     yield from z_widths_lines(felt.z_widths)
     yield from compared_lines(felt.compared)
@@ -260,8 +270,11 @@ def _energies(found: Sequence[Energies], figures: str) -> Iterator[str]:
 def _hunted(found: Sequence[Hunted]) -> Iterator[str]:
     yield ""
     yield from words(
-        "An optimiser (CMA-ES) searches for hands that gain energy. The arms of the device files are modelled as "
-        "masses with encoders and friction; walls have up to 2,500 N/m, and force models are 1 to 20 ms late. Two "
+        "An optimiser (CMA-ES) searches for hands that gain energy. The devices of the device files are modelled as "
+        "masses with encoders and friction, a handle on its lever; walls have up to 2,500 N/m, and force models are 1 "
+        "to 20 ms late. Each hand has 0.7 to 3 times the device's mass, a grip of 3 to 20 N, a delay of its forces "
+        "between nothing and what the servo is told, which jitters by any part of it from force to force, and a "
+        "friction of the arm between what the servo is told and what the vendor tells. A gain is more than 1 uJ. Two "
         "linked Premiums touch one piece of tissue."
     )
     yield ""

@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Iterator, Sequence
 
 from trocar.studies.feel.compare import NOTICED, TRIED_N_M, Compared
+from trocar.studies.feel.passivity_cost import FELT_N_M, Cost
 from trocar.studies.feel.slow_hands import Slow
 from trocar.studies.feel.z_width import DAMPINGS_N_S_M, ZWidth
 
@@ -32,6 +33,33 @@ def slow_lines(found: Sequence[Slow]) -> Iterator[str]:
     for arm in dict.fromkeys(each.arm for each in found):
         cells = [f"{each.law:.1%} ({each.model:.1%})" for each in found if each.arm == arm]
         yield f"| {arm} | " + " | ".join(cells) + " |"
+
+
+def cost_lines(found: Sequence[Cost]) -> Iterator[str]:
+    """Yield the section on what passivity costs with the delay and the friction of a real arm."""
+    if not found:
+        return
+    yield ""
+    yield "## What it costs to be passive with late forces and little friction"
+    yield ""
+    yield from words(
+        "A force reaches the motors some time after the position that it answers; the servo is told the longest that "
+        "the interface adds, and measures the rest. An arm may have less friction than its vendor tells; the servo "
+        "relies on a share of it. The first row of each device has neither, as all versions before; the last has what "
+        "its device file tells. Errors are those of slow hands as above, at three kinds of walls (a handle's have 20 "
+        "to 60, 60 to 200 and 200 to 600 N/m at its lever), and of violent hands drawn all over the hunt's ranges, "
+        "where most of the error is that of late models. The last columns are the stiffness that is felt of walls of "
+        f"{' and '.join(f'{each:,.0f}' for each in FELT_N_M)} N/m, by a hand of 2,000 N/m that presses with 1 N."
+    )
+    yield ""
+    yield "| device | delay told | friction told | soft | middle | stiff | violent | felt, N/m |"
+    yield "| --- |" + " --- |" * 7
+    for each in found:
+        delay = "of its file" if each.told.delay_s is None else f"{1e3 * each.told.delay_s:g} ms"
+        friction = "of its file" if each.told.friction is None else f"{each.told.friction:.0%}"
+        slow = " | ".join(f"{error:.1%}" for error in each.slow)
+        felt = ", ".join(f"{stiffness:,.0f}" for stiffness in each.felt_n_m)
+        yield f"| {each.device} | {delay} | {friction} | {slow} | {each.violent:.1%} | {felt} |"
 
 
 def told_lines(found: Sequence[tuple[float, Slow]]) -> Iterator[str]:

@@ -2,7 +2,10 @@
 
 A hand is a row of numbers from 0 to 1; `RANGES` says what they stand for, so that a search moves in a cube. It presses,
 rests, draws back and does so again, then leaves. What the arm's viscous friction takes is left out. Readings jitter, as
-those of encoders do beside the edge of a count.
+those of encoders do beside the edge of a count. A force reaches the motors some time after its reading, at most that
+which the servo is told, and each at another time; the arm has at least the friction that the servo is told.
+
+A handle on a drive is such a hand on a lever: its torque is a force there.
 """
 
 from __future__ import annotations
@@ -12,28 +15,56 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trocar.protocol.bodies.haptics import MODEL_B, MODEL_COLUMNS, MODEL_CONTACT, MODEL_F0, MODEL_K, MODEL_X0
+from trocar.protocol.bodies.haptics import (
+    MODEL_ANGLE0,
+    MODEL_B,
+    MODEL_COLUMNS,
+    MODEL_CONTACT,
+    MODEL_F0,
+    MODEL_GRASP_B,
+    MODEL_GRASP_K,
+    MODEL_K,
+    MODEL_TORQUE,
+    MODEL_X0,
+)
 from trocar.protocol.topics import TICK_S
-from trocar.services.gateway.device_files import ArmFile
+from trocar.services.gateway.device_files import ArmFile, GraspFile
 from trocar.services.gateway.servo_arrays import (
-    LIMIT_COUNT,
+    HANDLE_ANGLE,
+    HANDLE_RATE,
+    HANDLE_SIZE,
+    LIMIT_ARM,
     LIMIT_FORCE,
+    LIMIT_HANDLE,
     LIMIT_SIZE,
     MEMORY_FORCE,
     MEMORY_SIZE,
+    MEMORY_TORQUE,
     NOW_AGE,
     NOW_DT,
     NOW_GAIN,
+    NOW_GRASP_GAIN,
+    NOW_LAST_LATE_S,
+    NOW_LATE_S,
     NOW_SIZE,
     NOW_TTL,
+    OWN_COUNT,
+    OWN_FRICTION,
+    OWN_SIZE,
 )
-from trocar.services.gateway.servo_law import damping_share, elastic_share, model_force, servo_force
+from trocar.services.gateway.servo_law import damping_share, elastic_share, model_force, servo_force, servo_torque
 from trocar.services.gateway.velocity_filter import butterworth, low_pass
+from trocar.services.gateway.write_delay import WRITE_SIZE, WRITES, pass_time, write_late
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.compiled import building_kernel, kernel
 from trocar.studies.feel.hands import FORCE_N, RATE_N_S, TTL_S
 
-_SUBSTEPS, LATEST, _GRIP_N = 4, 20, 15.0
+_SUBSTEPS, LATEST = 4, 20
+#: Where a finger holds a handle, and ticks from one torque to the next, as two handles take turns.
+LEVER_M, HANDLE_PERIOD = 0.05, 2
+#: Stiffness and damping of a finger, as shares of a hand's at an arm: up to 1,250 N/m and 5 N s/m, as Hajian and Howe
+#: measured them at fingertips that press with 2 to 20 N (J. Biomechanical Engineering 119, 1997).
+FINGER, FINGER_LOSS = 0.25, 0.5
 LEAVING = 150
 START_M, _LEAVES_M_S = 0.1e-3, 0.2
 
@@ -67,10 +98,15 @@ RANGES = (
     Range("place of the wall, counts", 0.0, 1.0, False),
     Range("jitter of readings, counts", 0.0, 1.0, False),
     Range("leaves after, s", 0.3, 10.0),
+    Range("forces late, of what is told", 0.0, 1.0, False),
+    Range("jitter of that, of it", 0.0, 1.0, False),
+    Range("friction, between the least and the vendor's", 0.0, 1.0, False),
+    Range("mass, of the device's with a hand", 0.7, 3.0),
+    Range("grip, N", 3.0, 20.0),
 )
 (
     WALL, TANGENTIAL, MODEL, DAMPING, LATE, LOST, HAND, HAND_LOSS, SOFT, DEPTH, PRESS, REST, DRAW, OUT, ALONG, PLACE,
-    JITTER, STAY,
+    JITTER, STAY, WRITE, WRITE_JITTER, FRICTION, MASS, GRIP,
 ) = range(len(RANGES))  # fmt: skip
 _LOW, _HIGH = np.array([each.low for each in RANGES]), np.array([each.high for each in RANGES])
 _DECADES = np.array([each.decades for each in RANGES])
@@ -89,29 +125,68 @@ def decode(shares: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class ArmAtWall:
-    """An arm of a device file, as a mass."""
+    """An arm of a device file, as a mass; or a handle, as a mass on a lever.
 
-    limits: FloatArray
+    Attributes:
+        told: What the servo is told: the limits of its law.
+        device: What is so: see `_DEVICE`.
+    """
+
+    told: FloatArray
     now: FloatArray
     coefficients: FloatArray
-    mass_kg: float
-    friction_n: float
+    device: FloatArray
+
+    @property
+    def mass_kg(self) -> float:
+        """Apparent mass at the tip."""
+        return float(self.device[OWN_MASS])
 
 
-def arm_at_wall(file: ArmFile, mass_kg: float, *, bounded: bool = True) -> ArmAtWall:
-    """Return what a run needs of an arm; not `bounded`: the law takes its friction for endless."""
-    limits, now = np.zeros(LIMIT_SIZE), np.zeros(NOW_SIZE)
-    told_n = file.friction_n if bounded else math.inf
-    limits[:] = (FORCE_N, FORCE_N, RATE_N_S, 0.3, 30.0, file.count_m, told_n)
-    now[NOW_DT], now[NOW_TTL], now[NOW_GAIN] = TICK_S, TTL_S, 1.0
-    return ArmAtWall(limits, now, butterworth(file.velocity_filter_hz), mass_kg, file.friction_n)
+# A device: mass, kg; the vendor's friction, N, and the least of it, as a share; the longest that a force takes, s; a
+# handle's lever, m, 0 for an arm; ticks from one force to the next; the encoder's count, m.
+OWN_MASS, DRY, LEAST, LATEST_WRITE, LEVER, PERIOD, COUNT, DEVICE_SIZE = range(8)
+
+
+def arm_at_wall(
+    file: ArmFile | GraspFile,
+    mass_kg: float,
+    *,
+    bounded: bool = True,
+    late_s: float | None = None,
+    least: float | None = None,
+) -> ArmAtWall:
+    """Return what a run needs of a device.
+
+    Args:
+        file: Of a handle, the mass is that on its lever.
+        bounded: If not, the law takes its friction for endless.
+        late_s: Longest time that a force takes; none: that which the servo is told.
+        least: Least friction that it has, as a share of the vendor's; none: that which the servo is told.
+    """
+    limits, now, device = np.zeros(LIMIT_SIZE), np.zeros(NOW_SIZE), np.zeros(DEVICE_SIZE)
+    lever_m, period = (LEVER_M, HANDLE_PERIOD) if isinstance(file, GraspFile) else (0.0, 1)
+    limits[:LIMIT_ARM] = (FORCE_N, FORCE_N, RATE_N_S, FORCE_N * LEVER_M, RATE_N_S * LEVER_M)
+    own = np.array(file.own())
+    place = LIMIT_HANDLE if isinstance(file, GraspFile) else LIMIT_ARM
+    limits[place : place + OWN_SIZE] = own
+    if not bounded:
+        limits[place + OWN_FRICTION] = math.inf
+    now[NOW_DT], now[NOW_TTL], now[NOW_GAIN], now[NOW_GRASP_GAIN] = period * TICK_S, TTL_S, 1.0, 1.0
+    now[NOW_LAST_LATE_S] = now[NOW_LATE_S] = file.interface_delay_s
+    scale = 1.0 / lever_m if lever_m else 1.0
+    dry_n = scale * (file.friction_nm if isinstance(file, GraspFile) else file.friction_n)
+    least = file.sure_friction if least is None else least
+    late_s = file.interface_delay_s if late_s is None else late_s
+    device[:] = (mass_kg, dry_n, least, late_s, lever_m, period, own[OWN_COUNT] / scale)
+    filter_hz = 100.0 if isinstance(file, GraspFile) else file.velocity_filter_hz
+    return ArmAtWall(limits, now, butterworth(filter_hz), device)
 
 
 def books_of(hands: FloatArray, arm: ArmAtWall) -> FloatArray:
     """Return what comes of hands (n, len(RANGES)) in the units of `RANGES`: (n, BOOK_SIZE), in J and N."""
     books = np.zeros((len(hands), BOOK_SIZE))
-    own = arm.mass_kg, arm.friction_n
-    _run_all(np.ascontiguousarray(hands), arm.limits, arm.now.copy(), arm.coefficients, own, books)
+    _run_all(np.ascontiguousarray(hands), arm.told, arm.now.copy(), arm.coefficients, arm.device, books)
     return books
 
 
@@ -121,21 +196,22 @@ def _run_all(
     limits: FloatArray,
     now: FloatArray,
     coefficients: FloatArray,
-    own: tuple[float, float],
+    device: FloatArray,
     books: FloatArray,
 ) -> None:
     models = np.zeros((LATEST, MODEL_COLUMNS))
     model, motion, memory = np.zeros(MODEL_COLUMNS), np.zeros(6), np.zeros(MEMORY_SIZE)
     filtered, target, state, read = np.zeros((2, 3)), np.zeros(8), np.zeros(4), np.zeros(2)
+    writes, handle, force = np.zeros((WRITES, WRITE_SIZE)), np.zeros(HANDLE_SIZE), np.zeros(3)
     for k in range(hands.shape[0]):
         models[:], model[:], motion[:], memory[:] = 0.0, 0.0, 0.0, 0.0
-        filtered[:], target[:], state[:], read[:] = 0.0, 0.0, 0.0, 0.0
+        filtered[:], target[:], state[:], read[:], writes[:] = 0.0, 0.0, 0.0, 0.0, 0.0
         _run(
             hands[k],
             limits,
             now,
             coefficients,
-            own,
+            device,
             models,
             model,
             motion,
@@ -144,6 +220,9 @@ def _run_all(
             target,
             state,
             read,
+            writes,
+            handle,
+            force,
             books[k],
         )
 
@@ -154,7 +233,7 @@ def _run(
     limits: FloatArray,
     now: FloatArray,
     coefficients: FloatArray,
-    own: tuple[float, float],
+    device: FloatArray,
     models: FloatArray,
     model: FloatArray,
     motion: FloatArray,
@@ -163,12 +242,16 @@ def _run(
     target: FloatArray,
     state: FloatArray,
     read: FloatArray,
+    writes: FloatArray,
+    handle: FloatArray,
+    acting: FloatArray,
     book: FloatArray,
 ) -> None:
-    count_m, (mass_kg, friction_n) = limits[LIMIT_COUNT], own
+    count_m, mass_kg, lever_m = device[COUNT], device[OWN_MASS] * hand[MASS], device[LEVER]
+    friction_n = device[DRY] * (device[LEAST] + hand[FRICTION] * (1.0 - device[LEAST]))
     state[0] = target[0] = START_M
     place = hand[PLACE] * count_m
-    given = lost = 0.0
+    given = lost = fx = fy = 0.0
     age, anchor, touched, felt = 1000, 0.0, False, False
     book[GAINED] = -1.0
     for k in range(int(hand[STAY] / TICK_S) + LEAVING):
@@ -197,24 +280,34 @@ def _run(
             model[:] = models[(k - late) % LATEST]
             age = late
         now[NOW_AGE] = min(age, 1000) * TICK_S
-        servo_force(model, motion, limits, now, memory)
-        fx, fy = memory[MEMORY_FORCE], memory[MEMORY_FORCE + 1]
+        if k % int(device[PERIOD]) == 0:
+            if lever_m > 0.0:
+                fx = _torque(lever_m, model, motion, limits, now, memory, handle) / lever_m
+            else:
+                servo_force(model, motion, limits, now, memory)
+                fx, fy = memory[MEMORY_FORCE], memory[MEMORY_FORCE + 1]
+            wait_s = device[LATEST_WRITE] * hand[WRITE] * (1.0 - hand[WRITE_JITTER] * drawn(5 * k + 2))
+            write_late(writes, fx, fy, 0.0, wait_s)
         force = math.sqrt(fx * fx + fy * fy)
         book[LARGEST] = max(book[LARGEST], force)
-        _compare(hand, state, anchor, model, motion, now, memory, limits[LIMIT_FORCE], book)
+        _compare(hand, state, anchor, model, motion, now, fx, fy, limits[LIMIT_FORCE], book)
         felt = felt or force > 0.0
-        if felt and force == 0.0:
+        if felt and is_limp(writes):
             book[GAINED] = max(book[GAINED], given - lost)
-        stiffness = move_target(hand, target, state, k)
-        x, y = state[0], state[1]
+        stiffness, loss = move_target(hand, target, state, k), hand[HAND_LOSS]
+        if lever_m > 0.0:
+            stiffness, loss = FINGER * stiffness, FINGER_LOSS * loss
         dt = TICK_S / _SUBSTEPS
         for _ in range(_SUBSTEPS):
-            hx = stiffness * (target[0] - state[0]) + hand[HAND_LOSS] * (target[2] - state[2])
-            hy = stiffness * (target[1] - state[1]) + hand[HAND_LOSS] * (target[3] - state[3])
+            pass_time(writes, dt, acting)
+            hx = stiffness * (target[0] - state[0]) + loss * (target[2] - state[2])
+            hy = stiffness * (target[1] - state[1]) + loss * (target[3] - state[3])
+            if lever_m > 0.0:
+                hy = -mass_kg / dt * state[3]  # a handle has one axis
             pull = math.sqrt(hx * hx + hy * hy)
-            if pull > _GRIP_N:
-                hx, hy = hx * _GRIP_N / pull, hy * _GRIP_N / pull
-            vx, vy = state[2] + dt / mass_kg * (fx + hx), state[3] + dt / mass_kg * (fy + hy)
+            if pull > hand[GRIP]:
+                hx, hy = hx * hand[GRIP] / pull, hy * hand[GRIP] / pull
+            vx, vy = state[2] + dt / mass_kg * (acting[0] + hx), state[3] + dt / mass_kg * (acting[1] + hy)
             speed = math.sqrt(vx * vx + vy * vy)
             left = max(0.0, speed - dt / mass_kg * friction_n)
             if speed > 0.0:
@@ -223,13 +316,40 @@ def _run(
             state[2], state[3] = vx, vy
             state[0] += dt * vx
             state[1] += dt * vy
+            gave = dt * (acting[0] * vx + acting[1] * vy)
+            given += gave
+            book[MOVED] += abs(gave)
             for axis in range(2):
                 target[axis] += dt * target[2 + axis]
-        gave = fx * (state[0] - x) + fy * (state[1] - y)
-        given += gave
-        book[MOVED] += abs(gave)
     book[LEFT_WITH], book[SERVO] = given - lost, given
     book[GAINED] = max(book[GAINED], given - lost)
+
+
+@kernel
+def _torque(
+    lever_m: float,
+    model: FloatArray,
+    motion: FloatArray,
+    limits: FloatArray,
+    now: FloatArray,
+    memory: FloatArray,
+    handle: FloatArray,
+) -> float:
+    """Return the servo's torque for a motion at the end of a lever, and a model of the force there."""
+    model[MODEL_TORQUE], model[MODEL_ANGLE0] = lever_m * model[MODEL_F0], model[MODEL_X0] / lever_m
+    model[MODEL_GRASP_K], model[MODEL_GRASP_B] = lever_m**2 * model[MODEL_K], lever_m**2 * model[MODEL_B]
+    handle[HANDLE_ANGLE], handle[HANDLE_RATE] = motion[0] / lever_m, motion[3] / lever_m
+    servo_torque(model, handle, limits, now, memory)
+    return float(memory[MEMORY_TORQUE])
+
+
+@kernel
+def is_limp(writes: FloatArray) -> bool:
+    """Return whether no force acts or is under way."""
+    acting = 0
+    for row in range(WRITES):
+        acting += writes[row, 0] != 0.0 or writes[row, 1] != 0.0 or writes[row, 2] != 0.0
+    return acting == 0
 
 
 @kernel
@@ -240,7 +360,8 @@ def _compare(
     model: FloatArray,
     motion: FloatArray,
     now: FloatArray,
-    memory: FloatArray,
+    fx: float,
+    fy: float,
     most_n: float,
     book: FloatArray,
 ) -> None:
@@ -253,7 +374,7 @@ def _compare(
         stiffness = hand[WALL] * (1.0 if axis == 0 else hand[TANGENTIAL])
         asked = -stiffness * (state[axis] - (0.0 if axis == 0 else anchor)) - hand[DAMPING] * state[2 + axis]
         wall += asked * asked
-        law += (memory[MEMORY_FORCE + axis] - asked) ** 2
+        law += ((fx if axis == 0 else fy) - asked) ** 2
         alone += (model_force(model, motion, axis, elastic, damping) - asked) ** 2
     if wall <= most_n * most_n:
         book[WALL_FORCE] += math.sqrt(wall)

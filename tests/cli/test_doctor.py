@@ -13,8 +13,11 @@ from tests.cli.conftest import Trocar
 from tests.docs.reference import ROOT
 from tests.docs.test_pages import anchors
 from trocar.services.cli import host_checks, probes
+from trocar.services.cli.delay_checks import delay
 from trocar.services.cli.host_checks import CheckResult, Verdict
+from trocar.services.gateway.device_files import ArmFile
 from trocar.services.gateway.hdapi import host_checks as arms
+from trocar.services.runtime import config
 
 
 @pytest.fixture
@@ -125,3 +128,25 @@ def test_a_folder_that_does_not_exist_yet_is_judged_by_the_one_above(tmp_path: P
     assert (found.verdict, found.found.endswith(f"free, {tmp_path / 'a'} is a file, not a folder")) == (
         Verdict.WARN, True,
     )  # fmt: skip
+
+
+@pytest.mark.usefixtures("no_probes")
+def test_what_device_files_assume_of_delay_and_friction_is_shown(trocar: Trocar, rig_file: Path) -> None:
+    arm = "{driver: phantom_simulated, device: touch}"
+    instrument = f"{{name: left, port_m: [0.0, 0.0, 0.1], arm: {arm}}}"
+    rig_file.write_text(f"{rig_file.read_text()}gateway: {{instruments: [{instrument}]}}\n")
+    checks = json.loads(trocar("doctor", "--rig", rig_file, "--json").out)["checks"]
+    found = next(check["found"] for check in checks if check["name"] == "delay of left arm")
+    assert found == (
+        "interface assumed to take at most 1 ms, not measured, as no rig runs; "
+        "friction of 0.065 N relied on, 25% of 0.26 N"
+    )
+
+
+def test_a_measured_delay_stands_beside_the_assumed_one_and_both_together_may_be_too_long() -> None:
+    file = config.load(ArmFile, config.find("device", "touch"))[0]
+    short, long = (delay("left arm", file, span_s) for span_s in (0.125e-3, 2.5e-3))
+    assert short.verdict is Verdict.OK
+    assert "at most 1 ms, measured 0.125 ms beside it" in short.found
+    assert long.verdict is Verdict.WARN
+    assert "later than 3 ms in all fade" in long.advice

@@ -143,7 +143,7 @@ class Drill:
         due_ns = self._start_ns + self._index * TICK_NS
         self.clock.sleep_until(due_ns)
         tick = Tick(self._index, due_ns, self.clock.now_ns)
-        self.books.step(self.arm.arm, self.arm.force_n.copy(), partial(self.gateway.tick, tick))
+        self.books.step(self.arm.arm, partial(self.gateway.tick, tick))
         body, origin_ns = self.haptics.answer()
         self._coming += stream(self.haptics, body, origin_ns)
         for wait, data in self._coming:

@@ -101,8 +101,8 @@ class HdapiBench:
         model[MODEL_CONTACT] = 1.0
         limits[servo_arrays.LIMIT_FORCE] = limits[servo_arrays.LIMIT_CONTINUOUS_FORCE] = 20.0
         limits[servo_arrays.LIMIT_RATE] = RATE_N_S
-        limits[servo_arrays.LIMIT_COUNT] = driver.limits.count_m
-        limits[servo_arrays.LIMIT_FRICTION] = DRY_N if self.bounded else ENDLESS_N
+        limits[servo_arrays.LIMIT_ARM + servo_arrays.OWN_COUNT] = driver.limits.count_m
+        limits[servo_arrays.LIMIT_ARM + servo_arrays.OWN_FRICTION] = DRY_N if self.bounded else ENDLESS_N
         now[servo_arrays.NOW_TTL], now[servo_arrays.NOW_GAIN] = ttl_s, 1.0
         for memory in (memory for other, memory in self.memories.items() if other is not driver):
             now[servo_arrays.NOW_OTHERS] += memory[servo_arrays.MEMORY_ENERGY]

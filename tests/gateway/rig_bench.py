@@ -32,6 +32,7 @@ continuous_force_n: 3.0
 max_velocity_m_s: 1.2
 count_m: 3.0e-5
 friction_n: 2.0
+sure_friction: 1.0
 """
 
 

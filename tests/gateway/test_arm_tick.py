@@ -35,7 +35,7 @@ def test_one_kernel_does_what_its_parts_do_one_by_one() -> None:
             beyond_m=whole.beyond_m, tremor_m=tremor_m, stand=STAND, hand=_hand(), angles=fused.angles,
             rates=fused.rates, heat=fused.heat, force=force, work=fused.work, jacobian=fused.jacobian,
             measured=fused.measured, filter=fused.filter, coefficients=fused.coefficients, centre=centre,
-            reading=seen,
+            reading=seen, writes=fused.writes, given=fused.given,
         )  # fmt: skip
         for k in range(150):
             tick_arm(tick.address, whole.within(1e-3 * k), 1e-3 * k)

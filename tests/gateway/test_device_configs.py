@@ -20,8 +20,23 @@ def test_every_device_file_loads(path: Path) -> None:
 
 
 def test_the_simulated_premium_has_the_count_and_friction_of_its_device_file() -> None:
-    limits = config.load(ArmFile, CONFIGS / "devices" / "phantom_premium_1_5.yaml")[0].limits()
-    assert (limits.count_m, limits.friction_n) == (premium_model.COUNT_M, premium_model.FRICTION_N)
+    file = config.load(ArmFile, CONFIGS / "devices" / "phantom_premium_1_5.yaml")[0]
+    assert (file.count_m, file.friction_n) == (premium_model.COUNT_M, premium_model.FRICTION_N)
+    assert file.limits().friction_n == file.sure_friction * file.friction_n < file.friction_n
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("interface_delay_s", "1.0", r"interface_delay_s: 1 s is more than 0\.003 s: a force that comes later"),
+        ("interface_delay_s", "-1.0e-4", r"interface_delay_s: -0\.0001 s is less than 0 s"),
+        ("sure_friction", "25", r"sure_friction: 25 is more than 1: an arm has"),
+    ],
+)
+@pytest.mark.parametrize("device", ["touch", "grasp_odrive"])
+def test_a_delay_or_share_that_no_books_cover_is_refused_by_name(device: str, key: str, value: str, said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        config.load(DeviceFile, CONFIGS / "devices" / f"{device}.yaml", [f"{key}={value}"])
 
 
 @pytest.mark.parametrize(

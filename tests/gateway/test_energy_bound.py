@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.gateway.test_servo_law import DT_S, Law
-from trocar.services.gateway.energy_bound import FORGIVEN_S, MAX_STORED_J
+from trocar.services.gateway.energy_bound import ADVANCE_J, FORGIVEN_W, MAX_STORED_J
 from trocar.services.gateway.premium_model import COUNT_M, FRICTION_N
 from trocar.services.gateway.servo_arrays import (
     MEMORY_AT_ANCHOR,
@@ -76,12 +76,26 @@ def test_a_force_that_nobody_paid_for_is_no_more_than_the_arms_friction() -> Non
     assert law.settle()[0] == pytest.approx(FRICTION_N)
 
 
+def test_without_any_friction_a_force_begins_with_an_advance_and_only_once() -> None:
+    law = Law(friction_n=0.0)
+    law.load(force_n=(2.0, 0.0, 0.0), in_contact=True)
+    assert law.settle()[0] == pytest.approx(ADVANCE_J / (2.0 * COUNT_M))
+    given_j = 0.0
+    for tick in range(2000):
+        before_m, force_n = law.motion[0], law.memory[0]
+        law.motion[0] = 1e-3 * abs(np.sin(0.01 * tick))
+        given_j += force_n * (law.motion[0] - before_m)
+        law.load(force_n=(2.0 * (tick % 2), 0.0, 0.0), in_contact=tick % 2)
+        law.force()
+    assert given_j <= ADVANCE_J + 2.0 * FORGIVEN_W
+
+
 def test_what_another_hand_has_put_in_pushes_this_one() -> None:
     law = Law(friction_n=FRICTION_N)
     law.now[NOW_OTHERS] = 0.01
     law.load(force_n=(2.0, 0.0, 0.0), in_contact=True)
     assert law.settle()[0] == pytest.approx(2.0)
-    for _ in range(30):
+    for _ in range(40):
         law.motion[0] += 0.2e-3
         law.force()
     given_j = -law.memory[MEMORY_ENERGY]
@@ -138,11 +152,20 @@ def test_a_free_hand_has_no_savings_but_for_what_others_have_drawn_on_and_debts_
     law.now[NOW_OTHERS] = 0.002
     law.force()
     assert law.memory[MEMORY_ENERGY] == pytest.approx(-0.002), "that is paid for"
+
+
+def test_a_debt_is_paid_by_the_friction_of_a_hand_that_moves_and_hardly_by_time() -> None:
+    law = at_a_wall()
+    law.load()
     own(law, -0.002)
-    law.now[NOW_OTHERS] = 0.0
-    for _ in range(round(FORGIVEN_S / DT_S)):
+    for _ in range(1000):
         law.force()
-    assert law.memory[MEMORY_ENERGY] == pytest.approx(-0.002 / np.e, rel=0.01)
+    assert law.memory[MEMORY_ENERGY] == pytest.approx(-0.002 + FORGIVEN_W, rel=1e-6)
+    for tick in range(1000):
+        law.motion[0] = 1e-5 * (tick % 50)
+        law.force()
+    way_m = 1e-5 * (20 * 49 + 19 * 49)
+    assert law.memory[MEMORY_ENERGY] == pytest.approx(-0.002 + FRICTION_N * way_m, rel=0.01)
 
 
 def test_long_friction_is_not_saved_for_a_burst() -> None:

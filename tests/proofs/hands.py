@@ -11,9 +11,11 @@ from contextlib import contextmanager
 import numpy as np
 
 from tests.proofs.trials import Found, Proof, Try
-from trocar.studies.feel.hunt import GENERATIONS, MASSES_KG, hunt, hunt_pairs
+from trocar.studies.feel.hunt import GENERATIONS, HUNTED_KG, Told, hunt, hunt_pairs
 
-KINDS = (*MASSES_KG, "pairs")
+KINDS = (*HUNTED_KG, "pairs")
+#: The longest delay that servos are told, s: anywhere up to a tick, and what the device files tell.
+LATEST_S = 1e-3
 
 
 @contextmanager
@@ -27,7 +29,8 @@ def try_hands(chance: np.random.Generator, *, bounded: bool = True, generations:
     if kind == "pairs":
         found = hunt_pairs(1, bounded=bounded, first_seed=seed, generations=generations)
     else:
-        found = hunt(kind, 1, bounded=bounded, first_seed=seed, generations=generations)
+        told = Told(None if chance.random() < 0.5 else float(chance.uniform(0.1, 1.0)) * LATEST_S)
+        found = hunt(kind, 1, bounded=bounded, told=told, first_seed=seed, generations=generations)
     why = (f"search {seed}: {found.row()}",) if found.gaining else ()
     return Found(kind=kind, tried=found.hands, failed=found.gaining, why=why, figures={"most J": found.most_j})
 

@@ -16,7 +16,7 @@ from trocar.services.gateway import can_checks, canbus, cansimple, driver
 from trocar.services.gateway.background_open import BackgroundOpen
 from trocar.services.gateway.cansimple import AxisError, AxisState
 from trocar.services.gateway.device_files import GraspFile
-from trocar.services.gateway.driver import GraspHandle, Place
+from trocar.services.gateway.driver import GraspHandle, HandleLimits, Place
 from trocar.services.gateway.host_check import HostCheck
 from trocar.services.gateway.odrive_link import OdriveLink
 from trocar.services.gateway.servo_arrays import HANDLE_ANGLE, HANDLE_RATE
@@ -65,6 +65,7 @@ class OdriveGrasp(GraspHandle, ABC):
 
     def __init__(self, file: GraspFile, node: int, place: Place) -> None:
         self.max_torque_nm = file.max_torque_nm
+        self.limits = HandleLimits(*file.own(), file.interface_delay_s)
         self.file = file
         self.node = node
         self.where = f"instrument {place.instrument!r}"

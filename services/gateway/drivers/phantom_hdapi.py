@@ -70,7 +70,12 @@ class Driver(Arm):
         self._where = f"instrument {place.instrument!r}"
         self._clock = place.clock
         self._terms = Terms(
-            file.max_force_n, place.force_rate_n_s, file.velocity_filter_hz, file.openhaptics_centre_m, place.mount
+            file.max_force_n,
+            place.force_rate_n_s,
+            file.velocity_filter_hz,
+            file.openhaptics_centre_m,
+            place.mount,
+            file.interface_delay_s,
         )
         self._session: session.Session | None = None
         self._arm: OpenArm | None = None
@@ -118,12 +123,17 @@ class Driver(Arm):
         return self._wants_reopening or self._reopening is not None
 
     def gauges(self) -> dict[str, float]:
-        """Return the measured rate of the library's callback, Hz, and how many positions no hand could have reached."""
+        """Return what was measured of the library's callback.
+
+        Its rate in Hz, its longest time to the end of a frame in s, and how many positions no hand could have reached.
+        """
         if self._arm is None:
             return {}
-        period_ns = float(self._arm.port.newest[cells.SEEN_PERIOD])
+        newest = self._arm.port.newest
+        period_ns = float(newest[cells.SEEN_PERIOD])
         rate = {"servo_rate_hz": 1e9 / period_ns} if period_ns else {}
-        return rate | {"strange_positions": float(self._arm.cell.strange)}
+        strange = float(self._arm.cell.strange)
+        return {**rate, "write_span_s": float(newest[cells.SEEN_SPAN]), "strange_positions": strange}
 
     def enable(self) -> None:
         """Enable force, once the arm is calibrated."""
@@ -178,7 +188,7 @@ class Driver(Arm):
         self._enabled = self.calibrated = False
         if arm is not None:
             self._order(arm, self._no_force)
-            self._wait(arm, _LET_GO_S, lambda seen: not any(seen[cells.SEEN_FORCE :]))
+            self._wait(arm, _LET_GO_S, lambda seen: not any(seen[cells.SEEN_FORCE : cells.SEEN_MEMORY]))
         if opened is not None:
             opened.leave(self._name)
 

@@ -16,7 +16,7 @@ from trocar.services.gateway.script import ROLL, SCENE, Player, read_player
 from trocar.services.gateway.servo_arrays import READ_ROLL, READ_SIZE
 from trocar.services.gateway.simulated_arm import HAND_DAMPING, HAND_GRIP, HAND_STIFFNESS, HAND_TARGET
 from trocar.services.mechanics.arrays import FloatArray
-from trocar.services.runtime.bounds import Pace, between
+from trocar.services.runtime.bounds import Pace, Share, between
 from trocar.services.runtime.errors import ConfigError
 from trocar.services.runtime.rig import DriverSettings, Settings
 
@@ -39,6 +39,11 @@ class ArmSettings(Settings):
     tremor_m: Annotated[float, between(0.0, 2e-3, "m", "no hand that works trembles more")] = Field(
         0.0, description="amplitude of the scripted hand's tremor at 9 and 11 Hz; people's is 0.1 to 0.2 mm"
     )
+    write_delay_s: Annotated[float, between(0.0, 5e-3, "s", "no interface of an arm takes longer")] = Field(
+        0.0, description="longest time until a written force acts"
+    )
+    write_jitter: Share = Field(0.0, description="share of it by which forces are earlier, each by another one")
+    true_friction: Share = Field(1.0, description="the arm's dry friction, as a share of the model's")
 
 
 class Driver(Arm):
@@ -67,7 +72,9 @@ class Driver(Arm):
             self._start = premium_model.inverse(self._hand[HAND_TARGET : HAND_TARGET + 3])
         except ValueError as error:
             raise ConfigError(f"instrument {place.instrument!r}: {error} to the script's first point") from None
-        self.arm = simulated_arm.ArmState(self._start, file.velocity_filter_hz)
+        self.arm = simulated_arm.ArmState(self._start, file.velocity_filter_hz, self._settings.true_friction)
+        self._random = np.random.default_rng(place.index)
+        self._wait_s = self._settings.write_delay_s
         self._tick = None if self._player is None else self._tick_of(self._player)
 
     def _tick_of(self, player: Player) -> ArmTick:
@@ -87,6 +94,8 @@ class Driver(Arm):
             rates=arm.rates,
             heat=arm.heat,
             force=self._force,
+            writes=arm.writes,
+            given=arm.given,
             work=arm.work,
             jacobian=arm.jacobian,
             measured=arm.measured,
@@ -94,6 +103,8 @@ class Driver(Arm):
             coefficients=arm.coefficients,
             centre=self._centre,
             reading=self._reading,
+            friction=arm.friction,
+            wait_s=self._wait_s,
         )
 
     @property
@@ -139,6 +150,15 @@ class Driver(Arm):
     def write(self, force_n: FloatArray) -> None:
         """Apply `force_n` until the next call, or none while the motors are off."""
         self._force[:] = force_n if self._enabled else 0.0
+        settings = self._settings
+        if settings.write_jitter > 0.0:
+            self._wait_s = settings.write_delay_s * (1.0 - settings.write_jitter * self._random.random())
+            if self._tick is not None:
+                self._tick.wait_s = self._wait_s
+
+    def write_span_ns(self, read_ns: int, written_ns: int) -> int:
+        """Return how late the newest force acts in simulated time, whatever this host takes."""
+        return round(1e9 * self._wait_s)
 
     def close(self) -> None:
         """Switch the motors off."""
@@ -150,7 +170,7 @@ class Driver(Arm):
         if self._tick is not None and self._player is not None:
             tick_arm(self._tick.address, self._player.within(self._script_s), self._script_s)
         else:
-            self.arm.step(self._force, self._hand)
+            self.arm.step(self._force, self._hand, self._wait_s)
             self.arm.read(self._centre, self._reading)
 
     def _move_hand(self) -> None:

@@ -42,6 +42,8 @@ from trocar.services.gateway.servo_arrays import (
     NOW_AGE,
     NOW_DT,
     NOW_GAIN,
+    NOW_LAST_LATE_S,
+    NOW_LATE_S,
     NOW_OTHERS,
     NOW_RESERVED,
     NOW_TEMPERATURE,
@@ -121,6 +123,7 @@ def _evaluate(arm: ArmCell, now_ns: int, dt_s: float) -> bool:
     now[NOW_GAIN] = order[ORDER_GAIN]
     now[NOW_OTHERS], now[NOW_RESERVED] = order[ORDER_OTHERS], order[ORDER_RESERVED]
     now[NOW_TEMPERATURE] = report[SEEN_TEMPERATURE]
+    now[NOW_LAST_LATE_S], now[NOW_LATE_S] = arm.delay_s + arm.wrote_s, arm.delay_s + arm.longest_s
     to_world(report, SEEN_POSITION, mount, motion, 0)
     to_world(report, SEEN_VELOCITY, mount, motion, 3)
     for axis in range(3):

@@ -10,7 +10,7 @@ from typing import Annotated
 
 from trocar.protocol.bodies.haptics import MODEL_COLUMNS
 from trocar.services.gateway.hdapi.handover import Box
-from trocar.services.gateway.servo_arrays import LIMIT_SIZE, MEMORY_SIZE, NOW_SIZE
+from trocar.services.gateway.servo_arrays import LIMIT_SIZE, MEMORY_SIZE, MEMORY_TORQUE, NOW_SIZE
 from trocar.services.mechanics.arrays import FloatArray, IntArray, LongArray
 from trocar.services.mechanics.compiled.struct import Struct, reader
 
@@ -24,13 +24,15 @@ ORDER_SIZE = ORDER_MODEL + MODEL_COLUMNS
 
 # To the gateway: time of the newest reading, calibration, buttons, fatal error of the arm or the scheduler, the newest
 # refusal of force and the number of frames in a row with one, late frames, the newest ORDER_ARMED, trust in orders, the
-# period of frames in ns; then the reading, the applied force, and the memory of the law.
+# period of frames in ns; then the reading, the applied force, the memory of the law except for the torque, and the
+# longest time of late from the start of a callback to the end of this arm's frame, s.
 (
     SEEN_TIME, SEEN_CALIBRATION, SEEN_BUTTONS, SEEN_ERROR, SEEN_STOPPED, SEEN_REFUSAL, SEEN_REFUSED, SEEN_LATE,
     SEEN_ARMED, SEEN_TRUST, SEEN_PERIOD, SEEN_POSITION,
 ) = range(12)  # fmt: skip
 SEEN_VELOCITY, SEEN_TEMPERATURE, SEEN_ROLL, SEEN_FORCE, SEEN_MEMORY = 14, 17, 18, 19, 22
-SEEN_SIZE = SEEN_MEMORY + MEMORY_SIZE
+SEEN_SPAN = SEEN_MEMORY + MEMORY_TORQUE
+SEEN_SIZE = SEEN_SPAN + 1
 
 # Offsets in `ArmCell.numbers`, which C writes: position, gimbal angles, temperatures, force.
 POSITION, GIMBAL, TEMPERATURE, FORCE, NUMBERS = 0, 3, 6, 12, 15
@@ -83,9 +85,12 @@ class ArmCell(Struct):
     max_force_n: float
     max_force_rate_n_s: float
     cut_off_hz: float
+    delay_s: float  # that its interface adds to `wrote_s`
     period_ns: float  # from frame to frame, as measured
     counted_ns: int = 0  # start of counting frames for that, and their number
     counted: int = 0
+    wrote_s: float = 0.0  # from the start of the callback to the end of the frame: of the last, the longest of late
+    longest_s: float = 0.0
     frames: int = 0
     last_ns: int = 0
     read_ns: int = 0

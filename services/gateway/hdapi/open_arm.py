@@ -26,6 +26,7 @@ class Terms:
     Attributes:
         centre_m: Middle of the workspace in the axes of the library: right, up, toward the user.
         mount: Placement of the arm in the world.
+        delay_s: Longest time that the arm's interface adds from a motion to the force that answers it.
     """
 
     max_force_n: float
@@ -33,6 +34,7 @@ class Terms:
     velocity_filter_hz: float
     centre_m: Vector3
     mount: Mount
+    delay_s: float = 0.0
 
 
 @dataclass(slots=True)
@@ -92,6 +94,7 @@ def _cell(terms: Terms, **of_the_device: int) -> ArmCell:
         max_force_n=terms.max_force_n,
         max_force_rate_n_s=terms.max_force_rate_n_s,
         cut_off_hz=terms.velocity_filter_hz,
+        delay_s=terms.delay_s,
         period_ns=1e6,
         **of_the_device,
     )

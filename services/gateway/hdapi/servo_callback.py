@@ -39,6 +39,7 @@ from trocar.services.gateway.hdapi.cells import (
     SEEN_REFUSAL,
     SEEN_REFUSED,
     SEEN_ROLL,
+    SEEN_SPAN,
     SEEN_STOPPED,
     SEEN_TEMPERATURE,
     SEEN_TIME,
@@ -54,9 +55,10 @@ from trocar.services.gateway.hdapi.cells import (
 from trocar.services.gateway.hdapi.constants import CALLBACK_CONTINUE, CALLBACK_DONE, Calibration, Parameter, Style
 from trocar.services.gateway.hdapi.error_stack import drain, unreachable
 from trocar.services.gateway.hdapi.handover import put, take
-from trocar.services.gateway.servo_arrays import MEMORY_SIZE
+from trocar.services.gateway.servo_arrays import MEMORY_TORQUE
 from trocar.services.gateway.servo_law import MAX_STEP_S
 from trocar.services.gateway.velocity_filter import design, low_pass
+from trocar.services.gateway.write_span import FORGOTTEN
 from trocar.services.mechanics import compiled
 from trocar.services.mechanics.compiled import kernel
 from trocar.services.mechanics.compiled.struct import Address
@@ -85,8 +87,7 @@ def servo_tick(address: Address[ServoCell]) -> int:
     servo = servo_at(address)
     if not native.claim(servo.busy_at):  # a second thread of the library; an arm's memory is for one
         return CALLBACK_CONTINUE
-    native.call_unsigned_pointer(servo.functions.clock_gettime, 1, servo.time_at)  # CLOCK_MONOTONIC
-    now_ns = 1_000_000_000 * servo.time[0] + servo.time[1]
+    now_ns = _now_ns(servo)
     servo.calls += 1
     limp = True
     for k in range(servo.arms.shape[0]):
@@ -102,6 +103,12 @@ def servo_tick(address: Address[ServoCell]) -> int:
 def claim_cell(address: Address[ServoCell]) -> bool:
     """Return whether no thread serves the arms, and none will from now on."""
     return native.claim(servo_at(address).busy_at)
+
+
+@kernel
+def _now_ns(servo: ServoCell) -> int:
+    native.call_unsigned_pointer(servo.functions.clock_gettime, 1, servo.time_at)  # CLOCK_MONOTONIC
+    return int(1_000_000_000 * servo.time[0] + servo.time[1])
 
 
 @kernel
@@ -160,6 +167,8 @@ def _exchange(servo: ServoCell, arm: ArmCell, now_ns: int, dt_s: float) -> None:
     _calibrate(functions, arm)
     apply_order(servo, arm, now_ns, dt_s)
     native.call_unsigned(functions.end_frame, arm.handle)
+    arm.wrote_s = max(0.0, 1e-9 * (_now_ns(servo) - now_ns))
+    arm.longest_s = max(arm.wrote_s, arm.longest_s - FORGOTTEN * dt_s)
     drain(servo, arm)
     arm.refused = arm.refused + 1 if arm.refused_now else 0
 
@@ -262,8 +271,9 @@ def _report(servo: ServoCell, arm: ArmCell) -> None:
     report[SEEN_PERIOD] = arm.period_ns
     for axis in range(3):
         report[SEEN_FORCE + axis] = arm.force_n[axis] if arm.motors_on else 0.0
-    for k in range(MEMORY_SIZE):
+    for k in range(MEMORY_TORQUE):
         report[SEEN_MEMORY + k] = arm.memory[k]
+    report[SEEN_SPAN] = arm.longest_s
     put(arm.seen, report)
 
 

@@ -6,15 +6,17 @@ import numpy as np
 
 from trocar.protocol.bodies.haptics import MODEL_COLUMNS, MODEL_CONTACT, MODEL_K
 from trocar.services.gateway.servo_arrays import (
-    LIMIT_COUNT,
+    LIMIT_ARM,
     LIMIT_FORCE,
-    LIMIT_FRICTION,
+    LIMIT_HANDLE,
     LIMIT_RATE,
     LIMIT_SIZE,
     MEMORY_FORCE,
     MEMORY_SIZE,
     NOW_DT,
     NOW_GAIN,
+    NOW_LAST_LATE_S,
+    NOW_LATE_S,
     NOW_SIZE,
     NOW_TTL,
 )
@@ -33,8 +35,9 @@ class EnergyBound:
         self._memory = np.zeros((len(walls.stiffness_n_m), MEMORY_SIZE))
         self._limits, self._now = np.zeros(LIMIT_SIZE), np.zeros(NOW_SIZE)
         self._limits[LIMIT_FORCE], self._limits[LIMIT_RATE] = walls.file.max_force_n, RATE_N_S
-        self._limits[LIMIT_COUNT], self._limits[LIMIT_FRICTION] = walls.file.count_m, walls.file.friction_n
+        self._limits[LIMIT_ARM:LIMIT_HANDLE] = walls.file.own()
         self._now[NOW_DT], self._now[NOW_TTL], self._now[NOW_GAIN] = walls.period_s, TTL_S, 1.0
+        self._now[NOW_LAST_LATE_S] = self._now[NOW_LATE_S] = walls.file.interface_delay_s
 
     def force(self, x_m: FloatArray, v_m_s: FloatArray) -> FloatArray:
         """Return the force, (n,)."""

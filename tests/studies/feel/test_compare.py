@@ -78,5 +78,6 @@ def test_a_hand_that_is_too_fast_loses_the_force_of_openhaptics_until_it_has_lef
 def test_a_wall_is_there_within_milliseconds_and_gone_when_it_is_left() -> None:
     for law in (RIG, SPRING):
         onset_ms, loss_ms = met_and_left(law, PREMIUM)
-        assert onset_ms <= 3.0
+        # With a quarter of the friction to rely on, and a delay that may be, force begins a tick later.
+        assert onset_ms <= (4.0 if law == RIG else 3.0)
         assert loss_ms <= 2.0
