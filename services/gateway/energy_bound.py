@@ -3,7 +3,7 @@ r"""Bound on the energy returned to hands: at most what all hands of the gateway
 A force held over a displacement has done the work :math:`f_{k-1} \cdot (x_k - x_{k-1})`, whatever the model and its
 age (Hannaford and Ryu, IEEE Trans. Robotics and Automation 18(1), 2002). Each servo accounts for it: energy put in
 counts fully, energy returned less the share dissipated by the friction that the arm surely has. As one hand may push
-another through tissue, the sum over all servos counts.
+another through tissue, the sum over all arms counts. A handle is bounded by its own balance, on one axis.
 
 A force reaches the motors some time after the position that it answers was read, and until then the force before it
 acts. How long is known only as an interval: from nothing up to :math:`\tau`, the measured time from reading to
