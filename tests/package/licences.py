@@ -9,7 +9,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 #: What may come with Trocar, or be imported by it unchanged: permissive, or weak copyleft of whole files or libraries.
 ALLOWED = (
-    *("MIT", "MIT-CMU", "BSD", "BSD-2-Clause", "BSD-3-Clause", "0BSD", "ISC", "Zlib", "Apache", "Apache-2.0"),
+    *("MIT", "MIT-0", "MIT-CMU", "BSD", "BSD-2-Clause", "BSD-3-Clause", "0BSD", "ISC", "Zlib", "Apache", "Apache-2.0"),
     *("PSF-2.0", "MPL-2.0", "LGPL-3.0-only", "LGPL-3.0-or-later"),
     *("CC0-1.0", "Apache-2.0 WITH LLVM-exception", "DFSG approved"),
 )
