@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from trocar.services.runtime.web_headers import policy_of_files
 from trocar.services.visualization.web import build
 
 
@@ -31,7 +32,7 @@ def test_the_document_takes_nothing_from_elsewhere():
     document = (build.WEB / "src" / "index.html").read_text()
     sources = re.findall(r'(?:src|href)="([^"]+)"', document)
     assert sorted(sources) == ["app.js", "icon.svg", "icon.svg", "style.css"]
-    assert "default-src 'self'" in document
+    assert "default-src 'self'" in policy_of_files()  # which comes with the document, as a header
     style = (build.WEB / "src" / "style.css").read_text()
     assert not re.search(r"url\(|@font-face|https?:", style)
 
