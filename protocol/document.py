@@ -107,4 +107,4 @@ def _type_name(field: Field) -> str:
 
 
 if __name__ == "__main__":
-    (Path(__file__).parents[1] / "docs" / "reference" / "wire.md").write_text(document(), encoding="utf-8")
+    (Path(__file__).resolve().parents[1] / "docs" / "reference" / "wire.md").write_text(document(), encoding="utf-8")

@@ -137,7 +137,14 @@ class WholeRig:
 
 
 def rig_file(folder: Path, scene: SceneModel, arms: tuple[dict[str, Any], ...], **gateway: Any) -> Path:
-    """Write a rig file of two simulated arms with these settings of their drivers; `gateway` changes what it says."""
+    """Write a rig file of two simulated arms with these settings of their drivers; `gateway` changes what it says.
+
+    Their friction was measured, as it were: all of it is relied on. So forces of tissue below it, which a pinch puts
+    on a hand that stands still, are not bounded, and what an arm applies can be compared with what was solved.
+    """
+    arm = config.read_yaml(config.find("device", "phantom_premium_1_5"))
+    measured = folder / "measured.yaml"
+    measured.write_text(yaml.safe_dump({**arm, "sure_friction": 1.0}))
     mounts = (
         {"centre_m": [0.065, -0.005, 0.020], "yaw_rad": 1.5708},
         {"centre_m": [0.028, 0.010, 0.025], "yaw_rad": -1.5708},
@@ -145,7 +152,7 @@ def rig_file(folder: Path, scene: SceneModel, arms: tuple[dict[str, Any], ...], 
     rows = [
         {
             "name": name, "port_m": list(forceps.port_position_m), "mount": mount,
-            "arm": {"driver": "phantom_simulated", "device": "phantom_premium_1_5", "settings": settings},
+            "arm": {"driver": "phantom_simulated", "device": str(measured), "settings": settings},
         }
         for name, forceps, mount, settings in zip(("left", "right"), scene.forceps, mounts, arms, strict=True)
     ]  # fmt: skip

@@ -12,6 +12,7 @@ import pytest
 
 from tests.gateway.rig_bench import RATE_LIMIT_N_S, Bench, assert_never_a_kick, forces
 from tests.patience import PATIENCE_S
+from trocar.services.exit_codes import ExitCode
 
 FORCE_N = 2.0
 TTL_S = 0.02
@@ -81,7 +82,7 @@ def test_a_safe_stop_is_limp_until_armed_and_a_gateway_ends_when_asked(bench: Be
 def test_a_bad_rig_file_is_one_sentence(bench: Bench, capfd: pytest.CaptureFixture[str]) -> None:
     text = bench.rig_file.read_text().replace("phantom_simulated", "phantom_unheard_of")
     bench.rig_file.write_text(text)
-    assert bench.gateway().wait(120) == 4
+    assert bench.gateway().wait(120) == ExitCode.USAGE
     error = capfd.readouterr().err
     assert "gateway: instrument 'left': there is no driver 'phantom_unheard_of'; known:" in error
     assert "Traceback" not in error

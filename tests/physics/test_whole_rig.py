@@ -31,6 +31,9 @@ from trocar.services.scenes.hand_motions import hand_motions
 from trocar.studies.accuracy.pinches import full_model
 
 PACE = 0.5
+#: What the books charge a hand whose reading flickers by a count of 30 um as the force changes by 1 mN: a force may be
+#: late by a tenth of the tick.
+OF_A_LATE_FORCE_J = 0.1 * 1e-3 * 3e-5
 
 
 def test_a_pinch_is_the_full_finite_elements_and_the_arm_applies_it(
@@ -80,7 +83,7 @@ def the_arm_applies_what_is_solved(rig: WholeRig) -> None:
     felt_n = np.array(last.devices.instruments[1].applied_force_n)
     np.testing.assert_allclose(felt_n, last.solved.reactions()[1].force_n, atol=0.02 * np.linalg.norm(felt_n))
     assert np.linalg.norm(felt_n) > 5e-3
-    assert owed_j(rig) == 0.0
+    assert owed_j(rig) < OF_A_LATE_FORCE_J
 
 
 def test_an_insertion_is_that_of_the_mechanics_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -105,7 +108,7 @@ def test_an_insertion_is_that_of_the_mechanics_alone(tmp_path: Path, monkeypatch
     assert catheter.max() < 0.05, "as the arm applies it, two ticks later, at every tick"
     assert np.mean(wall < 0.05) > 0.999, "but for the ticks in which jaws close round the wall"
     assert np.sqrt(np.mean(wall**2)) < 0.01
-    assert owed_j(rig) == 0.0
+    assert owed_j(rig) < OF_A_LATE_FORCE_J
 
 
 def test_jaws_that_slip_on_the_wall_are_felt_without_a_kick(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

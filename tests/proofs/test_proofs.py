@@ -151,7 +151,7 @@ def test_hands_that_gain_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     gaining = [each for each in free if each.failed]
     assert gaining
     assert "phantom_premium_1_5 | no" in gaining[0].why[0]
-    assert all((each.tried, each.failed, each.why) == (240, 0, ()) for each in bounded)
+    assert all(each.tried > 200 and (each.failed, each.why) == (0, ()) for each in bounded)
 
 
 @pytest.fixture(scope="module")

@@ -87,18 +87,18 @@ def test_without_its_name_in_the_scene_not_a_bit_changes(followed: TreeCopy, wit
 
 
 def test_its_settings_are_checked_with_the_path_of_the_key(followed: TreeCopy) -> None:
-    options = ["force_n=[0, 0]", "force_n=strong", "force=1"]
+    reasons = {
+        "force_n=[0, 0]": "effects.current.force_n.2: this key is missing",
+        "force_n=strong": "effects.current.force_n: input should be a valid array",
+        "force=1": "effects.current.force: unknown key 'force'; known: force_n; did you mean 'force_n'?",
+    }
     told = followed.python(f"""
 from trocar.services.runtime.errors import ConfigError
 from trocar.services.scenes import load_scene
-for option in {options}:
+for option in {list(reasons)}:
     try:
         load_scene("stream", ["effects.current." + option])
     except ConfigError as error:
         print(error)
 """).splitlines()
-    assert [line.partition("stream.yaml: ")[2] for line in told] == [
-        "effects.current.force_n.2: this key is missing",
-        "effects.current.force_n: input should be a valid array",
-        "effects.current.force: unknown key 'force'; known: force_n; did you mean 'force_n'?",
-    ]
+    assert told == [f"--set effects.current.{option}: {reason}" for option, reason in reasons.items()]

@@ -164,7 +164,9 @@ class TreeCopy:
         self.pytest("--tb=no", f"--junitxml={report}", suite, *arguments, expects=(0, 1))
         failed: dict[str, set[str]] = {}
         for case in ElementTree.parse(report).iter("testcase"):
-            test, parameter = re.fullmatch(r"(\w+)\[(?:\d-)?(\w+)\]", case.get("name", "")).groups()  # type: ignore[union-attr]
+            named = re.fullmatch(r"(\w+)\[(?:\d-)?(\w+)(?:-[^]]*)?\]", case.get("name", ""))
+            assert named is not None, case.get("name")
+            test, parameter = named.groups()
             seen = failed.setdefault(parameter, set())
             if any(child.tag in ("failure", "error") for child in case):
                 seen.add(test)

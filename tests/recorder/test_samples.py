@@ -24,8 +24,9 @@ from trocar.review.attempts.recorded import assess_file
 from trocar.review.attempts.report import render
 from trocar.review.export.tables import read_columns
 from trocar.services.cli.rerun import compare
+from trocar.services.recordings.channels import channel_name
 from trocar.services.recordings.inputs import read_inputs
-from trocar.services.recordings.reader import channel_name, read_extras, read_frames, read_messages
+from trocar.services.recordings.reader import read_extras, read_frames, read_messages
 from trocar.services.training.score import load_rules
 
 MOST_BYTES = 160_000
