@@ -33,17 +33,21 @@ _ASKED_S = {"cold": 45.0, "warm": 4.0}
 _RUNNING = "is running"
 
 
-def start(checkout: Path, cache: Path, options: list[str]) -> Taken:
-    """Start the rig of a checkout and end it as soon as it runs; return the seconds until then, and of processors."""
+def start(checkout: Path | None, cache: Path, options: list[str], python: str = sys.executable) -> Taken:
+    """Start a rig and end it as soon as it runs; return the seconds until then, and of processors.
+
+    It is that of a checkout, or the one that is installed in the environment of `python`.
+    """
     places = [f"transport.directory={cache}/bus", "supervisor.web.port=0", "visualization.port=0"]
     overrides = [word for place in places for word in ("--set", place)]
-    command = [sys.executable, "-c", "import sys; from trocar.services.cli.app import main; sys.exit(main())", "up"]
+    command = [python, "-c", "import sys; from trocar.services.cli.app import main; sys.exit(main())", "up"]
     environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
-    environment |= {"TROCAR_CACHE_DIR": str(cache), "PYTHONPATH": str(checkout), "PYTHONUNBUFFERED": "1"}
+    environment |= {"TROCAR_CACHE_DIR": str(cache), "PYTHONUNBUFFERED": "1"}
+    environment["PYTHONPATH"] = "" if checkout is None else str(checkout)
     began_s = time.monotonic()
     process = subprocess.Popen(
         [*command, "--viewer", "web", *overrides, *options],
-        cwd=checkout, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        cwd=checkout or cache, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
     )  # fmt: skip
     try:
         assert process.stdout is not None
@@ -57,7 +61,7 @@ def start(checkout: Path, cache: Path, options: list[str]) -> Taken:
     finally:
         process.terminate()
         process.communicate()
-    raise SystemExit(f"{checkout}: the rig did not run:\n{''.join(said[-20:])}")
+    raise SystemExit(f"{checkout or python}: the rig did not run:\n{''.join(said[-20:])}")
 
 
 def _ended_s(pid: int) -> float:

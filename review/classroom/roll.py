@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from pathlib import Path
 from typing import Annotated, Self
@@ -16,16 +17,28 @@ from trocar.services.runtime.rig import Settings
 
 def _is_page(address: str) -> str:
     parts = urlsplit(address)
-    if parts.scheme != "http" or not parts.hostname or parts.path.strip("/") or parts.query or parts.fragment:
-        raise ValueError(f"{address!r} is no page of a rig: http://ADDRESS:PORT")
+    is_server = parts.scheme in ("http", "https") and parts.hostname
+    if not is_server or parts.path.strip("/") or parts.query or parts.fragment:
+        raise ValueError(f"{address!r} is no page of a rig: http://ADDRESS:PORT or https://ADDRESS:PORT")
     return address.rstrip("/")
 
 
+def _is_fingerprint(told: str) -> str:
+    if told and not re.fullmatch(r"[0-9A-F]{2}(:[0-9A-F]{2}){31}", told.upper()):
+        raise ValueError(f"{told!r} is no fingerprint: 32 pairs of digits 0 to F, with colons between")
+    return told
+
+
 class ClassRig(Settings):
-    """A rig of the class; `trainee` is the pseudonym of who sits at it."""
+    """A rig of the class; `trainee` is the pseudonym of who sits at it.
+
+    A rig with an ``https`` address is known by the `fingerprint` of its certificate, which its terminal prints; without
+    one, the authorities of this machine have to vouch for it.
+    """
 
     name: Annotated[str, Field(min_length=1, max_length=64)]
     address: Annotated[str, AfterValidator(_is_page)]
+    fingerprint: Annotated[str, AfterValidator(_is_fingerprint)] = ""
     trainee: Annotated[str, Field(max_length=64)] = ""
 
 

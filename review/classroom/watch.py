@@ -15,6 +15,7 @@ import msgspec
 
 from trocar.review.classroom.roll import ClassRig
 from trocar.services.runtime.errors import UserError
+from trocar.services.runtime.web_client import open_connection
 
 PERIOD_S = 1.0
 #: A page that has not answered for so long is shown as silent: what is known of the rig is old.
@@ -24,6 +25,8 @@ _STATE_BYTES = 1 << 20
 _PICTURE_BYTES = 8 << 20
 _PICTURE_S = 40.0
 _PNG = b"\x89PNG"
+#: A view's own scheme, and that of its pictures.
+_SCHEMES = {"ws": "http", "wss": "https"}
 
 
 class _Loop(msgspec.Struct, frozen=True):
@@ -148,7 +151,7 @@ class Watch:
         link: http.client.HTTPConnection | None = None
         while True:
             try:
-                link = link or _connection(self.place.address, _PATIENCE_S)
+                link = link or self._connection(self.place.address, _PATIENCE_S)
                 self._state = _STATES.decode(_get(link, "/api/state", _STATE_BYTES))
                 self._heard_s, self._fault = time.monotonic(), ""
             except (OSError, http.client.HTTPException, ValueError) as error:
@@ -161,8 +164,11 @@ class Watch:
         if link is not None:
             link.close()
 
+    def _connection(self, address: str, patience_s: float) -> http.client.HTTPConnection:
+        return open_connection(address, patience_s, self.place.fingerprint)
+
     def _once(self, address: str, path: str, most: int, patience_s: float) -> bytes:
-        link = _connection(address, patience_s)
+        link = self._connection(address, patience_s)
         try:
             return _get(link, path, most)
         finally:
@@ -175,17 +181,12 @@ def _view_of(address: str, announced: str) -> str:
     Raises ValueError if it announces none, or another machine's.
     """
     rig, view = urlsplit(address), urlsplit(announced)
-    if view.scheme != "ws" or not view.port:
+    if view.scheme not in _SCHEMES or not view.port:
         raise ValueError("the rig announces none")
     if view.hostname != rig.hostname:
         raise ValueError(f"the rig announces it at another machine: {view.hostname}")
     host = f"[{rig.hostname}]" if ":" in (rig.hostname or "") else rig.hostname
-    return f"http://{host}:{view.port}"
-
-
-def _connection(address: str, patience_s: float) -> http.client.HTTPConnection:
-    parts = urlsplit(address)
-    return http.client.HTTPConnection(parts.hostname or "", parts.port, timeout=patience_s)
+    return f"{_SCHEMES[view.scheme]}://{host}:{view.port}"
 
 
 def _get(link: http.client.HTTPConnection, path: str, most: int) -> bytes:

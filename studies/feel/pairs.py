@@ -55,11 +55,9 @@ from trocar.studies.feel.wall_hands import (
     HAND_LOSS,
     JITTER,
     LARGEST,
-    LATE,
     LATEST,
     LEAVING,
     LEFT_WITH,
-    LOST,
     MODEL,
     MOVED,
     RANGES,
@@ -73,6 +71,7 @@ from trocar.studies.feel.wall_hands import (
     drawn,
     is_limp,
     move_target,
+    take_answer,
 )
 
 #: A pair in the cube of a search: two hands, and the stuff between, of the softer side's stiffness.
@@ -122,7 +121,7 @@ def _run(
     angles, rates, heat = np.zeros((2, 3)), np.zeros((2, 3)), np.full((2, 2, 3), simulated_arm.ROOM_C)
     filtered, measured, target = np.zeros((2, 2, 3)), np.zeros((2, 3)), np.zeros((2, 8))
     hand, work, jacobian, force = np.zeros(HAND_SIZE), np.zeros((4, 3)), np.zeros((3, 3)), np.zeros(3)
-    age, place, shaken = np.full(2, 1000), np.zeros(3), np.zeros(3)
+    age, shaken = np.full(2, 1000), np.zeros(3)
     for i in range(2):
         angles[i], target[i, 0] = start, START_M
         measure(angles[i], measured[i])
@@ -131,20 +130,14 @@ def _run(
     book[GAINED] = -1.0
     for k in range(int(max(hands[0, STAY], hands[1, STAY]) / TICK_S) + LEAVING):
         for i in range(2):
-            for joint in range(3):
-                count = 2 * math.pi / (COUNTS * GEARS[joint])
-                shaken[joint] = angles[i, joint] + hands[i, JITTER] * count * drawn(6 * k + 3 * i + joint)
+            _shake(hands[i], angles[i], 6 * k + 3 * i, shaken)
             filter_reading(shaken, measured[i], filtered[i], coefficients, centre, reading)
             motion[i, :3] = reading[READ_POSITION : READ_POSITION + 3]
             motion[i, 3:] = reading[READ_VELOCITY : READ_VELOCITY + 3]
         pressed = 0.0
         for i in range(2):
             _answer(hands[i], between, motion[i], motion[1 - i, 2], models[i, k % LATEST])
-            late = int(hands[i, LATE])
-            age[i] += 1
-            if k >= late and drawn(2 * k + i) >= hands[i, LOST]:
-                model[i] = models[i, (k - late) % LATEST]
-                age[i] = late
+            age[i] = take_answer(hands[i], models[i], k, 2 * k + i, age[i], model[i])
             now[NOW_AGE] = min(age[i], 1000) * TICK_S
             now[NOW_OTHERS], now[NOW_RESERVED] = memory[1 - i, MEMORY_ENERGY], memory[1 - i, MEMORY_RESERVED]
             servo_force(model[i], motion[i], limits, now, memory[i])
@@ -156,14 +149,7 @@ def _run(
             book[GAINED] = max(book[GAINED], given - lost)
         for i in range(2):
             force[:] = memory[i, MEMORY_FORCE : MEMORY_FORCE + 3]
-            place[0] = motion[i, 2]
-            hand[HAND_STIFFNESS] = move_target(hands[i], target[i], place, k)
-            hand[HAND_DAMPING], hand[HAND_GRIP] = hands[i, HAND_LOSS], hands[i, GRIP]
-            for axis in range(2):  # across the wall is z, along it y
-                target[i, axis] += TICK_S * target[i, 2 + axis]
-                hand[HAND_TARGET + 2 - axis] = centre[2 - axis] + target[i, axis]
-                hand[HAND_RATE + 2 - axis] = target[i, 2 + axis]
-            hand[HAND_TARGET] = centre[0]
+            _lead_hand(hands[i], centre, k, target[i], hand)
             friction = SURE_FRICTION + hands[i, FRICTION] * (1.0 - SURE_FRICTION)
             wait_s = WRITE_S * hands[i, WRITE] * (1.0 - hands[i, WRITE_JITTER] * drawn(10 * k + 5 * i + 2))
             before, gave = (angles[i, 0], angles[i, 1], angles[i, 2]), work_of[0]
@@ -175,6 +161,26 @@ def _run(
             book[MOVED] += abs(gave)
     book[LEFT_WITH], book[SERVO] = given - lost, given
     book[GAINED] = max(book[GAINED], given - lost)
+
+
+@kernel
+def _shake(hand: FloatArray, angles: FloatArray, draw: int, shaken: FloatArray) -> None:
+    """Write joint angles (3,) as encoders beside the edge of a count see them."""
+    for joint in range(3):
+        count = 2 * math.pi / (COUNTS * GEARS[joint])
+        shaken[joint] = angles[joint] + hand[JITTER] * count * drawn(draw + joint)
+
+
+@kernel
+def _lead_hand(hand: FloatArray, centre: FloatArray, k: int, target: FloatArray, arm_hand: FloatArray) -> None:
+    """Move the point to which a hand pulls its arm by a tick, and write that hand (HAND_SIZE,) for the arm."""
+    arm_hand[HAND_STIFFNESS] = move_target(hand, target, k)
+    arm_hand[HAND_DAMPING], arm_hand[HAND_GRIP] = hand[HAND_LOSS], hand[GRIP]
+    for axis in range(2):  # across the wall is z, along it y
+        target[axis] += TICK_S * target[2 + axis]
+        arm_hand[HAND_TARGET + 2 - axis] = centre[2 - axis] + target[axis]
+        arm_hand[HAND_RATE + 2 - axis] = target[2 + axis]
+    arm_hand[HAND_TARGET] = centre[0]
 
 
 @kernel

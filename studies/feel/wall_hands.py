@@ -206,25 +206,9 @@ def _run_all(
     for k in range(hands.shape[0]):
         models[:], model[:], motion[:], memory[:] = 0.0, 0.0, 0.0, 0.0
         filtered[:], target[:], state[:], read[:], writes[:] = 0.0, 0.0, 0.0, 0.0, 0.0
-        _run(
-            hands[k],
-            limits,
-            now,
-            coefficients,
-            device,
-            models,
-            model,
-            motion,
-            memory,
-            filtered,
-            target,
-            state,
-            read,
-            writes,
-            handle,
-            force,
-            books[k],
-        )
+        of_law = limits, now, coefficients, device
+        work = models, model, motion, memory, filtered, target, state, read, writes, handle, force
+        _run(hands[k], *of_law, *work, books[k])
 
 
 @kernel
@@ -247,82 +231,148 @@ def _run(
     acting: FloatArray,
     book: FloatArray,
 ) -> None:
-    count_m, mass_kg, lever_m = device[COUNT], device[OWN_MASS] * hand[MASS], device[LEVER]
-    friction_n = device[DRY] * (device[LEAST] + hand[FRICTION] * (1.0 - device[LEAST]))
+    place, friction_n = hand[PLACE] * device[COUNT], _friction(hand, device)
+    lever_m, period = device[LEVER], int(device[PERIOD])
     state[0] = target[0] = START_M
-    place = hand[PLACE] * count_m
     given = lost = fx = fy = 0.0
     age, anchor, touched, felt = 1000, 0.0, False, False
     book[GAINED] = -1.0
     for k in range(int(hand[STAY] / TICK_S) + LEAVING):
-        for axis in range(2):
-            shaken = state[axis] + place + hand[JITTER] * count_m * drawn(3 * k + axis)
-            seen = math.floor(shaken / count_m) * count_m - place
-            motion[3 + axis] = low_pass((seen - read[axis]) / TICK_S, filtered, axis, coefficients)
-            motion[axis] = read[axis] = seen
-        # the wall answers what was seen, some ticks late
-        answer = models[k % LATEST]
-        answer[:] = 0.0
-        if motion[0] < 0.0:
-            if not touched:
-                anchor = motion[1]
-            answer[MODEL_CONTACT] = 1.0
-            answer[MODEL_F0] = -hand[WALL] * motion[0]
-            answer[MODEL_F0 + 1] = -hand[WALL] * hand[TANGENTIAL] * (motion[1] - anchor)
-            answer[MODEL_K] = hand[MODEL] * hand[WALL]
-            answer[MODEL_K + 4] = hand[MODEL] * hand[WALL] * hand[TANGENTIAL]
-            answer[MODEL_B] = answer[MODEL_B + 4] = hand[DAMPING]
-            answer[MODEL_X0], answer[MODEL_X0 + 1] = motion[0], motion[1]
-        touched = motion[0] < 0.0
-        late = int(hand[LATE])
-        age += 1
-        if k >= late and drawn(k) >= hand[LOST]:
-            model[:] = models[(k - late) % LATEST]
-            age = late
+        _read(hand, device[COUNT], place, state, k, coefficients, filtered, read, motion)
+        touches = motion[0] < 0.0
+        if touches and not touched:
+            anchor = motion[1]
+        touched = touches
+        _answer(hand, motion, anchor, models[k % LATEST])
+        age = take_answer(hand, models, k, k, age, model)
         now[NOW_AGE] = min(age, 1000) * TICK_S
-        if k % int(device[PERIOD]) == 0:
-            if lever_m > 0.0:
-                fx = _torque(lever_m, model, motion, limits, now, memory, handle) / lever_m
-            else:
-                servo_force(model, motion, limits, now, memory)
-                fx, fy = memory[MEMORY_FORCE], memory[MEMORY_FORCE + 1]
-            wait_s = device[LATEST_WRITE] * hand[WRITE] * (1.0 - hand[WRITE_JITTER] * drawn(5 * k + 2))
-            write_late(writes, fx, fy, 0.0, wait_s)
+        if k % period == 0:
+            fx, fy = _write(hand, device, model, motion, limits, now, memory, handle, k, writes)
         force = math.sqrt(fx * fx + fy * fy)
         book[LARGEST] = max(book[LARGEST], force)
         _compare(hand, state, anchor, model, motion, now, fx, fy, limits[LIMIT_FORCE], book)
         felt = felt or force > 0.0
         if felt and is_limp(writes):
             book[GAINED] = max(book[GAINED], given - lost)
-        stiffness, loss = move_target(hand, target, state, k), hand[HAND_LOSS]
+        stiffness, loss = move_target(hand, target, k), hand[HAND_LOSS]
         if lever_m > 0.0:
             stiffness, loss = FINGER * stiffness, FINGER_LOSS * loss
-        dt = TICK_S / _SUBSTEPS
         for _ in range(_SUBSTEPS):
-            pass_time(writes, dt, acting)
-            hx = stiffness * (target[0] - state[0]) + loss * (target[2] - state[2])
-            hy = stiffness * (target[1] - state[1]) + loss * (target[3] - state[3])
-            if lever_m > 0.0:
-                hy = -mass_kg / dt * state[3]  # a handle has one axis
-            pull = math.sqrt(hx * hx + hy * hy)
-            if pull > hand[GRIP]:
-                hx, hy = hx * hand[GRIP] / pull, hy * hand[GRIP] / pull
-            vx, vy = state[2] + dt / mass_kg * (acting[0] + hx), state[3] + dt / mass_kg * (acting[1] + hy)
-            speed = math.sqrt(vx * vx + vy * vy)
-            left = max(0.0, speed - dt / mass_kg * friction_n)
-            if speed > 0.0:
-                vx, vy = vx * left / speed, vy * left / speed
-            lost += mass_kg * (speed - left) * left
-            state[2], state[3] = vx, vy
-            state[0] += dt * vx
-            state[1] += dt * vy
-            gave = dt * (acting[0] * vx + acting[1] * vy)
+            pass_time(writes, TICK_S / _SUBSTEPS, acting)
+            gave, rubbed = _move(hand, device, stiffness, loss, friction_n, target, acting, state)
             given += gave
+            lost += rubbed
             book[MOVED] += abs(gave)
-            for axis in range(2):
-                target[axis] += dt * target[2 + axis]
     book[LEFT_WITH], book[SERVO] = given - lost, given
     book[GAINED] = max(book[GAINED], given - lost)
+
+
+@kernel
+def _friction(hand: FloatArray, device: FloatArray) -> float:
+    """Return the friction that a device has in this hand, N."""
+    return float(device[DRY] * (device[LEAST] + hand[FRICTION] * (1.0 - device[LEAST])))
+
+
+@kernel
+def _read(
+    hand: FloatArray,
+    count_m: float,
+    place: float,
+    state: FloatArray,
+    k: int,
+    coefficients: FloatArray,
+    filtered: FloatArray,
+    read: FloatArray,
+    motion: FloatArray,
+) -> None:
+    """Write what encoders see of a mass and the filtered rate of that into `motion`."""
+    for axis in range(2):
+        shaken = state[axis] + place + hand[JITTER] * count_m * drawn(3 * k + axis)
+        seen = math.floor(shaken / count_m) * count_m - place
+        motion[3 + axis] = low_pass((seen - read[axis]) / TICK_S, filtered, axis, coefficients)
+        motion[axis] = read[axis] = seen
+
+
+@kernel
+def _answer(hand: FloatArray, motion: FloatArray, anchor: float, answer: FloatArray) -> None:
+    """Write the local model of the wall for what was seen; it sticks at `anchor`."""
+    answer[:] = 0.0
+    if motion[0] >= 0.0:
+        return
+    answer[MODEL_CONTACT] = 1.0
+    answer[MODEL_F0] = -hand[WALL] * motion[0]
+    answer[MODEL_F0 + 1] = -hand[WALL] * hand[TANGENTIAL] * (motion[1] - anchor)
+    answer[MODEL_K] = hand[MODEL] * hand[WALL]
+    answer[MODEL_K + 4] = hand[MODEL] * hand[WALL] * hand[TANGENTIAL]
+    answer[MODEL_B] = answer[MODEL_B + 4] = hand[DAMPING]
+    answer[MODEL_X0], answer[MODEL_X0 + 1] = motion[0], motion[1]
+
+
+@kernel
+def take_answer(hand: FloatArray, models: FloatArray, k: int, draw: int, age: int, model: FloatArray) -> int:
+    """Copy the answer that arrives in tick `k` into `model`, unless it is lost; return the model's age in ticks."""
+    late = int(hand[LATE])
+    if k >= late and drawn(draw) >= hand[LOST]:
+        model[:] = models[(k - late) % LATEST]
+        return late
+    return age + 1
+
+
+@kernel
+def _write(
+    hand: FloatArray,
+    device: FloatArray,
+    model: FloatArray,
+    motion: FloatArray,
+    limits: FloatArray,
+    now: FloatArray,
+    memory: FloatArray,
+    handle: FloatArray,
+    k: int,
+    writes: FloatArray,
+) -> tuple[float, float]:
+    """Put the law's force for this motion under way, and return it."""
+    fy, lever_m = 0.0, device[LEVER]
+    if lever_m > 0.0:
+        fx = _torque(lever_m, model, motion, limits, now, memory, handle) / lever_m
+    else:
+        servo_force(model, motion, limits, now, memory)
+        fx, fy = memory[MEMORY_FORCE], memory[MEMORY_FORCE + 1]
+    wait_s = device[LATEST_WRITE] * hand[WRITE] * (1.0 - hand[WRITE_JITTER] * drawn(5 * k + 2))
+    write_late(writes, fx, fy, 0.0, wait_s)
+    return fx, fy
+
+
+@kernel
+def _move(
+    hand: FloatArray,
+    device: FloatArray,
+    stiffness: float,
+    loss: float,
+    friction_n: float,
+    target: FloatArray,
+    acting: FloatArray,
+    state: FloatArray,
+) -> tuple[float, float]:
+    """Move the mass by a part of a tick; return what the force under way gave it, and what friction took, J."""
+    mass_kg, dt = device[OWN_MASS] * hand[MASS], TICK_S / _SUBSTEPS
+    hx = stiffness * (target[0] - state[0]) + loss * (target[2] - state[2])
+    hy = stiffness * (target[1] - state[1]) + loss * (target[3] - state[3])
+    if device[LEVER] > 0.0:
+        hy = -mass_kg / dt * state[3]  # a handle has one axis
+    pull = math.sqrt(hx * hx + hy * hy)
+    if pull > hand[GRIP]:
+        hx, hy = hx * hand[GRIP] / pull, hy * hand[GRIP] / pull
+    vx, vy = state[2] + dt / mass_kg * (acting[0] + hx), state[3] + dt / mass_kg * (acting[1] + hy)
+    speed = math.sqrt(vx * vx + vy * vy)
+    left = max(0.0, speed - dt / mass_kg * friction_n)
+    if speed > 0.0:
+        vx, vy = vx * left / speed, vy * left / speed
+    state[2], state[3] = vx, vy
+    for axis in range(2):
+        state[axis] += dt * state[2 + axis]
+        target[axis] += dt * target[2 + axis]
+    return dt * (acting[0] * vx + acting[1] * vy), mass_kg * (speed - left) * left
 
 
 @kernel
@@ -389,7 +439,7 @@ def drawn(k: int) -> float:
 
 
 @kernel
-def move_target(hand: FloatArray, target: FloatArray, state: FloatArray, k: int) -> float:
+def move_target(hand: FloatArray, target: FloatArray, k: int) -> float:
     """Set how fast the point goes to which the hand pulls: phases in [4], time of rest in [5]; return its stiffness."""
     if k * TICK_S >= hand[STAY]:
         target[2], target[3] = _LEAVES_M_S, 0.0

@@ -32,7 +32,7 @@ class Unplugged:
         arms = {
             name: {
                 "driver": "phantom_hdapi",
-                "device": "touch",
+                "device": str(folder / "device.yaml"),
                 "settings": {"name": name.capitalize(), "library": str(library)},
             }
             for name in ("left", "right")

@@ -16,6 +16,7 @@ from starlette.types import ASGIApp
 
 from tests.patience import PATIENCE_S
 from tests.supervisor.made_up import rig
+from trocar.services.runtime.web_certificate import Certificate
 from trocar.services.runtime.web_host import listen
 from trocar.services.supervisor.web import PageContext, build_app
 
@@ -42,13 +43,12 @@ def page() -> PageContext:
 
 
 @contextmanager
-def served(*apps: ASGIApp) -> Iterator[list[str]]:
-    """Serve applications from one thread; yield their addresses."""
+def served(*apps: ASGIApp, certificate: Certificate | None = None) -> Iterator[list[str]]:
+    """Serve applications from one thread, encrypted if there is a certificate; yield their addresses."""
+    encrypted: dict[str, Any] = {} if certificate is None else certificate.server_options()
+    options = {"log_level": "error", "lifespan": "off", "ws": "none", "timeout_graceful_shutdown": 1, **encrypted}
     sockets = [listen("127.0.0.1", 0, "nothing") for _ in apps]
-    servers = [
-        uvicorn.Server(uvicorn.Config(app, log_level="error", lifespan="off", ws="none", timeout_graceful_shutdown=1))
-        for app in apps
-    ]
+    servers = [uvicorn.Server(uvicorn.Config(app, **options)) for app in apps]
 
     async def run() -> None:
         await asyncio.gather(*(s.serve(sockets=[end]) for s, end in zip(servers, sockets, strict=True)))
@@ -57,7 +57,8 @@ def served(*apps: ASGIApp) -> Iterator[list[str]]:
     thread.start()
     try:
         until(lambda: all(server.started for server in servers), "served")
-        yield [f"http://127.0.0.1:{end.getsockname()[1]}" for end in sockets]
+        scheme = "https" if encrypted else "http"
+        yield [f"{scheme}://127.0.0.1:{end.getsockname()[1]}" for end in sockets]
     finally:
         for server in servers:
             server.should_exit = True

@@ -29,7 +29,9 @@ from trocar.review.classroom import watch
 from trocar.review.classroom.app import Classroom, build_app
 from trocar.review.classroom.roll import ClassRig
 from trocar.review.classroom.watch import Watch
+from trocar.services.runtime import web_certificate
 from trocar.services.runtime.errors import UserError
+from trocar.services.runtime.web_certificate import own_names
 from trocar.services.training.score import Score
 
 _WITH = {"X-Trocar-Token": TOKEN}
@@ -228,7 +230,7 @@ def test_a_rig_whose_thread_has_died_says_so(monkeypatch: pytest.MonkeyPatch) ->
         raise RuntimeError("a fault of ours")
 
     monkeypatch.setattr(threading, "excepthook", lambda _: None)
-    monkeypatch.setattr(watch, "_connection", fail)
+    monkeypatch.setattr(watch, "open_connection", fail)
     made = Watch(ClassRig(name="a", address="http://127.0.0.1:1"), lambda _: None)
     until(lambda: "a fault of this program" in made.row().fault, "it is said")
     assert made.row().state == "silent"
@@ -260,6 +262,28 @@ def test_a_picture_comes_on_demand_and_one_at_a_time(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(find() is None, reason="no browser here")
+def test_an_encrypted_rig_is_known_by_its_fingerprint_and_shown_with_its_picture(tmp_path: Path) -> None:
+    """Whoever answers in its place with a certificate of his own is not believed."""
+    genuine, forged = (web_certificate.make(tmp_path / name, own_names()) for name in ("genuine", "forged"))
+    view = Starlette(routes=[Route("/snapshot.png", lambda _: Response(b"\x89PNG of the rig"))])
+    with served(view, certificate=genuine) as [seen]:
+        told = msgspec.json.encode({"view_ws": f"wss://127.0.0.1:{httpx.URL(seen).port}/ws", "state": "running"})
+        for certificate, said in ((genuine, ""), (forged, "fingerprint")):
+            with served(_app(told), certificate=certificate) as [address]:
+                made = Watch(ClassRig(name="a", address=address, fingerprint=genuine.fingerprint), lambda _: None)
+                try:
+                    until(functools.partial(_is_known, made, said), "it is heard, or refused")
+                    if not said:
+                        assert made.picture() == b"\x89PNG of the rig"
+                finally:
+                    made.close()
+
+
+def _is_known(watch: Watch, said: str) -> bool:
+    row = watch.row()
+    return said in row.fault if said else row.state == "running"
+
+
 def test_the_page_shows_the_class_and_takes_no_text_for_markup(tmp_path: Path) -> None:
     with rigs(10) as (contexts, addresses), Chromium(tmp_path / "profile") as browser:
         contexts[3].latest = state(state="safe_stop", reason="<img src=x onerror=document.title='hacked'>")

@@ -30,7 +30,8 @@ def test_a_class_is_read(tmp_path: Path) -> None:
         (f"{_TOKEN}{_RIG}{_RIG}", "two rigs are called 'a'"),
         (f"{_TOKEN}{_RIG.replace('http:', 'file:')}", "is no page of a rig"),
         (f"{_TOKEN}{_RIG.replace('8080/', '8080/api')}", "is no page of a rig"),
-        (f"{_TOKEN}{_RIG}seat = 3\n", "rig.0.seat: unknown key 'seat'; known: address, name, trainee"),
+        (f"{_TOKEN}{_RIG}seat = 3\n", "rig.0.seat: unknown key 'seat'; known: address, fingerprint, name, trainee"),
+        (f"{_TOKEN}{_RIG}fingerprint = 'AB:CD'\n", "rig.0.fingerprint: 'AB:CD' is no fingerprint"),
         (f"{_TOKEN}rig = 7\n", "rig: input should be a valid array"),
         ("token = ", "Invalid value"),
         ("\udc80", "is not UTF-8 text$"),
@@ -50,4 +51,4 @@ def test_no_file_is_a_sentence(tmp_path: Path) -> None:
 
 def test_the_example_is_a_class() -> None:
     roll = load_roll(Path(__file__).resolve().parents[2] / "deploy" / "class.example.toml")
-    assert [place.trainee for place in roll.rig] == ["heron-17", "magpie-2"]
+    assert [place.trainee for place in roll.rig] == ["heron-17", "magpie-2", "starling-5"]
