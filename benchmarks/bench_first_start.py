@@ -93,7 +93,8 @@ def shipped(python: str, checkout: Path | None) -> int:
     """Return how many kernels came with the package."""
     if checkout is not None:
         return 0
-    return int(subprocess.run([python, "-c", _COUNT], capture_output=True, text=True, check=True).stdout)
+    told = subprocess.run([python, "-c", _COUNT], cwd="/", capture_output=True, text=True, check=True)
+    return int(told.stdout)
 
 
 def example(python: str, folder: Path, runs: int) -> Row:
