@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
+from importlib.metadata import entry_points
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +15,8 @@ from trocar.review.export.tables import Columns, read_columns
 from trocar.services.nearest_word import did_you_mean
 from trocar.services.runtime.errors import ConfigError, MissingPackageError
 
+#: Entry points of what is built upon this package.
+_EXPORTS = "trocar.exports"
 #: Formats, and what holds them beside the recording.
 FORMATS = {"csv": "a folder", "parquet": "a folder", "npz": "a file", "mp4": "a file"}
 
@@ -44,6 +48,12 @@ def run_export(file: Path, to: str, out: Path | None, topics: Collection[str], v
         for topic, columns in tables.items():
             write(place / f"{topic}.{to}", columns)
     print(place)
+
+
+def export_dataset(files: Sequence[Path], out: Path | None, **options: Any) -> None:
+    """Write recordings as one dataset, and say where: by whoever offers it as an entry point of `_EXPORTS`."""
+    (found,) = entry_points(group=_EXPORTS, name="lerobot")
+    print(found.load()(files, out or files[0].with_suffix(".lerobot"), **options))
 
 
 def _need(package: str, to: str) -> None:

@@ -10,6 +10,7 @@ import typer
 
 from trocar.services.cli.options import Json
 from trocar.services.cli.plain_help import PlainTyper
+from trocar.services.runtime.errors import ConfigError
 
 Rules = Annotated[str, typer.Option(help="Rules of the score: a file, or the name of one in configs/scores.")]
 Experts = Annotated[Path | None, typer.Option(help="Reference attempts, as `trocar attempts export` writes them.")]
@@ -26,6 +27,14 @@ class Form(StrEnum):
     PARQUET = "parquet"
     NPZ = "npz"
     MP4 = "mp4"
+    LEROBOT = "lerobot"
+
+
+class Layout(StrEnum):
+    """Versions of LeRobot's layout."""
+
+    V3 = "v3.0"
+    V2 = "v2.1"
 
 
 class View(StrEnum):
@@ -46,7 +55,9 @@ def add_to(app: typer.Typer) -> None:
 
 
 def classroom(
-    file: Annotated[Path, typer.Argument(help="TOML: `token`, and of each `[[rig]]` `name`, `address`, `trainee`.")],
+    file: Annotated[
+        Path, typer.Argument(help="TOML: `token`, and of each `[[rig]]` `name`, `address`, `fingerprint`, `trainee`.")
+    ],
     host: Annotated[str, typer.Option(help="Address to serve at.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535)] = 8090,
 ) -> None:
@@ -57,16 +68,30 @@ def classroom(
 
 
 def export(
-    file: Annotated[Path, typer.Argument(help="A recording.")],
-    to: Annotated[Form, typer.Option("--to", help="Tables (csv, parquet), arrays (npz) or a film (mp4).")],
-    out: Annotated[Path | None, typer.Option(help="File, or folder of tables; default: beside the recording.")] = None,
+    files: Annotated[list[Path], typer.Argument(help="A recording; for LeRobot, any number.")],
+    to: Annotated[
+        Form,
+        typer.Option("--to", help="Tables (csv, parquet), arrays (npz), a film (mp4) or a LeRobot dataset (lerobot)."),
+    ],
+    out: Annotated[
+        Path | None, typer.Option(help="File, or folder of tables or of a dataset; default: beside the recording.")
+    ] = None,
     topics: Annotated[list[str] | None, typer.Option("--topic", help="Only this topic; may be given again.")] = None,
     view: Annotated[View, typer.Option(help="View of a film: the endoscope's, or X-ray.")] = View.SCOPE,
+    fps: Annotated[int, typer.Option(min=1, max=1000, help="LeRobot: moments a second.")] = 50,
+    film: Annotated[bool, typer.Option(help="LeRobot: with pictures of the view.")] = False,
+    task: Annotated[str, typer.Option(help="LeRobot: what was done, in words; default: the scenario's title.")] = "",
+    layout: Annotated[Layout, typer.Option(help="LeRobot: version of its layout.")] = Layout.V3,
 ) -> None:
-    """Write what a recording holds as tables with a column for each number, as arrays, or as a film."""
-    from trocar.review.commands.export import run_export
+    """Write what a recording holds as tables with a column for each number, as arrays, a film or a dataset."""
+    from trocar.review.commands.export import export_dataset, run_export
 
-    run_export(file, to, out, topics or (), view)
+    if to is Form.LEROBOT:
+        export_dataset(files, out, fps=fps, view=view if film else None, task=task, layout=layout)
+    elif len(files) > 1:
+        raise ConfigError(f"--to {to}: takes one recording at a time, and {len(files)} are named")
+    else:
+        run_export(files[0], to, out, topics or (), view)
 
 
 def score(

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from trocar.envs.stage import Stage
 from trocar.protocol import Frame
+from trocar.review.export.film import use_no_display
 from trocar.review.export.fluoroscopy import open_renderer
+from trocar.services.cli.rerun import load
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.scene import SceneModel
+from trocar.services.recordings.errors import RecordingError
+from trocar.services.recordings.inputs import RecordedInputs
+from trocar.services.recordings.reader import read_extras
 from trocar.services.runtime.errors import MissingPackageError
 from trocar.services.visualization.composer import Composer
 
@@ -24,16 +31,32 @@ class _Newest:
         return self.frames
 
 
-class Camera:
-    """A view of a stage: the endoscope's, or X-ray-like (``fluoroscopy``)."""
+def recorded_camera(path: Path, view: str, size: tuple[int, int]) -> Camera:
+    """Return a view of the scene of a recording.
 
-    def __init__(self, stage: Stage, size: tuple[int, int], view: str = "scope") -> None:
+    Raises RecordingError if its scene is not in it, MissingPackageError if a package is not installed.
+    """
+    use_no_display()
+    metadata, attachments = read_extras(path)
+    about = metadata.get("trocar", {})
+    if "scene.yaml" not in attachments:
+        raise RecordingError(f"{path}: its scene is not in it")
+    scene, duct = load(RecordedInputs(path, about, attachments))
+    return Camera(scene, about.get("scene", ""), duct, size, view)
+
+
+class Camera:
+    """A view of a scene: the endoscope's, or X-ray-like (``fluoroscopy``)."""
+
+    def __init__(
+        self, scene: SceneModel, name: str, duct: ReducedDuct, size: tuple[int, int], view: str = "scope"
+    ) -> None:
         try:
             self._renderer = open_renderer(view, size)
         except ModuleNotFoundError as error:
             raise MissingPackageError("an image", error.name) from None
         self._bus = _Newest()
-        self._composer = Composer(self._bus, stage.scene, str(stage.name), stage.duct)  # type: ignore[arg-type]
+        self._composer = Composer(self._bus, scene, name, duct)  # type: ignore[arg-type]
 
     def image(self, frames: Mapping[str, Frame]) -> npt.NDArray[np.uint8]:
         """Return the picture (height, width, 3) of these frames."""

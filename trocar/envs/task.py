@@ -253,7 +253,9 @@ class Task(gymnasium.Env[Any, Any]):
     def _image(self) -> Any:
         if self._episode is None:
             raise ConfigError("render: an episode begins with reset")
-        self._camera = self._camera or Camera(self._stage, self._image_size, self.view_name)
+        if self._camera is None:
+            stage = self._stage
+            self._camera = Camera(stage.scene, str(stage.name), stage.duct, self._image_size, self.view_name)
         return self._camera.image(self._episode.frames)
 
     def _to_mouth_m(self) -> float:

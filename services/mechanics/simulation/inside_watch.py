@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 
 class ToolInsideWarning(UserWarning):
@@ -24,7 +24,7 @@ class InsideWatch:
     """
 
     def __init__(self, n_tools: int) -> None:
-        self.tell = warn
+        self.tell: Callable[[str], None] = warn
         self.inside = [False] * n_tools
 
     def look(self, present: Sequence[bool], disengaged: Sequence[bool]) -> None:

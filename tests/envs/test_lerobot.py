@@ -1,0 +1,128 @@
+"""Demonstrations as a LeRobot dataset: it holds what cloning learns from, and LeRobot's own package opens it."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import pytest
+from pyarrow import parquet
+
+from tests.envs.walks import SMALL
+from trocar.envs.cloning import read_demonstrations
+from trocar.envs.lerobot import CHUNK, export_dataset
+from trocar.envs.rollouts import rollouts
+from trocar.review.commands.verbs import Form, export
+from trocar.services.recordings.errors import RecordingError
+from trocar.services.runtime.errors import ConfigError
+
+#: An environment with LeRobot's package, as docs/how-to/environments.md says how to make it: it takes 6 GB.
+LEROBOT = Path(__file__).resolve().parents[2] / "build" / "lerobot" / "bin" / "python"
+JUDGE = Path(__file__).with_name("opened_by_lerobot.py")
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    folder = tmp_path_factory.mktemp("demonstrations")
+    list(rollouts(None, range(2), noise=0.1, record=str(folder), overrides=SMALL))
+    return sorted(folder.glob("*.mcap"))
+
+
+def columns(folder: Path) -> dict[str, np.ndarray]:
+    table = parquet.read_table(folder / "data" / "chunk-000" / "file-000.parquet")
+    return {name: np.array(table[name].to_pylist()) for name in table.column_names}
+
+
+def info(folder: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((folder / "meta" / "info.json").read_text())
+    return found
+
+
+def test_it_holds_to_the_bit_what_cloning_reads_of_the_recordings(recordings: list[Path], tmp_path: Path) -> None:
+    said = export_dataset(recordings, tmp_path / "set", fps=50)
+    observations, actions = read_demonstrations(recordings)
+    held = columns(tmp_path / "set")
+    np.testing.assert_array_equal(held["observation.state"], observations)
+    np.testing.assert_array_equal(held["action"], actions.reshape(len(actions), -1).astype(np.float32))
+    assert f"2 episodes, {len(actions)} moments at 50 a second" in said
+    done = np.flatnonzero(held["next.done"])
+    np.testing.assert_array_equal(held["next.success"][done], [True, True])
+    np.testing.assert_array_equal(held["episode_index"][done], [0, 1])
+    np.testing.assert_array_equal(held["index"], np.arange(len(actions)))
+    np.testing.assert_allclose(held["timestamp"], held["frame_index"] / 50, atol=1e-5)
+
+
+def test_what_it_says_of_itself_agrees_with_what_it_holds(recordings: list[Path], tmp_path: Path) -> None:
+    export_dataset(recordings, tmp_path / "set", fps=50, task="Insert it")
+    held, said = columns(tmp_path / "set"), info(tmp_path / "set")
+    assert (said["total_episodes"], said["total_frames"], said["total_tasks"]) == (2, len(held["index"]), 1)
+    for name, feature in said["features"].items():
+        assert np.prod(held[name].shape[1:], dtype=int) == np.prod(feature["shape"]), name
+        assert feature["names"] is None or len(feature["names"]) == feature["shape"][0]
+    stats = json.loads((tmp_path / "set" / "meta" / "stats.json").read_text())
+    np.testing.assert_allclose(stats["action"]["mean"], held["action"].mean(axis=0), atol=1e-6)
+    np.testing.assert_allclose(stats["action"]["q90"], np.quantile(held["action"], 0.9, axis=0), atol=1e-6)
+    assert stats["action"]["count"] == [len(held["index"])]
+    episodes = parquet.read_table(next((tmp_path / "set" / "meta" / "episodes").rglob("*.parquet"))).to_pylist()
+    assert [row["dataset_from_index"] for row in episodes] == [0, episodes[0]["length"]]
+    assert episodes[1]["dataset_to_index"] == len(held["index"])
+    assert episodes[0]["tasks"] == ["Insert it"]
+
+
+def test_its_film_has_a_picture_for_each_moment(recordings: list[Path], tmp_path: Path) -> None:
+    export_dataset(recordings[:1], tmp_path / "set", fps=10, view="scope")
+    films = list((tmp_path / "set" / "videos").rglob("*.mp4"))
+    assert [str(film.relative_to(tmp_path / "set")) for film in films] == [
+        "videos/observation.images.scope/chunk-000/file-000.mp4"
+    ]
+    with av.open(str(films[0])) as film:
+        times_s = [float(picture.pts * picture.time_base) for picture in film.decode(video=0)]
+    np.testing.assert_allclose(times_s, columns(tmp_path / "set")["timestamp"], atol=1e-3)
+    feature = info(tmp_path / "set")["features"]["observation.images.scope"]
+    assert (feature["dtype"], feature["shape"], feature["info"]["video.fps"]) == ("video", [480, 640, 3], 10)
+
+
+def test_the_older_layout_has_a_file_for_each_episode(recordings: list[Path], tmp_path: Path) -> None:
+    export_dataset(recordings, tmp_path / "set", fps=50, layout="v2.1")
+    said = info(tmp_path / "set")
+    lengths = []
+    for number in range(2):
+        path = said["data_path"].format(episode_chunk=number // CHUNK, episode_index=number)
+        lengths.append(parquet.read_table(tmp_path / "set" / path).num_rows)
+    rows = [json.loads(line) for line in (tmp_path / "set" / "meta" / "episodes.jsonl").read_text().splitlines()]
+    assert [row["length"] for row in rows] == lengths
+    assert len((tmp_path / "set" / "meta" / "episodes_stats.jsonl").read_text().splitlines()) == 2
+
+
+def test_what_cannot_be_one_is_a_sentence(recordings: list[Path], tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="has 50 moments a second, fewer than the 200 asked for"):
+        export_dataset(recordings[:1], tmp_path / "fast", fps=200)
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "mine").touch()
+    with pytest.raises(ConfigError, match="full: is there already"):
+        export_dataset(recordings[:1], tmp_path / "full", fps=50)
+    with pytest.raises(ConfigError, match="--to csv: takes one recording at a time, and 2 are named"):
+        export(recordings, Form.CSV)
+
+
+@pytest.mark.long
+@pytest.mark.skipif(not LEROBOT.exists(), reason=f"no LeRobot: it is to be installed in {LEROBOT.parents[1]}")
+@pytest.mark.parametrize("layout_has_film", [False, True])
+def test_lerobot_itself_opens_it_and_finds_its_statistics(
+    recordings: list[Path], tmp_path: Path, layout_has_film: bool
+) -> None:
+    export_dataset(recordings, tmp_path / "set", fps=25, view="scope" if layout_has_film else None)
+    environment = {**os.environ, "HF_HUB_OFFLINE": "1", "PYTHONPATH": ""}
+    asked = [str(LEROBOT), str(JUDGE), str(tmp_path / "set")]
+    told = subprocess.run(asked, env=environment, capture_output=True, text=True, timeout=500, check=True).stdout
+    found = json.loads(told.splitlines()[-1])
+    held = columns(tmp_path / "set")
+    assert (found["length"], found["episodes"], found["fps"]) == (len(held["index"]), 2, 25)
+    np.testing.assert_allclose(found["action"], held["action"][10], atol=1e-6)
+    assert found["image"] == ([3, 480, 640] if layout_has_film else None)
+    assert found["worst_statistic"] < 1e-6

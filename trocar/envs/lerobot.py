@@ -1,0 +1,289 @@
+"""Demonstrations as a dataset of LeRobot: ``trocar export --to lerobot``.
+
+The layout is that of https://github.com/huggingface/lerobot, in versions 3.0 and 2.1. Features are `observation.state`
+(`trocar.envs.state.FIELDS`), `observation.forces`, `action` (what an environment takes), `next.done`, `next.success`,
+and with a film `observation.images.<view>`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from trocar.envs.demonstrations import Demonstration, action_names, force_names, read_attempts, state_names
+from trocar.envs.picture import recorded_camera
+from trocar.review.export.film import film_info, write_pictures
+from trocar.services.runtime.errors import ConfigError, MissingPackageError
+
+Values = npt.NDArray[Any]
+Stats = dict[str, dict[str, Any]]
+LAYOUTS = ("v3.0", "v2.1")
+#: As LeRobot has them: files in a folder, and the sizes beyond which another file begins.
+CHUNK, DATA_MB, VIDEO_MB = 1000, 100, 200
+_QUANTILES = (0.01, 0.10, 0.50, 0.90, 0.99)
+#: Width and height of a film, as learners of robots have them.
+_IMAGE_SIZE = 640, 480
+#: So many pictures of an episode are enough for the statistics of a film.
+_SAMPLED_IMAGES = 100
+_EPISODES = "meta/episodes/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+_PATHS = {
+    "v3.0": (
+        "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
+        "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4",
+    ),
+    "v2.1": (
+        "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet",
+        "videos/chunk-{episode_chunk:03d}/{video_key}/episode_{episode_index:06d}.mp4",
+    ),
+}
+
+
+def export_dataset(
+    files: Sequence[Path], folder: Path, *, fps: int, view: str | None = None, task: str = "", layout: str = LAYOUTS[0]
+) -> str:
+    """Write the attempts of recordings as one dataset, and return a sentence that says how much it holds.
+
+    Args:
+        files: Recordings.
+        folder: A folder that is not there yet, or is empty.
+        fps: Moments a second.
+        view: The camera of a film; None for no film.
+        task: What was to be done, in words; empty: as the scenario calls it.
+        layout: One of `LAYOUTS`.
+
+    Raises ConfigError if there is something in the folder or no attempt in the recordings, RecordingError if one cannot
+    be read, MissingPackageError if a package is not installed.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise ConfigError(f"{folder}: is there already")
+    for package in ("pyarrow", "av") if view else ("pyarrow",):
+        try:
+            __import__(package)
+        except ModuleNotFoundError:
+            raise MissingPackageError("lerobot", package) from None
+    dataset = Dataset(folder, fps, view, layout)
+    for file in files:
+        camera = recorded_camera(file, view, _IMAGE_SIZE) if view else None
+        for shown in read_attempts(file, fps, camera):
+            dataset.add_episode(shown, task or shown.task or "practise")
+        if camera is not None:
+            camera.close()
+    if not dataset.lengths:
+        raise ConfigError(f"{', '.join(map(str, files))}: no attempt is in it")
+    dataset.close()
+    return f"{folder}: {len(dataset.lengths)} episodes, {sum(dataset.lengths)} moments at {fps} a second"
+
+
+class Dataset:
+    """A dataset that is being written; nothing is in its folder before the first episode.
+
+    Attributes:
+        lengths: Moments of each episode so far.
+    """
+
+    def __init__(self, folder: Path, fps: int, view: str | None, layout: str) -> None:
+        self.lengths: list[int] = []
+        self._folder, self._fps, self._layout = folder, fps, layout
+        self._film = f"observation.images.{view}" if view else ""
+        self._data_path, self._video_path = _PATHS[layout]
+        self._tasks: list[str] = []
+        self._episodes: list[dict[str, Any]] = []
+        self._all: dict[str, list[Values]] = {}
+        self._pending: list[Any] = []
+        self._data_file = 0
+
+    def add_episode(self, shown: Demonstration, task: str) -> None:
+        """Append an attempt."""
+        if task not in self._tasks:
+            self._tasks.append(task)
+        columns = self._columns(shown, self._tasks.index(task))
+        length, number, begins = len(columns["index"]), len(self.lengths), sum(self.lengths)
+        stats = {name: _stats(values) for name, values in columns.items()}
+        row: dict[str, Any] = {"episode_index": number, "tasks": [task], "length": length}
+        row |= {**self._write_data(columns, number), "dataset_from_index": begins, "dataset_to_index": begins + length}
+        for name, values in columns.items():
+            self._all.setdefault(name, []).append(values)
+        if self._film:
+            images = shown.images[:length]
+            write_pictures(self._path(self._video_path, number, video_key=self._film), images, self._fps)
+            place = {"chunk_index": number // CHUNK, "file_index": number % CHUNK}
+            times = {"from_timestamp": 0.0, "to_timestamp": length / self._fps}
+            row |= {f"videos/{self._film}/{name}": value for name, value in {**place, **times}.items()}
+            sampled = np.stack(images[:: max(1, length // _SAMPLED_IMAGES)])
+            stats[self._film] = _image_stats(sampled)
+            self._all.setdefault(self._film, []).append(sampled)
+        self._episodes.append({**row, "stats": stats})
+        self.lengths.append(length)
+
+    def close(self) -> None:
+        """Write what is pending, and what the dataset says of itself."""
+        self._flush_data()
+        all_stats = {
+            name: _image_stats(np.concatenate(parts)) if name == self._film else _stats(np.concatenate(parts))
+            for name, parts in self._all.items()
+        }
+        if self._layout == "v3.0":
+            self._write_meta_3(all_stats)
+        else:
+            self._write_meta_2()
+        self._write_text("meta/info.json", json.dumps(self._info(), indent=4))
+
+    def _columns(self, shown: Demonstration, task: int) -> dict[str, Values]:
+        actions = shown.actions()
+        n = len(actions)
+        frame = np.arange(n, dtype=np.int64)
+        done = frame == n - 1
+        return {
+            "observation.state": np.stack(shown.states[:n]).astype(np.float32),
+            "observation.forces": np.array(shown.forces[:n], np.float32),
+            "action": actions,
+            "next.done": done,
+            "next.success": done & (shown.outcome == "success"),
+            "timestamp": (frame / self._fps).astype(np.float32),
+            "frame_index": frame,
+            "episode_index": np.full(n, len(self.lengths), np.int64),
+            "index": frame + sum(self.lengths),
+            "task_index": np.full(n, task, np.int64),
+        }
+
+    def _features(self) -> dict[str, Any]:
+        names = {"observation.state": state_names(), "observation.forces": force_names(), "action": action_names()}
+        features: dict[str, Any] = {}
+        for name, (first, *_) in self._all.items():
+            if name == self._film:
+                told = {"names": ["height", "width", "channels"], "info": film_info(first.shape[1:3], self._fps)}
+                features[name] = {"dtype": "video", "shape": list(first.shape[1:]), **told}
+            else:
+                size = int(np.prod(first.shape[1:]))
+                features[name] = {"dtype": str(first.dtype), "shape": [size], "names": names.get(name)}
+        return features
+
+    def _info(self) -> dict[str, Any]:
+        info = {
+            "codebase_version": self._layout, "robot_type": "trocar", "total_episodes": len(self.lengths),
+            "total_frames": sum(self.lengths), "total_tasks": len(self._tasks), "chunks_size": CHUNK, "fps": self._fps,
+            "splits": {"train": f"0:{len(self.lengths)}"}, "data_path": self._data_path,
+            "video_path": self._video_path if self._film else None, "features": self._features(),
+        }  # fmt: skip
+        if self._layout == "v3.0":
+            return {**info, "data_files_size_in_mb": DATA_MB, "video_files_size_in_mb": VIDEO_MB}
+        videos = len(self.lengths) if self._film else 0
+        return {**info, "total_videos": videos, "total_chunks": -(-len(self.lengths) // CHUNK)}
+
+    def _path(self, pattern: str, number: int, **more: str) -> Path:
+        """Return the place of a file by its number: of an episode, or in version 3.0 of a file of several."""
+        chunk, rest = number // CHUNK, number % CHUNK
+        return self._folder / pattern.format(
+            chunk_index=chunk, file_index=rest, episode_chunk=chunk, episode_index=number, **more
+        )
+
+    def _write_data(self, columns: dict[str, Values], number: int) -> dict[str, int]:
+        """Write the moments of an episode, or keep them for a file of several; return the place in version 3.0."""
+        table = _table(columns)
+        if self._layout == "v2.1":
+            _write_parquet(self._path(self._data_path, number), table)
+            return {}
+        if sum(each.nbytes for each in self._pending) + table.nbytes > DATA_MB << 20:
+            self._flush_data()
+        self._pending.append(table)
+        return {"data/chunk_index": self._data_file // CHUNK, "data/file_index": self._data_file % CHUNK}
+
+    def _flush_data(self) -> None:
+        import pyarrow
+
+        if self._pending:
+            _write_parquet(self._path(self._data_path, self._data_file), pyarrow.concat_tables(self._pending))
+            self._pending, self._data_file = [], self._data_file + 1
+
+    def _write_meta_3(self, all_stats: Stats) -> None:
+        self._write_text("meta/stats.json", json.dumps(_plain(all_stats), indent=4))
+        rows = [
+            {
+                **{name: value for name, value in row.items() if name != "stats"},
+                **{f"stats/{f}/{kind}": _plain(v) for f, of in row["stats"].items() for kind, v in of.items()},
+                "meta/episodes/chunk_index": 0,
+                "meta/episodes/file_index": 0,
+            }
+            for row in self._episodes
+        ]
+        import pyarrow
+
+        _write_parquet(self._path(_EPISODES, 0), pyarrow.Table.from_pylist(rows))
+        _write_parquet(self._folder / "meta/tasks.parquet", _tasks_table(self._tasks))
+
+    def _write_meta_2(self) -> None:
+        lines = [{key: row[key] for key in ("episode_index", "tasks", "length")} for row in self._episodes]
+        stats = [{"episode_index": row["episode_index"], "stats": _plain(row["stats"])} for row in self._episodes]
+        tasks = [{"task_index": number, "task": task} for number, task in enumerate(self._tasks)]
+        for name, rows in (("episodes", lines), ("episodes_stats", stats), ("tasks", tasks)):
+            self._write_text(f"meta/{name}.jsonl", "".join(json.dumps(row) + "\n" for row in rows))
+
+    def _write_text(self, name: str, text: str) -> None:
+        path = self._folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+
+
+def _stats(values: Values) -> dict[str, Any]:
+    """Return the statistics of each number over moments (n, ...)."""
+    flat = values.reshape(len(values), -1).astype(np.float64)
+    found = {"min": flat.min(axis=0), "max": flat.max(axis=0), "mean": flat.mean(axis=0), "std": flat.std(axis=0)}
+    quantiles = np.quantile(flat, _QUANTILES, axis=0)
+    named = {f"q{round(100 * share):02d}": each for share, each in zip(_QUANTILES, quantiles, strict=True)}
+    return {**found, "count": np.array([len(values)]), **named}
+
+
+def _image_stats(images: Values) -> dict[str, Any]:
+    """Return the statistics of each colour of pictures (n, height, width, 3), from 0 to 1."""
+    found = _stats(images.reshape(-1, 3) / 255.0)
+    shaped = {name: np.asarray(value).reshape(3, 1, 1) for name, value in found.items() if name != "count"}
+    return {**shaped, "count": np.array([len(images)])}
+
+
+def _plain(value: Any) -> Any:
+    """Return statistics as JSON has them."""
+    if isinstance(value, dict):
+        return {name: _plain(each) for name, each in value.items()}
+    return value.tolist() if isinstance(value, np.ndarray) else value
+
+
+def _table(columns: dict[str, Values]) -> Any:
+    """Return columns as a table: vectors as lists of a fixed length."""
+    import pyarrow
+
+    def column(values: Values) -> Any:
+        if values.ndim == 1:
+            return pyarrow.array(values)
+        return pyarrow.FixedSizeListArray.from_arrays(pyarrow.array(values.reshape(-1)), values.shape[1])
+
+    return pyarrow.table({name: column(values) for name, values in columns.items()})
+
+
+def _tasks_table(tasks: list[str]) -> Any:
+    """Return the tasks as pandas writes a table whose index they are."""
+    import pyarrow
+
+    index = "__index_level_0__"
+    about = {
+        "index_columns": [index],
+        "column_indexes": [],
+        "columns": [
+            {"name": "task_index", "field_name": "task_index", "pandas_type": "int64", "numpy_type": "int64"},
+            {"name": None, "field_name": index, "pandas_type": "unicode", "numpy_type": "object"},
+        ],
+    }
+    numbers = pyarrow.array(range(len(tasks)), pyarrow.int64())
+    table = pyarrow.table({"task_index": numbers, index: pyarrow.array(tasks, pyarrow.string())})
+    return table.replace_schema_metadata({"pandas": json.dumps(about)})
+
+
+def _write_parquet(path: Path, table: Any) -> None:
+    from pyarrow import parquet
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    parquet.write_table(table, path)
