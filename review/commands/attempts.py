@@ -15,10 +15,12 @@ from rich.markup import escape
 from rich.table import Table
 
 from trocar.review.attempts.curve import cusum, learning_curve
+from trocar.review.attempts.statements import Endpoint, as_lines, statement
 from trocar.review.attempts.store.attempts import Listed, Store, StoreError, UnknownError
 from trocar.review.attempts.store.recordings import Erased, Plan
 from trocar.services.atomic_file import atomic_file
 from trocar.services.cli import targets
+from trocar.services.runtime.errors import ConfigError
 from trocar.services.training.score import load_rules
 
 
@@ -89,6 +91,26 @@ def run_export(database: str | None, trainee: str | None, out: Path | None) -> N
     with targets.writing("--out", out), atomic_file(out) as half:
         half.write_bytes(data)
     print(out)
+
+
+def run_xapi(database: str | None, trainee: str | None, to: str, home: str, login: str) -> None:
+    """Send the attempts of a trainee, or of all, as xAPI statements to a learning record store or into a file.
+
+    Raises ConfigError if `to` is an address of another kind, UserError if the store refuses them or is not reached.
+    """
+    scheme = to.partition("://")[0].lower() if "://" in to else ""
+    if scheme not in ("", "http", "https"):
+        raise ConfigError(f"--to {to}: is neither a file nor an http or https address")
+    with reading(database) as store:
+        statements = [statement(found, who, home.rstrip("/")) for who, found in store.kept(trainee)]
+    if scheme:
+        Endpoint(to, login).send(statements)
+    else:
+        out = Path(to)
+        targets.look_at_file("--to", out)
+        with targets.writing("--to", out), atomic_file(out) as half:
+            half.write_bytes(as_lines(statements))
+    print(f"{to}: {_counted(len(statements), 'attempt')}")
 
 
 def reading(database: str | None) -> Store:

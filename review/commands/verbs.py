@@ -44,7 +44,7 @@ class View(StrEnum):
     FLUOROSCOPY = "fluoroscopy"
 
 
-attempts_app = PlainTyper(no_args_is_help=True, help="What was kept of trainees: list, curve, export, erase.")
+attempts_app = PlainTyper(no_args_is_help=True, help="What was kept of trainees: list, curve, export, xapi, erase.")
 
 
 def add_to(app: typer.Typer) -> None:
@@ -164,6 +164,22 @@ def attempts_export(
     from trocar.review.commands.attempts import run_export
 
     run_export(database, trainee, out)
+
+
+@attempts_app.command("xapi")
+def attempts_xapi(
+    to: Annotated[str, typer.Argument(help="A file, or the address of a learning record store's statements.")],
+    trainee: Annotated[str | None, typer.Option(help="Only this trainee's.")] = None,
+    home: Annotated[
+        str, typer.Option(help="Address of yours under which your pseudonyms and scenarios are known.")
+    ] = "http://localhost",
+    login: Annotated[str, typer.Option(envvar="TROCAR_XAPI_LOGIN", help="NAME:PASSWORD; better in the variable.")] = "",
+    database: Database = None,
+) -> None:
+    """Send attempts as xAPI statements; what was sent before is the same statement, which a store keeps once."""
+    from trocar.review.commands.attempts import run_xapi
+
+    run_xapi(database, trainee, to, home, login)
 
 
 @attempts_app.command("erase")

@@ -191,6 +191,10 @@ class Store:
         writer.writerows(rows)
         return file.getvalue()
 
+    def kept(self, trainee: str | None = None) -> list[tuple[str, Assessment]]:
+        """Return who made them and all attempts of a trainee, or of all, oldest first."""
+        return [(row.trainee, found) for row, found in self._all(trainee)]
+
     def _all(self, trainee: str | None) -> list[tuple[_Whole, Assessment]]:
         if trainee is not None:
             with self._database.reading() as session:
