@@ -3,7 +3,7 @@
     python benchmarks/bench_pythons.py --pythons .venv/bin/python,build/python-3.13/bin/python,forky:/usr/bin/python3
 
 Each is the interpreter of an environment in which Trocar is installed; with a colon, that of a system of its own in a
-folder, which finds the program as ``/root/insertion_ticks.py``. The first also runs kernels that it compiles for the
+folder, which finds the program as ``/tmp/insertion_ticks.py``. The first also runs kernels that it compiles for the
 processor at hand: shipped kernels, which are for a fixed target, should take no longer.
 """
 
@@ -25,9 +25,9 @@ PROGRAM = ROOT / "benchmarks" / "insertion_ticks.py"
 def run(python: str, **variables: str) -> dict[str, float | str]:
     """Return what one insertion took and where it ended."""
     folder, colon, inside = python.partition(":")
-    command = [python, str(PROGRAM)]
+    command = [str(Path(python).absolute()), str(PROGRAM)]
     if colon:
-        command = ["chroot", folder, inside, f"/root/{PROGRAM.name}"]
+        command = ["chroot", folder, inside, f"/tmp/{PROGRAM.name}"]
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"} | variables
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True, cwd="/")
     answer: dict[str, float | str] = json.loads(done.stdout.splitlines()[-1])
