@@ -11,6 +11,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from tests.made_samples import SUCCESS
 from tests.protocol import samples
 from tests.recorder.made_up import MS, long_recording
 from trocar.services.mechanics.surface.mesh import TriangleMesh
@@ -147,7 +148,7 @@ def surfaces() -> dict[str, bytes]:
 
 
 def recordings(folder: Path) -> dict[str, bytes]:
-    """Return recordings by name: of one topic, of all with attachments, and torn ones."""
+    """Return recordings by name: of one topic, of all with attachments, of a whole rig, and torn ones."""
     writer = long_recording(folder / "whole-devices.mcap", 600)
     writer.close()
     everything = RecordingWriter(folder / "whole-all.mcap", {"rig": "stub", "scene": "insertion"})
@@ -160,7 +161,8 @@ def recordings(folder: Path) -> dict[str, bytes]:
             everything.write(msgspec.structs.replace(samples.frame(name), sequence=tick, sent_ns=(tick + 1) * MS))
     everything.close()
     wholes = {path.name: path.read_bytes() for path in (writer.path, everything.path)}
+    wholes["whole-rig.mcap"] = SUCCESS.read_bytes()
     torn = {name.replace("whole", "torn"): data[: -len(data) // 10] for name, data in wholes.items()}
-    for name in wholes:
-        (folder / name).unlink()
+    for path in (writer.path, everything.path):
+        path.unlink()
     return wholes | torn
