@@ -11,6 +11,7 @@ EXTRAS = {
     "av": "video",
     "distributed": "cluster",
     "evdev": "hands",
+    "foxglove": "foxglove",
     "gymnasium": "envs",
     "matplotlib": "study",
     "meshio": "mesh",

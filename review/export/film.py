@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import cast
 
 import numpy as np
-import numpy.typing as npt
 
 from trocar.protocol import Frame
 from trocar.review.export.fluoroscopy import open_renderer
+from trocar.review.export.pictures import CODEC, PIXELS, use_no_display
 from trocar.services.cli.rerun import load
 from trocar.services.recordings.errors import RecordingError
 from trocar.services.recordings.inputs import RecordedInputs
@@ -19,11 +18,6 @@ from trocar.services.recordings.reader import read_extras, read_frames
 from trocar.services.runtime.bus import Bus
 from trocar.services.runtime.errors import MissingPackageError
 from trocar.services.visualization.composer import Composer
-
-Image = npt.NDArray[np.uint8]
-_CODEC, _PIXELS = "libx264", "yuv420p"
-#: Every so many pictures one is whole, so that a learner finds any of them quickly.
-_KEY_PICTURES = 2
 
 
 class _Newest:
@@ -58,8 +52,8 @@ def write_film(
     composer = Composer(cast(Bus, newest), scene, metadata.get("trocar", {}).get("scene", ""), duct)
     drawn = 0
     with av.open(str(out), "w") as film:
-        stream = film.add_stream(_CODEC, rate=rate_hz)
-        stream.width, stream.height, stream.pix_fmt = *size, _PIXELS
+        stream = film.add_stream(CODEC, rate=rate_hz)
+        stream.width, stream.height, stream.pix_fmt = *size, PIXELS
         due_ns = 0
         for each in read_frames(path, ("gateway.state", "physics.state")):
             newest.frames[each.frame.topic] = each.frame
@@ -76,31 +70,3 @@ def write_film(
     renderer.close()
     if not drawn:
         raise RecordingError(f"{path}: holds no state of physics to draw")
-
-
-def use_no_display() -> None:
-    """Let VTK draw off the screen, or it complains that there is no display."""
-    os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
-
-
-def write_pictures(path: Path, pictures: Iterable[Image], rate_hz: int) -> None:
-    """Write pictures (height, width, 3) of one size as a film; each can be found by its time."""
-    import av
-
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with av.open(str(path), "w") as film:
-        stream = film.add_stream(_CODEC, rate=rate_hz, options={"g": str(_KEY_PICTURES)})
-        for number, picture in enumerate(pictures):
-            if number == 0:
-                stream.height, stream.width, _ = picture.shape
-                stream.pix_fmt = _PIXELS
-            film.mux(stream.encode(av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format="rgb24")))
-        film.mux(stream.encode(None))
-
-
-def film_info(size: tuple[int, int], rate_hz: int) -> dict[str, object]:
-    """Return what LeRobot tells of a film of `write_pictures`, by height and width."""
-    return {
-        "video.height": size[0], "video.width": size[1], "video.codec": "h264", "video.pix_fmt": _PIXELS,
-        "video.is_depth_map": False, "video.fps": rate_hz, "video.channels": 3, "has_audio": False,
-    }  # fmt: skip

@@ -180,6 +180,19 @@ def sniff(
     """Read the bus with plain msgpack: envelope and body of one topic, or the rates of all."""
 
 
+@_verb("cli.foxglove:run_foxglove")
+def foxglove(
+    rig_name: Rig = "stub",
+    scene: Scene = None,
+    host: Annotated[str, typer.Option(help="Address to serve at.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535)] = 8765,
+    rate_hz: Annotated[float, typer.Option("--hz", min=0.1, max=60.0, help="Frames of each topic a second.")] = 30.0,
+    insecure: Annotated[bool, typer.Option("--insecure", help="Serve to a network in clear.")] = False,
+    overrides: Overrides = None,
+) -> None:
+    """Serve the running rig to Foxglove and other viewers of its protocol, to look at."""
+
+
 @_verb("cli.arm:run_command", what="arm")
 def arm(
     rig_name: Rig = "stub",

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from trocar.envs.demonstrations import Demonstration, action_names, force_names, read_attempts, state_names
 from trocar.envs.picture import recorded_camera
-from trocar.review.export.film import film_info, write_pictures
+from trocar.review.export.pictures import film_info, write_pictures
 from trocar.services.runtime.errors import ConfigError, MissingPackageError
 
 Values = npt.NDArray[Any]

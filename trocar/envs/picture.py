@@ -9,9 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from trocar.protocol import Frame
-from trocar.review.export.film import use_no_display
 from trocar.review.export.fluoroscopy import open_renderer
-from trocar.services.cli.rerun import load
+from trocar.review.export.pictures import use_no_display
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
 from trocar.services.mechanics.scene import SceneModel
 from trocar.services.recordings.errors import RecordingError
@@ -36,6 +35,8 @@ def recorded_camera(path: Path, view: str, size: tuple[int, int]) -> Camera:
 
     Raises RecordingError if its scene is not in it, MissingPackageError if a package is not installed.
     """
+    from trocar.services.cli.rerun import load  # a verb's: its import changes the process
+
     use_no_display()
     metadata, attachments = read_extras(path)
     about = metadata.get("trocar", {})
