@@ -60,6 +60,10 @@ class ArmFile(Settings):
     openhaptics_centre_m: tuple[_OFFSET, _OFFSET, _OFFSET] = Field(
         (0.0, 0.0, 0.0), description="middle of the workspace as OpenHaptics counts: right, up, toward the user"
     )
+    device_centre_m: tuple[_OFFSET, _OFFSET, _OFFSET] = Field(
+        (0.0, 0.0, 0.0),
+        description="middle of the workspace in the axes of Haply's service or Force Dimension's library",
+    )
 
     def limits(self) -> ArmLimits:
         """Return the limits for the servo."""
