@@ -82,6 +82,9 @@ class Link(ABC):
     def close(self) -> None:
         """Let the arm go."""
 
+    def switch_on(self) -> None:  # noqa: B027 - most arms push whenever they are told to
+        """Switch the motors on."""
+
     def gauges(self) -> dict[str, float]:
         """Return figures for the dashboard, by name."""
         return {}
@@ -135,6 +138,8 @@ class AskedArm(Arm):
     def enable(self) -> None:
         """Let forces through."""
         self._enabled = self._link is not None
+        if self._link is not None:
+            self._link.switch_on()
 
     def clear_fault(self) -> None:
         """Open an arm with a fault anew, in the background."""
@@ -220,6 +225,8 @@ class AskedArm(Arm):
             self.fault = problem.removeprefix(f"{self.where}: ")
             return old
         self._begin(link)
+        if self._enabled:
+            link.switch_on()
         return link
 
     def _exchange(self, link: Link, force_n: FloatArray) -> bool:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
+from trocar.services.gateway.grip_roll import GripRoll
 from trocar.services.gateway.haply.messages import GripEntry, Wxyz
-from trocar.services.gateway.slew import slew
 
-#: No hand turns a grip faster, rad/s; and how far from one the norm of an orientation may be.
-_FASTEST_RAD_S, _NEARLY = 30.0, 0.1
+#: How far from one the norm of an orientation may be.
+_NEARLY = 0.1
 #: A grip held across the arm, whose turn about its own axis is not known.
 _ACROSS = 1e-3
 
@@ -18,15 +18,18 @@ class Grip:
 
     Attributes:
         awake: bool. Whether the newest answer told them.
-        roll_rad: float. Turn about the grip's axis; it goes on beyond a full turn.
     """
 
     def __init__(self, axis: str) -> None:
         self.awake = False
-        self.roll_rad = 0.0
         self.buttons = 0
         self._axis = axis
-        self._told_ns = 0
+        self._roll = GripRoll()
+
+    @property
+    def roll_rad(self) -> float:
+        """The tool's roll."""
+        return self._roll.roll_rad
 
     def take(self, entry: GripEntry | None, told_ns: int) -> None:
         """Take what was told of the grip, None if nothing was; a grip that sleeps keeps its roll."""
@@ -36,10 +39,7 @@ class Grip:
         self.buttons = 0
         if entry is None or turn is None:
             return
-        passed_s = max(0.0, 1e-9 * (told_ns - self._told_ns))
-        self._told_ns = told_ns
-        wanted = self.roll_rad + math.remainder(turn - self.roll_rad, 2.0 * math.pi)
-        self.roll_rad = slew(self.roll_rad, wanted, _FASTEST_RAD_S * min(passed_s, 1.0))
+        self._roll.take(turn, told_ns)
         pressed = entry.state.buttons
         self.buttons = (pressed.a or entry.state.button) | pressed.b << 1 | pressed.c << 2
 
