@@ -8,7 +8,7 @@ from typing import Any
 
 from trocar.protocol.topics import TICK_S
 from trocar.services.cli.host_checks import CheckResult, finding
-from trocar.services.gateway.device_files import ArmFile, DeviceFile, GraspFile
+from trocar.services.gateway.device_files import ArmFile, DeviceFile, GraspFile, GripperFile
 from trocar.services.gateway.instrument import WRITE_SPAN
 from trocar.services.gateway.servo_arrays import FLIGHTS
 from trocar.services.runtime import config
@@ -33,7 +33,7 @@ def delays(rig: Rig) -> Iterator[CheckResult]:
                 yield delay(f"{row.name} {kind}", file, spans.get(f"{WRITE_SPAN}.{row.name}.{kind}"))
 
 
-def delay(name: str, file: ArmFile | GraspFile, span_s: float | None) -> CheckResult:
+def delay(name: str, file: ArmFile | GraspFile | GripperFile, span_s: float | None) -> CheckResult:
     """Return the finding on one device, whose longest time from reading to writing is `span_s` if a rig runs."""
     unit, friction = ("N", file.friction_n) if isinstance(file, ArmFile) else ("N m", file.friction_nm)
     told_s = file.interface_delay_s
@@ -49,12 +49,12 @@ def delay(name: str, file: ArmFile | GraspFile, span_s: float | None) -> CheckRe
     return finding(f"delay of {name}", told_s + (span_s or 0.0) <= most_s, found, advice)
 
 
-def _file_of(settings: DriverSettings | None) -> ArmFile | GraspFile | None:
+def _file_of(settings: DriverSettings | None) -> ArmFile | GraspFile | GripperFile | None:
     """Return a device's file; None if it has none, or one that `validate` has told of."""
     if settings is None or settings.device is None:
         return None
     try:
-        file: ArmFile | GraspFile = config.load(_ANY_DEVICE, config.find("device", settings.device))[0]
+        file: ArmFile | GraspFile | GripperFile = config.load(_ANY_DEVICE, config.find("device", settings.device))[0]
     except ConfigError:
         return None
     return file

@@ -60,6 +60,10 @@ class ArmFile(Settings):
     openhaptics_centre_m: tuple[_OFFSET, _OFFSET, _OFFSET] = Field(
         (0.0, 0.0, 0.0), description="middle of the workspace as OpenHaptics counts: right, up, toward the user"
     )
+    device_centre_m: tuple[_OFFSET, _OFFSET, _OFFSET] = Field(
+        (0.0, 0.0, 0.0),
+        description="middle of the workspace in the axes of Haply's service or Force Dimension's library",
+    )
 
     def limits(self) -> ArmLimits:
         """Return the limits for the servo."""
@@ -121,4 +125,27 @@ class GraspFile(Settings):
         return self.count_rad, self.sure_friction * self.friction_nm, self.sudden_rad
 
 
-DeviceFile = Annotated[ArmFile | GraspFile, Field(discriminator="kind")]
+class GripperFile(Settings):
+    """The gripper of an arm, with a motor of its own."""
+
+    kind: Literal["gripper"]
+    model: str
+    max_force_n: Annotated[float, _FORCE] = Field(description="at the fingers")
+    lever_m: Annotated[float, between(5e-3, 0.2, "m", "a finger is no nearer to the axis, and no further")] = Field(
+        description="distance of the fingers from the gripper's axis"
+    )
+    opens_with_positive_force: bool = True
+    widest_rad: Annotated[float, between(0.01, 6.3, "rad", "a gripper opens by no more than a turn, and it opens")]
+    count_rad: Annotated[float, _COUNT_RAD] = Field(description="motion of the gripper per encoder count")
+    friction_nm: Annotated[float, _DRY_NM] = Field(description="friction of the gripper, motor off")
+    sure_friction: Annotated[float, _SHARE] = SURE_FRICTION
+    interface_delay_s: Annotated[float, _DELAY] = 2.5e-3
+    sudden_rad: Annotated[float, between(0.0, 1.0, "rad", "no gripper turns further in a tick of 2 ms")] = 0.02
+    velocity_filter_hz: Annotated[float, between(1.0, 249.0, "Hz", "half of the rate of 500 Hz")] = 60.0
+
+    def own(self) -> tuple[float, float, float]:
+        """Return count, sure friction and sudden change, for the energy bound."""
+        return self.count_rad, self.sure_friction * self.friction_nm, self.sudden_rad
+
+
+DeviceFile = Annotated[ArmFile | GraspFile | GripperFile, Field(discriminator="kind")]

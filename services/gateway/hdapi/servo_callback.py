@@ -19,6 +19,7 @@ from typing import Any
 
 from numba import types
 
+from trocar.services.gateway.hand_reach import REACH_M_S
 from trocar.services.gateway.hdapi import native
 from trocar.services.gateway.hdapi.applied_force import apply_order, give_up
 from trocar.services.gateway.hdapi.cells import (
@@ -68,8 +69,6 @@ TICK_NS = 1_000_000
 LATE_PERIODS = 2.0
 #: Time over which the library's rate is measured, and the deviation up to which the nominal rate is assumed.
 _COUNT_NS, _NEARLY = 250_000_000, 0.1
-#: Speed that no hand has. A place that stays is believed once it is within reach, and trips the velocity limit then.
-_REACH_M_S = 20.0
 #: Frames in a row with an invalid handle after which there is nothing left to release.
 _FORGOTTEN_FRAMES = 3
 _CHECK_EVERY, _RECHECK_EVERY = 100, 1000
@@ -236,7 +235,7 @@ def _is_out_of_reach(arm: ArmCell, x: float, y: float, z: float, now_ns: int) ->
         return False
     way_m = math.sqrt((x - arm.position_m[0]) ** 2 + (y - arm.position_m[1]) ** 2 + (z - arm.position_m[2]) ** 2)
     passed_ns = max(float(now_ns - arm.read_ns), arm.period_ns)
-    is_far = way_m > _REACH_M_S * 1e-9 * passed_ns
+    is_far = way_m > REACH_M_S * 1e-9 * passed_ns
     if is_far:
         arm.strange += 1
     return is_far

@@ -1,0 +1,165 @@
+"""The thread of a device, which an arm and a gripper share: it exchanges when it is asked, and else lets go."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+
+from trocar.services.gateway.asked_arm import Answer
+from trocar.services.gateway.clock import Clock
+from trocar.services.gateway.dhd.exchange import Device, Sample
+from trocar.services.gateway.dhd.library import Library
+from trocar.services.runtime.errors import DeviceError
+from trocar.services.runtime.rig import Vector3
+
+#: An order is trusted for so long; a gateway that stands still gives the hand nothing.
+STALE_NS = 20_000_000
+_JOIN_S = 1.0
+_NONE: Vector3 = (0.0, 0.0, 0.0)
+
+
+class DeviceServer:
+    """Serves one open device in a thread of its own.
+
+    Attributes:
+        newest: Sample | None, and when it was taken.
+        lost: str. Empty, or why the device is not served any more.
+    """
+
+    def __init__(self, library: Library, serial: int | None, gravity: bool, where: str, clock: Clock) -> None:
+        handle = library.open_device(serial, where)
+        self.device = Device(library, handle)
+        self.model = library.name(handle)
+        self.newest: Sample | None = None
+        self.newest_ns = 0
+        self.lost = ""
+        self.asked = self.answered = 0
+        self.answers: deque[tuple[int, Sample]] = deque(maxlen=8)
+        self._clock = clock
+        self._order: tuple[int, Vector3] = (0, _NONE)
+        self._grip: tuple[int, float] = (0, 0.0)
+        self._motors = self._ended = False
+        self._wake = threading.Event()
+        if library.c.dhdSetGravityCompensation(int(gravity), handle) < 0:
+            why = library.error()
+            library.c.dhdClose(handle)
+            raise DeviceError(f"{where}: the compensation of weight cannot be set: {why}")
+        self._thread = threading.Thread(target=self._run, name=f"serves-{self.model}", daemon=True)
+        self._thread.start()
+
+    def ask(self, force_n: Vector3, now_ns: int) -> None:
+        """Ask for an exchange with this force on the arm."""
+        self._order = (now_ns, force_n)
+        self.asked += 1
+        self._wake.set()
+
+    def grip(self, force_n: float, now_ns: int) -> None:
+        """Ask for an exchange with this force on the gripper."""
+        self._grip = (now_ns, force_n)
+        self._wake.set()
+
+    def switch_on(self) -> None:
+        """Switch the motors on with the next exchange."""
+        self._motors = True
+
+    def close(self) -> None:
+        """Leave no force, and close the device; one that hangs in a call is left alone."""
+        self._ended = True
+        self._wake.set()
+        self._thread.join(_JOIN_S)
+
+    def _run(self) -> None:
+        while not self._ended:
+            if self._wake.wait(1e-9 * STALE_NS):
+                self._wake.clear()
+                self._exchange()
+            elif self._motors:
+                self._push(_NONE, 0.0)
+        self._push(_NONE, 0.0)
+        self.device.switch(on=False)
+        self.device.library.c.dhdClose(self.device.handle)
+        self.lost = self.lost or "is closed"
+
+    def _exchange(self) -> None:
+        asked_ns, force_n = self._order
+        grip_ns, grip_n = self._grip
+        now_ns = self._clock.monotonic_ns()
+        trusted = force_n if now_ns - asked_ns <= STALE_NS else _NONE
+        problem = self._push(trusted, grip_n if now_ns - grip_ns <= STALE_NS else 0.0)
+        sample = self.device.look()
+        if problem and not sample.problem:
+            sample = Sample(None, None, None, sample.buttons, sample.calibrated, problem, sample.prompt)
+        self.newest, self.newest_ns = sample, now_ns
+        if self.answered < self.asked:
+            self.answers.append((asked_ns, sample))
+            self.answered = self.asked
+
+    def _push(self, force_n: Vector3, grip_n: float) -> str:
+        if not self._motors:
+            return ""
+        return self.device.push(force_n, grip_n) or self.device.switch(on=True)
+
+
+class _Shared:
+    """A server with how many use it."""
+
+    def __init__(self, server: DeviceServer) -> None:
+        self.server, self.users = server, 1
+
+
+_servers: dict[tuple[str, int | None], _Shared] = {}
+_lock = threading.Lock()
+
+
+def join_server(path: str, serial: int | None, gravity: bool, where: str, clock: Clock) -> DeviceServer:
+    """Return the server of a device, which is opened unless the other of arm and gripper has it open.
+
+    A device with a problem is opened anew. Raises DeviceError: one sentence.
+    """
+    with _lock:
+        shared = _servers.get((path, serial))
+        if shared is not None and not shared.server.lost and not _has_problem(shared.server):
+            shared.users += 1
+            return shared.server
+        if shared is not None:
+            shared.server.close()
+        server = DeviceServer(Library(path, where), serial, gravity, where, clock)
+        if shared is None:
+            _servers[path, serial] = _Shared(server)
+        else:
+            shared.server = server
+            shared.users += 1
+        return server
+
+
+def current_server(path: str, serial: int | None, last: DeviceServer) -> DeviceServer:
+    """Return the server that serves a device now: another than the last, if it was opened anew."""
+    shared = _servers.get((path, serial))
+    return last if shared is None else shared.server
+
+
+def leave_server(path: str, serial: int | None) -> None:
+    """End the use of a device; the last user closes it."""
+    with _lock:
+        shared = _servers.get((path, serial))
+        if shared is None:
+            return
+        shared.users -= 1
+        if shared.users <= 0:
+            del _servers[path, serial]
+            shared.server.close()
+
+
+def _has_problem(server: DeviceServer) -> bool:
+    return server.newest is not None and bool(server.newest.problem)
+
+
+def as_answer(asked_ns: int, sample: Sample, roll_rad: float, shown: str, centre_m: Vector3) -> Answer:
+    """Return a sample as an arm's answer; sentences get their subject, and places the middle as origin."""
+    place = None
+    if sample.place_m is not None:
+        x, y, z = (part - middle for part, middle in zip(sample.place_m, centre_m, strict=True))
+        place = (x, y, z)
+    problem = f"{shown} {sample.problem}" if sample.problem else ""
+    prompt = f"{shown} {sample.prompt}" if sample.prompt else ""
+    return Answer(asked_ns, place, roll_rad, sample.buttons, sample.calibrated, problem, prompt)

@@ -1,0 +1,89 @@
+"""An arm of Force Dimension, or Novint's Falcon, through the vendor's DHD; see `dhd`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from trocar.services.gateway import driver
+from trocar.services.gateway.asked_arm import Answer, AskedArm, Link
+from trocar.services.gateway.device_files import ArmFile
+from trocar.services.gateway.dhd import host_checks
+from trocar.services.gateway.dhd.server import DeviceServer, as_answer, join_server, leave_server
+from trocar.services.gateway.dhd.settings import DhdSettings
+from trocar.services.gateway.driver import Place
+from trocar.services.gateway.grip_roll import GripRoll
+from trocar.services.gateway.host_check import HostCheck
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.runtime import config
+from trocar.services.runtime.errors import DeviceError
+from trocar.services.runtime.rig import DriverSettings, Vector3
+
+
+class DeviceLink(Link):
+    """The arm of a device that is served."""
+
+    def __init__(self, server: DeviceServer, own: DhdSettings, centre_m: Vector3, shown: str) -> None:
+        self._server, self._own, self._centre_m, self._shown = server, own, centre_m, shown
+        self._roll = GripRoll()
+
+    @property
+    def outstanding(self) -> int:
+        """How many exchanges have not ended."""
+        return self._server.asked - self._server.answered
+
+    @property
+    def lost(self) -> str:
+        """Why there will be no more answers."""
+        return f"{self._shown} {self._server.lost}" if self._server.lost else ""
+
+    def switch_on(self) -> None:
+        """Switch the motors on."""
+        self._server.switch_on()
+
+    def ask(self, force_n: FloatArray, now_ns: int) -> None:
+        """Ask for an exchange; the library's axes are those of an arm: toward the user, right, up."""
+        toward, right, up = force_n.tolist()
+        self._server.ask((toward, right, up), now_ns)
+
+    def answers(self, now_ns: int) -> list[Answer]:
+        """Return what exchanges have told."""
+        found = []
+        while self._server.answers:
+            asked_ns, sample = self._server.answers.popleft()
+            if sample.turn_rad is not None:
+                self._roll.take(sample.turn_rad, asked_ns)
+            found.append(as_answer(asked_ns, sample, self._roll.roll_rad, self._shown, self._centre_m))
+        return found
+
+    def close(self) -> None:
+        """Let the device go, unless its gripper is used."""
+        leave_server(self._own.library, self._own.serial)
+
+
+class Driver(AskedArm):
+    """One arm, whose device may have a gripper: see `grasp_force_dimension`."""
+
+    def __init__(self, settings: DriverSettings, place: Place) -> None:
+        self._own = own = driver.read_settings(DhdSettings, settings, place)
+        self._file = file = driver.read_device_file(ArmFile, settings, place)
+        super().__init__(file, place, "the arm" if own.serial is None else f"the arm {own.serial}")
+
+    def connect(self) -> Link:
+        """Open the device, unless its gripper has it open."""
+        own = self._own
+        server = join_server(own.library, own.serial, own.gravity_compensation, self.where, self._clock)
+        wanted = self._file.model.lower()
+        if wanted.split()[-1] not in server.model.lower() and server.model != "?":
+            leave_server(own.library, own.serial)
+            raise DeviceError(
+                f"{self.where}: {self.shown} is a {server.model}, its device file is of {self._file.model}: "
+                "name the file of this arm as `device`"
+            )
+        return DeviceLink(server, own, self._file.device_centre_m, self.shown)
+
+
+def check_host(settings: Sequence[DriverSettings], in_use: bool) -> Iterator[HostCheck]:
+    """Check library, arms and permissions."""
+    own = [config.build(DhdSettings, each.settings, "driver 'force_dimension'") for each in settings]
+    for library in dict.fromkeys(each.library for each in own):
+        yield from host_checks.check(library, [each.serial for each in own if each.library == library], in_use)

@@ -1,0 +1,138 @@
+"""The gripper of an omega.7 or sigma.7, through the device that its arm shares with it; see `dhd`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trocar.services.gateway import driver
+from trocar.services.gateway.background_open import BackgroundOpen
+from trocar.services.gateway.device_files import GripperFile
+from trocar.services.gateway.dhd.server import DeviceServer, current_server, join_server, leave_server
+from trocar.services.gateway.dhd.settings import DhdSettings
+from trocar.services.gateway.driver import GraspHandle, HandleLimits, Place
+from trocar.services.gateway.servo_arrays import HANDLE_ANGLE, HANDLE_RATE
+from trocar.services.gateway.velocity_filter import butterworth, low_pass
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.runtime.errors import DeviceError
+from trocar.services.runtime.rig import DriverSettings
+
+#: An opening older than this is not used; and how far it may be beyond the device file's widest, as a share.
+_OLD_NS, _BEYOND = 200_000_000, 1.25
+#: Rate of a handle that takes turns with another, and how long a device may take until it tells its opening.
+_PERIOD_S, _OPEN_S, _TURN_S = 2e-3, 2.0, 1e-3
+
+
+class Driver(GraspHandle):
+    """Its torque is a force at the fingers' distance from the axis."""
+
+    def __init__(self, settings: DriverSettings, place: Place) -> None:
+        self._own = driver.read_settings(DhdSettings, settings, place)
+        self._file = file = driver.read_device_file(GripperFile, settings, place)
+        self.max_torque_nm = file.max_force_n * file.lever_m
+        self.limits = HandleLimits(*file.own(), file.interface_delay_s)
+        self.where = f"instrument {place.instrument!r}"
+        self._clock = place.clock
+        self._server: DeviceServer | None = None
+        self._opening: BackgroundOpen[DeviceServer] | None = None
+        self._enabled = False
+        self._angle_rad, self._told_ns = 0.0, 0
+        self._filter, self._coefficients = np.zeros((2, 1)), butterworth(file.velocity_filter_hz, _PERIOD_S)
+        self._rate = 0.0
+
+    def open(self) -> None:
+        """Open the device, unless its arm has it open, and wait for its opening."""
+        self._server = server = self._join()
+        until_ns = self._clock.monotonic_ns() + round(1e9 * _OPEN_S)
+        while not self._take(server) and self._clock.monotonic_ns() < until_ns:
+            server.grip(0.0, self._clock.monotonic_ns())
+            self._clock.sleep(_TURN_S)
+        if not self._told_ns:
+            why = "has no gripper" if not server.device.has_gripper else self._find_problem(server) or "is silent"
+            raise DeviceError(f"{self.where}: the gripper's {server.model} {why}")
+
+    def enable(self) -> None:
+        """Let forces through."""
+        self._enabled = self._server is not None
+        if self._server is not None:
+            self._server.switch_on()
+
+    def clear_fault(self) -> None:
+        """Open a device with a fault anew, unless its arm does."""
+        had_fault = bool(self.fault)
+        super().clear_fault()
+        if had_fault and self._server is not None and self._opening is None:
+            self._opening = BackgroundOpen(self._open_anew)
+
+    def read(self, time_ns: int, handle: FloatArray) -> None:
+        """Write the newest opening and its rate."""
+        if self._server is None:
+            return
+        self._go_on()
+        server = self._server = current_server(self._own.library, self._own.serial, self._server)
+        self._take(server)
+        handle[HANDLE_ANGLE], handle[HANDLE_RATE] = self._angle_rad, self._rate
+        self._judge(server)
+
+    def write(self, torque_nm: float) -> None:
+        """Give a force to the fingers."""
+        server = self._server
+        if server is None or self._opening is not None:
+            return
+        force_n = torque_nm / self._file.lever_m if self._enabled else 0.0
+        server.grip(force_n if self._file.opens_with_positive_force else -force_n, self._clock.monotonic_ns())
+
+    def close(self) -> None:
+        """Leave no force, and let the device go."""
+        server, self._server = self._server, None
+        self.ready = self._enabled = False
+        if self._opening is not None:
+            self._opening.take()
+            self._opening = None
+        if server is not None:
+            server.grip(0.0, self._clock.monotonic_ns())
+            leave_server(self._own.library, self._own.serial)
+
+    def _join(self) -> DeviceServer:
+        own = self._own
+        return join_server(own.library, own.serial, own.gravity_compensation, self.where, self._clock)
+
+    def _open_anew(self) -> DeviceServer:
+        leave_server(self._own.library, self._own.serial)
+        return self._join()
+
+    def _go_on(self) -> None:
+        if self._opening is None or not self._opening.done:
+            return
+        server, problem = self._opening.take()
+        self._opening = None
+        if server is not None:
+            self._server, self._told_ns = server, self._clock.monotonic_ns()
+            if self._enabled:
+                server.switch_on()
+        else:
+            self.fault = problem.removeprefix(f"{self.where}: ")
+
+    def _take(self, server: DeviceServer) -> bool:
+        sample, now_ns = server.newest, server.newest_ns
+        angle = None if sample is None or sample.problem else sample.angle_rad
+        if angle is None or angle > _BEYOND * self._file.widest_rad or now_ns == self._told_ns:
+            return False
+        passed_s = max(1e-9 * (now_ns - self._told_ns), 1e-4)
+        raw = (angle - self._angle_rad) / passed_s if self._told_ns else 0.0
+        self._rate = low_pass(raw, self._filter, 0, self._coefficients)
+        self._angle_rad, self._told_ns = angle, now_ns
+        return True
+
+    def _judge(self, server: DeviceServer) -> None:
+        silent = self._clock.monotonic_ns() - self._told_ns > _OLD_NS
+        if silent:
+            self._rate = 0.0
+        opening = self._opening is not None
+        self.prompt = "the gripper is being opened anew" if opening else ""
+        if not opening and silent:
+            problem = self._find_problem(server) or "tells no opening that a gripper can have"
+            self.fault = self.fault or f"the gripper's {server.model} {problem}"
+        self.ready = self._enabled and server.device.gripper_pushes and not (opening or silent or self.fault)
+
+    def _find_problem(self, server: DeviceServer) -> str:
+        return server.lost or ("" if server.newest is None else server.newest.problem)

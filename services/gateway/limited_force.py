@@ -1,0 +1,55 @@
+"""The force that a device is given by another program, which rises and turns no faster than the rig's limit.
+
+The servo's law keeps this limit, too. But a device that was not served for some ticks would get in one step what the
+law has changed in all of them.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from trocar.protocol.topics import TICK_S
+from trocar.services.gateway.servo_law import MAX_STEP_S
+from trocar.services.mechanics.arrays import FloatArray
+
+#: A device that got no force for longer may have let go, so the next begins at none.
+FORGOTTEN_NS = 5_000_000
+SPARE_S = 0.5 * TICK_S
+_EXACT_N = 1e-9
+
+
+class LimitedForce:
+    """The newest force given, and what may follow it. It falls at once, along itself.
+
+    A tick may be early or late by some of `SPARE_S`, so time that was not used counts in the next, up to this.
+    """
+
+    def __init__(self, rate_n_s: float) -> None:
+        self.given = np.zeros(3)
+        self._rate_n_s = rate_n_s
+        self._given_ns = 0
+        self._credit_s = 0.0
+
+    def next(self, wanted: FloatArray, now_ns: int) -> tuple[FloatArray, bool]:
+        """Return the force to give now instead of `wanted` (3,), and whether it is the wanted one."""
+        passed_ns = now_ns - self._given_ns
+        if self._given_ns and 0 <= passed_ns <= FORGOTTEN_NS:
+            self._credit_s = min(self._credit_s, SPARE_S) + min(1e-9 * passed_ns, MAX_STEP_S)
+        else:
+            self.given, self._credit_s = np.zeros(3), TICK_S
+        self._given_ns = now_ns
+        start = self.given * _share_along(self.given, wanted)
+        rise = wanted - start
+        size_n, most_n = math.hypot(*rise.tolist()), self._rate_n_s * self._credit_s
+        share = most_n / size_n if size_n > most_n else 1.0
+        self._credit_s -= share * size_n / self._rate_n_s
+        self.given = start + share * rise
+        return self.given, size_n <= most_n + _EXACT_N
+
+
+def _share_along(force: FloatArray, wanted: FloatArray) -> float:
+    """Return to which share of itself a force may fall at once on its way to another."""
+    square = float(force @ force)
+    return min(1.0, max(0.0, float(force @ wanted) / square)) if square > 0.0 else 0.0

@@ -1,0 +1,20 @@
+"""The bench of the driver `force_dimension`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from tests.gateway.bench import Bench
+from tests.gateway.dhd_library import DhdStandIn
+from trocar.services.gateway.clock import REAL_TIME
+from trocar.services.runtime.rig import DriverSettings
+
+
+@contextmanager
+def bench(folder: Path) -> Iterator[Bench]:
+    """Load the stand-in of the library, which the driver's own thread calls in real time."""
+    with DhdStandIn.compiled(folder) as standin:
+        settings = DriverSettings(driver="force_dimension", device="omega_7", settings={"library": str(standin.path)})
+        yield Bench(settings, output=lambda _: standin.force_n(), clock=REAL_TIME)
