@@ -7,6 +7,7 @@ They allocate and evaluate forces again: for tests and studies, not for the 1 kH
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from time import thread_time_ns
 
 import numpy as np
 
@@ -73,7 +74,12 @@ class EnergyFlow:
 
 
 class EnergyBook:
-    """Steps a simulation and keeps its books; ``other`` watches its parts as well."""
+    """Steps a simulation and keeps its books; ``other`` watches its parts as well.
+
+    Attributes:
+        flow: EnergyFlow
+        tick_ns: int. Processor time of the last step, without that of the books and of ``other``.
+    """
 
     def __init__(self, simulation: Simulation, other: Watcher | None = None) -> None:
         self.simulation = simulation
@@ -85,11 +91,14 @@ class EnergyBook:
         self._opening_j = self._stored_j()
         self._healed_states = simulation.healed_states
         self._begun: _Snapshot | None = None
+        self.tick_ns = self._own_ns = 0
 
     def step(self, tools: ToolInputs, dt_s: float = 1e-3) -> None:
         """Take one step of the simulation and enter it."""
-        self.simulation.watcher = self
+        self.simulation.watcher, self._own_ns = self, 0
+        start_ns = thread_time_ns()
         self.simulation.step(tools, dt_s)
+        self.tick_ns = thread_time_ns() - start_ns - self._own_ns
         self.simulation.watcher = None
         if self.simulation.healed_states > self._healed_states:
             self._healed_states = self.simulation.healed_states
@@ -105,6 +114,18 @@ class EnergyBook:
         self.flow.stored_j = stored_j
 
     def begin(self) -> None:
+        """Note what a part of a step begins with."""
+        start_ns = thread_time_ns()
+        self._begin()
+        self._own_ns += thread_time_ns() - start_ns
+
+    def end(self, dt_s: float) -> None:
+        """Enter a part of a step."""
+        start_ns = thread_time_ns()
+        self._end(dt_s)
+        self._own_ns += thread_time_ns() - start_ns
+
+    def _begin(self) -> None:
         """Note what a part of a step begins with; rates that a change of its length has moved are entered.
 
         A part that is begun again has the rows of the try that was taken back: what they store is as it was.
@@ -126,7 +147,7 @@ class EnergyBook:
         self._squeezed_j = self.simulation.squeeze.arrays.dissipated_j
         self._undone = replace(self.flow)
 
-    def end(self, dt_s: float) -> None:
+    def _end(self, dt_s: float) -> None:
         """Enter a part of a step."""
         before, slipped_j, spent_j = self._before, self._slipped_j, self._spent_j
         self._rod = catheter_energy(self.simulation.world, self._work)

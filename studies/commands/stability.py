@@ -19,9 +19,10 @@ from trocar.services.nearest_word import did_you_mean
 from trocar.services.runtime.errors import ConfigError, UserError
 from trocar.studies.commands.progress_bar import progress_line
 from trocar.studies.provenance import code_version
+from trocar.studies.stability.criteria import shown
 from trocar.studies.stability.families import FAMILIES
 from trocar.studies.stability.family import Reach
-from trocar.studies.stability.report import changes, page, shown, worst_figures
+from trocar.studies.stability.report import changes, page, worst_figures
 from trocar.studies.stability.suite import Log, Order, Result, list_cases, run_suite
 
 
@@ -33,6 +34,7 @@ class Request:
     families: tuple[str, ...]
     seed: int
     most: int | None
+    cases: int | None
     jobs: int | None
     minutes: float | None
     out: Path | None
@@ -56,7 +58,7 @@ def run_stability(request: Request) -> None:
         targets.make_folder("--out", request.out)
     before = _results_of(request.against) if request.against is not None else None
     reach = Reach.LONG if request.long else Reach.QUICK
-    order = Order(reach, request.seed, request.families or tuple(FAMILIES), request.most)
+    order = Order(reach, request.seed, request.families or tuple(FAMILIES), request.most, request.cases)
     code = code_version(Path(__file__).parents[2])
     with tempfile.TemporaryDirectory() as scratch:
         try:

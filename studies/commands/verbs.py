@@ -51,6 +51,9 @@ def stability(
     most: Annotated[
         int | None, typer.Option(min=1, help="At most so many cases of each family, drawn by the seed.")
     ] = None,
+    cases: Annotated[
+        int | None, typer.Option(min=1, help="So many cases of the family `drawn`; default: 12, or 200 of all.")
+    ] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: one a core.")] = None,
     minutes: Annotated[
         float | None,
@@ -73,7 +76,7 @@ def stability(
     from trocar.studies.commands.stability import Request, run_stability
 
     files = out, report, tuple(others or ()), against
-    run_stability(Request(long, tuple(families or ()), seed, most, jobs, minutes, *files, json))
+    run_stability(Request(long, tuple(families or ()), seed, most, cases, jobs, minutes, *files, json))
 
 
 def study(

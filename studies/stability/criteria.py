@@ -72,6 +72,9 @@ CRITERIA: dict[str, Criterion] = {
         0.1e-3,
     ),
     "tool_penetration_any": Criterion("the same for any input, relative to the same thickness", "", 0.5),
+    "tool_crossings": Criterion(
+        "shafts and jaws whose axis goes through the wall's mid-surface at the same time, counted likewise", "", 0
+    ),
     "crossings": Criterion(
         "segments of the catheter's centreline that cross the wall's mid-surface, counted without collision detection",
         "",
@@ -86,6 +89,17 @@ CRITERIA: dict[str, Criterion] = {
     ),
     "force_fall": Criterion("that fall: told, not judged", "N", math.inf),
     "snaps": Criterion("changes of a force that finer steps have been asked about: told, not judged", "", math.inf),
+    "withheld": Criterion("share of the simulated time that did not happen because no motion was sound", "", 0.05),
+    "hand_lead": Criterion(
+        "distance of a hand from its tool beyond what the spring and the damper between them explain by the force that "
+        "the tool bears; hands at most at 0.5 m/s, without jumps",
+        "m",
+        3e-3,
+    ),
+    "tick_median": Criterion("processor time of a tick, the median of a run: told, not judged", "s", math.inf),
+    "tick_longest": Criterion("the longest: told, not judged", "s", math.inf),
+    "ticks_above_5_ms": Criterion("share of ticks that took longer: told, not judged", "", math.inf),
+    "ticks_above_20_ms": Criterion("share of ticks that took longer: told, not judged", "", math.inf),
     "felt_error": Criterion("distance of the reported force from the sum of the contact forces", "N", 1e-9),
     "rest": Criterion("time from the hands' leaving until nothing moves faster than 1 mm/s", "s", REST_S),
     "rest_damped": Criterion(
@@ -129,3 +143,13 @@ def load_of(name: str, value: float) -> float:
     if limit == 0.0:
         return 0.0 if value <= 0.0 else math.inf
     return value / limit
+
+
+def shown(name: str, value: float) -> str:
+    """A figure with its unit, in a size that is read easily."""
+    unit = CRITERIA[name].unit
+    if not math.isfinite(value):
+        return "never" if name == "rest" else "-"
+    if unit == "m" and value != 0.0:
+        return f"{1e3 * value:.3g} mm" if abs(value) >= 1e-5 else f"{1e6 * value:.3g} um"
+    return f"{value:.3g} {unit}".strip()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,17 +17,20 @@ from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.mechanics.simulation import Simulation
 from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
 from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.physics.warm_up import warm_up
 from trocar.studies.energy_book import EnergyBook
 from trocar.studies.stability.criteria import CRITERIA, HAND_SPEED_M_S, REST_S, REST_SPEED_M_S, Figures
-from trocar.studies.stability.finely import Explained, take_finely
+from trocar.studies.stability.finely import Explained, FineTicks
 from trocar.studies.stability.hands import HandMotions
+from trocar.studies.stability.lead import HandLead
+from trocar.studies.stability.tick_times import TickTimes
 from trocar.studies.stability.watch import Watch, is_at_rest
 
 QUIET_S = 0.1
 """So long in a row at rest ends a run."""
 SETTLE_S = 4.0
 """A scene that nobody disturbs has so long to come to rest."""
-MOST_SUDDEN = 8
+MOST_SUDDEN = 50
 """Of a run in which forces change at once more often nothing is asked of finer steps: it has failed."""
 LEFT_S = 0.1
 """Within so long after the hands have left, what they have bent and stretched is as fast as it gets."""
@@ -48,6 +51,7 @@ class Play:
         rests: bool. Whether it has to come to rest when the hands have left: what is undamped need not.
         has_one_shape: bool. Whether there is one shape of rest, whatever happened: no friction, and nothing that slides
             for free.
+        times_ticks: bool. Whether the processor times of its ticks are told: kernels are loaded before then.
         may_jump: bool. Whether the hands or the ticks are other than those of a person: overlaps may be larger then.
     """
 
@@ -59,6 +63,7 @@ class Play:
     rests: bool = True
     has_one_shape: bool = False
     may_jump: bool = False
+    times_ticks: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,29 +83,34 @@ def drive(play: Play) -> Driven:
     driven, sudden = _drive(play, {})
     if not 0 < len(sudden) <= MOST_SUDDEN:
         return driven
-    driven = _drive(play, {(step, tool): _finely_n(play, step)[:, tool] for step, tool in sudden})[0]
+    simulation = Simulation(play.scene, reduced_duct(play.scene, play.mesh))
+    ticks = FineTicks(simulation, play.hands, play.dt_s, play.before_step)
+    forces_n = ticks.forces_n({step for step, _ in sudden})
+    driven = _drive(play, {(step, tool): forces_n[step][:, tool] for step, tool in sudden})[0]
     return replace(driven, figures=driven.figures | {"snaps": float(len(sudden))})
 
 
-def _finely_n(play: Play, step: int) -> FloatArray:
-    simulation = Simulation(play.scene, reduced_duct(play.scene, play.mesh))
-    return take_finely(simulation, play.hands, step, play.dt_s, play.before_step)
-
-
 def _drive(play: Play, explained: Explained) -> tuple[Driven, list[tuple[int, int]]]:
-    simulation, tools = Simulation(play.scene, reduced_duct(play.scene, play.mesh)), ToolInputs()
+    duct = reduced_duct(play.scene, play.mesh)
+    if play.times_ticks:
+        warm_up(play.scene, duct)
+    simulation, tools = Simulation(play.scene, duct), ToolInputs()
     speed_m_s = play.hands.top_speed_m_s(play.dt_s)
     play.hands.write(0, tools)
     simulation.step(tools, play.dt_s)
     watch = Watch(simulation, speed_m_s, explained)
-    run = _Run(simulation, EnergyBook(simulation, watch), watch, tools, play)
+    run = _Run(simulation, EnergyBook(simulation, watch), watch, HandLead(simulation), tools, play)
     is_sound = run.through_hands() and run.until_quiet()
     figures = watch.worst | watch.energy_figures()
     figures |= {"healed": float(simulation.healed_states), "dropped": float(sum(simulation.dropped_contacts))}
+    figures |= run.times.figures() if play.times_ticks else {}
+    is_a_hand = speed_m_s <= HAND_SPEED_M_S and not play.may_jump
     for name in ("penetration", "tool_penetration"):
         depth_m = figures.pop(name)
-        if speed_m_s <= HAND_SPEED_M_S and not play.may_jump:
+        if is_a_hand:
             figures[f"{name}_hand"] = depth_m
+    if is_a_hand:
+        figures |= run.lead.figures()
     if is_sound:
         run.watch.count_crossings()
         figures["crossings"] = run.watch.worst["crossings"]
@@ -118,8 +128,10 @@ class _Run:
     simulation: Simulation
     book: EnergyBook
     watch: Watch
+    lead: HandLead
     tools: ToolInputs
     play: Play
+    times: TickTimes = field(default_factory=TickTimes)
     steps: int = 1
     rest_s: float = np.inf
     longest_s: float = REST_S
@@ -162,6 +174,8 @@ class _Run:
         except FloatingPointError:
             self.watch.worst["raised"] += 1
             return False
+        self.times.enter(self.book.tick_ns)
+        self.lead.look(self.tools, play.dt_s)
         return self.watch.look(play.dt_s, self.book.flow)
 
 

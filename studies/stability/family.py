@@ -21,19 +21,34 @@ class Reach(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One run: a name that tells it from all others of its family, what to do, and the play where it is one."""
+    """One run of a family.
+
+    Attributes:
+        name: str. It tells the case from all others of its family.
+        run: callable. What to do.
+        play: callable, optional. The play, where it is one.
+        traits: callable, optional. Words for what was drawn, by which cases that have something in common are counted.
+    """
 
     name: str
     run: Callable[[], Driven]
     play: Callable[[], Play] | None = None
+    traits: Callable[[], tuple[str, ...]] | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Draw:
-    """What a family is drawn with: how many, and from which seed."""
+    """What a family is drawn with: how many, and from which seed.
+
+    Attributes:
+        reach: Reach
+        seed: int
+        cases: int, optional. So many of a family of which each case is drawn afresh, whatever the reach.
+    """
 
     reach: Reach
     seed: int
+    cases: int | None = None
 
     @property
     def is_long(self) -> bool:

@@ -9,7 +9,7 @@ collision detection, of a solve that has not ended or of too long a step is not 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.collision.pairs import NO_TOOL
 from trocar.services.mechanics.scene.tools import N_TOOLS, ToolInputs
 from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.snapshot import Snapshot
 from trocar.studies.stability.hands import HandMotions
 
 PARTS = 16
@@ -37,28 +38,51 @@ def contact_forces_n(simulation: Simulation) -> FloatArray:
     return forces
 
 
-def take_finely(
-    simulation: Simulation,
-    hands: HandMotions,
-    step: int,
-    dt_s: float,
-    before_step: Callable[[Simulation, int], None] | None = None,
-) -> FloatArray:
-    """Return the forces (k, 2, 3) in the parts of a step and of the next one.
+class FineTicks:
+    """Takes a run again, and single ticks of it in parts.
 
-    All steps before it are taken as the run has taken them; in its parts hands go straight on.
+    Args:
+        simulation: Simulation. At its start.
+        hands: HandMotions
+        dt_s: float. Length of a tick.
+        before_step: callable (simulation, step), optional. What else happens to the simulation.
     """
-    tools, found = ToolInputs(), []
-    for k in range(step + 2):
-        if before_step is not None and k > 0:
-            before_step(simulation, k)
-        parts = PARTS if k >= step else 1
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        hands: HandMotions,
+        dt_s: float,
+        before_step: Callable[[Simulation, int], None] | None = None,
+    ) -> None:
+        self._simulation, self._hands, self._dt_s, self._before_step = simulation, hands, dt_s, before_step
+
+    def forces_n(self, ticks: Collection[int]) -> dict[int, FloatArray]:
+        """Return, by tick, the forces (k, 2, 3) in its parts and in those of the next one.
+
+        All others are taken as the run has taken them; in its parts hands go straight on.
+        """
+        simulation, found = self._simulation, {}
+        kept = simulation.scene, simulation.duct.reduced
+        for tick in range(max(ticks) + 1):
+            if tick in ticks:
+                snapshot = Snapshot(simulation, kept)
+                parts = [self._take(tick, PARTS), self._take(tick + 1, PARTS)]
+                found[tick] = np.concatenate(parts)
+                snapshot.restore()
+            self._take(tick, 1)
+        return found
+
+    def _take(self, tick: int, parts: int) -> FloatArray:
+        """Take a tick in parts and return the forces (parts, 2, 3)."""
+        tools, found = ToolInputs(), []
+        if self._before_step is not None and tick > 0:
+            self._before_step(self._simulation, tick)
         for part in range(1, parts + 1):
-            _write_between(hands, k, part / parts, tools)
-            simulation.step(tools, dt_s / parts)
-            if k >= step:
-                found.append(contact_forces_n(simulation))
-    return np.array(found)
+            _write_between(self._hands, tick, part / parts, tools)
+            self._simulation.step(tools, self._dt_s / parts)
+            found.append(contact_forces_n(self._simulation))
+        return np.array(found)
 
 
 def nearest_on(path_n: FloatArray, force_n: FloatArray) -> FloatArray:

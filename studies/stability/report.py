@@ -15,7 +15,8 @@ from typing import Any
 
 from trocar.services.runtime.machine import processor_name
 from trocar.studies.rates import rate
-from trocar.studies.stability.criteria import CRITERIA, failures, load_of
+from trocar.studies.stability.criteria import CRITERIA, failures, load_of, shown
+from trocar.studies.stability.drawn_report import drawn_section
 from trocar.studies.stability.families import FAMILIES
 from trocar.studies.stability.suite import Order, Result, list_cases
 
@@ -42,24 +43,16 @@ def worst_figures(results: Iterable[Result]) -> dict[str, Worst]:
     return {name: worst[name] for name in CRITERIA if name in worst}
 
 
-def shown(name: str, value: float) -> str:
-    """A figure with its unit, in a size that is read easily."""
-    unit = CRITERIA[name].unit
-    if not math.isfinite(value):
-        return "never" if name == "rest" else "-"
-    if unit == "m" and value != 0.0:
-        return f"{1e3 * value:.3g} mm" if abs(value) >= 1e-5 else f"{1e6 * value:.3g} um"
-    return f"{value:.3g} {unit}".strip()
-
-
 def page(
     order: Order, results: Sequence[Result], code: str, others: Mapping[int, Sequence[Result]] | None = None
 ) -> str:
     """Return the page in Markdown, with what ``others`` has of the same order, by seed."""
-    others = others or {}
-    results, seeds = [*results, *chain(*others.values())], (order.seed, *others)
+    by_seed = {order.seed: results, **(others or {})}
+    results, seeds = list(chain(*by_seed.values())), tuple(by_seed)
     failed = [result for result in results if result.failed]
-    most = "" if order.most is None else f" --most {order.most}"
+    most = "".join(
+        f" --{name} {value}" for name, value in (("most", order.most), ("cases", order.cases)) if value is not None
+    )
     lines = [
         "# Hard cases",
         "",
@@ -70,6 +63,7 @@ def page(
         "",
         *_head(order, results, len(failed), (code, seeds)),
         "",
+        *drawn_section(order, by_seed),
         "## Worst figures",
         "",
         *_criteria(results),

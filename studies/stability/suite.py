@@ -44,18 +44,26 @@ class Result:
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """What to run."""
+    """What to run.
+
+    Attributes:
+        reach: Reach
+        seed: int
+        families: tuple of str
+        most: int, optional. Cases of each family, drawn by the seed.
+        cases: int, optional. Cases of the family of which each one is drawn afresh.
+    """
 
     reach: Reach
     seed: int
     families: tuple[str, ...]
     most: int | None = None
-    """Of each family, drawn by the seed."""
+    cases: int | None = None
 
     @property
     def draw(self) -> Draw:
         """What families are drawn with."""
-        return Draw(self.reach, self.seed)
+        return Draw(self.reach, self.seed, self.cases)
 
 
 def list_cases(order: Order) -> list[tuple[str, str]]:
@@ -73,7 +81,7 @@ def _names(order: Order, family: str) -> list[str]:
 
 def run_case(order: Order, family: str, name: str) -> Result:
     """Run one case of a family, and once more after another of it where it is its turn."""
-    case = _find(order, family, name)
+    case = find_case(order, family, name)
     start = perf_counter()
     driven = case.run()
     figures = dict(driven.figures)
@@ -105,7 +113,7 @@ class Log:
 
     def __init__(self, folder: Path, order: Order, code: str) -> None:
         folder.mkdir(parents=True, exist_ok=True)
-        head = {"reach": order.reach.value, "seed": order.seed, "most": order.most, "code": code}
+        head = {"reach": order.reach.value, "seed": order.seed, "most": order.most, "cases": order.cases, "code": code}
         head_file, self._file = folder / "order.json", folder / "results.jsonl"
         with read_as_ours(folder):
             if head_file.exists() and json.loads(head_file.read_text()) != head:
@@ -155,7 +163,8 @@ def by_turns(cases: Sequence[tuple[str, str]], seed: int) -> list[tuple[str, str
 _cases: dict[tuple[Order, str], dict[str, Case]] = {}
 
 
-def _find(order: Order, family: str, name: str) -> Case:
+def find_case(order: Order, family: str, name: str) -> Case:
+    """Return a case by its name. Raises ValueError: two cases of the family have the same one."""
     if (order, family) not in _cases:
         listed = list(FAMILIES[family].cases(order.draw))
         _cases[order, family] = {case.name: case for case in listed}

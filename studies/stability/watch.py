@@ -16,7 +16,7 @@ from trocar.services.mechanics.rod.model import RodModel
 from trocar.services.mechanics.scene.tools import N_TOOLS
 from trocar.services.mechanics.simulation import Simulation
 from trocar.studies.energy_book import EnergyFlow, implicit_integrator
-from trocar.studies.judge.overlaps import BODIES, IN_CATHETER, OF_TOOLS, OverlapJudge
+from trocar.studies.judge.overlaps import BODIES, IN_CATHETER, OF_TOOLS, OverlapJudge, pose_tools
 from trocar.studies.stability.criteria import CRITERIA, REST_SPEED_M_S, Figures
 from trocar.studies.stability.crossings import count_crossings
 from trocar.studies.stability.finely import Explained, contact_forces_n, nearest_on
@@ -52,6 +52,7 @@ class Watch:
         duct = simulation.scene.duct
         self._wall_sound_m_s = math.sqrt(duct.youngs_modulus_pa / duct.density_kg_m3)
         self._judge, self._part, self._deep_m = OverlapJudge(simulation), _Part(simulation), 0.0
+        self._segments = np.zeros_like(simulation.tools.segments)
         limits_m = CRITERIA["penetration_hand"].limit, CRITERIA["penetration_any"].limit * duct.thickness_m
         self._half_limit_m = 0.5 * min(limits_m)
         radius_m = simulation.catheter.radius_m
@@ -65,7 +66,7 @@ class Watch:
         self.worst: Figures = dict.fromkeys(
             (
                 *("raised", "not_finite", "speed", "stretch", "penetration", "penetration_any"),
-                *("tool_penetration", "tool_penetration_any", "crossings"),
+                *("tool_penetration", "tool_penetration_any", "tool_crossings", "crossings"),
                 *("force_step", "force_fall", "felt_error"),
             ),
             0.0,
@@ -176,11 +177,20 @@ class Watch:
 
     def _judge_overlaps(self) -> None:
         depths = self._judge.look()
+        self._keep("tool_crossings", self._count_tool_crossings())
         for name, depth_m in depths.items():
             figure = "tool_penetration" if name in OF_TOOLS else "penetration"
             self._keep(figure, depth_m)
             self._keep(f"{figure}_any", depth_m / self._thick_m[name])
         self._deep_m = max(depths.values())
+
+    def _count_tool_crossings(self) -> int:
+        """Count the shafts and jaws whose axis goes through the wall now."""
+        duct, tools = self._simulation.duct, self._simulation.tools
+        pose_tools(tools, self._segments)
+        wall_m, triangles = duct.surface_m(), duct.reduced.mesh.triangles
+        is_there = (tools.present & ~tools.disengaged)[:, None] & (tools.radius_m > 0.0)
+        return sum(count_crossings(axis_m, wall_m, triangles) for axis_m in self._segments[is_there])
 
     def _rows_depth_m(self) -> float:
         """Return how deep the solver's rows say that something was when the step began, squeezed walls apart."""

@@ -135,7 +135,7 @@ class Simulation:
             self._use_rung(self.quality_level)
 
     def compile_rare_kernels(self) -> None:
-        """Compile the kernels for many contacts, a fast wall, a catheter that falls asleep, and energies.
+        """Compile the kernels for many contacts, a fast wall, a catheter that falls asleep, grasps and energies.
 
         Physics uses them. Haptics compiles them too, in the same order, so that physics finds them in the cache.
         """
@@ -143,6 +143,8 @@ class Simulation:
         self.splitter.compile_kernels()
         for effect in self.world.effects:
             effect.potential_energy_j(self.world)
+        for grasp in self.grasps:
+            grasp.compile_kernels(self.world.pairs)
         state = self.catheter.state
         continue_sleep(self.catheter.step_address, state.position_m, state.velocity_m_s)
 

@@ -33,6 +33,7 @@ from trocar.studies.stability.families import (
 from trocar.studies.stability.family import Family
 
 FAMILIES: dict[str, Family] = {
+    "drawn": Family("duct, catheter, friction, effects and two hands that cross, all drawn", drawn.cases),
     "jumps": Family("a tool jumps by 1 to 50 mm in one tick", jumps.cases),
     "jerks": Family("a hand jerks by 10 to 30 mm at 0.1 to 2 m/s in a random direction", jerks.cases),
     "lost_ticks": Family("as the hands move: jitter, 20 % of the ticks lost, stalls of 5 to 250 ms", lost_ticks.cases),
@@ -70,6 +71,5 @@ FAMILIES: dict[str, Family] = {
     "tool_on_wall": Family("a jaw that sticks to the wall, at ticks of 1 to 0.1 ms", tool_on_wall.cases),
     "undamped": Family("a million steps without damping", undamped.cases),
     "theory": Family("methods below and above where they must fail", theory.cases),
-    "drawn": Family("duct, catheter, friction, effects and two hands that cross, all drawn", drawn.cases),
     "random_play": Family("an hour of random play", random_play.cases),
 }

@@ -50,7 +50,7 @@ def _play(draw: Draw, name: str, shape: str, *, jerks: bool) -> Play:
     scene = with_duct(start.scene, **SHAPES[shape](random))
     mesh = _bulging(scene.duct, random) if shape == "bulging" else scene_mesh(scene.duct)
     scene = with_catheter(scene, before_mouth_m=3e-3)
-    mouth, steady_m = mouth_opening(mesh), _on_axis(scene.duct, STEADY_M[0])
+    mouth, steady_m = mouth_opening(mesh), on_axis(scene.duct, STEADY_M[0])
     hands = stroking(replace(start, scene=scene), random, 400)
     grip_m = mouth.centre_m - (GRIP_M[0] - start.scene.duct.length_m) * mouth.inward
     for tool, shift_m in enumerate((grip_m - GRIP_M, steady_m - STEADY_M)):
@@ -63,7 +63,7 @@ def _play(draw: Draw, name: str, shape: str, *, jerks: bool) -> Play:
     return Play(scene=scene, hands=hands, mesh=mesh)
 
 
-def _on_axis(duct: DuctScene, along_m: float) -> FloatArray:
+def on_axis(duct: DuctScene, along_m: float) -> FloatArray:
     """Return the point of the axis so far from the clamped end."""
     turn = duct.curvature_1_m * along_m
     return along_m * np.array([np.sinc(turn / np.pi), 0.5 * turn * np.sinc(0.5 * turn / np.pi) ** 2, 0.0])

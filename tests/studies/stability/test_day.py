@@ -3,15 +3,16 @@
 import pytest
 
 from tests.by_day import by_day
+from trocar.studies.stability.criteria import shown
 from trocar.studies.stability.families import FAMILIES
 from trocar.studies.stability.family import Reach
-from trocar.studies.stability.report import shown
 from trocar.studies.stability.suite import Order, list_cases, run_case
 
 pytestmark = pytest.mark.timeout(600)  # one wall learns from the nonlinear shell first
 
 QUICK = Order(Reach.QUICK, 1, tuple(FAMILIES))
 DAY = {
+    "drawn": "number 3",
     "jumps": "holding, tool 1 by 50 mm along -z",
     "jerks": "holding, 1 m/s, number 0",
     "lost_ticks": "250 ms stall, holding, number 0",
@@ -41,7 +42,6 @@ DAY = {
     "tool_on_wall": "1 ms, number 0",
     "undamped": "wall, Newmark",
     "theory": "central difference at 1.02 T/pi",
-    "drawn": "number 1",
     "random_play": "piece 0",
 }
 

@@ -84,6 +84,11 @@ class Grasp:
         """Restore it, except for the limits of holds, which follow the handle."""
         self.holds, self._lever_m, self._next_id = self._saved
 
+    def compile_kernels(self, pairs: ContactPairs) -> None:
+        """Compile what looks for something to hold: jaws that close may touch nothing for as long as they like."""
+        deepest_touches(pairs, self.tool, DUCT_TRIANGLE)
+        rest_distance_m(pairs, self.mesh, 0, 0)
+
     def _torque_nm(self, squeeze_rad: float) -> float:
         return self.forceps.jaw_stiffness_nm_rad * squeeze_rad
 
