@@ -21,9 +21,11 @@ BENDING_ELEMENTS: dict[str, Element] = {
 if TYPE_CHECKING:
     MembraneName = str
     BendingName = str
+    BendingChoice = str
 else:  # made of the tables, so that a check of a configuration against its types knows every row
     MembraneName = Literal[tuple(MEMBRANE_ELEMENTS)]
     BendingName = Literal[tuple(BENDING_ELEMENTS)]
+    BendingChoice = Literal[("auto", *BENDING_ELEMENTS)]
 
 
 def choose(table: Mapping[str, Element], name: str, kind: str) -> Element:
