@@ -239,7 +239,7 @@ def test_scene_files_are_the_scenes_that_the_mechanics_tests(name: str, model: S
     ("override", "said"),
     [
         ("duct.membrane=opt", "duct.membrane: input should be 'cst' or 'andes'"),
-        ("duct.bending=paper", "duct.bending: input should be 'auto', 'dkt', 'dkmt' or 'tocher'"),
+        ("duct.bending=paper", "duct.bending: input should be 'auto', 'dkt', 'dkmt', 'reissner' or 'tocher'"),
     ],
 )
 def test_an_element_that_there_is_not_is_answered_with_those_there_are(override: str, said: str) -> None:

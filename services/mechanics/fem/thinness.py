@@ -15,14 +15,14 @@ from trocar.services.mechanics.surface.mesh import (
 )
 
 THIN = 1.0 / 50.0
-"""Thickness over radius up to which `dkt` is within 1 % of a wall with transverse shear: shear adds to the deflection
-of a pinched tube about half of thickness over radius, see `docs/decisions/shell-elements.md`."""
+"""Thickness over radius up to which `dkt` is within 1 % of a solid: shear adds half of that to the deflection of a
+pinched tube, see `docs/decisions/shell-elements.md`."""
 
 
 def bending_of_wall(mesh: TriangleMesh, section: ShellSection) -> str:
-    """Return the bending triangle for a wall: `dkt` where it is thin, `dkmt` where shear counts."""
+    """Return the bending triangle of a wall that is pressed: `dkt` where it is thin, `reissner` elsewhere."""
     thickness = float(section.per_triangle("thickness_m", mesh.n_triangles).max())
-    return "dkt" if thickness * mean_curvature_1_m(mesh) <= THIN else "dkmt"
+    return "dkt" if thickness * mean_curvature_1_m(mesh) <= THIN else "reissner"
 
 
 def mean_curvature_1_m(mesh: TriangleMesh) -> float:

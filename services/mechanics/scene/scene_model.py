@@ -31,7 +31,7 @@ class DuctScene:
     trunk of a tree, meshed with edges of about ``mesh_edge_m``; its far end is held unless branches continue from it.
     Both integrators of its modes are of second order and without numerical damping (spectral radius 1); each mode is
     damped by ``damping_ratio``.
-    ``bending`` is a bending triangle, or "auto": `dkmt`, with transverse shear, unless the wall is thin
+    ``bending`` is a bending triangle, or "auto": `reissner`, with transverse shear, unless the wall is thin
     (`fem.thinness.bending_of_wall`).
     ``tissue`` names the preset of `scene.tissue` from which the wall's values were taken, if any.
     """

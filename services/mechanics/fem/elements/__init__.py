@@ -15,6 +15,7 @@ MEMBRANE_ELEMENTS: dict[str, Element] = {
 BENDING_ELEMENTS: dict[str, Element] = {
     "dkt": Element(dkt.stiffness),
     "dkmt": Element(dkmt.stiffness),
+    "reissner": Element(dkmt.stiffness_of_pressed_wall),
     "tocher": Element(tocher.stiffness, is_reference_only=True),
 }
 
