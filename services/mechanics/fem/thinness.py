@@ -16,7 +16,7 @@ from trocar.services.mechanics.surface.mesh import (
 
 THIN = 1.0 / 50.0
 """Thickness over radius up to which `dkt` is within 1 % of a solid: shear adds half of that to the deflection of a
-pinched tube, see `docs/decisions/shell-elements.md`."""
+pinched tube, see `docs/decisions/thick-walls.md`."""
 
 
 def bending_of_wall(mesh: TriangleMesh, section: ShellSection) -> str:
