@@ -46,8 +46,7 @@ class EnergyFlow:
         released_j: What holds had stored that were let go, and couplings of tools that came back elsewhere; less what
             holds come back with that had found no row for a while.
         numerical_j: What implicit steps take out: of the catheter, the couplings, the grips, the residual compliance
-            and a wall that is squeezed, with what that loses where it slides out from between jaws; and what kicks of
-            the wall miss of the energy that they are the gradient of.
+            and a wall that is squeezed, with what that loses where it slides out from between jaws.
     """
 
     input_j: float = 0.0
@@ -208,7 +207,7 @@ class EnergyBook:
 
     def _enter_duct(self, before: _Snapshot, dt_s: float) -> None:
         duct = self.simulation.duct
-        basis, kick = duct.reduced.basis, dt_s * (duct.contact_impulse + duct.modal_kick)
+        basis, kick = duct.reduced.basis, dt_s * duct.contact_impulse
         jumped, rate = before.modal.qdot + duct.removed_half_impulse + kick, duct.rate()
         end, end_rate = duct.state.qdot - duct.taken, rate - duct.taken
         mean_rate = 0.5 * (jumped + end)
@@ -217,10 +216,8 @@ class EnergyBook:
         change = duct.state.q - before.modal.q
         # The impulse acts at the start of the step; the rows below count its force over the whole of it.
         kicked = jumped**2 - before.duct_rate**2 + end_rate**2 - end**2
-        kicked_j = float(duct.modal_kick @ change)
-        self.flow.impact_j += float(duct.contact_impulse @ change - 0.5 * np.sum(kicked)) + kicked_j
+        self.flow.impact_j += float(duct.contact_impulse @ change - 0.5 * np.sum(kicked))
         self.flow.numerical_j += 0.5 * float(np.sum(end_rate**2 - rate**2))
-        self.flow.numerical_j += before.kicks_j - _kick_energy_j(self.simulation) - kicked_j
         self._enter_residual(before)
 
     def _enter_residual(self, before: _Snapshot) -> None:
@@ -262,7 +259,6 @@ class _Snapshot:
     duct_rate: FloatArray
     loads: FloatArray
     anchors_j: float
-    kicks_j: float
     driven_j: tuple[float, float]
     wire: WireMotion | None
     grips: Grips
@@ -280,7 +276,6 @@ class _Snapshot:
             simulation.duct.rate(),
             nodal_loads(simulation),
             _anchor_energy_j(simulation),
-            _kick_energy_j(simulation),
             _driven_j(simulation),
             None if simulation.wire_drive is None else simulation.wire_drive.motion,
             stored_in_grips(simulation),
@@ -319,12 +314,6 @@ def stored_energies_j(simulation: Simulation, rod: RodEnergy | None = None) -> d
 
 def _dissipated_by_effects_j(simulation: Simulation) -> float:
     return sum(effect.dissipated_j for effect in simulation.effects.values())
-
-
-def _kick_energy_j(simulation: Simulation) -> float:
-    """Energy that the kicks of the wall are the gradient of, before any of it relaxed."""
-    kicking = [effect for effect in simulation.effects.values() if effect.kicks]
-    return sum(effect.potential_energy_j(simulation.world) + effect.dissipated_j for effect in kicking)
 
 
 def _driven_j(simulation: Simulation) -> tuple[float, float]:

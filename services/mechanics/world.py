@@ -30,9 +30,6 @@ class WorldEffect(Protocol):
     def most_motion_m(self, particles_m: FloatArray) -> float:
         """Return how far particles at (n, 3) may move in a step without a contact that the effect would miss."""
 
-    def longest_step_s(self) -> float:
-        """Return how long the next step may be for the effect to be stable."""
-
 
 @dataclass(frozen=True, slots=True)
 class World:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -43,12 +44,13 @@ class SqueezedWall:
         self._loads = ViscousLoads(self.series, self.duct.mesh.n_vertices, len(self.body.load_nodes))
         self._corners = np.stack([self.nodes] * 3, axis=1).astype(np.int32)
         self._weights = np.tile([1.0, 0.0, 0.0], (n, 1))
+        self._last_n, self._held = np.zeros(n), np.zeros(basis.n_modes)
 
     def step(self, wanted_m: FloatArray | None = None, force_n: FloatArray | None = None) -> FloatArray:
-        """Take a step to displacements (k,) along the lines, or under forces (k,); returns the forces in N."""
+        """Take a step to displacements (k,) along the lines, or under forces (k,); returns the forces (N) then."""
         body, k = self.body, len(self.nodes)
         body.modal_force[:] = 0.0 if self.softening is None else self.wall.force
-        self._modes.add_force(body.modal_force)
+        body.hold(self._held, self._modes.force())
         body.predict(DT_S)
         body.gather(self._corners, self._weights)
         if force_n is None:
@@ -61,6 +63,10 @@ class SqueezedWall:
                 body.add_load_displacement(self._corners, self._weights, self._loads.lasting, without_m)
             moved = np.sum(self.lines * without_m, axis=1)
             force_n = np.linalg.solve(along, wanted_m - moved)
+            at_end_n = force_n + self._lead @ (force_n - self._last_n)
+        else:
+            at_end_n = force_n
+        self._last_n = force_n.copy()
         body.correct(self._corners, self._weights, -force_n[:, None] * self.lines)
         if self.softening is not None:
             loads = body.load_nodes[: body.n_loads], body.load_force_n[: body.n_loads]
@@ -71,7 +77,25 @@ class SqueezedWall:
             self._modes.relax(body.state.q, DT_S)
             acting = body.load_nodes, body.load_force_n, body.n_contact_loads
             body.replace_loads(self._loads.relax(acting, self.duct.residual.store, DT_S))
-        return force_n
+        return at_end_n
+
+    @cached_property
+    def _lead(self) -> FloatArray:
+        """(k, k) Part of a step by which the forces of a step are older than its end.
+
+        The modes are given their force as an impulse at the start of the step, what they leave out answers at its end:
+        a wall whose compliance is that of the modes alone would be answered a whole step late.
+        """
+        basis, k, nodes = self.duct.basis, len(self.nodes), self.nodes.astype(np.int32)
+        modes = np.einsum("ka,kar->kr", self.lines, basis.Phi[nodes]) / basis.omega_rad_s
+        rest = np.zeros((k, k))
+        for j in range(k):
+            moved = np.zeros((k, 3))
+            self.duct.residual.apply(nodes[j : j + 1], self.lines[j : j + 1], nodes, moved)
+            rest[:, j] = np.sum(self.lines * moved, axis=1)
+        of_modes = modes @ modes.T
+        lead: FloatArray = np.linalg.solve(of_modes + rest, of_modes)
+        return lead
 
     def displacement_m(self) -> FloatArray:
         """Return how far the nodes are along their lines, (k,)."""

@@ -59,5 +59,11 @@ def test_all_are_listed_with_their_sources():
     said = json.loads(CliRunner().invoke(app, ["tissues", "--json"]).stdout)["tissues"]
     assert set(said) == set(TISSUES)
     assert all(quantity["source"] for preset in said.values() for quantity in preset.values())
+    stretched = json.loads(CliRunner().invoke(app, ["tissues", "--json"]).stdout)["distension"]
+    measured = stretched["porcine_common_bile_duct"]["measured"]
+    assert stretched["porcine_common_bile_duct"]["along"] == pytest.approx(measured["along"], rel=0.01)
+    assert stretched["reference_duct"]["measured"] is None
     shown = CliRunner().invoke(app, ["tissues"]).stdout
     assert all(name in shown for name in TISSUES)
+    assert shown.count("at 5 kPa") >= len(TISSUES)
+    assert "measured: 25 and 8 %" in shown

@@ -129,7 +129,7 @@ EVERYWHERE = {"where": {"box_m": [[-1, -1, -1], [1, 1, 1]]}}
         ),
         ({"modes": 100000}, "case.yaml: modes: must lie between 1 and"),
         ({"regions": [{"centre_m": [9, 9, 9], "radius_m": 1e-3}]}, "regions.0: no triangle"),
-        ({"elements": {"bending": "mitc"}}, "elements.bending: .*'dkt', 'dkmt' or 'tocher'"),
+        ({"elements": {"bending": "mitc"}}, "elements.bending: .*'dkt', 'dkmt', 'reissner' or 'tocher'"),
         (
             {"material": {"youngs_modulus_pa": 1e5, "poisson_ratio": 0.7, "density_kg_m3": 1.0}},
             "case.yaml: material: poisson_ratio of an isotropic material must not exceed 0.5",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -40,8 +41,10 @@ class DuctBody:
         kept_address: Address[NodeArrays] or None. The compliance cached between nodes, if there is a cache.
         modal_force: (r,) float64. Loads of effects on the modes in this step, the constant ones included.
         constant_modal_force: (r,) float64
-        modal_kick: (r,) float64. Force that effects apply as an impulse at the start of this step, as contacts do.
+        held_force: (r,) float64. Part of ``modal_force`` that is the same over all of the step, from its start on; see
+            `hold`.
         removed_half_impulse: (r,) float64. Rates that `remove_half_impulse` has subtracted at the start of this step.
+        terms: the wall's terms beyond the linear modes, see `wall_terms`; None where nobody has brought any.
         taken: (r,) float64. Change of the rates at the end of the last step, see `pay_for_impulses`.
     """
 
@@ -53,8 +56,9 @@ class DuctBody:
         self.state = ModalState.at_rest(n_modes)
         free = DuctMotion.zeros(r=n_modes, q=self.state.q, qdot=self.state.qdot, qddot=self.state.qddot)
         self.q_start, self.dq_free = free.start, free.change
-        self.modal_force, self.constant_modal_force, self.modal_kick = free.force, free.constant, free.kick
+        self.modal_force, self.constant_modal_force = free.force, free.constant
         self.removed_half_impulse, self.taken = free.removed_half_impulse, free.taken
+        self.held_force, self._held_gains = np.zeros(n_modes), np.zeros((3, n_modes))
         self._free, self.motion_address = free, free.address
         loads = DuctLoads.zeros(
             r=n_modes,
@@ -72,6 +76,7 @@ class DuctBody:
         self._ignored_motion = np.zeros((capacity, 3))
         self.lasting_loads = _NO_LOADS
         self._loads, self.loads_address = loads, loads.address
+        self.terms: Any = None
         self.kept_address = self._motion.kept_address
 
     def set_constant_load(self, nodal_n: FloatArray) -> None:
@@ -160,15 +165,28 @@ class DuctBody:
         self.dq_free += self._gains[0] * ended
         self.removed_half_impulse += self.dt_s * ended
 
+    def hold(self, last: FloatArray, force: FloatArray) -> None:
+        """Hold a modal force (r,) over the step in place of ``last`` (r,), which is overwritten by it.
+
+        The step begins with it: Newmark's takes the mean of both ends, and a force that was given to its end alone
+        would lag by half a step. ``last`` is zero at first, and part of the state of whoever holds the force.
+        """
+        change = force - last
+        self.state.qddot += change
+        self.held_force += change
+        self.modal_force += force
+        last[:] = force
+
     def furthest_m(self, change: FloatArray) -> float:
         """Return how far (m) a change (r,) of the coordinates moves a node, by the modes; too slow for every tick."""
         return float(np.linalg.norm(self.reduced.basis.displacements(change), axis=1).max())
 
-    def change_kick(self, change: FloatArray) -> None:
-        """Change the end of the step as if its kick had been larger by ``change`` (r,), contact forces unchanged."""
-        for end, gain in zip((self.state.q, self.state.qdot, self.state.qddot), self._gains, strict=True):
+    def change_held(self, held: FloatArray, change: FloatArray) -> None:
+        """Change the end of the step as if a force that it ``held`` (r,) had been larger by ``change`` (r,)."""
+        for end, gain in zip((self.state.q, self.state.qdot, self.state.qddot), self._held_gains, strict=True):
             end += gain * change
-        self.modal_kick += change
+        for force in (held, self.held_force, self.modal_force):
+            force += change
 
     def remove_energy(self, energy_j: float) -> float:
         """Remove up to ``energy_j`` of kinetic energy from the rates of the step's end; return the amount, in J."""
@@ -201,6 +219,12 @@ class DuctBody:
         return positions
 
     @property
+    def held_gain(self) -> FloatArray:
+        """(r,) change of q at the end of the step per modal force that is held over it."""
+        gain: FloatArray = self._held_gains[0]
+        return gain
+
+    @property
     def position_gain(self) -> FloatArray:
         """(r,) change of q at the end of the step per modal contact force."""
         gain: FloatArray = self._gains[0]
@@ -208,7 +232,7 @@ class DuctBody:
 
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays of the state."""
-        state, forces = self.state, (self.contact_impulse, self.modal_kick)
+        state, forces = self.state, (self.contact_impulse, self.held_force)
         return state.q, state.qdot, state.qddot, *forces, self.load_nodes, self.load_force_n, self._n_loads
 
     def corrected_arrays(self) -> tuple[AnyArray, ...]:
@@ -219,13 +243,14 @@ class DuctBody:
 
     def step_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays that a step changes, from `predict` on."""
-        return *self.corrected_arrays(), self.modal_kick
+        return *self.corrected_arrays(), self.held_force
 
     def halt(self) -> None:
         """Stop all motion at the present position."""
         self._debt[:] = 0.0
         self.state.qdot[:] = -self._half_impulse()
-        self.state.qddot[:] = self.constant_modal_force - self.reduced.basis.omega_rad_s**2 * self.state.q
+        self.state.qddot[:] = self.constant_modal_force + self.held_force
+        self.state.qddot -= self.reduced.basis.omega_rad_s**2 * self.state.q
         self.state.qddot -= self._loads.damping * self.state.qdot
 
     @property
@@ -246,14 +271,14 @@ class DuctBody:
     def rate(self) -> FloatArray:
         """Return the rates (r,) of the modes halfway between the impulses of two steps.
 
-        Those at the end of a step lack half of the impulse of a lasting contact or kick, which the next step begins
+        Those at the end of a step lack half of the impulse of a lasting contact, which the next step begins
         with: in a pressed wall at rest they oscillate by f dt / 2.
         """
         rate: FloatArray = self.state.qdot + self._half_impulse()
         return rate
 
     def _half_impulse(self) -> FloatArray:
-        half: FloatArray = 0.5 * self.dt_s * (self.contact_impulse + self.modal_kick)
+        half: FloatArray = 0.5 * self.dt_s * self.contact_impulse
         return half
 
     def kinetic_energy_j(self) -> float:
@@ -272,7 +297,7 @@ class DuctBody:
     def change_step(self, dt_s: float) -> None:
         """Prepare for a step of this length, if it is another than the last one's.
 
-        With a lasting force f of contacts and kicks the rates swing from -f dt / 2 at the end of a step to +f dt / 2
+        With a lasting force f of contacts the rates swing from -f dt / 2 at the end of a step to +f dt / 2
         after the impulse at the start of the next one. The part that belongs to the old length would remain as motion
         without a cause, so it is taken out.
         """
@@ -290,7 +315,7 @@ class DuctBody:
         return self._gains_dt_s
 
     def _prepare(self, dt_s: float) -> None:
-        """Find the gains of an impulse by letting the integrator carry a unit jump of the rates through a step.
+        """Find the gains by letting the integrator carry a unit jump of the rates, and a unit force, through a step.
 
         The jump also changes the acceleration, by the damping force.
         """
@@ -299,6 +324,9 @@ class DuctBody:
         probe = ModalState(np.zeros(n_modes), np.ones(n_modes), -damping)
         self.integrator.predict(probe, np.zeros(n_modes), dt_s)
         self._gains[:] = dt_s * np.stack([probe.q, probe.qdot, probe.qddot])
+        held = ModalState(np.zeros(n_modes), np.zeros(n_modes), np.ones(n_modes))
+        self.integrator.predict(held, np.ones(n_modes), dt_s)
+        self._held_gains[:] = held.q, held.qdot, held.qddot
         self._gains_dt_s = dt_s
 
 

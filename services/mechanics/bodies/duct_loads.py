@@ -23,7 +23,6 @@ class DuctMotion(Struct):
     change: Annotated[FloatArray, "r"]
     constant: Annotated[FloatArray, "r"]  # loads in every step
     force: Annotated[FloatArray, "r"]
-    kick: Annotated[FloatArray, "r"]
     removed_half_impulse: Annotated[FloatArray, "r"]
     before: Annotated[FloatArray, "r"]  # rates at the start of the step
     taken: Annotated[FloatArray, "r"]  # change of those at its end, see `pay_for_impulses`
@@ -55,15 +54,15 @@ loads_at = reader(DuctLoads)
 
 @kernel
 def begin_duct_loads(address: Address[DuctMotion]) -> None:
-    """Reset the modal loads to the constant ones, and the kick to zero."""
+    """Reset the modal loads to the constant ones."""
     duct = motion_at(address)
     for mode in range(duct.force.shape[0]):
-        duct.force[mode], duct.kick[mode] = duct.constant[mode], 0.0
+        duct.force[mode] = duct.constant[mode]
 
 
 @kernel
 def begin_loads(duct_address: Address[DuctMotion], catheter_address: Address[FreeStep]) -> None:
-    """Reset the loads of duct and catheter to the constant ones, and the kick to zero."""
+    """Reset the loads of duct and catheter to the constant ones."""
     begin_duct_loads(duct_address)
     catheter = step_at(catheter_address)
     for i in range(catheter.external.shape[0]):

@@ -45,12 +45,12 @@ EFFECTS: dict[str, EffectEntry] = {
     "insufflation": EffectEntry(Insufflation, "gas pressure outside against the pressure in the lumen"),
     "gravity": EffectEntry(Gravity, "weight of catheter, stones and, if wanted, wall"),
     "twist": EffectEntry(Twist, "torsion of the catheter; rest curvature turns with it"),
-    "nonlinear_membrane": EffectEntry(NonlinearMembrane, "a wall that stiffens as it stretches"),
     "softening": EffectEntry(Softening, "a wall that gives way where it is squeezed"),
     "viscoelasticity": EffectEntry(
         Viscoelasticity, "a wall that relaxes: Prony terms on modes and what they leave out"
     ),
-    "hyperelasticity": EffectEntry(Hyperelasticity, "tissue that stiffens as it is stretched: Fung's membrane"),
+    "nonlinear_membrane": EffectEntry(NonlinearMembrane, "a wall that stiffens as it stretches"),
+    "hyperelasticity": EffectEntry(Hyperelasticity, "tissue that stiffens as it is stretched: laws of the membrane"),
     "gallstones": EffectEntry(Gallstones, "rigid spheres that catheter and wall push about"),
     "self_contact": EffectEntry(SelfContact, "the catheter touching itself"),
     "mucus_drag": EffectEntry(MucusDrag, "viscous film between catheter and wall"),

@@ -17,12 +17,13 @@ class AnisotropySettings:
     ``poisson_ratio`` is that of a pull along the axis, and replaces the scene's. As the stiff direction is across, it
     must be below the square root of 1 / ``modulus_ratio``.
 
-    About 6 follows from the inflation of porcine common bile ducts (Duch 2004), read as uniaxial.
+    The defaults are those of the porcine common bile duct (`scene.tissue`): 25 % longer and 8 % wider at 5 kPa with
+    closed ends (Duch 2004), if a stretch round it contracts it by 0.45 of that along it; shear by Huber's estimate.
     """
 
-    modulus_ratio: float = 6.0
-    shear_modulus_ratio: float = 0.34
-    poisson_ratio: float = 0.15
+    modulus_ratio: float = 5.74
+    shear_modulus_ratio: float = 1.01
+    poisson_ratio: float = 0.0784
     axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:

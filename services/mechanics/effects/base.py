@@ -56,8 +56,6 @@ class Effect:
 
     Settings: ClassVar[type[Any]] = NoSettings
     """Frozen dataclass. Its types and `__post_init__` are what a scene file is checked against."""
-    kicks: ClassVar[bool] = False
-    """Whether it acts by kicks of the wall (`DuctBody.modal_kick`), gradients of its potential energy."""
     of_wall: ClassVar[bool] = False
     """Whether it needs no body but the duct, so that it can act in a scene of only a duct."""
     stands_for: ClassVar[tuple[str, ...]] = ()
@@ -87,10 +85,6 @@ class Effect:
 
     def most_motion_m(self, particles_m: FloatArray) -> float:
         """Return how far particles at (n, 3) may move in a step without a contact that the effect would miss."""
-        return math.inf
-
-    def longest_step_s(self) -> float:
-        """Return how long the next step may be for the effect to be stable."""
         return math.inf
 
     def rest(self) -> None:

@@ -74,7 +74,7 @@ class Softening(Effect):
         duct, n = world.duct, world.duct.n_loads
         loads = duct.load_nodes[:n], duct.load_force_n[:n]
         motion = duct.state.q, duct.q_start, duct.state.qdot, duct.state.qddot
-        drive = duct.modal_force, duct.position_gain * (duct.contact_impulse + duct.modal_kick)
+        drive = duct.modal_force, duct.position_gain * duct.contact_impulse
         self._wall.follow(loads, duct.contact_impulse, drive, motion, dt_s)
         self.dissipated_j = self._wall.dissipated_j
 

@@ -42,12 +42,13 @@ class Viscoelasticity(Effect):
         """Start in the relaxed state."""
         duct, series = world.duct, self.settings.series()
         self._modes = ViscousModes(duct.reduced.basis.omega_rad_s, series)
+        self._held = np.zeros_like(duct.held_force)
         self._loads = ViscousLoads(series, duct.reduced.mesh.n_vertices, len(duct.load_nodes))
         self._motion_m = np.zeros_like(duct.motion_m)
 
     def add_loads(self, world: World, dt_s: float) -> None:
         """Load the modes with the relaxed part of the wall's stress."""
-        self._modes.add_force(world.duct.modal_force)
+        world.duct.hold(self._held, self._modes.force())
 
     def add_motion(self, world: World, dt_s: float) -> None:
         """Add the displacement by lagging loads to the free motion, which is without contact forces."""
@@ -68,7 +69,7 @@ class Viscoelasticity(Effect):
 
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return the lagging coordinates and loads."""
-        return self._modes.d, *self._loads.state_arrays()
+        return self._modes.d, self._held, *self._loads.state_arrays()
 
     def potential_energy_j(self, world: World) -> float:
         """Return the energy in the Prony springs less that of the instantaneous modulus, which the duct reports."""

@@ -77,12 +77,12 @@ def plane_stress_matrices(section: ShellSection, frames: FloatArray) -> FloatArr
     D[:, 1, 1] = ratio * D[:, 0, 0]
     D[:, 0, 1] = D[:, 1, 0] = nu * D[:, 1, 1]
     D[:, 2, 2] = section.orthotropy.shear_modulus_ratio * E1
-    T = _strain_rotation(_axis_in_plane(section.orthotropy.axis, frames))
+    T = strain_rotation(axis_in_plane(section.orthotropy.axis, frames))
     rotated: FloatArray = T.transpose(0, 2, 1) @ D @ T
     return rotated
 
 
-def _axis_in_plane(axis: FloatArray, frames: FloatArray) -> FloatArray:
+def axis_in_plane(axis: FloatArray, frames: FloatArray) -> FloatArray:
     """(m, 2) unit material direction 1 in local components."""
     axes = np.broadcast_to(np.asarray(axis, np.float64), (len(frames), 3))
     local = np.einsum("mij,mj->mi", frames[:, :2], axes)
@@ -97,7 +97,7 @@ def _axis_in_plane(axis: FloatArray, frames: FloatArray) -> FloatArray:
     return direction
 
 
-def _strain_rotation(direction: FloatArray) -> FloatArray:
+def strain_rotation(direction: FloatArray) -> FloatArray:
     """(m, 3, 3) strain in material axes from strain in local axes, engineering shear."""
     c, s = direction.T
     T = np.empty((len(direction), 3, 3))

@@ -34,7 +34,7 @@ class LaggingLoads(Struct):
     decay: Annotated[FloatArray, "t"]
     node: Annotated[IntArray, "m"]
     lag: Annotated[FloatArray, "t", "m", 3]  # h
-    total: Annotated[FloatArray, "m", 3]  # sum of g h
+    total: Annotated[FloatArray, "m", 3]  # sum of g h in the next step
     load: Annotated[FloatArray, "m", 3]  # p of the last tick
     pressed: Annotated[LongArray, "m"]  # scratch
     slot: Annotated[IntArray, "n"]  # scratch, all -1
@@ -113,7 +113,10 @@ def relax_loads(address: Address[LaggingLoads], nodes: IntArray, forces: FloatAr
             for term in range(lagging.g.shape[0]):
                 gap = lagging.load[place, axis] - lagging.lag[term, place, axis]
                 lagging.lag[term, place, axis] = lagging.load[place, axis] - lagging.decay[term] * gap
-                lagging.total[place, axis] += lagging.g[term] * lagging.lag[term, place, axis]
+                # At the end of the next step, as if p stayed: h, which followed the p that it ended with, is half a
+                # step behind.
+                ahead = 0.5 * (1.0 + lagging.decay[term]) * lagging.decay[term] * gap
+                lagging.total[place, axis] += lagging.g[term] * (lagging.load[place, axis] - ahead)
     lagging.count[0] = _forget(lagging, count)
     return listed
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from trocar.services.mechanics.fem import ElementChoice, ShellSection, clamp
+from trocar.services.mechanics.fem.thinness import bending_of_wall
 from trocar.services.mechanics.reduction.recipe import DuctRecipe, ResidualChoice
 from trocar.services.mechanics.scene.scene_model import DuctScene
 from trocar.services.mechanics.surface.mesh import TriangleMesh
@@ -15,6 +16,8 @@ def wall_section(duct: DuctScene) -> ShellSection:
 
 def duct_recipe(duct: DuctScene, mesh: TriangleMesh, section: ShellSection | None = None) -> DuctRecipe:
     """Return the recipe of a duct; ``section`` is `wall_section` unless an effect has modified it."""
-    elements = ElementChoice(membrane=duct.membrane, bending=duct.bending)
+    section = section or wall_section(duct)
+    bending = bending_of_wall(mesh, section) if duct.bending == "auto" else duct.bending
+    elements = ElementChoice(membrane=duct.membrane, bending=bending)
     residual = ResidualChoice(kind=duct.residual)
-    return DuctRecipe(mesh, section or wall_section(duct), (clamp(mesh),), duct.n_modes, elements, residual)
+    return DuctRecipe(mesh, section, (clamp(mesh),), duct.n_modes, elements, residual)

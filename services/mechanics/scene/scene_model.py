@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from trocar.services.mechanics.fem.elements import BendingName, MembraneName
+from trocar.services.mechanics.fem.elements import BendingChoice, MembraneName
 from trocar.services.mechanics.scene.catheter_section import CatheterSection
 from trocar.services.mechanics.scene.duct_branch import DuctBranch
 from trocar.services.mechanics.scene.guide_wire import GuideWireScene
@@ -31,6 +31,8 @@ class DuctScene:
     trunk of a tree, meshed with edges of about ``mesh_edge_m``; its far end is held unless branches continue from it.
     Both integrators of its modes are of second order and without numerical damping (spectral radius 1); each mode is
     damped by ``damping_ratio``.
+    ``bending`` is a bending triangle, or "auto": `reissner`, with transverse shear, unless the wall is thin
+    (`fem.thinness.bending_of_wall`).
     ``tissue`` names the preset of `scene.tissue` from which the wall's values were taken, if any.
     """
 
@@ -56,7 +58,7 @@ class DuctScene:
     poisson_ratio: float = 0.45
     density_kg_m3: float = 1060.0
     membrane: MembraneName = "andes"
-    bending: BendingName = "dkt"
+    bending: BendingChoice = "auto"
     n_modes: int = 100
     damping_ratio: float = 0.1
     integrator: Literal["newmark", "exact"] = "newmark"

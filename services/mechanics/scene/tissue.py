@@ -34,6 +34,27 @@ class Quantity:
 
 
 @dataclass(frozen=True, slots=True)
+class Distension:
+    """How much longer and wider a tube with closed ends gets under a pressure inside.
+
+    Attributes:
+        along, around: float. Stretch along the tube and of its circumference.
+        radius_m: float. Radius of the tube at rest.
+    """
+
+    pressure_pa: float
+    radius_m: float
+    along: float
+    around: float
+    source: str
+
+
+DUCH_DISTENSION = Distension(
+    5e3, 4.3e-3, 0.25, 0.08, f"{DUCH}: 8.6 mm wide at rest and 9.3 mm at 5 kPa, a quarter longer, with closed ends"
+)
+
+
+@dataclass(frozen=True, slots=True)
 class Tissue:
     """Wall of a duct.
 
@@ -44,6 +65,7 @@ class Tissue:
         relaxing_shares, relaxation_times_s: tuple of Quantity. Prony series of the instantaneous modulus.
         stiffening_exponent: Quantity. Exponent of Fung's law: at a uniaxial stretch e the wall is exp(a e^2) times as
             stiff as at rest.
+        distension: Distension, optional. The measurement that the moduli are read from.
     """
 
     thickness_m: Quantity
@@ -54,6 +76,7 @@ class Tissue:
     relaxing_shares: tuple[Quantity, ...]
     relaxation_times_s: tuple[Quantity, ...]
     stiffening_exponent: Quantity
+    distension: Distension | None = None
 
     def section(self, axis: FloatArray) -> ShellSection:
         """Return the shell section; ``axis`` (3,) or (m, 3) is the duct's axis, direction 1 of the material.
@@ -86,6 +109,16 @@ class Tissue:
         nu12, ratio = self.axial_poisson_ratio, self.modulus_ratio
         return float(np.sqrt(ratio) / (2.0 * (1.0 + nu12 * np.sqrt(ratio))))
 
+    def stretched(self, pressure_pa: float, radius_m: float) -> tuple[float, float]:
+        """Return how much longer and wider a thin tube with closed ends gets, along and round, in the linear wall.
+
+        Its ends pull along it with half of the tension p r round it. Either tension also contracts the other way.
+        """
+        round_pa = pressure_pa * radius_m / self.thickness_m.value
+        along_pa, nu12 = 0.5 * round_pa, self.axial_poisson_ratio
+        E1, E2 = self.axial_modulus_pa.value, self.circumferential_modulus_pa.value
+        return (along_pa - nu12 * round_pa) / E1, round_pa / E2 - nu12 * along_pa / E1
+
     def prony_series(self) -> PronySeries:
         """Return the relaxation of the instantaneous modulus."""
         shares, times = self.relaxing_shares, self.relaxation_times_s
@@ -96,10 +129,10 @@ class Tissue:
         named: dict[str, Quantity] = {}
         for name in self.__slots__:
             entry = getattr(self, name)
-            if isinstance(entry, tuple):
-                named |= {f"{name}[{index}]": quantity for index, quantity in enumerate(entry)}
-            else:
+            if isinstance(entry, Quantity):
                 named[name] = entry
+            elif isinstance(entry, tuple):
+                named |= {f"{name}[{index}]": quantity for index, quantity in enumerate(entry)}
         return named
 
 
@@ -137,17 +170,24 @@ TISSUES: dict[str, Tissue] = {
         _WALL,
         _DENSITY,
         Quantity(
-            58e3,
-            39e3,
-            93e3,
-            f"{DUCH}: p r / 2 = 11.6 N/m at 25 % stretch is 46 N/m over an assumed 0.8 mm",
-            assumed=True,
+            45.3e3,
+            30.2e3,
+            72.5e3,
+            f"{DUCH}: closed ends pull with p r / 2 = 10.8 N/m, at 25 % stretch and less what the tension round it "
+            "contracts that is 36 N/m over an assumed 0.8 mm",
         ),
-        Quantity(360e3, 240e3, 580e3, f"{DUCH}: p r = 23 N/m at 8 % stretch is 290 N/m over an assumed 0.8 mm"),
+        Quantity(
+            260e3,
+            174e3,
+            417e3,
+            f"{DUCH}: p r = 21.5 N/m at 8 % stretch, less what the pull along it contracts, is 208 N/m over an assumed "
+            "0.8 mm",
+        ),
         _POISSON,
         _SHARES,
         _TIMES,
         _EXPONENT,
+        DUCH_DISTENSION,
     ),
     "soft_cystic_duct": Tissue(
         _WALL,

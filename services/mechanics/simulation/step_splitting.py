@@ -52,16 +52,14 @@ class StepSplitter:
     def parts(self, tools: ToolInputs, dt_s: float) -> int:
         """Return the number of substeps of a step: a power of two, so that matrices are prepared for few lengths.
 
-        In each of them a hand moves no further than allowed, and neither does a body at its speed in the last substep;
-        and all effects are stable.
+        In each of them a hand moves no further than allowed, and neither does a body at its speed in the last substep.
         """
         longer, wanted, parts = max(dt_s / LONGEST_STEP_S, 1.0), self._shares_per_s * dt_s, 1
-        stable_s = min((effect.longest_step_s() for effect in self._world.effects), default=math.inf)
         if longer * dt_s * FASTEST_HAND_M_S > LOOK_AHEAD_M:
             body = self._world.tools
             away_m = furthest_point(tools.position_m, body.hand, tools.present, body.present)
             wanted = max(wanted, min(away_m, dt_s * FASTEST_HAND_M_S) / LOOK_AHEAD_M)
-        while dt_s > parts * SHORTEST_STEP_S and (max(longer / parts, 1.0) * wanted > parts or dt_s > parts * stable_s):
+        while dt_s > parts * SHORTEST_STEP_S and max(longer / parts, 1.0) * wanted > parts:
             parts *= 2
         return parts
 

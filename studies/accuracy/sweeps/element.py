@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import cast
 
-from trocar.services.mechanics.fem.elements import BENDING_ELEMENTS, MEMBRANE_ELEMENTS, BendingName, MembraneName
+from trocar.services.mechanics.fem.elements import BENDING_ELEMENTS, MEMBRANE_ELEMENTS, BendingChoice, MembraneName
 from trocar.services.mechanics.scenarios import insertion_scene
 from trocar.services.mechanics.scene import DuctScene, SceneModel
 from trocar.studies.accuracy import insertions, pinches
@@ -62,7 +62,7 @@ def _chosen(setting: Setting) -> SceneModel:
     duct: DuctScene = replace(
         insertion_scene().duct,
         membrane=cast(MembraneName, choices["duct.membrane"]),
-        bending=cast(BendingName, choices["duct.bending"]),
+        bending=cast(BendingChoice, choices["duct.bending"]),
         n_around=int(choices["duct.n_around"]),
         n_along=int(choices["duct.n_along"]),
         n_modes=_N_MODES,

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from effect_runs import PRESSED_M, come_down, run
 
+from trocar.services.mechanics.bodies.wall_terms import terms_of
 from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.mechanics.simulation import Simulation
 from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
@@ -143,20 +144,20 @@ def test_a_wall_that_stiffens_rings_faster_the_further_it_swings(with_effects, s
     assert third_zero_ms(scene, duct, 8e-3) < 0.85 * linear
 
 
-def test_a_wall_that_stiffens_too_much_for_a_step_takes_shorter_ones(with_effects, small_duct):
-    """Bent by eight radii in steps of a millisecond, a duct gave out half of what hands had put in."""
-    simulation, tools = Simulation(with_effects(nonlinear_membrane={}), small_duct), ToolInputs()
+def test_a_wall_that_stiffens_far_more_than_its_modes_keeps_its_energy(with_effects, small_duct):
+    """Bent by eight radii in steps of a millisecond, a duct that was kicked gave out half of what was put in."""
+    scene = with_effects(nonlinear_membrane={})
+    duct = replace(small_duct, damping_ratio=np.zeros(small_duct.basis.n_modes))
+    simulation, tools = Simulation(scene, duct), ToolInputs()
     tools.present[:] = False
-    duct, parts = simulation.duct, []
     simulation.step(tools)
-    for bent_m in (1e-3, 32e-3):
-        q = np.zeros_like(duct.state.q)
-        q[2] = bent_m / np.abs(duct.reduced.basis.Phi[:, :, 2]).max()
-        for _ in range(30):
-            simulation.effects["nonlinear_membrane"]._follow_stiffest(q)
-        parts.append(simulation.splitter.parts(tools, 1e-3))
-    assert parts[0] == 1
-    assert parts[1] > 1
+    state, basis = simulation.duct.state, small_duct.basis
+    state.q[2] = 8e-3 / np.abs(basis.Phi[:, :, 2]).max()
+    state.qddot[:] = simulation.duct.held_force - basis.omega_rad_s**2 * state.q
+    began = stored_in_wall_j(simulation) + simulation.duct.kinetic_energy_j()
+    for _ in range(200):
+        simulation.step(tools)
+    assert stored_in_wall_j(simulation) + simulation.duct.kinetic_energy_j() <= 1.005 * began
 
 
 def stored_in_wall_j(simulation):
@@ -178,8 +179,8 @@ def test_a_bent_wall_that_stiffens_relaxes_to_the_same_share_of_its_energy(with_
         q *= random.uniform(4e-3, 16e-3) / np.linalg.norm(small_duct.basis.displacements(q), axis=1).max()
         for each in (elastic, relaxed):
             each.duct.state.q[:] = q
-        for effect in relaxed.effects.values():
-            effect.after_solve(relaxed.world, 1e3)
+        relaxed.effects["viscoelasticity"].after_solve(relaxed.world, 1e3)
+        relaxed.effects["nonlinear_membrane"].dissipated_j += terms_of(relaxed.duct).relax(1e3)
         assert stored_in_wall_j(elastic) > 0.0
         assert sum(effect.dissipated_j for effect in relaxed.effects.values()) > 0.0
         assert stored_in_wall_j(relaxed) == pytest.approx((1.0 - sum(series.g)) * stored_in_wall_j(elastic), rel=1e-6)

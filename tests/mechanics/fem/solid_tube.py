@@ -83,7 +83,7 @@ def solid_deflection(pinch: Pinch, force_n: float, folder: Path, n: int = 2) -> 
         CalculiX told no displacement.
     """
     # From the jaw's middle: along the axis, and round from the top; half steps are the nodes between the corners.
-    x, angle = (_with_middles(graded(pinch.jaw, end, 2 * n, 5 * n)) for end in (HALF_LENGTH, np.pi / 2))
+    x, angle = (with_middles(graded(pinch.jaw, end, 2 * n, 5 * n)) for end in (HALF_LENGTH, np.pi / 2))
     t = pinch.thickness_m
     radius = np.linspace(RADIUS_M - t / 2, RADIUS_M + t / 2, 4 * n + 1)
     shape = len(x), len(angle), len(radius)
@@ -109,7 +109,7 @@ def solid_deflection(pinch: Pinch, force_n: float, folder: Path, n: int = 2) -> 
     ]
     deck = _DECK.format(
         nodes="\n".join(places),
-        elements="\n".join(_element(k + 1, cell, number) for k, cell in enumerate(cells)),
+        elements="\n".join(element(k + 1, cell, number) for k, cell in enumerate(cells)),
         young=YOUNG_PA,
         poisson=POISSON,
         pressure=pressure,
@@ -123,7 +123,7 @@ def solid_deflection(pinch: Pinch, force_n: float, folder: Path, n: int = 2) -> 
     return abs(float(rows[-1]))
 
 
-def _with_middles(knots: FloatArray) -> FloatArray:
+def with_middles(knots: FloatArray) -> FloatArray:
     return np.sort(np.concatenate([knots, 0.5 * (knots[1:] + knots[:-1])]))
 
 
@@ -135,7 +135,7 @@ _BRICK = (
 )
 
 
-def _element(k: int, cell: tuple[int, ...], number: dict[tuple[int, ...], int]) -> str:
+def element(k: int, cell: tuple[int, ...], number: dict[tuple[int, ...], int]) -> str:
     i, j, r = cell
     nodes = [str(number[i + a, j + b, r + c]) for a, b, c in _BRICK]
     return f"{k}, " + ", ".join(nodes[:15]) + ",\n" + ", ".join(nodes[15:])
@@ -164,14 +164,14 @@ def shell_deflection(pinch: Pinch, force_n: float, bending: str, n: int = 8) -> 
     load = np.zeros((mesh.n_vertices, 3))
     for turn in (0.0, np.pi):
         off = np.mod(A - turn + np.pi, 2.0 * np.pi) - np.pi
-        share = _shares(X, x, pinch.jaw) * _shares(off, top, pinch.jaw)
+        share = shares(X, x, pinch.jaw) * shares(off, top, pinch.jaw)
         normal = np.stack([np.zeros(X.size), np.cos(A).ravel(), np.sin(A).ravel()], axis=1)
         pushes = share.ravel()[:, None] * -normal
         load += force_n * pushes / abs(pushes[:, 1].sum())
     return abs(float(model.solve_static(load).displacement_m[index[len(half) - 1, len(quarter) - 1], 1]))
 
 
-def _shares(at: FloatArray, knots: FloatArray, jaw: float) -> FloatArray:
+def shares(at: FloatArray, knots: FloatArray, jaw: float) -> FloatArray:
     """Length of the jaw that each knot carries."""
     inside = knots[np.abs(knots) <= jaw + 1e-9]
     step = inside[1] - inside[0]

@@ -143,7 +143,7 @@ def test_a_broken_mesh_is_refused_with_its_place(change, message):
         ),
         (
             lambda: ShellModel(DUCT, REFERENCE_SECTION, [clamp(DUCT)], ElementChoice("cst", "mitc")),
-            "unknown bending element 'mitc'; known: dkt, dkmt, tocher",
+            "unknown bending element 'mitc'; known: dkt, dkmt, reissner, tocher",
         ),
     ],
 )

@@ -15,15 +15,18 @@ MEMBRANE_ELEMENTS: dict[str, Element] = {
 BENDING_ELEMENTS: dict[str, Element] = {
     "dkt": Element(dkt.stiffness),
     "dkmt": Element(dkmt.stiffness),
+    "reissner": Element(dkmt.stiffness_of_pressed_wall),
     "tocher": Element(tocher.stiffness, is_reference_only=True),
 }
 
 if TYPE_CHECKING:
     MembraneName = str
     BendingName = str
+    BendingChoice = str
 else:  # made of the tables, so that a check of a configuration against its types knows every row
     MembraneName = Literal[tuple(MEMBRANE_ELEMENTS)]
     BendingName = Literal[tuple(BENDING_ELEMENTS)]
+    BendingChoice = Literal[("auto", *BENDING_ELEMENTS)]
 
 
 def choose(table: Mapping[str, Element], name: str, kind: str) -> Element:

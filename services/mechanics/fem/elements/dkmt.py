@@ -1,8 +1,15 @@
-"""Discrete Kirchhoff-Mindlin triangle: bending of a plate that also gives way to transverse shear.
+r"""Discrete Kirchhoff-Mindlin triangle: bending of a plate that also gives way to transverse shear.
 
 Katili, IJNME 36:1859 (1993): the discrete Kirchhoff triangle whose rotations along each side need not follow the slope.
 What a side lacks is its shear strain, constant along it, by the moment that bends the side, so nothing locks: as the
 plate gets thin, this is `dkt`. Shear stress is taken as parabolic over the thickness.
+
+A wall that is pressed on its faces gives way less: there the load does not bear on the middle surface, but spreads on
+its way to it. By Reissner's theory (Journal of Applied Mechanics 12:A69, 1945), which has the stress across the wall,
+
+.. math:: D \nabla^4 w = q - \frac{t^2 (2 - \nu)}{10 (1 - \nu)} \nabla^2 q,
+
+and by Mindlin's, with a shear factor k, the last term is t^2 / (6 k (1 - nu)): they agree for k = 5 / (6 (1 - nu / 2)).
 """
 
 from __future__ import annotations
@@ -14,18 +21,28 @@ from trocar.services.mechanics.fem.elements.dkt import MIDSIDE_POINTS, SIDES, cu
 from trocar.services.mechanics.fem.triangle import signed_areas
 
 SHEAR_FACTOR = 5.0 / 6.0
-"""Of a parabola over the thickness (Reissner)."""
+"""Of a parabola over the thickness."""
 
 
 def stiffness(xy: FloatArray, D: FloatArray, thickness: FloatArray) -> FloatArray:
-    """(m, 9, 9) bending stiffness; see `element.StiffnessKernel`.
+    """(m, 9, 9) bending stiffness of a plate that is loaded at its edges; see `element.StiffnessKernel`."""
+    return _stiffness(xy, D, thickness, SHEAR_FACTOR * transverse_shear_modulus(D))
+
+
+def stiffness_of_pressed_wall(xy: FloatArray, D: FloatArray, thickness: FloatArray) -> FloatArray:
+    """(m, 9, 9) bending stiffness of a wall that is loaded on its faces; see `element.StiffnessKernel`."""
+    poisson = D[:, 0, 1] / np.sqrt(D[:, 0, 0] * D[:, 1, 1])
+    return _stiffness(xy, D, thickness, SHEAR_FACTOR / (1.0 - 0.5 * poisson) * transverse_shear_modulus(D))
+
+
+def _stiffness(xy: FloatArray, D: FloatArray, thickness: FloatArray, shear_modulus: FloatArray) -> FloatArray:
+    """(m, 9, 9) bending stiffness; ``shear_modulus`` (m,) is that across the wall times the shear factor.
 
     Shear and curvature are linear over the triangle: the three mid-side points integrate their energies exactly.
     """
-    shear_modulus = transverse_shear_modulus(D)
     softness = side_softness(xy, D, shear_modulus, thickness)
     beta, gap = _rotations(xy, softness)
-    of_shear = SHEAR_FACTOR * shear_modulus * thickness
+    of_shear = shear_modulus * thickness
     rigidity = thickness[:, None, None] ** 3 / 12.0 * D
     corner = _corner_shear(xy, -2.0 / 3.0 * softness[:, :, None] * gap)
     weight = signed_areas(xy)[:, None, None] / 3.0
@@ -55,7 +72,7 @@ def side_softness(xy: FloatArray, D: FloatArray, shear_modulus: FloatArray, thic
         x, y = (along / np.sqrt(square)[:, None]).T
         strain = np.stack([x * x, y * y, 2.0 * x * y], axis=1)
         along_side = np.einsum("mi,mij,mj->m", strain, D, strain)
-        softness[:, side] = thickness**2 * along_side / (SHEAR_FACTOR * shear_modulus * square)
+        softness[:, side] = thickness**2 * along_side / (shear_modulus * square)
     return softness
 
 

@@ -15,13 +15,15 @@ import numpy as np
 from trocar.services.cache_directory import cache_directory
 from trocar.services.mechanics.arrays import FloatArray, IntArray
 from trocar.services.mechanics.fem import ShellModel, pressure_load
+from trocar.services.mechanics.fem.frames import local_frames
+from trocar.services.mechanics.fem.section import axis_in_plane, strain_rotation
 from trocar.services.mechanics.reduction import cache
 from trocar.services.mechanics.reduction.basis import ModalBasis
 from trocar.services.mechanics.reduction.build import Progress, ignore_progress
 from trocar.services.mechanics.reduction.content_hash import hash_content, hash_sources
 from trocar.services.mechanics.reduction.hyperelastic.equilibrium import rest_shape
-from trocar.services.mechanics.reduction.hyperelastic.fung_membrane import beyond_linear
-from trocar.services.mechanics.reduction.hyperelastic.stretch_loads import stretch_loads
+from trocar.services.mechanics.reduction.hyperelastic.stretch_loads import axial_directions, stretch_loads
+from trocar.services.mechanics.reduction.membrane_laws.beyond_linear import BeyondLinear
 from trocar.services.mechanics.reduction.nonlinear.membrane import Membrane
 from trocar.services.mechanics.reduction.recipe import DuctRecipe
 from trocar.services.mechanics.surface.mesh import vertex_normals
@@ -31,6 +33,7 @@ SOURCES = (
     _HERE,
     _HERE.parent / "free_dofs.py",
     _HERE.parent / "residual_vectors.py",
+    _HERE.parent / "membrane_laws",
     _HERE.parent / "large_rotations" / "sections.py",
     _HERE.parent / "nonlinear" / "membrane.py",
     _HERE.parents[1] / "surface" / "mesh.py",
@@ -40,7 +43,7 @@ SEED = 1
 PLACES = 40
 """Places on the wall that the loads of the training press and pull at, along three directions."""
 LARGEST_Q = (0.2, 1.0, 3.0)
-"""Largest Q of the states of the training under such loads, in turn."""
+"""Largest Q, the form of the strain over `MembraneLaw.unit_form`, of the states under such loads, in turn."""
 STRETCHED = 120
 """Rest shapes of the training under pressures and pulls along the wall, even by a third and mostly of one kind."""
 STRETCHED_Q = (0.2, 1.0, 4.0, 30.0, 120.0)
@@ -56,18 +59,20 @@ class StretchSamples:
     """Triangles that stand for the wall.
 
     Attributes:
-        strain: (3 k, r) float64. Strain of each sample per modal coordinate, such that Q is the sum of three squares.
-        energy_j: (k,) float64. c / 2 times volume times weight.
+        strain: (3 k, r) float64. Strain of each sample per modal coordinate, as the law takes it.
+        energy_j: (k,) float64. Modulus along the wall times volume times weight.
+        law: BeyondLinear. Its response is multiplied by these energies.
     """
 
     strain: FloatArray
     energy_j: FloatArray
+    law: BeyondLinear
 
 
 def fetch_samples(
     recipe: DuctRecipe,
     basis: ModalBasis,
-    exponent: float,
+    law: BeyondLinear,
     cache_dir: Path | None = None,
     progress: Progress = ignore_progress,
 ) -> StretchSamples:
@@ -75,42 +80,54 @@ def fetch_samples(
 
     def make(entry: cache.Entry) -> None:
         progress("stretch of the wall", 0.0)
-        samples = choose_samples(recipe.model(), basis, exponent)
+        samples = choose_samples(recipe.model(), basis, law)
         entry.save("strain", samples.strain)
         entry.save("energy_j", samples.energy_j)
-        entry.describe(content_hash=basis.content_hash, exponent=exponent)
+        entry.describe(content_hash=basis.content_hash, law=law.number, parameters=law.parameters.tolist())
         progress("stretch of the wall", 1.0)
 
-    name = f"stretch-{hash_content(basis.content_hash, recipe.key(), exponent, hash_sources(*SOURCES))}"
+    names = basis.content_hash, recipe.key(), law.number, law.parameters, hash_sources(*SOURCES)
+    name = f"stretch-{hash_content(*names)}"
     entry = cache.fetch(cache_dir or cache_directory(), name, make)
-    return StretchSamples(entry.load("strain"), entry.load("energy_j"))
+    return StretchSamples(entry.load("strain"), entry.load("energy_j"), law)
 
 
-def choose_samples(model: ShellModel, basis: ModalBasis, exponent: float) -> StretchSamples:
-    """Choose triangles and weights of a wall with this exponent of Fung's law."""
-    every = every_triangle(model, basis, exponent)
+def choose_samples(model: ShellModel, basis: ModalBasis, law: BeyondLinear) -> StretchSamples:
+    """Choose triangles and weights of a wall with this law."""
+    every = every_triangle(model, basis, law)
     strain = every.strain.reshape(-1, 3, basis.n_modes)
-    states = np.concatenate([_states(strain, _loads(model), basis), _stretched(every, model, basis)], axis=1)
-    works = _forces(strain, states, every.energy_j, basis.omega_rad_s)
+    states = np.concatenate([_states(every, _loads(model), basis), _stretched(every, model, basis)], axis=1)
+    works = _forces(every, states, basis.omega_rad_s)
     chosen, weights = sparse_weights(works, works.sum(axis=1), TOLERANCE, MOST_SAMPLES)
     return StretchSamples(
-        np.ascontiguousarray(strain[chosen].reshape(-1, basis.n_modes)), weights * every.energy_j[chosen]
+        np.ascontiguousarray(strain[chosen].reshape(-1, basis.n_modes)), weights * every.energy_j[chosen], law
     )
 
 
-def every_triangle(model: ShellModel, basis: ModalBasis, exponent: float) -> StretchSamples:
+def every_triangle(model: ShellModel, basis: ModalBasis, law: BeyondLinear) -> StretchSamples:
     """Return the wall unsampled."""
     membrane = Membrane.from_model(model)
     n = model.mesh.n_triangles
     thickness, modulus = (model.section.per_triangle(name, n) for name in ("thickness_m", "youngs_modulus_pa"))
     corners = model.mesh.vertices_m[model.mesh.triangles]
     area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    c_j = modulus * thickness * area / exponent
-    white = np.linalg.cholesky(membrane.rigidity_n_m / c_j[:, None, None]).transpose(0, 2, 1)
+    energy_j = modulus * thickness * area
+    if law.row.is_of_linear_form:
+        taken = np.linalg.cholesky(membrane.rigidity_n_m / energy_j[:, None, None]).transpose(0, 2, 1)
+    else:
+        taken = strain_rotation(axis_in_plane(_axis(model), local_frames(model.mesh)))
     gradient = np.einsum("man,mnir->mair", membrane.gradients, basis.Phi[membrane.triangles], optimize=True)
     mixed = np.einsum("mai,mbir->mabr", membrane.tangents, gradient, optimize=True)
     strain = np.stack([mixed[:, 0, 0], mixed[:, 1, 1], mixed[:, 0, 1] + mixed[:, 1, 0]], axis=1)
-    return StretchSamples((white @ strain).reshape(-1, basis.n_modes), 0.5 * c_j)
+    return StretchSamples((taken @ strain).reshape(-1, basis.n_modes), energy_j, law)
+
+
+def _axis(model: ShellModel) -> FloatArray:
+    """(3,) or (m, 3) the axis of the material, or of the wall where the material has none."""
+    if model.section.orthotropy is not None:
+        return model.section.orthotropy.axis
+    axis: FloatArray = axial_directions(model)[model.mesh.triangles].sum(axis=1)
+    return axis
 
 
 def sparse_weights(works: FloatArray, total: FloatArray, tolerance: float, most: int) -> tuple[IntArray, FloatArray]:
@@ -160,10 +177,11 @@ def _loads(model: ShellModel) -> FloatArray:
     return np.stack(loads)
 
 
-def _states(strain: FloatArray, loads: FloatArray, basis: ModalBasis) -> FloatArray:
+def _states(every: StretchSamples, loads: FloatArray, basis: ModalBasis) -> FloatArray:
     """(r, s) modal coordinates at rest under the loads, of which the largest Q is given."""
     states = np.einsum("nar,sna->rs", basis.Phi, loads, optimize=True) / basis.omega_rad_s[:, None] ** 2
-    largest = np.sum((strain @ states) ** 2, axis=1).max(axis=0)
+    strain = (every.strain @ states).reshape(-1, 3, states.shape[1])
+    largest = np.sum(strain**2, axis=1).max(axis=0) / every.law.unit_form
     states, largest = states[:, largest > 0.0], largest[largest > 0.0]
     scaled: FloatArray = states * np.sqrt(np.resize(LARGEST_Q, len(largest)) / largest)
     return scaled
@@ -181,22 +199,21 @@ def _stretched(every: StretchSamples, model: ShellModel, basis: ModalBasis) -> F
         mostly_one = np.repeat(random.standard_normal(len(sizes)) ** 3, sizes)
         force = (mostly_one * (1.0 + 0.3 * random.standard_normal(len(single)))) @ single
         strain = (every.strain @ (force / basis.omega_rad_s**2)).reshape(-1, 3)
-        force *= np.sqrt(largest / np.sum(strain**2, axis=1).max())
-        states.append(rest_shape(every.strain, every.energy_j, basis.omega_rad_s, force))
+        force *= np.sqrt(largest * every.law.unit_form / np.sum(strain**2, axis=1).max())
+        states.append(rest_shape(every.strain, every.energy_j, every.law, basis.omega_rad_s, force))
     return np.stack(states, axis=1)
 
 
-def _forces(strain: FloatArray, states: FloatArray, energy_j: FloatArray, omega_rad_s: FloatArray) -> FloatArray:
+def _forces(every: StretchSamples, states: FloatArray, omega_rad_s: FloatArray) -> FloatArray:
     """(p, m) parts of every triangle in the forces on modes in states (r, s), over what would move all modes alike.
 
     A soft mode, which hardly stretches the wall, would be moved far by a small error of its force.
     """
-    random = np.random.default_rng(SEED)
+    random, strain = np.random.default_rng(SEED), every.strain.reshape(-1, 3, len(omega_rad_s))
     forces = np.zeros((min(BUCKETS, states.size), strain.shape[0]))
     for state in states.T:
-        at = strain @ state
-        _, slope, _ = beyond_linear(np.sum(at**2, axis=1))
-        force = np.einsum("ma,mar->rm", (2.0 * energy_j * slope)[:, None] * at, strain) / omega_rad_s[:, None] ** 2
+        _, stress, _ = every.law.respond(strain @ state)
+        force = np.einsum("ma,mar->rm", every.energy_j[:, None] * stress, strain) / omega_rad_s[:, None] ** 2
         force *= random.choice((-1.0, 1.0), size=(len(force), 1)) / np.linalg.norm(force.sum(axis=1))
         np.add.at(forces, random.integers(len(forces), size=len(force)), force)
     return forces

@@ -49,6 +49,11 @@ def stretch_loads(model: ShellModel) -> tuple[FloatArray, FloatArray, FloatArray
     return moving[0], moving[1], moving[2]
 
 
+def axial_directions(model: ShellModel) -> FloatArray:
+    """Return (n, 3) unit vectors along the wall, away from where it is held."""
+    return _along(model.mesh, axial_coordinate(model.mesh, np.unique(model.held_dofs // 6)))
+
+
 def _bands(place: FloatArray, n_bands: int) -> FloatArray:
     """Piecewise linear weights (k, n) that add up to one, each highest at its station."""
     stations = np.linspace(0.0, 1.0, n_bands)

@@ -103,20 +103,6 @@ def cubic_energy_j(
     return energy
 
 
-@kernel
-def apply_impulse(qdot: FloatArray, qddot: FloatArray, force: FloatArray, damping: FloatArray, duration: float) -> None:
-    """Change rates and accelerations (r,) in place by an impulse ``force`` times ``duration``.
-
-    With a linear step that is exact or Newmark's this is a symplectic splitting: without damping the energy is bounded,
-    not drifting, while the tangent stiffness of the whole stays below (2 / dt)^2. The acceleration follows by the
-    damping force; ``damping`` (r,) is 2 omega zeta.
-    """
-    for mode in range(qdot.shape[0]):
-        change = duration * force[mode]
-        qdot[mode] += change
-        qddot[mode] -= damping[mode] * change
-
-
 def energy_tensors(membrane: Membrane, shapes: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the cubic energy (s, p) and the quartic one (p, p) over pairs p = (j, k), j <= k, unsymmetrised.
 

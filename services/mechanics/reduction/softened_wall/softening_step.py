@@ -60,7 +60,7 @@ class SofteningStep:
     ) -> None:
         """Follow the contact forces, and the wall, see `follow_loads` and `push_ahead`.
 
-        ``drive`` is what drove the modes in the last step, ``force`` included (r,), and what contacts and kicks moved
+        ``drive`` is what drove the modes in the last step, ``force`` included (r,), and what contacts moved
         them by (r,): in the next step they are expected to do the same.
         """
         made, (driving, by_impulses) = self._integrator.gains(dt_s), drive

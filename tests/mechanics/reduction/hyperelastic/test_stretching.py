@@ -14,23 +14,21 @@ from trocar.services.mechanics.reduction.hyperelastic.energy_sampling import (
     every_triangle,
     sparse_weights,
 )
-from trocar.services.mechanics.reduction.hyperelastic.energy_tank import settle_step
-from trocar.services.mechanics.reduction.hyperelastic.fung_membrane import (
-    MOST_Q,
-    beyond_linear,
-    beyond_linear_at,
-)
-from trocar.services.mechanics.reduction.hyperelastic.hyperelastic_wall import (
+from trocar.services.mechanics.reduction.membrane_laws.beyond_linear import BeyondLinear
+from trocar.services.mechanics.reduction.membrane_laws.fung import MOST_Q
+from trocar.services.mechanics.reduction.wall_step.energy_tank import settle_step
+from trocar.services.mechanics.reduction.wall_step.implicit_step import (
     ENERGY,
+    POINTS,
     TANK,
-    HyperelasticWall,
-    stretch_energy,
-    stretch_force,
+    WallStep,
+    held_force,
+    wall_energy,
 )
-from trocar.services.mechanics.reduction.nonlinear.cubic_force import apply_impulse
 from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 RADIUS, LENGTH, THICKNESS, E, NU, EXPONENT = 4e-3, 40e-3, 0.5e-3, 100e3, 0.45, 20.0
+LAW = BeyondLinear.of("fung", exponent=EXPONENT)
 
 
 def model_of(n_around, n_along):
@@ -50,7 +48,7 @@ def tube():
     x = model.mesh.vertices_m
     shapes = np.stack([x * [0.0, 1.0, 1.0], x * [1.0, 0.0, 0.0]], axis=2)
     basis = modes_of(model, shapes)
-    return model.mesh, basis, choose_samples(model, basis, EXPONENT)
+    return model.mesh, basis, choose_samples(model, basis, LAW)
 
 
 @pytest.fixture(scope="module")
@@ -60,13 +58,13 @@ def duct(model):
 
 @pytest.fixture(scope="module")
 def samples(model, duct):
-    return choose_samples(model, duct, EXPONENT)
+    return choose_samples(model, duct, LAW)
 
 
 def modes_of(model, shapes):
     """Modes within the span of shapes of a membrane, from its own strains."""
-    every = every_triangle(model, ModalBasis.from_modes(np.ones(shapes.shape[2]), shapes), EXPONENT)
-    stiffness = 2.0 * every.strain.T @ (np.repeat(every.energy_j, 3)[:, None] * every.strain)
+    every = every_triangle(model, ModalBasis.from_modes(np.ones(shapes.shape[2]), shapes), LAW)
+    stiffness = every.strain.T @ (np.repeat(every.energy_j, 3)[:, None] * every.strain)
     squared, turn = eigh(stiffness, np.einsum("nir,n,nis->rs", shapes, model.mass_kg, shapes))
     return ModalBasis.from_modes(np.sqrt(squared), shapes @ turn)
 
@@ -87,54 +85,47 @@ class Stepped:
         self.state, self.omega = ModalState.at_rest(r), basis.omega_rad_s
         self.integrator = kind(basis.omega_rad_s, np.full(r, damping))
         self.damping = 2.0 * basis.omega_rad_s * damping
-        probe = ModalState(np.zeros(r), np.ones(r), -self.damping)
-        self.integrator.predict(probe, np.zeros(r), dt_s)
-        self.gains = [dt_s * each for each in (probe.q, probe.qdot, probe.qddot)]
-        self.position_gain = self.gains[0]
-        self.wall, self.force, self.contact_impulse = HyperelasticWall.of(samples), np.zeros(r), np.zeros(r)
-        self.wall.take_gain(self.position_gain)
+        kicked, held = (
+            ModalState(np.zeros(r), rate, acceleration)
+            for rate, acceleration in ((np.ones(r), -self.damping), (np.zeros(r), np.ones(r)))
+        )
+        self.integrator.predict(kicked, np.zeros(r), dt_s)
+        self.integrator.predict(held, np.ones(r), dt_s)
+        self.position_gain, self.gains = dt_s * kicked.q, [held.q, held.qdot, held.qddot]
+        self.held_gain = self.gains[0]
+        self.wall, self.force, self.contact_impulse = WallStep.of(r, samples), np.zeros(r), np.zeros(r)
+        self.wall.take_gain(self.held_gain)
 
     def step(self, load, expected=0.0, blow=0.0):
-        """Step under a load, by a kick that expects a contact force but no ``blow`` (r,) of the rates."""
-        ahead, state = self.state.copy(), self.state
+        """Step under a load, with a force that expects a contact but no ``blow`` (r,) of the rates."""
+        ahead, state, force = self.state.copy(), self.state, np.zeros(load.size)
+        ahead.qddot -= self.force
         self.integrator.predict(ahead, load, self.dt_s)
-        stretch_force(self.wall.address, ahead.q, expected + np.zeros(load.size), self.force)
+        held_force(self.wall.address, state.q, ahead.q + self.position_gain * expected, force)
         self.q_start = state.q.copy()
-        apply_impulse(state.qdot, state.qddot, self.force + blow / self.dt_s, self.damping, self.dt_s)
-        self.integrator.predict(state, load, self.dt_s)
+        state.qddot += force - self.force - self.damping * blow
+        state.qdot += blow
+        self.force[:] = force
+        self.integrator.predict(state, load + force, self.dt_s)
         settle_step(self.wall, self.force, self, self.free_m)
 
     def furthest_m(self, change):
         return float(np.linalg.norm(self.basis.displacements(change), axis=1).max())
 
-    def change_kick(self, change):
+    def change_held(self, held, change):
         for end, gain in zip((self.state.q, self.state.qdot, self.state.qddot), self.gains, strict=True):
             end += gain * change
+        held += change
 
     def remove_energy(self, energy_j):
-        swing = 0.5 * self.dt_s * self.force
-        rate = self.state.qdot + swing
-        kinetic_j = 0.5 * rate @ rate
+        kinetic_j = self.state.kinetic_energy_j()
         paid_j = min(energy_j, kinetic_j)
-        self.state.qdot[:] = np.sqrt(1.0 - paid_j / kinetic_j) * rate - swing if kinetic_j > 0.0 else -swing
+        self.state.qdot *= np.sqrt(1.0 - paid_j / kinetic_j) if kinetic_j > 0.0 else 0.0
         return paid_j
 
     def energy_j(self):
-        """Kinetic at rates halfway between the impulses of two steps."""
-        rate = self.state.qdot + 0.5 * self.dt_s * self.force
-        stored = 0.5 * np.sum((self.omega * self.state.q) ** 2) + stretch_energy(self.wall.address, self.state.q)
-        return 0.5 * rate @ rate + stored
-
-
-def test_the_law_is_an_exponential_and_then_its_tangent_for_kernels_and_arrays_alike():
-    q = np.linspace(0.0, 2.0 * MOST_Q, 81)
-    value, first, second = beyond_linear(q)
-    exponential = np.exp(np.minimum(q, MOST_Q))
-    tangent = (exponential - 1.0) * np.maximum(q - MOST_Q, 0.0)
-    np.testing.assert_allclose(value, exponential - 1.0 - np.minimum(q, MOST_Q) + tangent, atol=1e-13)
-    np.testing.assert_allclose(first, exponential - 1.0)
-    np.testing.assert_allclose(second, exponential * (q < MOST_Q))
-    np.testing.assert_allclose(np.transpose([beyond_linear_at(each) for each in q]), (value, first, second), rtol=1e-14)
+        stored = self.state.strain_energy_j(self.omega) + wall_energy(self.wall.address, self.state.q)
+        return self.state.kinetic_energy_j() + stored
 
 
 @pytest.mark.parametrize("pressure_pa", [10.0, 1e3, 3e3, 6e3])
@@ -157,52 +148,56 @@ def test_a_tube_under_pressure_and_pull_rests_where_the_closed_form_says(tube, p
     along = (moved[ends[0], 0].mean() - moved[ends[1], 0].mean()) / LENGTH
     # On a polygon of 48 corners a pressure pulls by 1 - cos(pi / 48) = 0.2 % less.
     assert np.array([along, round_it]) == pytest.approx(closed, abs=0.005 * np.abs(closed).max())
-    assert np.abs(stepped.state.qdot + 0.5e-3 * stepped.force).max() < 1e-6
+    assert np.abs(stepped.state.qdot).max() < 1e-6
 
 
 def test_a_small_strain_meets_the_linear_wall(duct, samples):
     stepped = Stepped(duct, samples)
     q = np.full(duct.n_modes, 1.0) / duct.omega_rad_s
-    q *= 1e-3 / np.linalg.norm(samples.strain @ q, axis=0).max()
-    stretch_force(stepped.wall.address, q, np.zeros(q.size), stepped.force)
+    q *= 1e-3 / np.sqrt(EXPONENT) / np.linalg.norm(samples.strain @ q)
+    held_force(stepped.wall.address, q, q, stepped.force)
     assert np.abs(stepped.force / (duct.omega_rad_s**2 * q)).max() < 1e-5
-    stretch_force(stepped.wall.address, np.zeros(q.size), np.zeros(q.size), stepped.force)
-    stretch_force(stepped.wall.address, np.zeros(q.size), np.zeros(q.size), stepped.force)
+    for _ in range(2):
+        held_force(stepped.wall.address, np.zeros(q.size), np.zeros(q.size), stepped.force)
     assert np.abs(stepped.force).max() < 1e-12
 
 
-def test_the_force_is_the_gradient_of_the_energy_at_the_end_of_the_step(duct, samples):
+@pytest.mark.parametrize("share", [0.8, 0.95])
+def test_the_force_does_the_work_of_the_energy_on_the_way_of_the_step(duct, samples, share):
+    """Ways that a step takes: of one from rest to there it would be 5 % off, as the energy is no quartic."""
     stepped = Stepped(duct, samples)
-    gain = stepped.wall.root**2
     free_end = stretched(samples, loaded_states(duct, 1)[:, 0], 2.0)
+    start = share * free_end
     for _ in range(6):
-        stretch_force(stepped.wall.address, free_end, np.zeros(gain.size), stepped.force)
-    at = free_end + gain * stepped.force
-    direction = np.cos(np.arange(gain.size)) / duct.omega_rad_s
-    step = 1e-5 * np.linalg.norm(at) / np.linalg.norm(direction)
-    sides = [stretch_energy(stepped.wall.address, at + sign * step * direction) for sign in (1.0, -1.0)]
-    assert -stepped.force @ direction == pytest.approx((sides[0] - sides[1]) / (2.0 * step), rel=1e-3)
+        held_force(stepped.wall.address, start, free_end, stepped.force)
+    at = free_end + stepped.held_gain * stepped.force
+    fell = wall_energy(stepped.wall.address, start) - wall_energy(stepped.wall.address, at)
+    assert stepped.force @ (at - start) == pytest.approx(fell, rel=2e-3)
 
 
 def test_a_wall_that_is_pulled_follows_the_exact_step_with_one_call_a_tick(duct, samples):
-    """Against a solver that knows no tick before: h = root f is the least of |h|^2 / 2 + E(p + root h)."""
+    """Against a solver that knows no tick before, and the mean slope on the way by its own potential."""
     wall = Stepped(duct, samples).wall
     far, root, force = stretched(samples, loaded_states(duct, 1)[:, 0], 3.0), wall.root, np.zeros(duct.n_modes)
-    rows = samples.strain * root
 
-    def value(h, free_end):
-        at = (rows @ (h + free_end / root)).reshape(-1, 3)
-        beyond, slope, _ = beyond_linear(np.sum(at**2, axis=1))
-        pull = ((2.0 * samples.energy_j * slope)[:, None] * at).ravel()
-        return 0.5 * h @ h + samples.energy_j @ beyond, h + pull @ rows
+    def value(h, free_end, start):
+        total, slope = 0.5 * h @ h, h.copy()
+        for point in POINTS:
+            at = (samples.strain @ (start + point * (free_end + root * h - start))).reshape(-1, 3)
+            beyond, stress, _ = LAW.respond(at)
+            total += 0.5 * samples.energy_j @ beyond / point
+            slope += 0.5 * root * ((samples.energy_j[:, None] * stress).ravel() @ samples.strain)
+        return total, slope
 
-    errors = []
+    errors, start = [], np.zeros(duct.n_modes)
     for tick in range(300):
         free_end = far * np.sin(np.pi * tick / 300.0)
-        stretch_force(wall.address, free_end, np.zeros(root.size), force)
+        held_force(wall.address, start, free_end, force)
         if tick % 10 == 5:
-            exact = minimize(value, force * root, free_end, jac=True, method="BFGS", options={"gtol": 1e-11}).x
+            arguments = free_end, start
+            exact = minimize(value, force * root, arguments, jac=True, method="BFGS", options={"gtol": 1e-11}).x
             errors.append(np.linalg.norm(root * force - exact) / np.linalg.norm(exact))
+        start = free_end + root**2 * force
     assert max(errors) < 1e-3, max(errors)
 
 
@@ -217,7 +212,7 @@ def loaded_states(basis, n):
 
 
 def test_few_triangles_stand_for_the_wall(model, duct, samples):
-    every = every_triangle(model, duct, EXPONENT)
+    every = every_triangle(model, duct, LAW)
     assert len(samples.energy_j) <= 160
     assert (samples.energy_j > 0.0).all()
     wrong = []
@@ -229,7 +224,7 @@ def test_few_triangles_stand_for_the_wall(model, duct, samples):
 
 
 def forms(samples, q):
-    return np.sum((samples.strain @ q).reshape(-1, 3) ** 2, axis=1)
+    return EXPONENT * np.sum((samples.strain @ q).reshape(-1, 3) ** 2, axis=1)
 
 
 def stretched(samples, q, largest):
@@ -238,8 +233,8 @@ def stretched(samples, q, largest):
 
 
 def work(samples, q):
-    form = forms(samples, q)
-    return np.sum(2.0 * samples.energy_j * np.expm1(np.minimum(form, MOST_Q)) * form)
+    strain = (samples.strain @ q).reshape(-1, 3)
+    return np.sum(samples.energy_j * np.sum(LAW.respond(strain)[1] * strain, axis=1))
 
 
 @pytest.mark.parametrize("dt_s", [1e-4, 1e-3, 1e-2])
@@ -270,18 +265,17 @@ def test_a_wall_that_is_let_go_at_once_gives_out_no_more_than_it_holds(duct, sam
         held_j = wall.energy_j()
         for tick in range(40):
             wall.step(none, expected=wall.omega**2 * wall.state.q - wall.force if tick == 0 else 0.0)
-            assert wall.energy_j() < 1.05 * held_j  # the swing of the rates by half a kick: 1.041 was seen
+            assert wall.energy_j() < 1.01 * held_j
 
 
 def held(wall, q):
     """The wall at rest at q (r,), where something holds it that is about to go."""
     free_end = wall.state.q[:] = q
     for _ in range(20):
-        stretch_force(wall.wall.address, free_end, np.zeros(q.size), wall.force)
-        free_end = q - wall.position_gain * wall.force
-    wall.state.qdot[:] = -0.5 * wall.dt_s * wall.force
-    wall.state.qddot[:] = -(wall.omega**2) * q
-    wall.wall.books[ENERGY] = stretch_energy(wall.wall.address, q)
+        held_force(wall.wall.address, q, free_end, wall.force)
+        free_end = q - wall.held_gain * wall.force
+    wall.state.qddot[:] = wall.force - wall.omega**2 * q
+    wall.wall.books[ENERGY] = wall_energy(wall.wall.address, q)
     return wall
 
 
@@ -291,8 +285,7 @@ def test_blows_that_nobody_foretold_bring_out_no_more_than_they_put_in(duct, sam
     wall, put_in, largest = Stepped(duct, samples, dt_s=dt_s), 0.0, 0.0
     for tick in range(600):
         blow = random.standard_normal(none.size) * 0.05 if tick % 50 == 0 else 0.0
-        rate = wall.state.qdot + 0.5 * dt_s * wall.force
-        put_in += float(np.sum(blow * (rate + 0.5 * blow)))
+        put_in += float(np.sum(blow * (wall.state.qdot + 0.5 * blow)))
         wall.step(none, blow=blow)
         largest = max(largest, forms(samples, wall.state.q).max())
         assert wall.energy_j() < put_in + 0.01 * abs(put_in)
@@ -304,7 +297,7 @@ def test_what_a_wall_under_contacts_has_gained_its_rates_pay(duct, samples):
     wall = held(Stepped(duct, samples), stretched(samples, loaded_states(duct, 1)[:, 0], 2.0))
     wall.contact_impulse = wall.omega**2 * wall.state.q - wall.force
     moved, held_j, none = [], wall.energy_j(), np.zeros(duct.n_modes)
-    wall.change_kick = moved.append
+    wall.change_held = lambda held, change: moved.append(change)
     wall.step(none, expected=wall.contact_impulse)
     assert moved == []
     owed_j = -wall.wall.books[TANK]
@@ -316,4 +309,4 @@ def test_sparse_weights_find_a_sum_of_few_columns():
     chosen, weights = sparse_weights(columns, columns[:, [3, 70, 199]] @ [1.0, 2.0, 0.5], 1e-9, 20)
     found = dict(zip(chosen.tolist(), weights, strict=True))
     assert {k: round(w, 6) for k, w in found.items() if w > 1e-6} == {3: 1.0, 70: 2.0, 199: 0.5}
-    assert isinstance(StretchSamples(columns, weights), StretchSamples)
+    assert isinstance(StretchSamples(columns, weights, LAW), StretchSamples)
