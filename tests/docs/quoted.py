@@ -116,11 +116,14 @@ def _figures_of_chain() -> Iterator[tuple[str, str]]:
 
 def figures() -> dict[str, str]:
     """Return all figures by their name, as the committed tables have them."""
-    cold = _rows("start-cold")
+    cold, first = _rows("start-cold"), _rows("first-start")
     found = {
         "cold_s": f"{cold['cold start to RUNNING']['value']:.0f}",
         "cold_limit_s": f"{cold['cold start to RUNNING']['limit']:.0f}",
         "cold_processor_s": f"{cold['cold processor time']['value']:.0f}",
+        "first_limit_s": f"{first['wheel: first start to RUNNING']['limit']:.0f}",
+        "first_wheel_s": f"{first['wheel: first start to RUNNING']['value']:.1f}",
+        "first_clone_s": f"{first['clone: first start to RUNNING']['value']:.0f}",
         "warm_s": _digits(_rows("start-warm")["warm start to RUNNING"]["value"]),
     }
     return found | dict(_figures_of_rig()) | dict(_figures_of_studies()) | dict(_figures_of_chain())
@@ -173,6 +176,8 @@ QUOTES = (
     Quote(FAST, "| warm start to RUNNING, s | {start_limit} | {start_marked} |"),
     Quote(FAST, "has a budget of {cold_limit_s} s. It takes [{cold_s} s]"),
     Quote(FAST, "{cold_processor_s} s of processor time"),
+    Quote(FAST, "It has a budget of {first_limit_s} s and took [{first_wheel_s} s]"),
+    Quote(FAST, "one from a clone took {first_clone_s} s instead of {cold_s}."),
     Quote(STUDY, "force over an insertion 1 ms {long_error} % {long_us} timestep"),
     Quote(STUDY, "force over an insertion 0.5 ms {short_error} % {short_us} The"),
     Quote(STUDY, "steps of 0.5 ms take {step_times} times the time of steps of 1 ms and have {step_part} % of the"),
