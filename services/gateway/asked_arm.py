@@ -14,13 +14,11 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
-import numpy as np
-
 from trocar.services.gateway.background_open import BackgroundOpen
 from trocar.services.gateway.clock import Clock
 from trocar.services.gateway.device_files import ArmFile
 from trocar.services.gateway.driver import Arm, Place
-from trocar.services.gateway.limited_force import LimitedForce
+from trocar.services.gateway.limited_force import NO_FORCE, LimitedForce
 from trocar.services.gateway.measured_motion import MeasuredMotion
 from trocar.services.gateway.servo_arrays import READ_ROLL, READ_TEMPERATURE
 from trocar.services.mechanics.arrays import FloatArray
@@ -65,8 +63,8 @@ class Link(ABC):
         """Return what was answered since the last call. Never waits."""
 
     @abstractmethod
-    def ask(self, force_n: FloatArray, now_ns: int) -> None:
-        """Ask for the arm's state, giving it a force (3,) in its frame. Never waits."""
+    def ask(self, force_n: Vector3, now_ns: int) -> None:
+        """Ask for the arm's state, giving it a force in its frame. Never waits."""
 
     @property
     @abstractmethod
@@ -127,7 +125,7 @@ class AskedArm(Arm):
         self._begin(link)
         until_ns = self._clock.monotonic_ns() + round(1e9 * _OPEN_S)
         while not self._motion.sampled_ns and not link.lost and self._clock.monotonic_ns() < until_ns:
-            self._exchange(link, np.zeros(3))
+            self._exchange(link, NO_FORCE)
             self._clock.sleep(_TURN_S)
             self._hear(link, self._clock.monotonic_ns())
         if not self._motion.sampled_ns:
@@ -173,7 +171,8 @@ class AskedArm(Arm):
         if link is None or self._opening is not None:
             self._as_ordered = False
             return
-        asked = self._exchange(link, force_n if self._enabled and self.calibrated else np.zeros(3))
+        x, y, z = force_n.tolist()
+        asked = self._exchange(link, (x, y, z) if self._enabled and self.calibrated else NO_FORCE)
         self._missed += _NEWEST * (float(not asked) - self._missed)
 
     def write_span_ns(self, read_ns: int, written_ns: int) -> int:
@@ -200,7 +199,7 @@ class AskedArm(Arm):
         until_ns = self._clock.monotonic_ns() + round(1e9 * _CLOSE_S)
         asked = False
         while not link.lost and self._clock.monotonic_ns() < until_ns and not (asked and link.outstanding == 0):
-            asked = self._exchange(link, np.zeros(3)) or asked
+            asked = self._exchange(link, NO_FORCE) or asked
             self._clock.sleep(_TURN_S)
             link.answers(self._clock.monotonic_ns())
         link.close()
@@ -229,7 +228,7 @@ class AskedArm(Arm):
             link.switch_on()
         return link
 
-    def _exchange(self, link: Link, force_n: FloatArray) -> bool:
+    def _exchange(self, link: Link, force_n: Vector3) -> bool:
         self._as_ordered = False
         if link.lost or link.outstanding:
             return False

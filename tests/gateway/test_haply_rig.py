@@ -50,7 +50,7 @@ class Rig:
     def close(self) -> None:
         self.bench.close()
         self.service.kill()
-        self.service.wait()
+        self.service.communicate()
 
 
 @pytest.fixture

@@ -8,7 +8,6 @@ from trocar.services.gateway.asked_arm import Answer, Link
 from trocar.services.gateway.haply.channel import Channel
 from trocar.services.gateway.haply.grip import Grip
 from trocar.services.gateway.haply.messages import ArmEntry, Filters, Gravity, Told, force_message, understand
-from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.runtime.rig import Vector3
 
 #: Answers of a tick that are looked at.
@@ -63,9 +62,9 @@ class ArmLink(Link):
             "strange_answers": float(self._strange),
         }
 
-    def ask(self, force_n: FloatArray, now_ns: int) -> None:
+    def ask(self, force_n: Vector3, now_ns: int) -> None:
         """Send a force, which the service gives the arm once."""
-        toward, right, up = force_n.tolist()
+        toward, right, up = force_n
         self._asked.append(now_ns)
         self._channel.send(force_message(self._key, self._identity, (right, -toward, up)))
 
