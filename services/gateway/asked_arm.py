@@ -109,7 +109,7 @@ class AskedArm(Arm):
         self._roll_rad = 0.0
         self._enabled = self._as_ordered = self._was_calibrated = False
         self._problem = self._told_prompt = ""
-        self._heard_ns = self._read_ns = 0
+        self._silent_ns = self._read_ns = 0  # how long reads have told nothing that was believed, and the last read
         self._missed = 0.0  # mean share of ticks in which nothing could be asked
 
     @abstractmethod
@@ -156,12 +156,11 @@ class AskedArm(Arm):
         if self._opening is not None and self._opening.done:
             link = self._take_over(self._opening, link)
         now_ns = self._clock.monotonic_ns()
-        if now_ns - self._read_ns > RESTING_NS:  # it is this process that was busy
-            self._heard_ns = now_ns
+        self._silent_ns += min(now_ns - self._read_ns, RESTING_NS)  # of a longer time this process was busy
         self._read_ns = now_ns
         if self._opening is None:
             self._hear(link, now_ns)
-        self._judge(link, now_ns)
+        self._judge(link)
         self._motion.write(reading)
         reading[READ_ROLL] = self._roll_rad
 
@@ -211,7 +210,7 @@ class AskedArm(Arm):
         self._was_calibrated = False
         self._missed = 0.0
         self._problem = self._told_prompt = ""
-        self._heard_ns = self._clock.monotonic_ns()
+        self._silent_ns, self._read_ns = 0, self._clock.monotonic_ns()
 
     def _open_anew(self, old: Link) -> Link:
         old.close()
@@ -249,15 +248,15 @@ class AskedArm(Arm):
         if newest.roll_rad is not None:
             self._roll_rad = newest.roll_rad
         if newest.place_m is not None and self._motion.take(newest.place_m, newest.asked_ns):
-            self._heard_ns = now_ns
+            self._silent_ns = 0
 
-    def _judge(self, link: Link, now_ns: int) -> None:
+    def _judge(self, link: Link) -> None:
         if self._opening is not None:
             self.calibrated = False
             self.prompt = f"{self.shown} is being opened anew"
             return
-        silent = now_ns - self._heard_ns > SILENT_NS
-        if now_ns - self._heard_ns > RESTING_NS or link.lost:
+        silent = self._silent_ns > SILENT_NS
+        if self._silent_ns > RESTING_NS or link.lost:
             self._motion.rest()
         self.fault = self.fault or self._find_fault(link, silent)
         self._was_calibrated = self._was_calibrated or self.calibrated

@@ -127,6 +127,15 @@ def test_an_arm_that_cannot_be_chosen_is_one_sentence(
         bench.open()
 
 
+def test_an_arm_of_two_instruments_is_refused_as_the_service_would_add_their_forces() -> None:
+    with arms({"id": "A"}, {"id": "A"}, A="inverse3", B="inverse3") as bench:
+        with pytest.raises(DeviceError, match="another instrument has arm A, and the service would add their forces"):
+            bench.open()
+        bench.drivers.pop().close()
+        bench.drivers[0].close()
+        bench.drivers[0].open()  # it is free again
+
+
 def test_a_minverse_is_read_and_pushed_like_its_large_sister() -> None:
     with arms(device="minverse", M="minverse") as bench:
         bench.service.arms["M"].place = lambda _: (0.0, -0.08, 0.1)

@@ -101,35 +101,34 @@ class DeviceServer:
 
 
 class _Shared:
-    """A server with how many use it."""
+    """A server with which parts of its device are used: its arm, its gripper."""
 
-    def __init__(self, server: DeviceServer) -> None:
-        self.server, self.users = server, 1
+    def __init__(self, server: DeviceServer, part: str) -> None:
+        self.server, self.parts = server, {part}
 
 
 _servers: dict[tuple[str, int | None], _Shared] = {}
 _lock = threading.Lock()
 
 
-def join_server(path: str, serial: int | None, gravity: bool, where: str, clock: Clock) -> DeviceServer:
+def join_server(path: str, serial: int | None, gravity: bool, part: str, where: str, clock: Clock) -> DeviceServer:
     """Return the server of a device, which is opened unless the other of arm and gripper has it open.
 
-    A device with a problem is opened anew. Raises DeviceError: one sentence.
+    A device with a problem is opened anew. Raises DeviceError: one sentence; also if another instrument has the part.
     """
     with _lock:
         shared = _servers.get((path, serial))
-        if shared is not None and not shared.server.lost and not _has_problem(shared.server):
-            shared.users += 1
-            return shared.server
-        if shared is not None:
-            shared.server.close()
-        server = DeviceServer(Library(path, where), serial, gravity, where, clock)
+        if shared is not None and part in shared.parts:
+            raise DeviceError(f"{where}: another instrument has this {part}: name each by its `serial`")
         if shared is None:
-            _servers[path, serial] = _Shared(server)
-        else:
-            shared.server = server
-            shared.users += 1
-        return server
+            server = DeviceServer(Library(path, where), serial, gravity, where, clock)
+            _servers[path, serial] = _Shared(server, part)
+            return server
+        if shared.server.lost or _has_problem(shared.server):
+            shared.server.close()
+            shared.server = DeviceServer(Library(path, where), serial, gravity, where, clock)
+        shared.parts.add(part)
+        return shared.server
 
 
 def current_server(path: str, serial: int | None, last: DeviceServer) -> DeviceServer:
@@ -138,14 +137,14 @@ def current_server(path: str, serial: int | None, last: DeviceServer) -> DeviceS
     return last if shared is None else shared.server
 
 
-def leave_server(path: str, serial: int | None) -> None:
-    """End the use of a device; the last user closes it."""
+def leave_server(path: str, serial: int | None, part: str) -> None:
+    """End the use of a part of a device; the last closes it. Without use nothing happens."""
     with _lock:
         shared = _servers.get((path, serial))
-        if shared is None:
+        if shared is None or part not in shared.parts:
             return
-        shared.users -= 1
-        if shared.users <= 0:
+        shared.parts.discard(part)
+        if not shared.parts:
             del _servers[path, serial]
             shared.server.close()
 

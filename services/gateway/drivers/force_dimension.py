@@ -17,6 +17,7 @@ from trocar.services.runtime import config
 from trocar.services.runtime.errors import DeviceError
 from trocar.services.runtime.rig import DriverSettings, Vector3
 
+_PART = "arm"
 _FAMILIES = ("omega", "sigma", "delta", "lambda", "falcon")
 
 
@@ -26,6 +27,7 @@ class DeviceLink(Link):
     def __init__(self, server: DeviceServer, own: DhdSettings, centre_m: Vector3, shown: str) -> None:
         self._server, self._own, self._centre_m, self._shown = server, own, centre_m, shown
         self._roll = GripRoll()
+        self._closed = False
 
     @property
     def outstanding(self) -> int:
@@ -57,7 +59,9 @@ class DeviceLink(Link):
 
     def close(self) -> None:
         """Let the device go, unless its gripper is used."""
-        leave_server(self._own.library, self._own.serial)
+        if not self._closed:
+            leave_server(self._own.library, self._own.serial, _PART)
+        self._closed = True
 
 
 class Driver(AskedArm):
@@ -71,10 +75,10 @@ class Driver(AskedArm):
     def connect(self) -> Link:
         """Open the device, unless its gripper has it open."""
         own = self._own
-        server = join_server(own.library, own.serial, own.gravity_compensation, self.where, self._clock)
+        server = join_server(own.library, own.serial, own.gravity_compensation, _PART, self.where, self._clock)
         told, found = _family(self._file.model), _family(server.model)
         if told and found and told != found:
-            leave_server(own.library, own.serial)
+            leave_server(own.library, own.serial, _PART)
             raise DeviceError(
                 f"{self.where}: {self.shown} is a {server.model}, its device file is of {self._file.model}: "
                 "name the file of this arm as `device`"

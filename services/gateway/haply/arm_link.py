@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 
 from trocar.services.gateway.asked_arm import Answer, Link
 from trocar.services.gateway.haply.channel import Channel
@@ -22,7 +23,13 @@ class ArmLink(Link):
         grip: The grip that turns the tool, with its identity, or None.
         centre_m: The middle of the workspace, in the service's axes.
         shown: How sentences name the arm.
+        in_force: What the service adds to forces.
+
+    Attributes:
+        on_close: Called when the session ends.
     """
+
+    on_close: Callable[[], None] | None = None
 
     def __init__(
         self,
@@ -81,6 +88,9 @@ class ArmLink(Link):
     def close(self) -> None:
         """End the session, after which the service lets the arm go."""
         self._channel.close()
+        if self.on_close is not None:
+            self.on_close()
+        self.on_close = None
 
     def _answer(self, asked_ns: int, told: Told | None) -> Answer:
         if told is None:
