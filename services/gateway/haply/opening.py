@@ -66,7 +66,7 @@ def open_arm(wanted: Wanted, where: str, shown: str, clock: Clock) -> ArmLink:
 
     Raises DeviceError: one sentence.
     """
-    channel = _find_service(wanted, where, clock)
+    channel = open_service(wanted.host, wanted.port, where, clock)
     try:
         return _begin_session(channel, wanted, where, shown, clock)
     except DeviceError:
@@ -96,10 +96,6 @@ def open_service(host: str, port: int, where: str, clock: Clock) -> Channel:
     except OSError as error:
         why = error.strerror or str(error)
         raise DeviceError(f"{where}: no Haply service at {host}:{port} ({why}): {_START}") from None
-
-
-def _find_service(wanted: Wanted, where: str, clock: Clock) -> Channel:
-    return open_service(wanted.host, wanted.port, where, clock)
 
 
 def _begin_session(channel: Channel, wanted: Wanted, where: str, shown: str, clock: Clock) -> ArmLink:
