@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import threading
 from collections import deque
 
@@ -14,6 +16,8 @@ from trocar.services.runtime.rig import Vector3
 
 #: An order is trusted for so long; a gateway that stands still gives the hand nothing.
 STALE_NS = 20_000_000
+#: Questions between looks whether this process has become real-time, which happens when its loop begins.
+_RAISE_EVERY = 16
 _JOIN_S = 1.0
 _NONE: Vector3 = (0.0, 0.0, 0.0)
 
@@ -38,7 +42,7 @@ class DeviceServer:
         self._clock = clock
         self._order: tuple[int, Vector3] = (0, _NONE)
         self._grip: tuple[int, float] = (0, 0.0)
-        self._motors = self._ended = False
+        self._motors = self._ended = self._is_raised = False
         self._wake = threading.Event()
         if library.c.dhdSetGravityCompensation(int(gravity), handle) < 0:
             why = library.error()
@@ -51,6 +55,8 @@ class DeviceServer:
         """Ask for an exchange with this force on the arm."""
         self._order = (now_ns, force_n)
         self.asked += 1
+        if not self._is_raised and self.asked % _RAISE_EVERY == 0:
+            self._raise_priority()
         self._wake.set()
 
     def grip(self, force_n: float, now_ns: int) -> None:
@@ -67,6 +73,15 @@ class DeviceServer:
         self._ended = True
         self._wake.set()
         self._thread.join(_JOIN_S)
+
+    def _raise_priority(self) -> None:
+        """Set the thread one priority above the calling one, if that is real-time, as it waits for the thread."""
+        if os.sched_getscheduler(0) != os.SCHED_FIFO or self._thread.native_id is None:
+            return
+        self._is_raised = True
+        above = os.sched_param(os.sched_getparam(0).sched_priority + 1)
+        with contextlib.suppress(OSError):  # not permitted: it is then late at times
+            os.sched_setscheduler(self._thread.native_id, os.SCHED_FIFO, above)
 
     def _run(self) -> None:
         while not self._ended:
