@@ -14,13 +14,11 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
-import numpy as np
-
 from trocar.services.gateway.background_open import BackgroundOpen
 from trocar.services.gateway.clock import Clock
 from trocar.services.gateway.device_files import ArmFile
 from trocar.services.gateway.driver import Arm, Place
-from trocar.services.gateway.limited_force import LimitedForce
+from trocar.services.gateway.limited_force import NO_FORCE, LimitedForce
 from trocar.services.gateway.measured_motion import MeasuredMotion
 from trocar.services.gateway.servo_arrays import READ_ROLL, READ_TEMPERATURE
 from trocar.services.mechanics.arrays import FloatArray
@@ -65,8 +63,8 @@ class Link(ABC):
         """Return what was answered since the last call. Never waits."""
 
     @abstractmethod
-    def ask(self, force_n: FloatArray, now_ns: int) -> None:
-        """Ask for the arm's state, giving it a force (3,) in its frame. Never waits."""
+    def ask(self, force_n: Vector3, now_ns: int) -> None:
+        """Ask for the arm's state, giving it a force in its frame. Never waits."""
 
     @property
     @abstractmethod
@@ -111,7 +109,7 @@ class AskedArm(Arm):
         self._roll_rad = 0.0
         self._enabled = self._as_ordered = self._was_calibrated = False
         self._problem = self._told_prompt = ""
-        self._heard_ns = self._read_ns = 0
+        self._silent_ns = self._read_ns = 0  # how long reads have told nothing that was believed, and the last read
         self._missed = 0.0  # mean share of ticks in which nothing could be asked
 
     @abstractmethod
@@ -127,7 +125,7 @@ class AskedArm(Arm):
         self._begin(link)
         until_ns = self._clock.monotonic_ns() + round(1e9 * _OPEN_S)
         while not self._motion.sampled_ns and not link.lost and self._clock.monotonic_ns() < until_ns:
-            self._exchange(link, np.zeros(3))
+            self._exchange(link, NO_FORCE)
             self._clock.sleep(_TURN_S)
             self._hear(link, self._clock.monotonic_ns())
         if not self._motion.sampled_ns:
@@ -158,12 +156,11 @@ class AskedArm(Arm):
         if self._opening is not None and self._opening.done:
             link = self._take_over(self._opening, link)
         now_ns = self._clock.monotonic_ns()
-        if now_ns - self._read_ns > RESTING_NS:  # it is this process that was busy
-            self._heard_ns = now_ns
+        self._silent_ns += min(now_ns - self._read_ns, RESTING_NS)  # of a longer time this process was busy
         self._read_ns = now_ns
         if self._opening is None:
             self._hear(link, now_ns)
-        self._judge(link, now_ns)
+        self._judge(link)
         self._motion.write(reading)
         reading[READ_ROLL] = self._roll_rad
 
@@ -173,7 +170,8 @@ class AskedArm(Arm):
         if link is None or self._opening is not None:
             self._as_ordered = False
             return
-        asked = self._exchange(link, force_n if self._enabled and self.calibrated else np.zeros(3))
+        x, y, z = force_n.tolist()
+        asked = self._exchange(link, (x, y, z) if self._enabled and self.calibrated else NO_FORCE)
         self._missed += _NEWEST * (float(not asked) - self._missed)
 
     def write_span_ns(self, read_ns: int, written_ns: int) -> int:
@@ -200,7 +198,7 @@ class AskedArm(Arm):
         until_ns = self._clock.monotonic_ns() + round(1e9 * _CLOSE_S)
         asked = False
         while not link.lost and self._clock.monotonic_ns() < until_ns and not (asked and link.outstanding == 0):
-            asked = self._exchange(link, np.zeros(3)) or asked
+            asked = self._exchange(link, NO_FORCE) or asked
             self._clock.sleep(_TURN_S)
             link.answers(self._clock.monotonic_ns())
         link.close()
@@ -212,7 +210,7 @@ class AskedArm(Arm):
         self._was_calibrated = False
         self._missed = 0.0
         self._problem = self._told_prompt = ""
-        self._heard_ns = self._clock.monotonic_ns()
+        self._silent_ns, self._read_ns = 0, self._clock.monotonic_ns()
 
     def _open_anew(self, old: Link) -> Link:
         old.close()
@@ -229,7 +227,7 @@ class AskedArm(Arm):
             link.switch_on()
         return link
 
-    def _exchange(self, link: Link, force_n: FloatArray) -> bool:
+    def _exchange(self, link: Link, force_n: Vector3) -> bool:
         self._as_ordered = False
         if link.lost or link.outstanding:
             return False
@@ -250,15 +248,15 @@ class AskedArm(Arm):
         if newest.roll_rad is not None:
             self._roll_rad = newest.roll_rad
         if newest.place_m is not None and self._motion.take(newest.place_m, newest.asked_ns):
-            self._heard_ns = now_ns
+            self._silent_ns = 0
 
-    def _judge(self, link: Link, now_ns: int) -> None:
+    def _judge(self, link: Link) -> None:
         if self._opening is not None:
             self.calibrated = False
             self.prompt = f"{self.shown} is being opened anew"
             return
-        silent = now_ns - self._heard_ns > SILENT_NS
-        if now_ns - self._heard_ns > RESTING_NS or link.lost:
+        silent = self._silent_ns > SILENT_NS
+        if self._silent_ns > RESTING_NS or link.lost:
             self._motion.rest()
         self.fault = self.fault or self._find_fault(link, silent)
         self._was_calibrated = self._was_calibrated or self.calibrated

@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from trocar.protocol.topics import TICK_S
 from trocar.services.gateway.servo_law import MAX_STEP_S
-from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.runtime.rig import Vector3
 
 #: A device that got no force for longer may have let go, so the next begins at none.
 FORGOTTEN_NS = 5_000_000
 SPARE_S = 0.5 * TICK_S
+NO_FORCE: Vector3 = (0.0, 0.0, 0.0)
 _EXACT_N = 1e-9
 
 
@@ -27,29 +26,32 @@ class LimitedForce:
     """
 
     def __init__(self, rate_n_s: float) -> None:
-        self.given = np.zeros(3)
+        self.given = NO_FORCE
         self._rate_n_s = rate_n_s
         self._given_ns = 0
         self._credit_s = 0.0
 
-    def next(self, wanted: FloatArray, now_ns: int) -> tuple[FloatArray, bool]:
-        """Return the force to give now instead of `wanted` (3,), and whether it is the wanted one."""
+    def next(self, wanted: Vector3, now_ns: int) -> tuple[Vector3, bool]:
+        """Return the force to give now instead of `wanted`, and whether it is the wanted one."""
         passed_ns = now_ns - self._given_ns
         if self._given_ns and 0 <= passed_ns <= FORGOTTEN_NS:
             self._credit_s = min(self._credit_s, SPARE_S) + min(1e-9 * passed_ns, MAX_STEP_S)
         else:
-            self.given, self._credit_s = np.zeros(3), TICK_S
+            self.given, self._credit_s = NO_FORCE, TICK_S
         self._given_ns = now_ns
-        start = self.given * _share_along(self.given, wanted)
-        rise = wanted - start
-        size_n, most_n = math.hypot(*rise.tolist()), self._rate_n_s * self._credit_s
+        x, y, z = self._fallen(wanted)
+        dx, dy, dz = wanted[0] - x, wanted[1] - y, wanted[2] - z
+        size_n, most_n = math.sqrt(dx * dx + dy * dy + dz * dz), self._rate_n_s * self._credit_s
         share = most_n / size_n if size_n > most_n else 1.0
         self._credit_s -= share * size_n / self._rate_n_s
-        self.given = start + share * rise
+        self.given = (x + share * dx, y + share * dy, z + share * dz)
         return self.given, size_n <= most_n + _EXACT_N
 
-
-def _share_along(force: FloatArray, wanted: FloatArray) -> float:
-    """Return to which share of itself a force may fall at once on its way to another."""
-    square = float(force @ force)
-    return min(1.0, max(0.0, float(force @ wanted) / square)) if square > 0.0 else 0.0
+    def _fallen(self, wanted: Vector3) -> Vector3:
+        """Return what the last force may fall to at once on its way to the wanted one."""
+        x, y, z = self.given
+        square = x * x + y * y + z * z
+        if square == 0.0:
+            return self.given
+        along = min(1.0, max(0.0, (x * wanted[0] + y * wanted[1] + z * wanted[2]) / square))
+        return along * x, along * y, along * z

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import socket
+import threading
+import time
 
 import numpy as np
 import pytest
@@ -12,7 +15,7 @@ from tests.gateway.haply_service import CENTRE_M, to_and_fro
 from trocar.services.gateway import servo_arrays
 from trocar.services.gateway.driver import check_host
 from trocar.services.gateway.haply.grip import Grip
-from trocar.services.gateway.haply.messages import Wxyz
+from trocar.services.gateway.haply.messages import GripEntry, GripState, Wxyz
 from trocar.services.runtime.errors import ConfigError, DeviceError
 from trocar.services.runtime.rig import DriverSettings
 
@@ -32,6 +35,18 @@ def test_velocity_is_of_differences_whatever_the_service_tells() -> None:
         bench.service.arms["049D"].place = to_and_fro
         bench.open()
         bench.run(200)
+        now_s = 1e-9 * bench.service.clock.monotonic_ns()
+        velocity = bench.readings[0][servo_arrays.READ_VELOCITY :][:3]
+        np.testing.assert_allclose(velocity, [0.0, 0.0, 0.02 * math.cos(now_s)], atol=2e-3)
+
+
+def test_velocity_is_right_at_the_rate_that_the_service_holds() -> None:
+    with arms() as bench:
+        bench.service.arms["049D"].place = to_and_fro
+        bench.service.after_s = 0.0015
+        bench.open()
+        bench.run(600)
+        assert bench.drivers[0].gauges()["servo_rate_hz"] < 550.0
         now_s = 1e-9 * bench.service.clock.monotonic_ns()
         velocity = bench.readings[0][servo_arrays.READ_VELOCITY :][:3]
         np.testing.assert_allclose(velocity, [0.0, 0.0, 0.02 * math.cos(now_s)], atol=2e-3)
@@ -127,6 +142,15 @@ def test_an_arm_that_cannot_be_chosen_is_one_sentence(
         bench.open()
 
 
+def test_an_arm_of_two_instruments_is_refused_as_the_service_would_add_their_forces() -> None:
+    with arms({"id": "A"}, {"id": "A"}, A="inverse3", B="inverse3") as bench:
+        with pytest.raises(DeviceError, match="another instrument has arm A, and the service would add their forces"):
+            bench.open()
+        bench.drivers.pop().close()
+        bench.drivers[0].close()
+        bench.drivers[0].open()  # it is free again
+
+
 def test_a_minverse_is_read_and_pushed_like_its_large_sister() -> None:
     with arms(device="minverse", M="minverse") as bench:
         bench.service.arms["M"].place = lambda _: (0.0, -0.08, 0.1)
@@ -143,6 +167,31 @@ def test_a_service_that_is_not_there_is_one_sentence() -> None:
             DeviceError, match=r"instrument 'left': no Haply service at localhost:\d+ \(Connection refused\)"
         ):
             bench.open()
+
+
+@pytest.mark.parametrize("said", [b"HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n\r\n", b"220 smtp ready\r\n", b""])
+def test_what_is_no_websocket_is_one_sentence(said: bytes) -> None:
+    with arms() as bench, socket.create_server(("127.0.0.1", 0)) as door:
+        settings = {"port": door.getsockname()[1]}
+
+        def answer() -> None:
+            peer, _ = door.accept()
+            with peer:
+                peer.recv(1 << 12)
+                peer.sendall(said)
+
+        thread = threading.Thread(target=answer)
+        thread.start()
+        driver = bench.driver(settings)
+        bench.service.spoil = lambda _: None
+        clock = driver._clock
+        driver._clock = time  # type: ignore[assignment]  # the peer has a time of its own
+        try:
+            with pytest.raises(DeviceError, match=r"instrument 'left': no Haply service at localhost:\d+ \("):
+                driver.open()
+        finally:
+            driver._clock = clock
+            thread.join()
 
 
 def test_an_older_service_is_refused_by_its_version() -> None:
@@ -225,17 +274,12 @@ def test_of_several_grips_one_is_to_be_named() -> None:
     "wrong", [Wxyz(), Wxyz(1.0, 0.0, 0.0), Wxyz(5.0, 0.0, 0.0, 0.0), Wxyz(0.0, 1.0, 0.0, 0.0), Wxyz(*4 * [math.nan])]
 )
 def test_an_orientation_that_is_none_does_not_turn_the_tool(wrong: Wxyz) -> None:
-    from trocar.services.gateway.haply.messages import GripEntry, GripState
-
     held = Grip("z")
     held.take(GripEntry("G", GripState(wrong)), 1_000_000)
     assert (held.roll_rad, held.awake) == (0.0, False)
 
 
 def test_the_host_check_names_the_service_its_arms_and_what_is_missing() -> None:
-    import threading
-    import time
-
     with arms() as bench:
         service, ended = bench.service, threading.Event()
         service.arms["049D"].status["power_supply"] = False

@@ -12,7 +12,11 @@ from trocar.services.gateway.device_files import ArmFile
 from trocar.services.gateway.velocity_filter import butterworth, low_pass
 from trocar.services.runtime import config
 
-ARMS = ("phantom_premium_1_5", "touch", "touch_x")
+ARMS = tuple(
+    sorted(
+        path.stem for path in (config.config_directory() / "devices").glob("*.yaml") if "kind: arm" in path.read_text()
+    )
+)
 
 
 def arm_file(name: str) -> ArmFile:
@@ -83,7 +87,7 @@ class Rubbing:
         return float(law.force(self.delay * DT_S)[0])
 
 
-@pytest.mark.parametrize("name", ["touch", "touch_x"])
+@pytest.mark.parametrize("name", [name for name in ARMS if name != "phantom_premium_1_5"])
 def test_no_hand_gets_energy_out_of_an_arm_with_a_count_and_friction_of_its_own(name: str) -> None:
     assert max(Rubbing(name, seed, bounded=True).run(600) for seed in range(24)) <= 0.0
     assert max(Rubbing(name, seed, bounded=False).run(600) for seed in range(24)) > 1e-4

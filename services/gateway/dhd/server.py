@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import threading
 from collections import deque
 
@@ -14,6 +16,8 @@ from trocar.services.runtime.rig import Vector3
 
 #: An order is trusted for so long; a gateway that stands still gives the hand nothing.
 STALE_NS = 20_000_000
+#: Questions between looks whether this process has become real-time, which happens when its loop begins.
+_RAISE_EVERY = 16
 _JOIN_S = 1.0
 _NONE: Vector3 = (0.0, 0.0, 0.0)
 
@@ -38,7 +42,7 @@ class DeviceServer:
         self._clock = clock
         self._order: tuple[int, Vector3] = (0, _NONE)
         self._grip: tuple[int, float] = (0, 0.0)
-        self._motors = self._ended = False
+        self._motors = self._ended = self._is_raised = False
         self._wake = threading.Event()
         if library.c.dhdSetGravityCompensation(int(gravity), handle) < 0:
             why = library.error()
@@ -51,6 +55,8 @@ class DeviceServer:
         """Ask for an exchange with this force on the arm."""
         self._order = (now_ns, force_n)
         self.asked += 1
+        if not self._is_raised and self.asked % _RAISE_EVERY == 0:
+            self._raise_priority()
         self._wake.set()
 
     def grip(self, force_n: float, now_ns: int) -> None:
@@ -67,6 +73,15 @@ class DeviceServer:
         self._ended = True
         self._wake.set()
         self._thread.join(_JOIN_S)
+
+    def _raise_priority(self) -> None:
+        """Set the thread one priority above the calling one, if that is real-time, as it waits for the thread."""
+        if os.sched_getscheduler(0) != os.SCHED_FIFO or self._thread.native_id is None:
+            return
+        self._is_raised = True
+        above = os.sched_param(os.sched_getparam(0).sched_priority + 1)
+        with contextlib.suppress(OSError):  # not permitted: it is then late at times
+            os.sched_setscheduler(self._thread.native_id, os.SCHED_FIFO, above)
 
     def _run(self) -> None:
         while not self._ended:
@@ -101,35 +116,34 @@ class DeviceServer:
 
 
 class _Shared:
-    """A server with how many use it."""
+    """A server with which parts of its device are used: its arm, its gripper."""
 
-    def __init__(self, server: DeviceServer) -> None:
-        self.server, self.users = server, 1
+    def __init__(self, server: DeviceServer, part: str) -> None:
+        self.server, self.parts = server, {part}
 
 
 _servers: dict[tuple[str, int | None], _Shared] = {}
 _lock = threading.Lock()
 
 
-def join_server(path: str, serial: int | None, gravity: bool, where: str, clock: Clock) -> DeviceServer:
+def join_server(path: str, serial: int | None, gravity: bool, part: str, where: str, clock: Clock) -> DeviceServer:
     """Return the server of a device, which is opened unless the other of arm and gripper has it open.
 
-    A device with a problem is opened anew. Raises DeviceError: one sentence.
+    A device with a problem is opened anew. Raises DeviceError: one sentence; also if another instrument has the part.
     """
     with _lock:
         shared = _servers.get((path, serial))
-        if shared is not None and not shared.server.lost and not _has_problem(shared.server):
-            shared.users += 1
-            return shared.server
-        if shared is not None:
-            shared.server.close()
-        server = DeviceServer(Library(path, where), serial, gravity, where, clock)
+        if shared is not None and part in shared.parts:
+            raise DeviceError(f"{where}: another instrument has this {part}: name each by its `serial`")
         if shared is None:
-            _servers[path, serial] = _Shared(server)
-        else:
-            shared.server = server
-            shared.users += 1
-        return server
+            server = DeviceServer(Library(path, where), serial, gravity, where, clock)
+            _servers[path, serial] = _Shared(server, part)
+            return server
+        if shared.server.lost or _has_problem(shared.server):
+            shared.server.close()
+            shared.server = DeviceServer(Library(path, where), serial, gravity, where, clock)
+        shared.parts.add(part)
+        return shared.server
 
 
 def current_server(path: str, serial: int | None, last: DeviceServer) -> DeviceServer:
@@ -138,14 +152,14 @@ def current_server(path: str, serial: int | None, last: DeviceServer) -> DeviceS
     return last if shared is None else shared.server
 
 
-def leave_server(path: str, serial: int | None) -> None:
-    """End the use of a device; the last user closes it."""
+def leave_server(path: str, serial: int | None, part: str) -> None:
+    """End the use of a part of a device; the last closes it. Without use nothing happens."""
     with _lock:
         shared = _servers.get((path, serial))
-        if shared is None:
+        if shared is None or part not in shared.parts:
             return
-        shared.users -= 1
-        if shared.users <= 0:
+        shared.parts.discard(part)
+        if not shared.parts:
             del _servers[path, serial]
             shared.server.close()
 

@@ -13,10 +13,12 @@ from trocar.services.gateway.dhd.settings import DhdSettings
 from trocar.services.gateway.driver import Place
 from trocar.services.gateway.grip_roll import GripRoll
 from trocar.services.gateway.host_check import HostCheck
-from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.runtime import config
 from trocar.services.runtime.errors import DeviceError
 from trocar.services.runtime.rig import DriverSettings, Vector3
+
+_PART = "arm"
+_FAMILIES = ("omega", "sigma", "delta", "lambda", "falcon")
 
 
 class DeviceLink(Link):
@@ -25,6 +27,7 @@ class DeviceLink(Link):
     def __init__(self, server: DeviceServer, own: DhdSettings, centre_m: Vector3, shown: str) -> None:
         self._server, self._own, self._centre_m, self._shown = server, own, centre_m, shown
         self._roll = GripRoll()
+        self._closed = False
 
     @property
     def outstanding(self) -> int:
@@ -40,10 +43,9 @@ class DeviceLink(Link):
         """Switch the motors on."""
         self._server.switch_on()
 
-    def ask(self, force_n: FloatArray, now_ns: int) -> None:
+    def ask(self, force_n: Vector3, now_ns: int) -> None:
         """Ask for an exchange; the library's axes are those of an arm: toward the user, right, up."""
-        toward, right, up = force_n.tolist()
-        self._server.ask((toward, right, up), now_ns)
+        self._server.ask(force_n, now_ns)
 
     def answers(self, now_ns: int) -> list[Answer]:
         """Return what exchanges have told."""
@@ -57,7 +59,9 @@ class DeviceLink(Link):
 
     def close(self) -> None:
         """Let the device go, unless its gripper is used."""
-        leave_server(self._own.library, self._own.serial)
+        if not self._closed:
+            leave_server(self._own.library, self._own.serial, _PART)
+        self._closed = True
 
 
 class Driver(AskedArm):
@@ -71,15 +75,20 @@ class Driver(AskedArm):
     def connect(self) -> Link:
         """Open the device, unless its gripper has it open."""
         own = self._own
-        server = join_server(own.library, own.serial, own.gravity_compensation, self.where, self._clock)
-        wanted = self._file.model.lower()
-        if wanted.split()[-1] not in server.model.lower() and server.model != "?":
-            leave_server(own.library, own.serial)
+        server = join_server(own.library, own.serial, own.gravity_compensation, _PART, self.where, self._clock)
+        told, found = _family(self._file.model), _family(server.model)
+        if told and found and told != found:
+            leave_server(own.library, own.serial, _PART)
             raise DeviceError(
                 f"{self.where}: {self.shown} is a {server.model}, its device file is of {self._file.model}: "
                 "name the file of this arm as `device`"
             )
         return DeviceLink(server, own, self._file.device_centre_m, self.shown)
+
+
+def _family(model: str) -> str:
+    """Return the series of a model, whose arms bear the same; empty if it is none of the known."""
+    return next((name for name in _FAMILIES if name in model.lower()), "")
 
 
 def check_host(settings: Sequence[DriverSettings], in_use: bool) -> Iterator[HostCheck]:

@@ -16,10 +16,13 @@ from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.runtime.errors import DeviceError
 from trocar.services.runtime.rig import DriverSettings
 
-#: An opening older than this is not used; and how far it may be beyond the device file's widest, as a share.
-_OLD_NS, _BEYOND = 200_000_000, 1.25
+#: Time of reads without an opening after which it is not used, and most that counts of the time from read to read, as
+#: in a longer one this process was busy; how far an opening may be beyond the device file's widest, as a share.
+_OLD_NS, _TURN_NS, _BEYOND = 200_000_000, 5_000_000, 1.25
 #: Rate of a handle that takes turns with another, and how long a device may take until it tells its opening.
 _PERIOD_S, _OPEN_S, _TURN_S = 2e-3, 2.0, 1e-3
+
+_PART = "gripper"
 
 
 class Driver(GraspHandle):
@@ -34,8 +37,9 @@ class Driver(GraspHandle):
         self._clock = place.clock
         self._server: DeviceServer | None = None
         self._opening: BackgroundOpen[DeviceServer] | None = None
-        self._enabled = False
+        self._enabled = self._joined = False
         self._angle_rad, self._told_ns = 0.0, 0
+        self._silent_ns = self._read_ns = 0
         self._filter, self._coefficients = np.zeros((2, 1)), butterworth(file.velocity_filter_hz, _PERIOD_S)
         self._rate = 0.0
 
@@ -69,7 +73,9 @@ class Driver(GraspHandle):
             return
         self._go_on()
         server = self._server = current_server(self._own.library, self._own.serial, self._server)
-        self._take(server)
+        now_ns = self._clock.monotonic_ns()
+        self._silent_ns = 0 if self._take(server) else self._silent_ns + min(now_ns - self._read_ns, _TURN_NS)
+        self._read_ns = now_ns
         handle[HANDLE_ANGLE], handle[HANDLE_RATE] = self._angle_rad, self._rate
         self._judge(server)
 
@@ -90,14 +96,21 @@ class Driver(GraspHandle):
             self._opening = None
         if server is not None:
             server.grip(0.0, self._clock.monotonic_ns())
-            leave_server(self._own.library, self._own.serial)
+        self._leave()
 
     def _join(self) -> DeviceServer:
         own = self._own
-        return join_server(own.library, own.serial, own.gravity_compensation, self.where, self._clock)
+        server = join_server(own.library, own.serial, own.gravity_compensation, _PART, self.where, self._clock)
+        self._joined = True
+        return server
+
+    def _leave(self) -> None:
+        if self._joined:
+            leave_server(self._own.library, self._own.serial, _PART)
+        self._joined = False
 
     def _open_anew(self) -> DeviceServer:
-        leave_server(self._own.library, self._own.serial)
+        self._leave()
         return self._join()
 
     def _go_on(self) -> None:
@@ -106,7 +119,7 @@ class Driver(GraspHandle):
         server, problem = self._opening.take()
         self._opening = None
         if server is not None:
-            self._server, self._told_ns = server, self._clock.monotonic_ns()
+            self._server, self._silent_ns = server, 0
             if self._enabled:
                 server.switch_on()
         else:
@@ -124,7 +137,7 @@ class Driver(GraspHandle):
         return True
 
     def _judge(self, server: DeviceServer) -> None:
-        silent = self._clock.monotonic_ns() - self._told_ns > _OLD_NS
+        silent = self._silent_ns > _OLD_NS
         if silent:
             self._rate = 0.0
         opening = self._opening is not None

@@ -65,8 +65,8 @@ class Driver(AskedArm):
 
 
 def check_host(settings: Sequence[DriverSettings], in_use: bool) -> Iterator[HostCheck]:
-    """Check the service and its arms."""
+    """Check the service and its arms, in use or not: a look at its inventory disturbs no session."""
     own = [config.build(HaplySettings, each.settings, "driver 'haply'") for each in settings]
     for host, port in dict.fromkeys((each.host, each.port) for each in own):
         arms = [each.id for each in own if (each.host, each.port) == (host, port)]
-        yield from host_checks.check(host, port, arms, in_use)
+        yield from host_checks.check(host, port, arms)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 
 from trocar.services.gateway.asked_arm import Answer, Link
 from trocar.services.gateway.haply.channel import Channel
 from trocar.services.gateway.haply.grip import Grip
 from trocar.services.gateway.haply.messages import ArmEntry, Filters, Gravity, Told, force_message, understand
-from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.runtime.rig import Vector3
 
 #: Answers of a tick that are looked at.
@@ -23,7 +23,13 @@ class ArmLink(Link):
         grip: The grip that turns the tool, with its identity, or None.
         centre_m: The middle of the workspace, in the service's axes.
         shown: How sentences name the arm.
+        in_force: What the service adds to forces.
+
+    Attributes:
+        on_close: Called when the session ends.
     """
+
+    on_close: Callable[[], None] | None = None
 
     def __init__(
         self,
@@ -63,9 +69,9 @@ class ArmLink(Link):
             "strange_answers": float(self._strange),
         }
 
-    def ask(self, force_n: FloatArray, now_ns: int) -> None:
+    def ask(self, force_n: Vector3, now_ns: int) -> None:
         """Send a force, which the service gives the arm once."""
-        toward, right, up = force_n.tolist()
+        toward, right, up = force_n
         self._asked.append(now_ns)
         self._channel.send(force_message(self._key, self._identity, (right, -toward, up)))
 
@@ -82,6 +88,9 @@ class ArmLink(Link):
     def close(self) -> None:
         """End the session, after which the service lets the arm go."""
         self._channel.close()
+        if self.on_close is not None:
+            self.on_close()
+        self.on_close = None
 
     def _answer(self, asked_ns: int, told: Told | None) -> Answer:
         if told is None:

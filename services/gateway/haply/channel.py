@@ -62,7 +62,7 @@ class Channel:
         except OSError as error:
             self.lost = error.strerror or type(error).__name__
         self._came += [message for event in self._protocol.events_received() if (message := self._complete(event))]
-        self._flush()
+        self._flush()  # an answer to a ping
         if not self.lost and self._protocol.close_expected():
             self.lost = "it has closed the connection"
         if self._protocol.handshake_exc is not None:

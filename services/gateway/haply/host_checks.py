@@ -11,9 +11,8 @@ from trocar.services.gateway.host_check import HostCheck
 from trocar.services.runtime.errors import DeviceError
 
 
-def check(host: str, port: int, arms: Sequence[str | None], in_use: bool) -> Iterator[HostCheck]:
+def check(host: str, port: int, arms: Sequence[str | None]) -> Iterator[HostCheck]:
     """Yield whether the service answers, and the state of each arm; a look at the inventory disturbs no session."""
-    del in_use
     try:
         told = list_devices(host, port, REAL_TIME)
     except DeviceError as error:

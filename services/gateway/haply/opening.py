@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import select
 from dataclasses import dataclass
+from functools import partial
 from http.client import HTTPConnection, HTTPException
 from typing import Literal
 
@@ -32,6 +33,9 @@ _OK = 200
 #: A number that the service stores in 32 bits is the same to this.
 _SAME = 1e-5
 _START = "start Haply Hub or the service `haply-inverse-service`; `trocar doctor` says more"
+
+#: Arms of this process: host, port and identity.
+_taken: set[tuple[str, int, str]] = set()
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +66,7 @@ def open_arm(wanted: Wanted, where: str, shown: str, clock: Clock) -> ArmLink:
 
     Raises DeviceError: one sentence.
     """
-    channel = _find_service(wanted, where, clock)
+    channel = open_service(wanted.host, wanted.port, where, clock)
     try:
         return _begin_session(channel, wanted, where, shown, clock)
     except DeviceError:
@@ -94,10 +98,6 @@ def open_service(host: str, port: int, where: str, clock: Clock) -> Channel:
         raise DeviceError(f"{where}: no Haply service at {host}:{port} ({why}): {_START}") from None
 
 
-def _find_service(wanted: Wanted, where: str, clock: Clock) -> Channel:
-    return open_service(wanted.host, wanted.port, where, clock)
-
-
 def _begin_session(channel: Channel, wanted: Wanted, where: str, shown: str, clock: Clock) -> ArmLink:
     inventory = _inventory(channel, where, clock)
     key, arm = _choose_arm(inventory, wanted, where)
@@ -112,7 +112,15 @@ def _begin_session(channel: Channel, wanted: Wanted, where: str, shown: str, clo
         raise DeviceError(f"{where}: {shown} {problem}")
     held = None if grip is None else (grip, Grip(wanted.roll_axis))
     in_force = full.config.gravity_compensation, full.config.filters
-    return ArmLink(channel, key, arm.device_id, held, wanted.centre_m, shown, in_force)
+    taken = (wanted.host, wanted.port, arm.device_id)
+    if taken in _taken:
+        raise DeviceError(
+            f"{where}: another instrument has arm {arm.device_id}, and the service would add their forces"
+        )
+    _taken.add(taken)
+    link = ArmLink(channel, key, arm.device_id, held, wanted.centre_m, shown, in_force)
+    link.on_close = partial(_taken.discard, taken)
+    return link
 
 
 def _inventory(channel: Channel, where: str, clock: Clock) -> Told:
