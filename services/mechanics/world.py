@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from trocar.services.mechanics.arrays import BoolArray, FloatArray
+from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.bodies.catheter import CatheterBody
 from trocar.services.mechanics.bodies.duct import DuctBody
 from trocar.services.mechanics.bodies.forceps import ToolBody
@@ -71,8 +71,3 @@ class World:
     def clearance_m(self) -> float:
         """How far the wall may move after the solve, before it touches a body; see `CandidateSearch.clearance_m`."""
         return self.search.clearance_m
-
-    @property
-    def slides(self) -> BoolArray:
-        """(C,) whether each contact slides: in `set_friction` as in the last step, later as solved in this one."""
-        return self.system.slides

@@ -9,9 +9,12 @@ from trocar.services.mechanics.bodies.forceps.kinematics import N_COORDINATES
 from trocar.services.mechanics.compiled import kernel
 from trocar.services.mechanics.compiled.struct import Struct, reader
 from trocar.services.mechanics.compiled.vectors import Vector, combine, dot, row_of
+from trocar.services.mechanics.contact.identity import STONE, TARGET_KIND, part_of
+from trocar.services.mechanics.scene.tools import N_TOOLS
 
 N_ROD_POINTS = 4  # two particles on each side, for the catheter touching itself
 NO_STONE = -1
+N_BODIES = 1 + N_TOOLS + STONE.size  # the catheter, tools and stones
 
 
 class ContactRows(Struct):
@@ -31,6 +34,7 @@ class ContactRows(Struct):
     effective_gap_m: Annotated[FloatArray, "c"]  # that the laws constrain: the gap, or the recovered part of an overlap
     slip_m: Annotated[FloatArray, "c", 3]  # relative motion over the step without contact forces, along world axes
     elastic_m: Annotated[FloatArray, "c", 3]  # elastic slip at its start, along world axes, see `store_anchors`
+    slid_m: Annotated[FloatArray, "c"]  # how far the surfaces have slid before, see `sliding`; negative if not known
     friction_energy_j: Annotated[FloatArray, "c"]  # elastic energy of friction at the start of the step
     friction: Annotated[FloatArray, "c"]  # Coulomb's coefficient, for laws that have it
     force_limit_n: Annotated[FloatArray, "c"]  # largest force, for laws that have one
@@ -70,6 +74,13 @@ class ContactRows(Struct):
 
 
 rows_at = reader(ContactRows)
+
+
+@kernel
+def pair_of_bodies(rows: ContactRows, row: int) -> int:
+    """Return the number, below ``2 N_BODIES``, of a row's two bodies: that of the first, and the kind of target."""
+    first = rows.tool[row] + 1 if rows.stone[row] == NO_STONE else N_TOOLS + 1 + rows.stone[row]
+    return int(2 * first + part_of(rows.identity[row], TARGET_KIND))
 
 
 @kernel

@@ -14,6 +14,7 @@ from trocar.services.mechanics.compiled.vectors import row as vector
 from trocar.services.mechanics.contact import admissible
 from trocar.services.mechanics.contact.free_motion import subtract_duct_motion
 from trocar.services.mechanics.contact.rows import ContactRows, in_world
+from trocar.services.mechanics.contact.sliding import begin_slides, store_slides
 from trocar.services.mechanics.contact.state import ContactState, state_at
 from trocar.services.mechanics.contact.tool_loads import load_tools
 from trocar.services.mechanics.contact.warm_start import recall_forces, store_forces
@@ -33,7 +34,8 @@ def complete_rows(state_address: Address[ContactState], displacement: FloatArray
     """
     state = state_at(state_address)
     subtract_duct_motion(state.rows, displacement, motion, 0)
-    recall_forces(state.memory, state.rows, state.slides, state.geometry.wall.vertices)
+    recall_forces(state.memory, state.rows, state.geometry.wall.vertices)
+    begin_slides(state.memory, state.rows, 0)
 
 
 @kernel
@@ -43,7 +45,8 @@ def complete_new_rows(
     """Complete the rows from ``first`` on as `complete_rows` does, but leave their forces at zero."""
     state = state_at(state_address)
     subtract_duct_motion(state.rows, displacement, motion, first)
-    state.slides[first : state.rows.n_contacts] = state.memory.found[first : state.rows.n_contacts] = False
+    state.memory.found[first : state.rows.n_contacts] = False
+    begin_slides(state.memory, state.rows, first)
 
 
 @kernel
@@ -64,9 +67,10 @@ def gather_and_complete(
 
 @kernel
 def finish(state: ContactState) -> None:
-    """Write sliding flags and forces along world axes, and store both for the next warm start."""
+    """Write sliding flags and forces along world axes, and store what the next step begins with."""
     write_results(state.rows, state.slides, state.force_n)
-    store_forces(state.memory, state.rows, state.force_n, state.slides, state.geometry.wall.vertices)
+    store_forces(state.memory, state.rows, state.force_n, state.geometry.wall.vertices)
+    store_slides(state.memory, state.problem, state.slides)
 
 
 @inlined_kernel

@@ -149,6 +149,7 @@ class ContactSystem:
         """Clear the memory of forces, because nothing touches."""
         self.sweeps = 0
         self._state.memory.n_contacts = 0
+        self._state.memory.are_sliding[:] = False
         self._state.ledger.contact_time_s = START_UP_S
 
     def forget(self) -> None:

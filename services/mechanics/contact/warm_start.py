@@ -20,19 +20,22 @@ from trocar.services.mechanics.compiled.vectors import row as vector
 from trocar.services.mechanics.contact.identity import without_target
 from trocar.services.mechanics.contact.laws import HAS_FRICTION
 from trocar.services.mechanics.contact.problem import ContactProblem
-from trocar.services.mechanics.contact.rows import ContactRows, in_frame
+from trocar.services.mechanics.contact.rows import N_BODIES, ContactRows, in_frame
 from trocar.services.mechanics.contact.working_set import place_at_rest
 
 
 class ForceMemory(Struct):
-    """Forces (N), elastic slips (m) along world axes and sliding states of the last tick; scratch for the search."""
+    """Forces (N), elastic slips (m) along world axes and ways of sliding of the last tick; scratch for the search."""
 
     identity: Annotated[LongArray, "c"]
     force_n: Annotated[FloatArray, "c", 3]
     change_n: Annotated[FloatArray, "c", 3]  # from the tick before
     elastic_m: Annotated[FloatArray, "c", 3]
     place_m: Annotated[FloatArray, "c", 3]  # on the undeformed wall; zero for contacts without the wall
-    slides: Annotated[BoolArray, "c"]
+    slid_m: Annotated[FloatArray, "c"]  # see `sliding`
+    are_sliding: Annotated[BoolArray, 2 * N_BODIES]  # whether two bodies slide on each other
+    pressed_n: Annotated[FloatArray, 2 * N_BODIES]  # scratch: normal forces between them
+    sliding_n: Annotated[FloatArray, 2 * N_BODIES]
     taken: Annotated[BoolArray, "c"]
     found: Annotated[BoolArray, "c"]
     last_n: Annotated[FloatArray, "c", 3]  # of the rows that were found
@@ -50,8 +53,8 @@ SMOOTH = 0.25
 
 
 @inlined_kernel
-def recall_forces(memory: ForceMemory, rows: ContactRows, slides: BoolArray, vertices_m: FloatArray) -> None:
-    """Fill ``force_n``, ``elastic_m`` and ``friction_energy_j`` of new rows, and ``slides`` (C,), from the memory.
+def recall_forces(memory: ForceMemory, rows: ContactRows, vertices_m: FloatArray) -> None:
+    """Fill ``force_n``, ``elastic_m``, ``friction_energy_j`` and ``slid_m`` of new rows from the memory.
 
     Each stored force is used once; rows without one keep zeros. A first pass matches rows with the same first body at
     the same place on the wall, whose undeformed nodes are ``vertices_m`` (n, 3), or, without the wall, with the same
@@ -60,13 +63,12 @@ def recall_forces(memory: ForceMemory, rows: ContactRows, slides: BoolArray, ver
     """
     memory.taken[: memory.n_contacts] = False
     for row in range(rows.n_contacts):
-        slides[row] = False
-        memory.found[row] = _recall(memory, rows, row, _nearest(memory, rows, row, vertices_m, False), slides)
+        memory.found[row] = _recall(memory, rows, row, _nearest(memory, rows, row, vertices_m, False))
         if memory.found[row] and memory.is_smooth and rows.dt_s == memory.dt_s:
             put_row(rows.force_n, row, in_frame(rows, row, vector(memory.expected_n, row)))
     for row in range(rows.n_contacts):
         if not memory.found[row]:
-            _recall(memory, rows, row, _nearest(memory, rows, row, vertices_m, True), slides)
+            _recall(memory, rows, row, _nearest(memory, rows, row, vertices_m, True))
 
 
 @kernel
@@ -88,12 +90,12 @@ def _nearest(memory: ForceMemory, rows: ContactRows, row: int, vertices_m: Float
 
 
 @kernel
-def _recall(memory: ForceMemory, rows: ContactRows, row: int, old: int, slides: BoolArray) -> bool:
+def _recall(memory: ForceMemory, rows: ContactRows, row: int, old: int) -> bool:
     """Copy entry ``old`` of the memory to a row; return whether there is one."""
     if old < 0:
         return False
     memory.taken[old] = True
-    slides[row] = memory.slides[old]
+    rows.slid_m[row] = memory.slid_m[old]
     put_row(rows.elastic_m, row, vector(memory.elastic_m, old))
     last = vector(memory.force_n, old)
     put_row(memory.last_n, row, last)
@@ -105,10 +107,8 @@ def _recall(memory: ForceMemory, rows: ContactRows, row: int, old: int, slides: 
 
 
 @inlined_kernel
-def store_forces(
-    memory: ForceMemory, rows: ContactRows, forces: FloatArray, slides: BoolArray, vertices_m: FloatArray
-) -> None:
-    """Store the solved ``forces`` (C, 3) along world axes, their places on the undeformed wall, and sliding flags."""
+def store_forces(memory: ForceMemory, rows: ContactRows, forces: FloatArray, vertices_m: FloatArray) -> None:
+    """Store the solved ``forces`` (C, 3) along world axes, and their places on the undeformed wall."""
     memory.n_contacts, memory.dt_s = rows.n_contacts, rows.dt_s
     change_2, error_2, largest_2 = 0.0, 0.0, 0.0
     for row in range(rows.n_contacts):
@@ -123,7 +123,7 @@ def store_forces(
         at_rest = place_at_rest(vertices_m, rows.duct_node, row, vector(rows.duct_weight, row))
         put_row(memory.place_m, row, at_rest)
         put_row(memory.force_n, row, force)
-        memory.identity[row], memory.slides[row] = rows.identity[row], slides[row]
+        memory.identity[row] = rows.identity[row]
     memory.is_smooth = error_2 < SMOOTH * change_2 and largest_2 > memory.least_change_n**2
 
 

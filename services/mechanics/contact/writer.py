@@ -47,6 +47,7 @@ def append_row(rows: ContactRows, law: int, identity: int) -> int:
     rows.gap_m[row] = rows.rest_offset_m[row] = rows.correction_m[row] = 0.0
     rows.slip_m[row] = rows.elastic_m[row] = rows.force_n[row] = 0.0
     rows.friction[row] = rows.friction_energy_j[row] = 0.0
+    rows.slid_m[row] = -1.0
     set_law(rows, row, law)
     return row
 

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trocar.services.mechanics.arrays import BoolArray, FloatArray
+from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.compiled import kernel
 from trocar.services.mechanics.compiled.struct import Address
 from trocar.services.mechanics.contact.rows import ContactRows, rows_at
+from trocar.services.mechanics.contact.sliding import SLID_M
 from trocar.services.mechanics.effects.base import Effect
 from trocar.services.mechanics.scene import SceneModel
 from trocar.services.mechanics.world import World
@@ -37,9 +38,9 @@ class FrictionSettings:
 class Friction(Effect):
     """Stick below mu_static times the normal force, slide with mu_kinetic times it.
 
-    A contact that slid in the last tick has the kinetic coefficient, every other one the static. The law is
-    solved together with the normal forces, see `contact.laws`; friction always opposes sliding and so
-    never feeds energy in.
+    A contact whose surfaces have slid on each other has the kinetic coefficient, every other one the static, see
+    `contact.sliding`. The law is solved together with the normal forces, see `contact.laws`; friction always opposes
+    sliding and so never feeds energy in.
     """
 
     Settings = FrictionSettings
@@ -52,16 +53,16 @@ class Friction(Effect):
 
     def set_friction(self, world: World, dt_s: float) -> None:
         """Set the coefficient of every contact."""
-        set_coefficients(world.system.rows.address, world.slides, self._mu)
+        set_coefficients(world.system.rows.address, self._mu)
 
 
 @kernel
-def set_coefficients(rows_address: Address[ContactRows], slides: BoolArray, mu: FloatArray) -> None:
+def set_coefficients(rows_address: Address[ContactRows], mu: FloatArray) -> None:
     """Write the coefficients of all rows; ``mu`` (2, 2) is (static, kinetic) without and with a tool.
 
     A contact whose tangential force is limited to zero keeps no friction, because a hold carries that force.
     """
     rows = rows_at(rows_address)
     for row in range(rows.n_contacts):
-        mu_row: float = mu[1 if rows.tool[row] >= 0 else 0, 1 if slides[row] else 0]
+        mu_row: float = mu[1 if rows.tool[row] >= 0 else 0, 1 if rows.slid_m[row] >= SLID_M else 0]
         rows.friction[row] = mu_row if rows.force_limit_n[row] > 0.0 else 0.0

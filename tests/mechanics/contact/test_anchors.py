@@ -49,13 +49,13 @@ class Block:
         rows.frame[0] = [[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]]
         motion = self.dt_s * self.v + gain * self.load_n
         rows.slip_m[0], rows.friction[0], rows.softness_m_n[0, 0] = motion, self.mu, 0.0
-        recall_forces(self.memory, rows, self.slides, _NO_WALL)
+        recall_forces(self.memory, rows, _NO_WALL)
         free_motion(rows, 0.2, self.dt_s, self.problem.free)
         W = np.diag(gain + rows.softness_m_n[0])
         solve_contacts(self.problem, W, (30, 1e-12))
         force = np.zeros((1, 3))
         write_results(rows, self.slides, force)
-        store_forces(self.memory, rows, force, self.slides, _NO_WALL)
+        store_forces(self.memory, rows, force, _NO_WALL)
         store_anchors(self.problem, self.slides, self.memory.elastic_m)
         motion += gain * force[0]
         self.x += motion
@@ -76,23 +76,23 @@ def test_what_is_remembered_goes_with_the_place_on_the_wall_not_with_the_triangl
             rows.frame[row], rows.duct_node[row], rows.duct_weight[row] = np.eye(3), (0, 1, 2), weights
         return rows
 
-    memory, slides = ForceMemory.zeros(c=3), np.zeros(3, np.bool_)
+    memory = ForceMemory.zeros(c=3)
     force_n = np.array([[1.0, 0.1, 0.0], [2.0, 0.0, 0.2], [0.0, 0.0, 0.0]])
-    store_forces(memory, rows_of((5, at_one), (6, at_other)), force_n, slides, vertices_m)
+    store_forces(memory, rows_of((5, at_one), (6, at_other)), force_n, vertices_m)
     memory.elastic_m[:2] = -1e-9 * force_n[:2]
     rows = rows_of((6, at_one), (7, at_other))
-    recall_forces(memory, rows, slides, vertices_m)
+    recall_forces(memory, rows, vertices_m)
     assert rows.force_n[:2] == pytest.approx(force_n[:2])
     assert rows.elastic_m[:2] == pytest.approx(-1e-9 * force_n[:2])
     slid = rows_of((9, [0.0, 0.2, 0.8]), (9, [0.2, 0.8, 0.0]), (9, [0.3, 0.3, 0.4]))
-    recall_forces(memory, slid, slides, vertices_m)
+    recall_forces(memory, slid, vertices_m)
     assert slid.force_n[:, 0] == pytest.approx([2.0, 1.0, 0.0]), "the nearest, and each once"
 
 
 @pytest.mark.parametrize(("least_n", "dt_s", "goes_on"), [(1e-3, 1e-3, True), (0.5, 1e-3, False), (1e-3, 5e-4, False)])
 def test_a_row_begins_with_the_force_to_be_expected_after_steady_changes_only(least_n, dt_s, goes_on):
     """Not where changes are as small as errors of a solve, and not in a step of another length."""
-    memory, slides, change_n = ForceMemory.zeros(c=1), np.zeros(1, np.bool_), np.array([0.1, 0.0, -0.02])
+    memory, change_n = ForceMemory.zeros(c=1), np.array([0.1, 0.0, -0.02])
     memory.least_change_n = least_n
 
     def begin(length_s):
@@ -100,16 +100,16 @@ def test_a_row_begins_with_the_force_to_be_expected_after_steady_changes_only(le
         rows.dt_s = length_s
         append_row(rows, number_of("unilateral"), pair_identity(-1, 0, 0, 0, 0))
         rows.frame[0] = np.eye(3)
-        recall_forces(memory, rows, slides, _NO_WALL)
+        recall_forces(memory, rows, _NO_WALL)
         return rows
 
     for tick in range(4):
         rows, force_n = begin(1e-3), np.array([[1.0, 0.0, 0.0]]) + tick * change_n
-        store_forces(memory, rows, force_n, slides, _NO_WALL)
+        store_forces(memory, rows, force_n, _NO_WALL)
     rows = begin(dt_s)
     assert rows.force_n[0] == pytest.approx(force_n[0] + (change_n if goes_on else 0.0))
     assert rows.friction_energy_j[0] == pytest.approx(0.5 * SURFACE_SOFTNESS_M_N * force_n[0, 2] ** 2)
-    store_forces(memory, rows, force_n - 0.5, slides, _NO_WALL)
+    store_forces(memory, rows, force_n - 0.5, _NO_WALL)
     assert begin(dt_s).force_n[0] == pytest.approx(force_n[0] - 0.5), "it was wrong"
 
 
