@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from trocar.services.mechanics.arrays import AnyArray, FloatArray, IntArray
-from trocar.services.mechanics.bodies.duct_loads import DuctLoads, DuctMotion, correct, motion_at
+from trocar.services.mechanics.bodies.duct_loads import DuctLoads, DuctMotion, correct, hold_force, motion_at
 from trocar.services.mechanics.bodies.wall_motion import wall_motion
 from trocar.services.mechanics.compiled import kernel
 from trocar.services.mechanics.compiled.struct import Address
@@ -58,7 +58,7 @@ class DuctBody:
         self.q_start, self.dq_free = free.start, free.change
         self.modal_force, self.constant_modal_force = free.force, free.constant
         self.removed_half_impulse, self.taken = free.removed_half_impulse, free.taken
-        self.held_force, self._held_gains = np.zeros(n_modes), np.zeros((3, n_modes))
+        self.held_force, self._held_gains = free.held, np.zeros((3, n_modes))
         self._free, self.motion_address = free, free.address
         loads = DuctLoads.zeros(
             r=n_modes,
@@ -171,11 +171,7 @@ class DuctBody:
         The step begins with it: Newmark's takes the mean of both ends, and a force that was given to its end alone
         would lag by half a step. ``last`` is zero at first, and part of the state of whoever holds the force.
         """
-        change = force - last
-        self.state.qddot += change
-        self.held_force += change
-        self.modal_force += force
-        last[:] = force
+        hold_force(self.motion_address, last, force)
 
     def furthest_m(self, change: FloatArray) -> float:
         """Return how far (m) a change (r,) of the coordinates moves a node, by the modes; too slow for every tick."""

@@ -23,6 +23,7 @@ class DuctMotion(Struct):
     change: Annotated[FloatArray, "r"]
     constant: Annotated[FloatArray, "r"]  # loads in every step
     force: Annotated[FloatArray, "r"]
+    held: Annotated[FloatArray, "r"]  # part of it that is the same over all of the step
     removed_half_impulse: Annotated[FloatArray, "r"]
     before: Annotated[FloatArray, "r"]  # rates at the start of the step
     taken: Annotated[FloatArray, "r"]  # change of those at its end, see `pay_for_impulses`
@@ -58,6 +59,18 @@ def begin_duct_loads(address: Address[DuctMotion]) -> None:
     duct = motion_at(address)
     for mode in range(duct.force.shape[0]):
         duct.force[mode] = duct.constant[mode]
+
+
+@kernel
+def hold_force(address: Address[DuctMotion], last: FloatArray, force: FloatArray) -> None:
+    """Hold ``force`` (r,) over the step in place of ``last`` (r,), see `DuctBody.hold`."""
+    duct = motion_at(address)
+    for mode in range(force.shape[0]):
+        change = force[mode] - last[mode]
+        duct.qddot[mode] += change
+        duct.held[mode] += change
+        duct.force[mode] += force[mode]
+        last[mode] = force[mode]
 
 
 @kernel

@@ -101,7 +101,7 @@ class WallTerms:
     def is_settled(self) -> bool:
         """Whether the step owes no more energy than `MOST_OWED` of what is stored."""
         books = self.step.books
-        return bool(books[TANK] >= -CREDIT_J - MOST_OWED * books[ENERGY])
+        return bool(books[TANK] >= -CREDIT_J - MOST_OWED * abs(books[ENERGY]))
 
     def energy_j(self) -> float:
         """Return the energy of all terms."""

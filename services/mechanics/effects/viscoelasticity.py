@@ -42,13 +42,15 @@ class Viscoelasticity(Effect):
         """Start in the relaxed state."""
         duct, series = world.duct, self.settings.series()
         self._modes = ViscousModes(duct.reduced.basis.omega_rad_s, series)
-        self._held = np.zeros_like(duct.held_force)
+        self._held, self._force = np.zeros((2, duct.held_force.size))
         self._loads = ViscousLoads(series, duct.reduced.mesh.n_vertices, len(duct.load_nodes))
         self._motion_m = np.zeros_like(duct.motion_m)
 
     def add_loads(self, world: World, dt_s: float) -> None:
         """Load the modes with the relaxed part of the wall's stress."""
-        world.duct.hold(self._held, self._modes.force())
+        self._force[:] = 0.0
+        self._modes.add_force(self._force)
+        world.duct.hold(self._held, self._force)
 
     def add_motion(self, world: World, dt_s: float) -> None:
         """Add the displacement by lagging loads to the free motion, which is without contact forces."""

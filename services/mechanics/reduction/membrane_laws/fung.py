@@ -11,14 +11,14 @@ from __future__ import annotations
 import math
 
 from trocar.services.mechanics.arrays import FloatArray
-from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled import inlined_kernel
 from trocar.services.mechanics.reduction.membrane_laws.law import MembraneLaw, Response, Strain
 
 MOST_Q = 4.0
 """Beyond it w grows as a straight line in Q: still convex, and 55 times as stiff as at rest."""
 
 
-@kernel
+@inlined_kernel
 def density(strain: Strain, parameters: FloatArray) -> Response:
     """Return energy, stress and tangent over E; the strain is that of the linear wall's energy, Q is a y . y."""
     x, y, z = strain

@@ -21,7 +21,8 @@ from trocar.services.mechanics.reduction.wall_step.implicit_step import (
 )
 
 TANK_SHARE = 0.1
-"""Largest content of the tank over the stored energy; what steps lose beyond it is dissipated."""
+"""Largest content of the tank over the size of the stored energy, which may be below that of a linear wall; what steps
+lose beyond it is dissipated."""
 CREDIT_J = 1e-9
 """Debt that the tank may have: the work of 1 mN over 1 um."""
 MOST_OWED = 0.01
@@ -71,7 +72,7 @@ def settle_step(wall: WallStep, force: FloatArray, modes: HeldModes, free_m: flo
             energy_j, lost_j = energy_and_loss(wall.address, force, modes.q_start, modes.state.q)
     paid_j = modes.remove_energy(-tank_j - lost_j) if tank_j + lost_j < -CREDIT_J else 0.0
     wall.books[ENERGY] = energy_j
-    wall.books[TANK] = min(tank_j + lost_j + paid_j, TANK_SHARE * energy_j)
+    wall.books[TANK] = min(tank_j + lost_j + paid_j, TANK_SHARE * abs(energy_j))
     return lost_j
 
 

@@ -62,6 +62,9 @@ RELATIVE = 1e-3
 begins the residual stands for it, which is no smaller."""
 SLACK = 0.1
 """Part of a step's error that conjugate gradients, or the search along it, may leave."""
+TRUSTED = 0.01
+"""Square of a step over that of the pull up to which Newton's step is taken whole: it errs by the square of what it
+moves. So it is where the wall goes on as it went."""
 LEAST_GAIN = 1e-6
 """Least gain over the largest one: an exact oscillator whose half period divides the step would have none."""
 ENERGY, TANK = range(2)
@@ -131,8 +134,6 @@ def held_force(address: Address[WallStep], start: FloatArray, free_end: FloatArr
     """
     wall = wall_at(address)
     _know(wall, start)
-    begin_membrane(wall.membrane, start)
-    begin_polynomial(wall.polynomial, start)
     for mode in range(wall.root.shape[0]):
         wall.ahead[mode] = free_end[mode] / wall.root[mode]
     _extrapolate(wall.pull, wall.before)
@@ -146,12 +147,19 @@ def held_force(address: Address[WallStep], start: FloatArray, free_end: FloatArr
 
 @kernel
 def _know(wall: WallStep, q: FloatArray) -> None:
-    """Enter the energy at ``q`` (r,) if it is of another place: somebody has put the wall there."""
+    """Begin at ``q`` (r,), where the last step has ended, unless somebody has put the wall elsewhere."""
     for mode in range(q.shape[0]):
         if wall.known[mode] != q[mode]:
-            wall.known[:] = q
-            wall.books[ENERGY] = _energy_of(wall, q)
+            wall.books[ENERGY] = _begin(wall, q)
             break
+
+
+@kernel
+def _begin(wall: WallStep, q: FloatArray) -> float:
+    """Note where a step begins, and return the energy there."""
+    wall.known[:] = q
+    begin_polynomial(wall.polynomial, q)
+    return begin_membrane(wall.membrane, q) + polynomial_energy(wall.polynomial, q)
 
 
 @kernel
@@ -186,8 +194,7 @@ def energy_and_loss(
 ) -> tuple[float, float]:
     """Return the energy at ``q`` (r,), and by how much it fell more than ``force`` (r,) has worked from ``q_start``."""
     wall, work = wall_at(address), 0.0
-    energy = _energy_of(wall, q)
-    wall.known[:] = q
+    energy = _begin(wall, q)
     for mode in range(q.shape[0]):
         work += force[mode] * (q[mode] - q_start[mode])
     return energy, wall.books[ENERGY] - energy - work
@@ -230,7 +237,7 @@ def _newton_step(wall: WallStep) -> bool:
         return True
     enough = (0.5 * RELATIVE) ** 2 * size
     decrement, last = _solve_tangent(wall, enough)
-    length = _line_search(wall, SLACK * decrement)
+    length = 1.0 if decrement <= TRUSTED * size else _line_search(wall, SLACK * decrement)
     for mode in range(pull.shape[0]):
         pull[mode] += length * wall.step[mode]
     for i in range(wall.membrane.at.shape[0]):

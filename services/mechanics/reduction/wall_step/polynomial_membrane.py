@@ -25,7 +25,7 @@ class PolynomialMembrane(Struct):
     root: Annotated[FloatArray, "s"]
     g: Annotated[FloatArray, "t"]
     behind: Annotated[FloatArray, "t", "s"]  # state: the lagging coordinates
-    start: Annotated[FloatArray, "s"]  # where the step begins
+    start: Annotated[FloatArray, "s"]  # state: where the step begins
     at: Annotated[FloatArray, "s"]  # where it ends
     along: Annotated[FloatArray, "s"]
     searched: Annotated[FloatArray, "s"]
@@ -48,7 +48,7 @@ class PolynomialMembrane(Struct):
 
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays of the state."""
-        return (self.behind,)
+        return self.behind, self.start
 
 
 polynomial_at = reader(PolynomialMembrane)

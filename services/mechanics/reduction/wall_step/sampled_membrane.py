@@ -15,12 +15,13 @@ from typing import Annotated
 import numpy as np
 
 from trocar.services.mechanics.arrays import AnyArray, Float32Array, FloatArray
-from trocar.services.mechanics.compiled import kernel, summing_kernel
+from trocar.services.mechanics.compiled import inlined_kernel, kernel, summing_kernel
 from trocar.services.mechanics.compiled.struct import Address, Struct, reader
 from trocar.services.mechanics.compiled.vectors import Vector
 from trocar.services.mechanics.reduction.hyperelastic.energy_sampling import StretchSamples
+from trocar.services.mechanics.reduction.membrane_laws import density_of
 from trocar.services.mechanics.reduction.membrane_laws.beyond_linear import beyond_linear
-from trocar.services.mechanics.reduction.membrane_laws.law import NO_RESPONSE, Response, Strain
+from trocar.services.mechanics.reduction.membrane_laws.law import NO_RESPONSE, Response, Strain, Tangent
 from trocar.services.mechanics.reduction.membrane_laws.stretch import plus
 from trocar.services.mechanics.reduction.viscoelastic import PronySeries
 
@@ -37,7 +38,7 @@ class SampledMembrane(Struct):
     g: Annotated[FloatArray, "t"]
     behind: Annotated[FloatArray, "t", "n"]  # state: strains of the lagging coordinates
     faded: Annotated[FloatArray, 1]  # state: part of the energy that does not act
-    start: Annotated[FloatArray, "n"]  # strains where the step begins
+    start: Annotated[FloatArray, "n"]  # state: strains where the step begins
     at: Annotated[FloatArray, "n"]  # where it ends
     tangent: Annotated[FloatArray, "k", 6]  # of each sample's mean stress, by the strain at the end
     along: Annotated[FloatArray, "n"]
@@ -61,7 +62,7 @@ class SampledMembrane(Struct):
 
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays of the state."""
-        return self.behind, self.faded
+        return self.behind, self.faded, self.start
 
 
 membrane_at = reader(SampledMembrane)
@@ -72,7 +73,18 @@ def membrane_energy(membrane: SampledMembrane, q: FloatArray) -> float:
     """Return the energy beyond the linear one at modal coordinates (r,), in J."""
     total = 0.0
     for sample in range(membrane.energy.shape[0]):
-        total += _respond(membrane, sample, _strains(membrane.strain, sample, q), 1.0)[0]
+        total += _energy(membrane, sample, _strains(membrane.strain, sample, q))
+    return total
+
+
+@kernel
+def begin_membrane(membrane: SampledMembrane, q: FloatArray) -> float:
+    """Note the strains of modal coordinates (r,), where a step begins; return the energy there."""
+    total = 0.0
+    for sample in range(membrane.energy.shape[0]):
+        i, strain = 3 * sample, _strains(membrane.strain, sample, q)
+        membrane.start[i], membrane.start[i + 1], membrane.start[i + 2] = strain
+        total += _energy(membrane, sample, strain)
     return total
 
 
@@ -100,21 +112,13 @@ def relax_membrane(membrane: SampledMembrane, q: FloatArray, decay: FloatArray) 
     lost = 0.0
     for sample in range(membrane.energy.shape[0]):
         strain = _strains(membrane.strain, sample, q)
-        lost += _respond(membrane, sample, strain, 1.0)[0]
+        lost += _energy(membrane, sample, strain)
         for term in range(membrane.g.shape[0]):
             behind, i = membrane.behind[term], 3 * sample
             for axis in range(3):
                 behind[i + axis] = strain[axis] - decay[term] * (strain[axis] - behind[i + axis])
-        lost -= _respond(membrane, sample, strain, 1.0)[0]
+        lost -= _energy(membrane, sample, strain)
     return lost
-
-
-@kernel
-def begin_membrane(membrane: SampledMembrane, q: FloatArray) -> None:
-    """Note the strains of modal coordinates (r,), where a step begins."""
-    for sample in range(membrane.energy.shape[0]):
-        i = 3 * sample
-        membrane.start[i], membrane.start[i + 1], membrane.start[i + 2] = _strains(membrane.strain, sample, q)
 
 
 @kernel
@@ -129,7 +133,7 @@ def stretch_membrane(membrane: SampledMembrane, end: AnyArray) -> None:
 def add_membrane_pull(membrane: SampledMembrane, points: tuple[float, float], out: Float32Array) -> None:
     """Subtract the mean slope over the step from ``out`` (r,), and keep its derivatives; ``points`` are its places."""
     for sample in range(membrane.energy.shape[0]):
-        _, stress, tangent = _mean(membrane, sample, points, 0.0)
+        stress, tangent = _mean(membrane, sample, points, 0.0)
         for entry in range(6):
             membrane.tangent[sample, entry] = tangent[entry]
         _add_pull(membrane.scaled, sample, (-stress[0], -stress[1], -stress[2]), out)
@@ -153,7 +157,7 @@ def membrane_slope_along(membrane: SampledMembrane, points: tuple[float, float],
     for sample in range(membrane.energy.shape[0]):
         i = 3 * sample
         along = membrane.along[i], membrane.along[i + 1], membrane.along[i + 2]
-        _, stress, tangent = _mean(membrane, sample, points, length)
+        stress, tangent = _mean(membrane, sample, points, length)
         pull = _times(tangent, along)
         for axis in range(3):
             slope += stress[axis] * along[axis]
@@ -161,27 +165,90 @@ def membrane_slope_along(membrane: SampledMembrane, points: tuple[float, float],
     return slope, curvature
 
 
-@kernel
-def _mean(membrane: SampledMembrane, sample: int, points: tuple[float, float], length: float) -> Response:
+@inlined_kernel
+def _mean(membrane: SampledMembrane, sample: int, points: tuple[float, float], length: float) -> tuple[Vector, Tangent]:
     """Return a sample's mean stress on the way to ``at`` and a part of ``along`` more, and its derivative there."""
-    i, total = 3 * sample, NO_RESPONSE
-    start = membrane.start[i], membrane.start[i + 1], membrane.start[i + 2]
-    a = membrane.at[i] + length * membrane.along[i] - start[0]
-    b = membrane.at[i + 1] + length * membrane.along[i + 1] - start[1]
-    c = membrane.at[i + 2] + length * membrane.along[i + 2] - start[2]
+    i, share = 3 * sample, _lasting_share(membrane)
+    x, y, z = membrane.start[i], membrane.start[i + 1], membrane.start[i + 2]
+    a = membrane.at[i] + length * membrane.along[i] - x
+    b = membrane.at[i + 1] + length * membrane.along[i + 1] - y
+    c = membrane.at[i + 2] + length * membrane.along[i + 2] - z
+    stress, tangent = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for point in points:
-        strain = start[0] + point * a, start[1] + point * b, start[2] + point * c
-        energy, stress, tangent = _respond(membrane, sample, strain, 0.5)
-        nearer = (
-            point * tangent[0],
-            point * tangent[1],
-            point * tangent[2],
-            point * tangent[3],
-            point * tangent[4],
-            point * tangent[5],
-        )
-        total = plus(total, (energy, stress, nearer), 1.0)
-    return total
+        strain = x + point * a, y + point * b, z + point * c
+        _, own, stiff = density_of(membrane.law, strain, membrane.parameters)
+        stress, tangent = _sum(stress, own, 0.5 * share), _sum_of_six(tangent, stiff, 0.5 * point * share)
+        for term in range(membrane.g.shape[0]):
+            behind, part = membrane.behind[term], 0.5 * membrane.g[term]
+            gap = strain[0] - behind[i], strain[1] - behind[i + 1], strain[2] - behind[i + 2]
+            _, own, stiff = density_of(membrane.law, gap, membrane.parameters)
+            stress, tangent = _sum(stress, own, part), _sum_of_six(tangent, stiff, part * point)
+    rest, acts = _at_rest(membrane), (1.0 - membrane.faded[0]) * membrane.energy[sample]
+    linear = _times(rest, _middle(membrane, i, (x + 0.5 * a, y + 0.5 * b, z + 0.5 * c)))
+    mean = acts * (stress[0] - linear[0]), acts * (stress[1] - linear[1]), acts * (stress[2] - linear[2])
+    return mean, _sum_of_six((0.0, 0.0, 0.0, 0.0, 0.0, 0.0), _sum_of_six(tangent, rest, -0.5), acts)
+
+
+@inlined_kernel
+def _middle(membrane: SampledMembrane, i: int, strain: Strain) -> Strain:
+    """Return the middle of the way less what lags of it: where the linear part of all terms is taken."""
+    x, y, z = strain
+    for term in range(membrane.g.shape[0]):
+        x -= membrane.g[term] * membrane.behind[term, i]
+        y -= membrane.g[term] * membrane.behind[term, i + 1]
+        z -= membrane.g[term] * membrane.behind[term, i + 2]
+    return x, y, z
+
+
+@inlined_kernel
+def _lasting_share(membrane: SampledMembrane) -> float:
+    share = 1.0
+    for term in range(membrane.g.shape[0]):
+        share -= membrane.g[term]
+    return share
+
+
+@inlined_kernel
+def _at_rest(membrane: SampledMembrane) -> Tangent:
+    rest = membrane.at_rest
+    return rest[0], rest[1], rest[2], rest[3], rest[4], rest[5]
+
+
+@inlined_kernel
+def _sum(one: Vector, other: Vector, factor: float) -> Vector:
+    return one[0] + factor * other[0], one[1] + factor * other[1], one[2] + factor * other[2]
+
+
+@inlined_kernel
+def _sum_of_six(one: Tangent, other: Tangent, factor: float) -> Tangent:
+    return (
+        one[0] + factor * other[0],
+        one[1] + factor * other[1],
+        one[2] + factor * other[2],
+        one[3] + factor * other[3],
+        one[4] + factor * other[4],
+        one[5] + factor * other[5],
+    )
+
+
+@kernel
+def _energy(membrane: SampledMembrane, sample: int, strain: Strain) -> float:
+    """Return a sample's energy, as much as acts; what lags included."""
+    i, share = 3 * sample, _lasting_share(membrane)
+    total = share * _beyond(membrane, strain)
+    for term in range(membrane.g.shape[0]):
+        behind = membrane.behind[term]
+        gap = strain[0] - behind[i], strain[1] - behind[i + 1], strain[2] - behind[i + 2]
+        total += membrane.g[term] * _beyond(membrane, gap)
+    return float((1.0 - membrane.faded[0]) * membrane.energy[sample] * total)
+
+
+@inlined_kernel
+def _beyond(membrane: SampledMembrane, strain: Strain) -> float:
+    """Return the law's energy at a strain, less that of its tangent at rest."""
+    linear = _times(_at_rest(membrane), strain)
+    whole = density_of(membrane.law, strain, membrane.parameters)[0]
+    return whole - 0.5 * (strain[0] * linear[0] + strain[1] * linear[1] + strain[2] * linear[2])
 
 
 @kernel
@@ -189,10 +256,7 @@ def _respond(membrane: SampledMembrane, sample: int, strain: Strain, factor: flo
     """Return ``factor`` times a sample's energy, stress and tangent, as much as acts; what lags included."""
     numbers, acts = (membrane.parameters, membrane.at_rest), factor * (1.0 - membrane.faded[0])
     acts *= membrane.energy[sample]
-    lasts = acts
-    for term in range(membrane.g.shape[0]):
-        lasts -= acts * membrane.g[term]
-    total = plus(NO_RESPONSE, beyond_linear(membrane.law, numbers, strain), lasts)
+    total = plus(NO_RESPONSE, beyond_linear(membrane.law, numbers, strain), acts * _lasting_share(membrane))
     for term in range(membrane.g.shape[0]):
         i, behind = 3 * sample, membrane.behind[term]
         gap = strain[0] - behind[i], strain[1] - behind[i + 1], strain[2] - behind[i + 2]
@@ -201,7 +265,7 @@ def _respond(membrane: SampledMembrane, sample: int, strain: Strain, factor: flo
 
 
 @kernel
-def _times(matrix: tuple[float, float, float, float, float, float], v: Vector) -> Vector:
+def _times(matrix: Tangent, v: Vector) -> Vector:
     """Return a symmetric matrix times a vector."""
     return (
         matrix[0] * v[0] + matrix[3] * v[1] + matrix[4] * v[2],
