@@ -12,6 +12,9 @@ from trocar.services.mechanics.compiled.vectors import Vector, combine, dot, row
 
 N_ROD_POINTS = 4  # two particles on each side, for the catheter touching itself
 NO_STONE = -1
+# In `ContactRows.pressure_n`: friction is bounded by the present normal force; it keeps its present value, which the
+# pressure that is subtracted from this number bounded.
+PRESENT, KEPT = -1.0, -2.0
 
 
 class ContactRows(Struct):
@@ -33,6 +36,7 @@ class ContactRows(Struct):
     elastic_m: Annotated[FloatArray, "c", 3]  # elastic slip at its start, along world axes, see `store_anchors`
     friction_energy_j: Annotated[FloatArray, "c"]  # elastic energy of friction at the start of the step
     friction: Annotated[FloatArray, "c"]  # Coulomb's coefficient, for laws that have it
+    pressure_n: Annotated[FloatArray, "c"]  # that bounds friction, or `PRESENT` or `KEPT`, see `solver`
     force_limit_n: Annotated[FloatArray, "c"]  # largest force, for laws that have one
     softness_m_n: Annotated[FloatArray, "c", 3]  # compliance of the surfaces, along the frame
     force_n: Annotated[FloatArray, "c", 3]  # solved force on the first body, along the frame
