@@ -17,8 +17,7 @@ from trocar.services.mechanics.compiled import kernel
 from trocar.services.mechanics.compiled.dense import factorise, solve_factorised
 from trocar.services.mechanics.compiled.vectors import along, copy_rows, put_row
 from trocar.services.mechanics.compiled.vectors import row as vector
-from trocar.services.mechanics.contact.admissible import normal_range, project, slides, step_to_bounds
-from trocar.services.mechanics.contact.laws import HAS_FRICTION
+from trocar.services.mechanics.contact.admissible import limit_slope, normal_range, project, slides, step_to_bounds
 from trocar.services.mechanics.contact.newton import (
     complete_response,
     cost_in_sweeps,
@@ -31,9 +30,6 @@ from trocar.services.mechanics.contact.sweeps import sweep, update_motion
 
 # Cost in sweeps after which a sequence ends, and sweeps look for missing contacts.
 MAX_COST = 30
-# After so many sweeps, or Newton steps that cost as much, a solve is taken to cycle. Of recorded solves that end 99 %
-# take less than 70; with 100, more of the bodies that friction wedges at random lose it.
-CYCLING = 125
 # A step goes beyond the point where a contact opens or slips by this fraction, so that it does so in spite of rounding.
 OVERSHOOT = 1e-9
 # What bounds a force in the rest of a step: nothing, the edge of its disk from the start or since it slips, an end of
@@ -49,24 +45,22 @@ def take_newton_steps(problem: ContactProblem, W: FloatArray, tolerance_n: float
     The full step is kept if the potential 1/2 f W f + f u_free falls below ``lowest_j``, the lowest of this solve;
     otherwise step and sweep could alternate for ever. Where forces grow a thousandfold from one sweep to the next, as
     when jaws close, only a sweep knows the new directions of friction. Directly after the first sweep it is not tried.
-    Once a solve cycles, steps that start no lower than ``lowest_j`` take friction as associated, see `newton`, and are
-    cut. ``sweeps`` is the cost so far. Return the cost in sweeps, and whether a sweep changed no force by more than the
+    ``sweeps`` is the cost so far. Return the cost in sweeps, and whether a sweep changed no force by more than the
     tolerance.
     """
-    is_associated = sweeps >= CYCLING and _potential_j(problem) >= problem.lowest_j
-    n = list_unknowns(problem, is_associated)
+    n = list_unknowns(problem)
     if n == 0 or not solve_newton_step(problem, W, n):
         return 0, False
     cost, outcome = cost_in_sweeps(n, problem.rows.n_contacts), REJECTED
-    if sweeps > 1 and not is_associated:
+    if sweeps > 1:
         cost, outcome = cost + 1, _try_full_step(problem, W, n, tolerance_n)
     if outcome == REJECTED:
-        cost = _take_cut_steps(problem, W, n, cost, is_associated)
+        cost = _take_cut_steps(problem, W, n, cost)
     return cost, outcome == SOLVED
 
 
 @kernel
-def _take_cut_steps(problem: ContactProblem, W: FloatArray, n: int, cost: int, is_associated: bool) -> int:
+def _take_cut_steps(problem: ContactProblem, W: FloatArray, n: int, cost: int) -> int:
     """Take cut steps until one in which no contact began to slip, the first one solved; return the increased cost.
 
     A contact that slips rotates its friction, which its constraint does not know.
@@ -80,7 +74,7 @@ def _take_cut_steps(problem: ContactProblem, W: FloatArray, n: int, cost: int, i
             has_slipped |= problem.bound[block] == AT_EDGE
         if cost >= MAX_COST or not has_slipped:
             return cost
-        n = list_unknowns(problem, is_associated)
+        n = list_unknowns(problem)
         if n == 0 or not solve_newton_step(problem, W, n):
             return cost
         cost += cost_in_sweeps(n, k)
@@ -193,7 +187,7 @@ def _list_constraints(problem: ContactProblem, n: int) -> int:
         elif problem.bound[block] == AT_EDGE:
             size = math.hypot(rows.force_n[block, 1], rows.force_n[block, 2])
             t_1, t_2 = rows.force_n[block, 1] / size, rows.force_n[block, 2] / size
-            mu = rows.friction[block] if HAS_FRICTION[rows.law[block]] else 0.0
+            mu = limit_slope(rows, block)
             problem.first[m] = i
             put_row(problem.constraint, m, (-mu, t_1, t_2))
             put_row(problem.replaced, m, (0.0, t_1, t_2))

@@ -19,7 +19,7 @@ from trocar.services.mechanics.contact.laws import (
     NEEDS_LIMIT,
 )
 from trocar.services.mechanics.contact.problem import ContactProblem, add_unknown, set_force
-from trocar.services.mechanics.contact.rows import ContactRows
+from trocar.services.mechanics.contact.rows import KEPT, PRESENT, ContactRows
 
 # A force above this fraction of its limit counts as sliding: local solves reach the limit only up to rounding.
 ON_THE_LIMIT = 1.0 - 1e-9
@@ -38,12 +38,27 @@ def normal_range(rows: ContactRows, row: int) -> tuple[float, float]:
 
 @kernel
 def tangential_limit(rows: ContactRows, row: int) -> float:
-    """Return r, the largest admissible tangential force (N) of a row with its present normal force."""
+    """Return r, the largest admissible tangential force (N) of a row with the pressure that bounds its friction."""
     law = rows.law[row]
     r: float = _multiple(MAX_TANGENTIAL[law], rows.force_limit_n[row])
     if HAS_FRICTION[law]:
-        r += rows.friction[row] * max(rows.force_n[row, 0], 0.0)
+        r += rows.friction[row] * (
+            rows.pressure_n[row] if rows.pressure_n[row] >= 0.0 else max(rows.force_n[row, 0], 0.0)
+        )
     return r
+
+
+@inlined_kernel
+def keeps_friction(rows: ContactRows, row: int) -> bool:
+    """Return whether the tangential force of a row is given."""
+    return bool(HAS_FRICTION[rows.law[row]] and rows.pressure_n[row] <= KEPT)
+
+
+@inlined_kernel
+def limit_slope(rows: ContactRows, row: int) -> float:
+    """Return by how much `tangential_limit` grows with the normal force."""
+    grows = HAS_FRICTION[rows.law[row]] and rows.pressure_n[row] == PRESENT
+    return float(rows.friction[row] if grows else 0.0)
 
 
 @kernel
@@ -66,6 +81,9 @@ def relax(problem: ContactProblem, W: FloatArray, block: int) -> None:
     else:
         normal = min(max(force[0] - motion[row] / W[row, row], low), high)
         set_force(problem, W, block, 0, normal)
+    if keeps_friction(rows, block):
+        problem.change[1] = problem.change[2] = 0.0
+        return
     r, f_1, f_2 = tangential_limit(rows, block), 0.0, 0.0
     if r > 0.0:
         a = W[row + 1, row + 1] - s_1 * W[row, row + 1]
@@ -118,9 +136,11 @@ def add_unknowns(problem: ContactProblem, block: int, n: int) -> int:
     sticks = tangential < ON_THE_LIMIT * limit
     if low < force[0] < high:
         n = add_unknown(problem, n, block, (1.0, 0.0, 0.0), 0.0)
-        if HAS_FRICTION[rows.law[block]] and not sticks and tangential > 0.0:
+        if limit_slope(rows, block) > 0.0 and not sticks and tangential > 0.0:
             for axis in range(1, 3):
-                problem.column[n - 1, axis] = rows.friction[block] * force[axis] / tangential
+                problem.column[n - 1, axis] = limit_slope(rows, block) * force[axis] / tangential
+    if keeps_friction(rows, block):
+        return n
     if sticks:
         n = add_unknown(problem, n, block, (0.0, 1.0, 0.0), 0.0)
         return add_unknown(problem, n, block, (0.0, 0.0, 1.0), 0.0)
@@ -139,6 +159,8 @@ def project(rows: ContactRows, row: int, is_sliding: bool) -> None:
     force, (low, high) = rows.force_n[row], normal_range(rows, row)
     force[0] = min(max(force[0], low), high)
     tangential, limit = math.hypot(force[1], force[2]), tangential_limit(rows, row)
+    if keeps_friction(rows, row):
+        return
     if tangential > limit or (is_sliding and tangential > 0.0):
         force[1] *= limit / tangential
         force[2] *= limit / tangential
@@ -156,8 +178,8 @@ def step_to_bounds(rows: ContactRows, row: int, change: tuple[float, float, floa
     if end < low or end > high:
         fraction = max(((low if end < low else high) - force[0]) / d_0, 0.0)
     limit = tangential_limit(rows, row)
-    if not is_sliding and 0.0 < limit < math.inf:
-        grows = rows.friction[row] * d_0 if HAS_FRICTION[rows.law[row]] else 0.0
+    if not (is_sliding or keeps_friction(rows, row)) and 0.0 < limit < math.inf:
+        grows = limit_slope(rows, row) * d_0
         a = d_1 * d_1 + d_2 * d_2 - grows * grows
         b = force[1] * d_1 + force[2] * d_2 - limit * grows
         fraction = min(fraction, _step_to_edge(a, b, force[1] ** 2 + force[2] ** 2 - limit * limit))
@@ -179,7 +201,7 @@ def slides(rows: ContactRows, row: int) -> bool:
     """Return whether a force is on the edge of its disk or, without a disk, at an end of its interval."""
     law, force = rows.law[row], rows.force_n[row]
     if HAS_FRICTION[law] or MAX_TANGENTIAL[law] > 0.0:
-        is_pressed = force[0] > 0.0 or not HAS_FRICTION[law]
+        is_pressed = max(force[0], rows.pressure_n[row]) > 0.0 or not HAS_FRICTION[law]
         return bool(is_pressed and math.hypot(force[1], force[2]) >= ON_THE_LIMIT * tangential_limit(rows, row))
     return bool(MAX_TENSION[law] > 0.0 and abs(force[0]) >= ON_THE_LIMIT * normal_range(rows, row)[1])
 

@@ -19,7 +19,6 @@ from trocar.services.mechanics.contact.spheres import add_sphere_compliance
 from trocar.services.mechanics.contact.stages import finish
 from trocar.services.mechanics.contact.state import ContactState, state_at
 from trocar.services.mechanics.contact.warm_start import store_anchors
-from trocar.services.mechanics.contact.working_set import tolerated_overlap_m
 from trocar.services.mechanics.reduction.node_compliance import NodeArrays, weigh_blocks
 from trocar.services.mechanics.reduction.residual.blocks import own_softness
 from trocar.services.mechanics.rod.contact_response import compliance, factor_for_contacts
@@ -51,8 +50,6 @@ class ImplicitStrategy:
         tolerance_m = WALL_TOLERANCE_SHARE * 2.0 * bodies.half_thickness_m
         self._tolerance_n = min(settings.tolerance_n, tolerance_m / softness_m_n if softness_m_n > 0.0 else math.inf)
         state.memory.least_change_n = NEAR * self._tolerance_n
-        # Without friction, which is the last resort, grips slip: rather surfaces overlap as if they had no row.
-        state.problem.tolerated_m = tolerated_overlap_m(2.0 * bodies.half_thickness_m)
 
     def assemble(self, *, anew: bool = False) -> None:
         """Write the Delassus operator W: in one kernel, if there is one for the bodies and it has all blocks.

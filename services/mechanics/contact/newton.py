@@ -11,9 +11,9 @@ directions: along *test* the motion has to vanish, along *column* the force chan
 
 The matrix is the exact derivative of the laws while no contact changes its state, so the step converges quadratically
 near the solution. `active_set` takes it. Where friction wedges bodies it may point away from the solution: pressing and
-sliding together push surfaces apart, and contacts open that sweeps close again. With *associated* friction, as if
-sliding lifted surfaces by :math:`\mu` times the slip (Anitescu, Math. Program. 105, 2006), test directions are the
-columns. Then the matrix is symmetric and positive definite, and the potential falls until a contact opens or slips.
+sliding together push surfaces apart, and contacts open that sweeps close again. Once friction is bounded by a given
+pressure (`solver`), both directions are the same: the matrix is symmetric and positive definite, and the potential
+falls until a contact opens or slips.
 """
 
 from __future__ import annotations
@@ -21,20 +21,18 @@ from __future__ import annotations
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.compiled import kernel
 from trocar.services.mechanics.compiled.dense import factorise, solve_factorised
-from trocar.services.mechanics.compiled.vectors import copy_rows, dot
+from trocar.services.mechanics.compiled.vectors import dot
 from trocar.services.mechanics.compiled.vectors import row as vector
 from trocar.services.mechanics.contact.admissible import add_unknowns
 from trocar.services.mechanics.contact.problem import ContactProblem
 
 
 @kernel
-def list_unknowns(problem: ContactProblem, is_associated: bool) -> int:
+def list_unknowns(problem: ContactProblem) -> int:
     """Write the unknowns of all contacts in their present states, and return their number."""
     n = 0
     for block in range(problem.rows.n_contacts):
         n = add_unknowns(problem, block, n)
-    if is_associated:
-        copy_rows(problem.column, problem.test, n)
     return n
 
 

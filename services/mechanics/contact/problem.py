@@ -22,7 +22,7 @@ class ContactProblem(Struct):
     change: Annotated[FloatArray, 3]  # of a contact's force in the last relaxation, in N
     free: Annotated[FloatArray, "m"]  # motion without contact forces
     begun_n: Annotated[FloatArray, "c", 3]  # forces before a step
-    saved_n: Annotated[FloatArray, "c", 3]  # forces to return to
+    first_n: Annotated[FloatArray, "c", 3]  # forces that the solve began with
     block: Annotated[IntArray, "m"]  # contact of each unknown
     test: Annotated[FloatArray, "m", 3]
     column: Annotated[FloatArray, "m", 3]
@@ -44,7 +44,6 @@ class ContactProblem(Struct):
     schur: Annotated[FloatArray, "m * m"]
     schur_pivots: Annotated[IntArray, "m"]
     lowest_j: float = 0.0  # lowest potential of this solve
-    tolerated_m: float = 0.0  # overlap that a solve may leave where it does not end
 
     @classmethod
     def of(cls, rows: ContactRows) -> ContactProblem:

@@ -15,6 +15,9 @@ from trocar.services.mechanics.scene.tools import N_TOOLS
 N_ROD_POINTS = 4  # two particles on each side, for the catheter touching itself
 NO_STONE = -1
 N_BODIES = 1 + N_TOOLS + STONE.size  # the catheter, tools and stones
+# In `ContactRows.pressure_n`: friction is bounded by the present normal force; it keeps its present value, which the
+# pressure that is subtracted from this number bounded.
+PRESENT, KEPT = -1.0, -2.0
 
 
 class ContactRows(Struct):
@@ -37,6 +40,7 @@ class ContactRows(Struct):
     slid_m: Annotated[FloatArray, "c"]  # how far the surfaces have slid before, see `sliding`; negative if not known
     friction_energy_j: Annotated[FloatArray, "c"]  # elastic energy of friction at the start of the step
     friction: Annotated[FloatArray, "c"]  # Coulomb's coefficient, for laws that have it
+    pressure_n: Annotated[FloatArray, "c"]  # that bounds friction, or `PRESENT` or `KEPT`, see `solver`
     force_limit_n: Annotated[FloatArray, "c"]  # largest force, for laws that have one
     softness_m_n: Annotated[FloatArray, "c", 3]  # compliance of the surfaces, along the frame
     force_n: Annotated[FloatArray, "c", 3]  # solved force on the first body, along the frame

@@ -14,7 +14,7 @@ from trocar.services.mechanics.compiled.vectors import row as vector
 from trocar.services.mechanics.compiled.vectors import row_of as vector_of
 from trocar.services.mechanics.contact.identity import with_law
 from trocar.services.mechanics.contact.laws import CREEP, SOFTNESS_M_N
-from trocar.services.mechanics.contact.rows import NO_STONE, ContactRows
+from trocar.services.mechanics.contact.rows import NO_STONE, PRESENT, ContactRows
 
 NO_ROOM = -1
 # Index of the first of two particles of each side in ``rod_node``.
@@ -46,7 +46,7 @@ def append_row(rows: ContactRows, law: int, identity: int) -> int:
     rows.rod_weight[row] = 0.0
     rows.gap_m[row] = rows.rest_offset_m[row] = rows.correction_m[row] = 0.0
     rows.slip_m[row] = rows.elastic_m[row] = rows.force_n[row] = 0.0
-    rows.friction[row] = rows.friction_energy_j[row] = 0.0
+    rows.friction[row], rows.pressure_n[row], rows.friction_energy_j[row] = 0.0, PRESENT, 0.0
     rows.slid_m[row] = -1.0
     set_law(rows, row, law)
     return row

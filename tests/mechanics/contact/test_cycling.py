@@ -6,18 +6,34 @@ import pytest
 from trocar.services.mechanics.contact.active_set import MAX_COST
 from trocar.services.mechanics.contact.laws import number_of
 from trocar.services.mechanics.contact.problem import ContactProblem
-from trocar.services.mechanics.contact.rows import ContactRows
-from trocar.services.mechanics.contact.solver import MAX_SWEEPS, solve_contacts
+from trocar.services.mechanics.contact.rows import KEPT, ContactRows
+from trocar.services.mechanics.contact.solver import (
+    CYCLING,
+    FRICTION_SWEEPS,
+    MOST_SWEEPS,
+    MOTION_TOLERANCE_M,
+    NORMAL_SOLVES,
+    TURNS,
+    solve_contacts,
+)
 from trocar.services.mechanics.contact.stages import write_results
 from trocar.services.mechanics.contact.writer import append_row
 
-TOLERANCE_N, TOLERANCE_M = 1e-8, 1e-9
+TOLERANCE_N = 1e-8
+MOST = CYCLING + TURNS * FRICTION_SWEEPS + (TURNS - 1 + NORMAL_SOLVES) * (MOST_SWEEPS + MAX_COST)
+"""What a solve may cost, in sweeps, whatever it is asked for."""
+
+
+def bounding_pressure_n(rows):
+    """Return the pressures that bound friction: the present ones, or those with which it was found and kept."""
+    given = rows.pressure_n
+    return np.where(given <= KEPT, KEPT - given, np.where(given >= 0.0, given, rows.force_n[:, 0]))
 
 
 class Wedged:
     """A random body of a few soft and many stiff modes, pressed everywhere, and its solution."""
 
-    def __init__(self, seed, k, softness, mu, tolerated_m=0.0):
+    def __init__(self, seed, k, softness, mu, begun_n=None):
         rng = np.random.default_rng(seed)
         J = rng.standard_normal((3 * k, len(softness))) * softness
         self.W = 1e-2 / len(softness) * (J @ J.T) + 1e-6 * np.eye(3 * k)
@@ -28,26 +44,23 @@ class Wedged:
             append_row(self.rows, number_of("unilateral"), 0)
         self.rows.friction[:] = mu
         problem = ContactProblem.of(self.rows)
-        problem.free[:], problem.tolerated_m = self.free, tolerated_m
+        problem.free[:] = self.free
+        if begun_n is not None:
+            self.rows.force_n[:] = begun_n
         self.sweeps = solve_contacts(problem, self.W, (30, TOLERANCE_N))
         write_results(self.rows, self.slides, np.zeros_like(self.rows.force_n))
         self.force, self.motion = self.rows.force_n, problem.motion.reshape(-1, 3)
 
-    def check_law(self, most_mu):
-        """Signorini's and Coulomb's laws, with the coefficients that the rows have now."""
-        force, motion, mu = self.force, self.motion, self.rows.friction
+    def check_law(self, mu):
+        """Forces within their laws, surfaces that are pressed and do not overlap, friction that drives nothing."""
+        force, motion = self.force, self.motion
         assert np.allclose(motion.ravel(), self.W @ force.ravel() + self.free, atol=1e-13)
         assert force[:, 0].min() >= 0.0
-        assert motion[:, 0].min() > -TOLERANCE_M
-        assert np.abs(motion[force[:, 0] > 0.0, 0]).max() < TOLERANCE_M
+        assert motion[:, 0].min() > -MOTION_TOLERANCE_M
+        assert np.abs(motion[force[:, 0] > 0.0, 0]).max() < MOTION_TOLERANCE_M
         rubs = np.hypot(force[:, 1], force[:, 2])
-        assert np.all(rubs <= most_mu * force[:, 0] * (1.0 + 1e-9))
-        sliding = self.slides & (rubs > 0.0)
-        assert np.allclose(rubs[sliding], (mu * force[:, 0])[sliding], rtol=1e-8)
-        slip = np.hypot(motion[:, 1], motion[:, 2])
-        assert slip[~self.slides & (force[:, 0] > 0.0)].max(initial=0.0) < TOLERANCE_M
-        against = force[:, 1] * motion[:, 1] + force[:, 2] * motion[:, 2]
-        assert np.all(np.abs(against + rubs * slip)[sliding] < TOLERANCE_M * rubs[sliding])
+        assert np.all(rubs <= mu * bounding_pressure_n(self.rows) * (1.0 + 1e-9))
+        assert np.sum(force[:, 1:] * motion[:, 1:]) <= MOTION_TOLERANCE_M * rubs.sum()
 
 
 WIDE, NARROW = (50, np.geomspace(1.0, 0.03, 80)), (30, np.geomspace(1.0, 0.02, 60))
@@ -56,43 +69,31 @@ SMALL = 16, np.geomspace(1.0, 0.02, 20)
 
 @pytest.mark.parametrize("mu", [0.3, 1.0, 2.0])
 @pytest.mark.parametrize("shape", [WIDE, NARROW, SMALL])
-def test_what_does_not_end_with_friction_ends_without_and_nothing_overlaps(shape, mu):
+def test_what_does_not_end_by_coulombs_law_ends_within_a_bound_with_friction_and_without_overlap(shape, mu):
     """Up to millimetres were left, of a tenth of one, when such solves were broken off after a hundred sweeps."""
-    solved = [each for seed in range(10) if (each := Wedged(seed, *shape, mu)).sweeps > MAX_SWEEPS]
-    for each in solved:
+    every = [Wedged(seed, *shape, mu) for seed in range(10)]
+    cycled = [each for each in every if each.sweeps > CYCLING + FRICTION_SWEEPS]
+    for each in cycled:
+        assert each.sweeps <= MOST
         each.check_law(mu)
-    assert mu < 1.0 or any(np.all(each.rows.friction == 0.0) for each in solved)
+        assert np.hypot(each.force[:, 1], each.force[:, 2]).sum() > 0.05 * each.force[:, 0].sum()
+    assert mu < 1.0 or cycled
 
 
-@pytest.mark.parametrize(
-    ("shape", "most"), [((3, np.geomspace(1.0, 0.003, 6)), 32), ((5, np.geomspace(1.0, 0.003, 10)), 37)]
-)
-def test_fewer_wedged_bodies_lose_friction_than_by_steps_of_coulombs_law_alone(shape, most):
-    """Of 400, 39 and 40 did when all Newton steps were those of Coulomb's law, which open what sweeps close."""
-    solved = [Wedged(seed, *shape, mu) for seed in range(200) for mu in (0.6, 1.0)]
-    assert sum(bool(np.all(each.rows.friction == 0.0)) for each in solved) <= most
-
-
-def test_a_cycle_within_the_tolerated_overlap_keeps_friction():
-    """The forces are those of the cycle at which a sweep moved surfaces least."""
-    kept = 0
-    for seed in range(40):
-        without = Wedged(seed, *NARROW, 1.0)
-        if np.all(without.rows.friction == 0.0):
-            each = Wedged(seed, *NARROW, 1.0, tolerated_m=30e-6)
-            if np.all(each.rows.friction == 1.0):
-                kept += 1
-                rubs = np.hypot(each.force[:, 1], each.force[:, 2])
-                assert each.motion[:, 0].min() > -30e-6
-                assert np.all(rubs <= each.force[:, 0] * (1.0 + 1e-9))
-                assert np.allclose(each.motion.ravel(), each.W @ each.force.ravel() + each.free, atol=1e-13)
-    assert kept > 0
+def test_friction_of_a_solve_that_cycles_is_nearly_that_of_the_forces_it_began_with():
+    """A hand that holds still felt 0.7 N in a tick when all friction was dropped."""
+    for seed in range(10):
+        first = Wedged(seed, *NARROW, 1.0)
+        again = Wedged(seed, *NARROW, 1.0, first.force.copy())
+        if min(first.sweeps, again.sweeps) > CYCLING + FRICTION_SWEEPS:
+            again.check_law(1.0)
+            rubs = [np.hypot(each.force[:, 1], each.force[:, 2]).sum() for each in (first, again)]
+            assert rubs[1] > 0.7 * rubs[0]
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_many_contacts_with_much_friction_end_without_overlap_after_a_few_changes_of_the_active_set(seed):
+def test_many_contacts_with_much_friction_end_within_the_same_bound(seed):
     """Half a second went by in each of these, in one tick."""
-    k = 150
-    solved = Wedged(seed, k, np.geomspace(1.0, 0.03, 160), 2.0)
-    assert MAX_SWEEPS < solved.sweeps < MAX_SWEEPS + 5 * (MAX_COST + k)
+    solved = Wedged(seed, 150, np.geomspace(1.0, 0.03, 160), 2.0)
+    assert CYCLING < solved.sweeps <= MOST
     solved.check_law(2.0)

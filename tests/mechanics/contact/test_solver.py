@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from trocar.services.mechanics.contact.laws import number_of
 from trocar.services.mechanics.contact.problem import ContactProblem
 from trocar.services.mechanics.contact.rows import ContactRows
-from trocar.services.mechanics.contact.solver import MAX_SWEEPS, solve_contacts
+from trocar.services.mechanics.contact.solver import CYCLING, solve_contacts
 from trocar.services.mechanics.contact.stages import write_results
 from trocar.services.mechanics.contact.writer import append_row
 
@@ -205,7 +205,7 @@ def test_contacts_that_open_one_after_the_other_do_so_between_two_sweeps(k, mean
         assert motion[::3].min() > -1e-6
         cost.append(sweeps)
     assert np.mean(cost) < mean
-    assert max(cost) < MAX_SWEEPS
+    assert max(cost) < CYCLING + 50
 
 
 @pytest.mark.parametrize(("k", "softness"), [(50, np.geomspace(1.0, 0.03, 80)), (30, np.geomspace(1.0, 0.02, 60))])
@@ -221,7 +221,7 @@ def test_what_is_wedged_comes_apart_before_the_sweeps_run_out(k, softness):
         free = 1e-4 * rng.standard_normal(3 * k)
         free[::3] -= 2e-4
         force, motion, sweeps = solve(W, free, np.full(k, UNILATERAL), np.full(k, 0.1), effort=(30, 1e-6))
-        assert sweeps < MAX_SWEEPS
+        assert sweeps < CYCLING + 50
         assert motion[::3].min() > -1e-6
         assert np.allclose(motion, W @ force + free, atol=1e-12)
         pressed, rubbing = force[::3], np.hypot(force[1::3], force[2::3])
