@@ -8,7 +8,7 @@ import numpy as np
 
 from trocar.protocol.bodies.haptics import tool_table
 from trocar.services.kernel_progress import told
-from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.arrays import BoolArray, FloatArray, IntArray
 from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, ContactPairs
 from trocar.services.mechanics.compiled.struct import Address
 from trocar.services.mechanics.contact.candidate_search import CandidateSearch
@@ -144,6 +144,9 @@ class _FixedContactSearch(CandidateSearch):
 
     def update_working_set(self, state: Address[ContactState]) -> None:
         """Do nothing: there is no state."""
+
+    def count_layers(self, system: ContactSystem, tools: BoolArray, out: FloatArray) -> None:
+        """Do nothing: nothing lies between the jaws."""
 
     def forget(self) -> None:
         """Do nothing: there is no state to clear."""

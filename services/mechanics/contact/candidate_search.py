@@ -7,7 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.arrays import BoolArray, FloatArray
 from trocar.services.mechanics.bodies.duct_loads import DuctLoads, loads_at
 from trocar.services.mechanics.bodies.forceps.tool_body import ToolPoses, move_back, move_to_proxies
 from trocar.services.mechanics.bodies.sections import segment_radii
@@ -43,6 +43,7 @@ from trocar.services.mechanics.compiled.vectors import along, row
 from trocar.services.mechanics.contact.engagement import engage_tools
 from trocar.services.mechanics.contact.identity import TARGET, TARGET_KIND, part_of
 from trocar.services.mechanics.contact.laws import HAS_GAP
+from trocar.services.mechanics.contact.layers import count_layers
 from trocar.services.mechanics.contact.price import piece_of, write_capsule_violations, write_chosen, write_violations
 from trocar.services.mechanics.contact.spheres import Spheres
 from trocar.services.mechanics.contact.state import ContactState, state_at
@@ -143,6 +144,10 @@ class CandidateSearch:
     def update_working_set(self, state: Address[ContactState]) -> None:
         """Age the working set by a step, and renew the features whose contacts carried a force in it."""
         update_working_set(self._arrays.address, state)
+
+    def count_layers(self, system: ContactSystem, tools: BoolArray, out: FloatArray) -> None:
+        """Write how many layers of wall these tools (2,) have in their jaws, by cells (2, N_CELLS); see `layers`."""
+        count_layers_of(self._arrays.address, system.address, tools, out)
 
     def set_catheter_row_gap(self, gap_m: float) -> None:
         """Give the catheter rows from this gap (m) on, for laws that act across a gap."""
@@ -254,6 +259,17 @@ def write_pairs(
     detect_capsules(search.capsules, pairs, poses, rod.position, (rod.radius, search.margin_m))
     write_chosen(search.found, search.working, (N_TOOL_PIECES, search.ahead.shape[0]), pairs)
     engage_tools(search.found, pairs, geometry)
+
+
+@kernel
+def count_layers_of(
+    address: Address[SearchArrays], state_address: Address[ContactState], tools: BoolArray, out: FloatArray
+) -> None:
+    """Count the layers between the jaws of those tools (2,) that are named, at the end of the step."""
+    search, geometry = search_at(address), state_at(state_address).geometry
+    for tool in range(tools.shape[0]):
+        if tools[tool]:
+            count_layers(search.known.list, geometry, tool, search.tools_at_start.frame[tool], out[tool])
 
 
 @kernel

@@ -46,9 +46,9 @@ def jaw_surface(tools: ToolArrays, p: int, s: float, normal: Vector) -> Surface:
     """Return the surface of piece p for the wall's middle surface, at the parameter ``s`` and along a normal.
 
     Jaws are round. Along a normal at an angle a to their opening direction, the plane midway between them has the
-    distance (r + h / 2) / cos(a) - r from a jaw of radius r, with h the distance of the jaws; the middle of a layer is
-    half as far. For a = 0 half a layer is thinner by t / 2 - h / 4. If the normal does not point outwards, in the jaw's
-    opening direction, nothing is squeezed.
+    distance (r + h / 2) / cos(a) - r from a jaw of radius r, with h the distance of the jaws; of n layers the middle of
+    the first one has 1 / n of it. For a = 0 half a layer is thinner by t / 2 - h / 2 n. If the normal does not point
+    outwards, in the jaw's opening direction, nothing is squeezed.
     """
     if p >= N_TOOL_PIECES or p % N_SEGMENTS == SHAFT:
         return 0.0, 0.0, 0.0, normal
@@ -61,7 +61,9 @@ def jaw_surface(tools: ToolArrays, p: int, s: float, normal: Vector) -> Surface:
     cell = min(max(s * N_CELLS - 0.5, 0.0), N_CELLS - 1.0)
     first = min(int(cell), N_CELLS - 2)
     share, depth, slopes = cell - first, tools.indentation[tool], tools.indentation_slope[tool]
-    thinning, half = (1.0 - share) * depth[first] + share * depth[first + 1], 0.5 * (tools.wall_thickness + radius)
+    thinning = (1.0 - share) * depth[first] + share * depth[first + 1]
+    layers = (1.0 - share) * tools.layers[tool, first] + share * tools.layers[tool, first + 1]
+    half = 0.5 * tools.wall_thickness + radius / max(layers, 1.0)
     overlap = (thinning - half * (1.0 - facing)) / facing
     if overlap <= held_overlap:
         return held_overlap, held_overlap, 0.0, normal

@@ -11,6 +11,8 @@ The jaws are divided into cells along their length. A cell becomes occupied when
 with no more thickness than fits between the jaws, and is released gradually. So a cell never gains wall that no work
 has compressed. A jaw comes nearer to the middle surface of its layer as the layer gets thinner, and that middle surface
 moves half as far as the jaws open. So part of a row's force opens the jaws, and the rest acts on the other layer.
+How many layers there are is counted along the line between the jaws in each cell (`layers`). What slides out from
+between them leaves its room to the others gradually.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.arrays import BoolArray, FloatArray, IntArray
 from trocar.services.mechanics.bodies.forceps.kinematics import N_CELLS
 from trocar.services.mechanics.bodies.forceps.solid_wall import (
     SolidWall,
@@ -35,6 +37,7 @@ from trocar.services.mechanics.compiled import inlined_kernel, kernel
 from trocar.services.mechanics.compiled.struct import Address, Struct, reader
 from trocar.services.mechanics.compiled.vectors import Vector, along, cross, dot, put_row, row_of, subtract, write_frame
 from trocar.services.mechanics.compiled.vectors import row as row_at
+from trocar.services.mechanics.contact.candidate_search import CandidateSearch
 from trocar.services.mechanics.contact.geometry import WallGeometry
 from trocar.services.mechanics.contact.identity import SEGMENT, TARGET, TARGET_KIND, pair_identity, part_of, with_law
 from trocar.services.mechanics.contact.laws import HAS_GAP, number_of
@@ -62,6 +65,8 @@ class SqueezeArrays(Struct):
     start_rad: Annotated[FloatArray, N_TOOLS]
     stored_j: Annotated[FloatArray, N_TOOLS, 2]
     pressed_span: Annotated[FloatArray, 2, 2, 2]  # scratch: side of the surface, jaw, first and last pressed place (m)
+    squeezes: Annotated[BoolArray, N_TOOLS]  # whether a tool squeezes wall
+    counted: Annotated[FloatArray, N_TOOLS, N_CELLS]  # scratch: layers between the jaws
     dissipated_j: float = 0.0  # by steps and released cells since the start
     first: int = 0
     count: int = 0
@@ -100,7 +105,7 @@ class JawSqueeze:
     def forget(self) -> None:
         """Release all cells and the catheter, and clear their stored energy."""
         arrays = self.arrays
-        arrays.wall.occupied[:] = arrays.stored_j[:] = 0.0
+        arrays.wall.occupied[:] = arrays.wall.layers[:] = arrays.stored_j[:] = 0.0
         arrays.row[:] = NO_ROOM
         arrays.put_zero("first", "count")
 
@@ -108,9 +113,11 @@ class JawSqueeze:
         """Append the rows of the walls and catheters that the jaws may squeeze in this step."""
         append_squeeze_rows(self._system.address, self.arrays.address)
 
-    def update(self, dt_s: float) -> None:
-        """Update the energies after the jaws have moved, and occupy and release cells."""
+    def update(self, dt_s: float, search: CandidateSearch) -> None:
+        """Update the energies after the jaws have moved, occupy and release cells, and count the layers in them."""
         update_squeezes(self._system.address, self.arrays.address, dt_s)
+        search.count_layers(self._system, self.arrays.squeezes, self.arrays.counted)
+        update_layers(self.arrays.address, dt_s)
 
     def write_reactions(self) -> None:
         """Write the forces on jaws B, after the solve has found those on jaws A."""
@@ -128,6 +135,7 @@ def append_squeeze_rows(state_address: Address[ContactState], squeeze_address: A
         squeeze.start_rad[tool] = tools.proxy[tool, 3]
         indentation, slope = tools.indentation[tool], tools.indentation_slope[tool]
         write_indentation(squeeze.wall, tool, tools.proxy[tool, 3], indentation, slope)
+        tools.layers[tool] = squeeze.wall.layers[tool]
         if tools.present[tool]:
             _append_catheter(rows, tools, squeeze, tool)
             _append_wall(rows, tools, squeeze, tool)
@@ -232,6 +240,7 @@ def update_squeezes(state_address: Address[ContactState], squeeze_address: Addre
             _update_cells(squeeze, tool, opening, dt_s)
         else:
             squeeze.wall.occupied[tool] = 0.0
+        squeeze.squeezes[tool] = squeeze.wall.occupied[tool].max() > 0.0
         stored_j[DUCT_TRIANGLE] = stored_energy_j(squeeze.wall, tool, opening)
         squeeze.dissipated_j += before - stored_j[DUCT_TRIANGLE] - stored_j[CATHETER_SEGMENT]
 
@@ -286,3 +295,14 @@ def _update_cells(squeeze: SqueezeArrays, tool: int, opening_rad: float, dt_s: f
             wall.occupied[tool, cell], wall.free_m[tool, cell] = 1.0, min(gap, wall.thickness_m)
         elif not is_touched:
             wall.occupied[tool, cell] = max(wall.occupied[tool, cell] - dt_s / RELEASE_S, 0.0)
+
+
+@kernel
+def update_layers(squeeze_address: Address[SqueezeArrays], dt_s: float) -> None:
+    """Take over the layers that were counted: more at once, fewer gradually, and none where nothing is squeezed."""
+    squeeze = squeeze_at(squeeze_address)
+    for tool in range(squeeze.squeezes.shape[0]):
+        layers = squeeze.wall.layers[tool]
+        for cell in range(N_CELLS):
+            counted = max(squeeze.counted[tool, cell], layers[cell] - dt_s / RELEASE_S)
+            layers[cell] = counted if squeeze.squeezes[tool] else 0.0

@@ -326,7 +326,7 @@ class Simulation:
         self.search.update_working_set(self.system.address)
         if self.wire_drive is not None:
             self.wire_drive.give(self._tool_force)
-        self.squeeze.update(dt_s)
+        self.squeeze.update(dt_s, self.search)
         act(self._stages, "after_solve", self.world, dt_s)
         self.cost_ns[-2] += perf_counter_ns() - start_ns
 

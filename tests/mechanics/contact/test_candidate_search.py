@@ -113,7 +113,7 @@ def test_beside_the_line_in_which_jaws_are_nearest_there_is_more_room(simulation
     """By walking along the normal from the jaw to the plane midway between the jaws."""
     tools, thickness_m = simulation.system.geometry.tools, small_scene.duct.thickness_m
     tools.frame[0] = np.eye(3)
-    tools.indentation[0] = 0.5 * thickness_m - 0.25 * apart_m
+    tools.indentation[0], tools.layers[0] = 0.5 * thickness_m - 0.25 * apart_m, 2.0
     radius_m = tools.radius[0, JAW_A]
     for angle in (0.0, 0.2, 0.5):
         normal = np.array([np.cos(angle), np.sin(angle), 0.0])
@@ -182,7 +182,7 @@ def test_the_normal_of_the_surface_of_jaws_is_the_gradient_of_the_clearance(simu
     """By moving the wall's point a little: along the piece's own normal the clearance grows more slowly, or faster."""
     tools = simulation.system.geometry.tools
     tools.frame[0], tools.segments[0, JAW_A] = np.eye(3), [[0.0, 0.0, 0.0], [0.0, 0.0, 10e-3]]
-    tools.indentation[0] = 0.4e-3 * np.linspace(1.0, 0.9, N_CELLS)
+    tools.indentation[0], tools.layers[0] = 0.4e-3 * np.linspace(1.0, 0.9, N_CELLS), 2.0
     reach_m = tools.radius[0, JAW_A] + 0.5 * small_scene.duct.thickness_m
 
     def clearance_m(point_m):

@@ -38,6 +38,7 @@ class SolidWall(Struct):
 
     occupied: Annotated[FloatArray, N_TOOLS, N_CELLS]  # fraction of each cell that wall fills, 0 to 1
     free_m: Annotated[FloatArray, N_TOOLS, N_CELLS]  # unstrained thickness: both layers', or the room at occupation
+    layers: Annotated[FloatArray, N_TOOLS, N_CELLS]  # how many layers share the room between the jaws, no whole number
     length_m: Annotated[FloatArray, N_TOOLS]  # of the jaws
     radius_m: Annotated[FloatArray, N_TOOLS]
     thickness_m: float  # of both layers
@@ -70,18 +71,22 @@ def _strain(wall: SolidWall, tool: int, cell: int, opening_rad: float) -> float:
 def write_indentation(wall: SolidWall, tool: int, opening_rad: float, out: FloatArray, slope: FloatArray) -> None:
     """Write the indentation (N_CELLS,) in m: by how much squeezing brings a layer's middle surface nearer to its jaw.
 
-    ``slope`` (N_CELLS,) receives its derivative by the opening, in m/rad. All cells use the largest occupied fraction:
-    where the jaws squeeze a fold in some cells, its ridge in the others has no more room.
+    Half a layer is thinner by t / 2 - h / 2 n, with n layers in a distance h of the jaws. ``slope`` (N_CELLS,) receives
+    the derivative by the opening, in m/rad. All cells use the largest occupied fraction: where the jaws squeeze a fold
+    in some cells, its ridge in the others has no more room.
     """
     share = wall.occupied[tool].max()
     if share == 0.0:
         out[:] = slope[:] = 0.0
         return
     for cell in range(N_CELLS):
-        gap_m = jaw_gap_m(wall, tool, cell, opening_rad)
-        out[cell] = 0.25 * share * max(wall.thickness_m - max(gap_m, 0.0), 0.0)
-        is_squeezed = 0.0 < gap_m < wall.thickness_m
-        slope[cell] = -0.25 * share * cell_m(wall, tool, cell) * math.cos(0.5 * opening_rad) if is_squeezed else 0.0
+        gap_m, layers = jaw_gap_m(wall, tool, cell, opening_rad), wall.layers[tool, cell]
+        free_m = 0.5 * layers * wall.thickness_m
+        out[cell] = slope[cell] = 0.0
+        if layers > 0.0 and gap_m < free_m:
+            out[cell] = 0.5 * share * (free_m - max(gap_m, 0.0)) / layers
+            if gap_m > 0.0:
+                slope[cell] = -0.5 * share * cell_m(wall, tool, cell) * math.cos(0.5 * opening_rad) / layers
 
 
 @kernel

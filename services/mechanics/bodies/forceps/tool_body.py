@@ -62,6 +62,7 @@ class ToolArrays(Struct):
     rest_offset: Annotated[FloatArray, N_TOOLS, 2]  # overlap with a held body that causes no force, m
     indentation: Annotated[FloatArray, N_TOOLS, N_CELLS]  # decrease of half the squeezed layer's thickness, m
     indentation_slope: Annotated[FloatArray, N_TOOLS, N_CELLS]  # its derivative by the opening, m/rad
+    layers: Annotated[FloatArray, N_TOOLS, N_CELLS]  # of wall between the jaws, where it is squeezed
     wall_thickness: float = 0.0  # of the wall that the tools touch, m
     refused: int = 0
 

@@ -29,6 +29,7 @@ def wall(request):
     wall.length_m[:], wall.radius_m[:] = LENGTH, RADIUS
     wall.occupied[TOOL, 10:] = rng.uniform(0.1, 1.0, N_CELLS - 10)
     wall.free_m[TOOL] = rng.uniform(0.6, 1.0, N_CELLS) * LAYERS
+    wall.layers[TOOL] = 2.0
     return wall
 
 
@@ -86,6 +87,18 @@ def test_a_layer_has_half_of_the_room_between_jaws_that_squeeze_it_and_its_ridge
         has_room = (gap_m > 0.0) & (gap_m < LAYERS)
         np.testing.assert_allclose(slope[has_room], -0.2 * (arms_m * np.cos(0.5 * opening))[has_room])
         assert not slope[~has_room].any()
+
+
+@pytest.mark.parametrize("layers", [0.0, 1.0, 2.0, 3.0])
+def test_the_room_between_jaws_is_shared_by_the_layers_that_lie_there(wall, layers):
+    """Half a layer is thinner by t / 2 - h / 2 n, and nothing is where there is none."""
+    wall.occupied[TOOL], wall.layers[TOOL] = 1.0, layers
+    opening, (indentation, slope) = openings(wall)[5], np.zeros((2, N_CELLS))
+    write_indentation(wall, TOOL, opening, indentation, slope)
+    gap_m = np.array([max(jaw_gap_m(wall, TOOL, cell, opening), 0.0) for cell in range(N_CELLS)])
+    expected_m = np.maximum(0.25 * LAYERS - gap_m / (2.0 * layers), 0.0) if layers else np.zeros(N_CELLS)
+    np.testing.assert_allclose(indentation, expected_m, atol=1e-15)
+    assert not slope[indentation == 0.0].any()
 
 
 def test_jaws_that_squeeze_nothing_leave_a_wall_as_thick_as_it_is(wall):
