@@ -110,7 +110,7 @@ def _begin_session(channel: Channel, wanted: Wanted, where: str, shown: str, clo
         raise DeviceError(f"{where}: Haply's service does not tell how {shown} is set")
     if problem := _differs(full.config, wanted):
         raise DeviceError(f"{where}: {shown} {problem}")
-    held = None if grip is None else (grip, Grip(wanted.roll_axis))
+    held = (grip, Grip(wanted.roll_axis)) if grip else None
     in_force = full.config.gravity_compensation, full.config.filters
     taken = (wanted.host, wanted.port, arm.device_id)
     if taken in _taken:
