@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from report import parse
+
 from trocar.studies.slope import Incline, slide
 
 REPORT = Path(__file__).resolve().parent / "results" / "slope.md"
@@ -49,6 +51,7 @@ def line_of(incline: Incline) -> str:
 
 def main() -> None:
     """Measure all slopes and write the table."""
+    parse(__doc__)
     lines = []
     for incline in INCLINES:
         lines.append(line_of(incline))

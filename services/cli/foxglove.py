@@ -104,11 +104,13 @@ def run_foxglove(
 ) -> None:
     """Serve a running rig until Ctrl-C.
 
-    Raises ConfigError if it would be served in clear to others, or the port is taken; BusError if no rig is heard;
-    MissingPackageError without Foxglove's package.
+    Raises ConfigError if it would be served in clear to others, the port is taken, or there is no such scene;
+    BusError if no rig is heard; MissingPackageError without Foxglove's package.
     """
     rig_overrides, scene_overrides = config.split_overrides(overrides)
     rig = config.load_rig(rig_name, rig_overrides)
+    if scene is not None:
+        load_scene(scene, scene_overrides)
     signal.signal(signal.SIGTERM, _end)
     to_wall_ns = time.time_ns() - time.monotonic_ns()
     bus = Observed(rig)

@@ -116,7 +116,7 @@ def _needed(name: str, parameter: str) -> tuple[str, ...]:
     beside = _BESIDE.get(name, ())
     if name == "replay" and parameter != "file":
         return (sample, "--pictures")
-    if name in ("export", "score", "report") and parameter not in ("file", "what"):
+    if name in ("export", "score", "report") and parameter not in ("file", "files", "what"):
         return (*beside, sample)
     if name == "fem" and parameter != "file":
         return (str(ROOT / "configs" / "fem" / "incised-duct.yaml"),)

@@ -58,7 +58,7 @@ def gateway_speaks(rig_file: Path) -> Iterator[None]:
 def served(rig_file: Path) -> Iterator[str]:
     """Serve the rig; yield the address that is told."""
     code = "from trocar.services.cli.app import main; main()"
-    arguments = ["foxglove", "--rig", str(rig_file), "--port", "0", "--scene", "no such scene"]
+    arguments = ["foxglove", "--rig", str(rig_file), "--port", "0"]
     with subprocess.Popen([sys.executable, "-c", code, *arguments], stdout=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None

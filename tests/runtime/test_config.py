@@ -155,7 +155,7 @@ def test_an_option_that_is_no_yaml_says_why(tmp_path: Path) -> None:
 def test_of_a_file_that_may_be_two_things_too() -> None:
     with pytest.raises(
         ConfigError,
-        match=r"arm.modle: unknown key 'modle'; known: continuous_force_n, count_m, friction_n, interface_delay_s",
+        match=r"arm.modle: unknown key 'modle'; known: continuous_force_n, count_m, device_centre_m, friction_n",
     ):
         config.build(DeviceFile, {"kind": "arm", "modle": "x"}, "file")
 

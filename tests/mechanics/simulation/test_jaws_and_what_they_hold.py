@@ -169,7 +169,7 @@ def test_jaws_at_rest_on_two_edges_of_the_wall_feel_the_same_for_ever(cache_dir)
         torque_nm = simulation.tool_results.grasp_torque_nm[1]
         felt_n.append([*simulation.tool_results.force_n[1], torque_nm / 25e-3])
     held_n = np.array(felt_n[700:])
-    assert held_n[-1, 3] > 40e-3
+    assert held_n[-1, 3] > 35e-3  # they hold it
     assert np.ptp(held_n, axis=0).max() < 0.1e-3
 
 

@@ -91,10 +91,10 @@ def test_steps_of_changing_length_put_no_motion_in(small_scene, small_duct):
 
 
 def press(small_scene, small_duct):
-    """Tool 0 presses the wall from above, the catheter hangs into the lumen."""
+    """Tool 0 presses the wall from above, beside the edge along its top, and the catheter hangs into the lumen."""
     simulation, tools = Simulation(small_scene, small_duct), ToolInputs()
     for tick in range(150):
-        tools.position_m[:] = (20e-3, 0.0, 15e-3 + max(5.5e-3 - 3e-5 * tick, 1.5e-3)), (60e-3, 0.0, 60e-3)
+        tools.position_m[:] = (20e-3, 0.7e-3, 15e-3 + max(5.5e-3 - 3e-5 * tick, 1.5e-3)), (60e-3, 0.0, 60e-3)
         simulation.step(tools)
     assert np.linalg.norm(simulation.tool_results.force_n[0]) > 0.05
     return simulation, tools
