@@ -12,6 +12,8 @@ from trocar.protocol import Frame
 from trocar.review.export.fluoroscopy import open_renderer
 from trocar.review.export.pictures import CODEC, PIXELS, use_no_display
 from trocar.services.cli.rerun import load
+from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.scene import SceneModel
 from trocar.services.recordings.errors import RecordingError
 from trocar.services.recordings.inputs import RecordedInputs
 from trocar.services.recordings.reader import read_extras, read_frames
@@ -38,10 +40,7 @@ def write_film(
     Raises RecordingError if it cannot be drawn, MissingPackageError if a package is not installed.
     """
     use_no_display()
-    metadata, attachments = read_extras(path)
-    if "scene.yaml" not in attachments:
-        raise RecordingError(f"{path}: its scene is not in it")
-    scene, duct = load(RecordedInputs(path, metadata.get("trocar", {}), attachments))
+    scene, name, duct = recorded_scene(path)
     try:
         import av
 
@@ -49,7 +48,7 @@ def write_film(
     except ModuleNotFoundError as error:
         raise MissingPackageError("mp4", error.name) from None
     newest = _Newest()
-    composer = Composer(cast(Bus, newest), scene, metadata.get("trocar", {}).get("scene", ""), duct)
+    composer = Composer(cast(Bus, newest), scene, name, duct)
     drawn = 0
     with av.open(str(out), "w") as film:
         stream = film.add_stream(CODEC, rate=rate_hz)
@@ -70,3 +69,13 @@ def write_film(
     renderer.close()
     if not drawn:
         raise RecordingError(f"{path}: holds no state of physics to draw")
+
+
+def recorded_scene(path: Path) -> tuple[SceneModel, str, ReducedDuct]:
+    """Return the scene of a recording, its name and its duct. Raises RecordingError if its scene is not in it."""
+    metadata, attachments = read_extras(path)
+    about = metadata.get("trocar", {})
+    if "scene.yaml" not in attachments:
+        raise RecordingError(f"{path}: its scene is not in it")
+    scene, duct = load(RecordedInputs(path, about, attachments))
+    return scene, about.get("scene", ""), duct

@@ -13,9 +13,6 @@ from trocar.review.export.fluoroscopy import open_renderer
 from trocar.review.export.pictures import use_no_display
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
 from trocar.services.mechanics.scene import SceneModel
-from trocar.services.recordings.errors import RecordingError
-from trocar.services.recordings.inputs import RecordedInputs
-from trocar.services.recordings.reader import read_extras
 from trocar.services.runtime.errors import MissingPackageError
 from trocar.services.visualization.composer import Composer
 
@@ -35,15 +32,10 @@ def recorded_camera(path: Path, view: str, size: tuple[int, int]) -> Camera:
 
     Raises RecordingError if its scene is not in it, MissingPackageError if a package is not installed.
     """
-    from trocar.services.cli.rerun import load  # a verb's: its import changes the process
+    from trocar.review.export.film import recorded_scene  # a verb's: its import changes the process
 
     use_no_display()
-    metadata, attachments = read_extras(path)
-    about = metadata.get("trocar", {})
-    if "scene.yaml" not in attachments:
-        raise RecordingError(f"{path}: its scene is not in it")
-    scene, duct = load(RecordedInputs(path, about, attachments))
-    return Camera(scene, about.get("scene", ""), duct, size, view)
+    return Camera(*recorded_scene(path), size, view)
 
 
 class Camera:

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from trocar.services.gateway.dhd.library import Library
 from trocar.services.gateway.host_check import HostCheck, text_of
+from trocar.services.gateway.vendor_library import run_apart
 from trocar.services.runtime.errors import DeviceError
 
 #: Vendor and product on USB, None for any product: Force Dimension, and the Falcon behind its FTDI chip.
 _USB = (("1451", None), ("0403", "cb48"))
 _RULES = "deploy/71-trocar-force-dimension.rules"
-_PATIENCE_S = 20.0
 _INSTALL = "install Force Dimension's SDK 3.17 (docs/how-to/hardware.md), then `sudo ldconfig`"
 
 
@@ -58,16 +57,8 @@ def _devices(root: Path) -> Iterator[Path]:
             yield device
 
 
-def _run(what: str, library: str) -> tuple[int, str]:
-    """Use the vendor's library in a process of its own, which it may crash or hang."""
-    command = [sys.executable, "-m", __name__, what, library]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=_PATIENCE_S, check=False)
-    except subprocess.TimeoutExpired:
-        return 1, f"no answer within {_PATIENCE_S:.0f} s"
-    if done.returncode < 0:
-        return 1, f"ends with signal {-done.returncode}"
-    return done.returncode, (done.stdout.strip() or done.stderr.strip() or "?").splitlines()[-1]
+def _run(*arguments: str) -> tuple[int, str]:
+    return run_apart(__name__, *arguments)
 
 
 def main(what: str, path: str) -> int:

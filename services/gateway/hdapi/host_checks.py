@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -11,6 +10,7 @@ from pathlib import Path
 from trocar.services.gateway.hdapi.constants import Parameter
 from trocar.services.gateway.hdapi.library import Library
 from trocar.services.gateway.host_check import HostCheck, text_of
+from trocar.services.gateway.vendor_library import run_apart
 from trocar.services.runtime.errors import DeviceError
 
 #: Vendor and product of USB arms; sources disagree on one that has them the other way round. None: any product.
@@ -18,7 +18,6 @@ _USB = (("2988", None), ("0301", "2988"))
 _FIREWIRE_VENDOR = "0x000b99"  # SensAble
 _NODES = ("ttyACM*", "hidraw*", "fw*")
 _RULES = "deploy/70-trocar-phantom.rules"
-_PATIENCE_S = 20.0
 
 _INSTALL = "install the vendor's OpenHaptics 3.4 and TouchDriver (docs/how-to/hardware.md), then `sudo ldconfig`"
 _MISSING = {
@@ -115,15 +114,7 @@ def _describe(device: Path) -> str:
 
 
 def _run(*arguments: str) -> tuple[int, str]:
-    """Use the vendor's library in a process of its own, which it may crash or hang."""
-    command = [sys.executable, "-m", __name__, *arguments]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=_PATIENCE_S, check=False)
-    except subprocess.TimeoutExpired:
-        return 1, f"no answer within {_PATIENCE_S:.0f} s"
-    if done.returncode < 0:
-        return 1, f"ends with signal {-done.returncode}"
-    return done.returncode, (done.stdout.strip() or done.stderr.strip() or "?").splitlines()[-1]
+    return run_apart(__name__, *arguments)
 
 
 def main(what: str, path: str, name: str | None = None) -> int:

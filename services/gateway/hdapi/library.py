@@ -7,6 +7,7 @@ from ctypes import POINTER, c_char_p, c_double, c_int, c_uint, c_ulong, c_ushort
 from typing import Any
 
 from trocar.services.gateway.hdapi.constants import INVALID_HANDLE, Parameter, describe
+from trocar.services.gateway.vendor_library import declare_functions, load_library
 from trocar.services.runtime.errors import DeviceError
 
 #: File name by the vendor's installer, with or without its links.
@@ -53,9 +54,7 @@ class Library:
         self.path = path
         self.c: Any = _load(path, where)
         try:
-            for name, (result, arguments) in _SIGNATURES.items():
-                function = getattr(self.c, name)
-                function.restype, function.argtypes = result, arguments
+            declare_functions(self.c, _SIGNATURES)
             self.c.hdGetError.restype, self.c.hdGetError.argtypes = ErrorInfo, ()
         except AttributeError as error:
             raise DeviceError(f"{where}: {path} is no HDAPI: {error}") from None
@@ -109,10 +108,9 @@ class Library:
 
 
 def _load(path: str, where: str) -> ctypes.CDLL:
-    first: OSError | None = None
-    for name in (path, *(_ALTERNATIVES if path == DEFAULT else ())):
-        try:
-            return ctypes.CDLL(name)
-        except OSError as error:
-            first = first or error
-    raise DeviceError(f"{where}: OpenHaptics cannot be loaded: {first}; `trocar doctor` of this rig says what to do")
+    try:
+        return load_library((path, *(_ALTERNATIVES if path == DEFAULT else ())))
+    except OSError as error:
+        raise DeviceError(
+            f"{where}: OpenHaptics cannot be loaded: {error}; `trocar doctor` of this rig says what to do"
+        ) from None
