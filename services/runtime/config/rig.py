@@ -249,7 +249,6 @@ class SupervisorSettings(Settings):
     )  # fmt: skip
     max_restarts_per_minute: Annotated[int, between(0, 600, "", "no process starts and ends ten times a second")] = 5
     web: WebSettings = WebSettings()
-    watch_floor: bool = Field(True, description="whether a thread per core measures how late the machine wakes")
 
 
 class Contracts(Settings):

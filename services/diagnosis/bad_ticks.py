@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from trocar.services.diagnosis.core_sleepers import NAME as FLOOR
 from trocar.services.runtime.measures.flight import COLUMNS
 from trocar.services.runtime.measures.flights import FAST_HZ, Flight, ThreadTime, overrun_ns
-from trocar.services.supervisor.diagnosis.core_sleepers import NAME as FLOOR
 
 #: Later than this the machine did not wake who was due: ten times what a wake-up takes.
 FLOOR_LATE_NS = 300_000
@@ -115,7 +115,10 @@ def shares_core(one: Flight, other: Flight) -> bool:
 
 
 def woken_ns(floor: Flight) -> NDArray[np.int64]:
-    """Return when the machine woke a watcher, (n,): while that was runnable and waited, somebody else had the core."""
+    """Return when the machine woke a watcher, (n,): while that was runnable and waited, somebody else had the core.
+
+    Files of older versions tell that waiting as the time that it ran.
+    """
     woken: NDArray[np.int64] = np.maximum(floor.column("due_ns"), floor.column("began_ns") - floor.column("ran_ns"))
     return woken
 

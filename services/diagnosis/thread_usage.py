@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from trocar.services.runtime.measures.flights import ThreadTime
-from trocar.services.supervisor.diagnosis.observer import RigSight, Row
 
 _PERIOD_S = 1.0
 _GONE = (FileNotFoundError, ProcessLookupError, PermissionError, ValueError, IndexError)
@@ -41,6 +40,13 @@ class Usage:
     seconds: float
 
 
+class UsageRow(NamedTuple):
+    """Counts of a process since it began, and its recent rates, None before they are known."""
+
+    since_start: Counts
+    lately: Usage | None
+
+
 class _Sample(NamedTuple):
     at_s: float
     threads: Mapping[int, Counts]
@@ -52,15 +58,15 @@ class ThreadUsage:
     def __init__(self) -> None:
         self._samples: deque[_Sample] = deque(maxlen=3)
 
-    def sample(self, sight: RigSight) -> None:
-        """Sample, if due."""
-        if self._samples and sight.now_s - self._samples[-1].at_s < _PERIOD_S:
+    def sample(self, now_s: float, pids: Mapping[str, int]) -> None:
+        """Sample the processes with these ids, 0 for none, if due."""
+        if self._samples and now_s - self._samples[-1].at_s < _PERIOD_S:
             return
-        known = set(sight.pids.values())
-        found = {tid: counts for name, pid in sight.pids.items() if pid for tid, counts in threads_of(name, pid, known)}
-        self._samples.append(_Sample(sight.now_s, found))
+        known = set(pids.values())
+        found = {tid: counts for name, pid in pids.items() if pid for tid, counts in threads_of(name, pid, known)}
+        self._samples.append(_Sample(now_s, found))
 
-    def report(self) -> dict[str, Row[Counts, Usage | None]]:
+    def report(self) -> dict[str, UsageRow]:
         """Return the counts of the living threads of each process, and rates between the last two samples."""
         totals = _by_process(self._samples[-1].threads.values()) if self._samples else {}
         rates: dict[str, Usage] = {}
@@ -70,7 +76,7 @@ class ThreadUsage:
                 name: Usage(c.woken / s, (c.woken + c.preempted) / s, 1e-9 * c.ran_ns / s, 1e-9 * c.waited_ns / s, s)
                 for name, c in _by_process(counted).items()
             }
-        return {name: Row(total, rates.get(name)) for name, total in totals.items()}
+        return {name: UsageRow(total, rates.get(name)) for name, total in totals.items()}
 
     def busiest(self) -> tuple[ThreadTime, ...]:
         """Return the threads that ran and waited between the first and the last stored sample, busiest first."""
@@ -82,9 +88,6 @@ class ThreadUsage:
             for c in counted
         )
         return tuple(sorted(times, key=lambda each: -each.ran_s))
-
-    def close(self) -> None:
-        """Do nothing: there are no resources."""
 
     def _since(self, index: int) -> tuple[float, list[Counts]]:
         """Return the seconds since a stored sample, and the counts of each living thread in them."""

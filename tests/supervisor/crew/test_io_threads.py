@@ -7,7 +7,7 @@ import time
 import zmq
 
 from tests.patience import PATIENCE_S
-from trocar.services.supervisor.diagnosis.runqueue_waits import OwnIoThreads
+from trocar.services.supervisor.crew.runqueue_waits import OwnIoThreads
 
 
 def test_an_idle_bus_has_heard_everything_a_flooded_one_has_not() -> None:
