@@ -12,7 +12,6 @@ import os
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 from typing import Any
 
@@ -26,12 +25,14 @@ NAME = "trocar/Insertion-v0"
 SCENES, PROCESSES = (1, 2, 8, 64), (2, 8)
 APART = 37
 """Steps by which each scene begins later than the one before: scenes are in different parts of an insertion."""
-NOTES = """Scenario `basic` (20 ms an action), the actions of an expert's insertion; each scene begins {apart} steps after the
-one before, so that at any time scenes reach, grip, push and begin anew. By the clock, over {moments} steps of each scene,
-after a whole insertion of each; all on one core. Memory is the proportional share (PSS) of all processes, whose program
-and compiled kernels the row of one scene shows. What scenes share: mesh, basis, residual compliance (mapped from its file,
-which processes share as well) and the cache of its rows. What each has: states, contacts, lists of candidates, and the
-matrices of the contact solve as far as contacts have filled them.
+NOTES = """Scenario `basic` (20 ms an action), the actions of an expert's insertion; each scene begins {apart}
+steps after the one before, so that at any time scenes reach, grip, push and begin anew. Steps of
+all scenes by the processor time of all processes, over {moments} steps of each scene, after a whole
+insertion of each; all on one core. Memory is the proportional share (PSS) of all processes, whose
+program and compiled kernels the row of one scene shows. What scenes share: mesh, basis, residual
+compliance (mapped from its file, which processes share as well) and the cache of its rows. What
+each has: states, contacts, lists of candidates, and the matrices of the contact solve as far as
+contacts have filled them.
 """
 
 
@@ -52,26 +53,34 @@ def measure(n: int, jobs: int, moments: int, actions: np.ndarray) -> dict[str, f
     """Step a batch through a whole insertion of each scene, then measure."""
     batch = Batch(NAME, n, jobs=jobs)
     batch.reset(seed=0)
-    at, took_s = -APART * np.arange(n) % len(actions) - len(actions), 0.0
+    at, began_s = -APART * np.arange(n) % len(actions) - len(actions), 0.0
     for moment in range(2 * len(actions) + moments):
         given = np.zeros((n, *actions.shape[1:]), np.float32)
         moving = (at >= 0) & (at < len(actions))
         given[moving] = actions[at[moving]]
-        began_s = time.perf_counter()
+        if moment == 2 * len(actions):
+            began_s = _processor_s()
         *_, terminated, truncated, _ = batch.step(given)
-        if moment >= 2 * len(actions):
-            took_s += time.perf_counter() - began_s
         at = np.where(terminated | truncated, -1, at + 1)
-    found = {"rate": n * moments / took_s, "memory": _memory_mb()}
+    found = {"rate": n * moments / (_processor_s() - began_s), "memory": _memory_mb()}
     batch.close()
     return found
 
 
+def _processes() -> list[int]:
+    own = os.getpid()
+    return [own, *map(int, Path(f"/proc/{own}/task/{own}/children").read_text().split())]
+
+
+def _processor_s() -> float:
+    """Return the processor time of this process and of all its children."""
+    fields = [Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split() for pid in _processes()]
+    return sum(int(each[11]) + int(each[12]) for each in fields) / os.sysconf("SC_CLK_TCK")
+
+
 def _memory_mb() -> float:
     """Return the proportional share of this process and of all its children."""
-    own = os.getpid()
-    pids = [own, *map(int, Path(f"/proc/{own}/task/{own}/children").read_text().split())]
-    kept = (Path(f"/proc/{pid}/smaps_rollup").read_text() for pid in pids)
+    kept = (Path(f"/proc/{pid}/smaps_rollup").read_text() for pid in _processes())
     return sum(int(line.split()[1]) for text in kept for line in text.splitlines() if line.startswith("Pss:")) / 1024
 
 
