@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from trocar.services.atomic_file import atomic_file
+from trocar.services.files.atomic_file import atomic_file
 from trocar.services.mechanics.arrays import ByteArray, FloatArray, IntArray
 from trocar.services.mechanics.surface.mesh import TriangleMesh
 

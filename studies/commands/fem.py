@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from trocar.services.cli import targets
-from trocar.services.runtime import config
+from trocar.services.runtime.config import config
 from trocar.services.runtime.errors import ConfigError, MissingPackageError
 from trocar.studies.commands.progress_bar import progress_line
 from trocar.studies.fem.calculix import apart, check_case, compare, solve_by_calculix, write_deck

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from trocar.services.atomic_file import atomic_file
+from trocar.services.files.atomic_file import atomic_file
 from trocar.services.mechanics.arrays import FloatArray, IntArray
 from trocar.services.mechanics.fem.boundary_conditions import DOF_NAMES
 from trocar.services.mechanics.fem.shell_model import ShellModel

@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space, concatenate, create_empty_array, iterate
 
 from trocar.envs.groups import Group, GroupElsewhere, GroupHere, GroupOnCluster, Made, Moment, connect
-from trocar.services.extras import how_to_get
+from trocar.services.messages.extras import how_to_get
 from trocar.services.runtime.errors import ConfigError
 
 Bools = npt.NDArray[np.bool_]

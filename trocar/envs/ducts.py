@@ -10,16 +10,16 @@ from weakref import WeakSet
 
 import numpy as np
 
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.reduction import ReducedDuct
 from trocar.services.mechanics.reduction.build import ignore_progress
 from trocar.services.mechanics.reduction.residual.cached_rows import CachedRows
 from trocar.services.mechanics.scene import SceneModel
+from trocar.services.meshes.tube_paths import TubePaths
 from trocar.services.runtime.errors import ConfigError
 from trocar.services.scenes import load_duct
 from trocar.services.scenes.duct_file import duct_file
 from trocar.services.training.site import Site, read_site
-from trocar.services.tube_paths import TubePaths
 
 _BATCH_ROWS = 1024
 """Rows of the residual that a batch caches, if the mesh allows: scenes load other nodes."""

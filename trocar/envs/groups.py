@@ -14,7 +14,7 @@ import gymnasium
 from gymnasium.vector import AutoresetMode
 
 from trocar.envs.ducts import Ducts
-from trocar.services.runtime.autogroup import end_with_parent
+from trocar.services.runtime.realtime.autogroup import end_with_parent
 from trocar.studies.accuracy.workers import CONNECT_S
 
 Answer = Callable[[], Any]

@@ -9,10 +9,10 @@ from trocar.envs.grips import Grips
 from trocar.services.mechanics.reduction import ReducedDuct
 from trocar.services.mechanics.simulation import Simulation
 from trocar.services.mechanics.snapshot import Snapshot
+from trocar.services.meshes.tube_paths import TubePaths
 from trocar.services.runtime.errors import ConfigError
 from trocar.services.scenes import load_scene
 from trocar.services.training.site import Site
-from trocar.services.tube_paths import TubePaths
 
 
 class Stage:
