@@ -196,9 +196,9 @@ def _cells(model: _Model) -> Iterator[Cells]:
     """Yield the elements as cells, each block with its part of every set; unknown numbers in a set are refused."""
     wanted = {name: set(_members(model, model.element_sets, name)) for name in model.element_sets}
     known = {number for _, numbers, _, _ in model.elements for number in numbers}
-    for name, numbers in wanted.items():
-        if numbers - known:
-            raise MeshError(f"{model.path}: the set '{name}' names element {min(numbers - known)}, which is not there")
+    for name, some in wanted.items():
+        if some - known:
+            raise MeshError(f"{model.path}: the set '{name}' names element {min(some - known)}, which is not there")
     for kind, numbers, nodes, group in model.elements:
         try:
             placed = np.array([[model.number[node] for node in row] for row in nodes.tolist()], np.int64)

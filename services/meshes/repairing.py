@@ -70,8 +70,8 @@ def _moved_sets(mesh: TriangleMesh, vertices: FloatArray, tolerance_m: float) ->
     """Return the vertex sets of a mesh by the vertices that are left of it; one that is gone is in none."""
     if not mesh.vertex_sets:
         return {}
-    away_m, place = cKDTree(vertices).query(mesh.vertices_m)
-    near = away_m <= 2.0 * tolerance_m
+    found = cKDTree(vertices).query(mesh.vertices_m)
+    near, place = np.asarray(found[0]) <= 2.0 * tolerance_m, np.asarray(found[1], np.int64)
     return {name: np.unique(place[ids[near[ids]]]).astype(np.int32) for name, ids in mesh.vertex_sets.items()}
 
 

@@ -246,22 +246,27 @@ def compare(result: FemResult, other: Comparison) -> list[tuple[str, float, floa
     There is no such part of a displacement that is nothing beside the largest.
     """
     rows: list[tuple[str, float, float]] = []
-    least_m = 0.0
+    least_m, largest = 0.0, (0.0, 0.0)
     if result.static is not None and other.displacement_m is not None:
         ours_m, theirs_m = result.static.displacement_m, other.displacement_m
-        largest = tuple(float(np.linalg.norm(each, axis=1).max()) for each in (ours_m, theirs_m))
+        largest = (_largest(ours_m), _largest(theirs_m))
         least_m = NOTHING * largest[1]
         for name, where in result.case.probes.items():
             vertices = select(result.model.mesh, where, f"probes.{name}")
             for axis in range(3):
-                pair = (float(each[vertices, axis].mean()) for each in (ours_m, theirs_m))
-                rows.append((f"{name}, {'xyz'[axis]} m", *pair))
-        mean = (float(np.sqrt((each**2).sum(axis=1).mean())) for each in (ours_m, theirs_m))
-        rows += [("largest displacement m", *largest), ("root mean square of all displacements m", *mean)]
+                ours, theirs = (float(each[vertices, axis].mean()) for each in (ours_m, theirs_m))
+                rows.append((f"{name}, {'xyz'[axis]} m", ours, theirs))
+        ours, theirs = (float(np.sqrt((each**2).sum(axis=1).mean())) for each in (ours_m, theirs_m))
+        rows.append(("largest displacement m", largest[0], largest[1]))
+        rows.append(("root mean square of all displacements m", ours, theirs))
     if result.modes is not None and other.frequency_hz is not None:
         pairs = zip(result.modes.frequency_hz.tolist(), other.frequency_hz.tolist(), strict=False)
         rows += [(f"frequency {k} Hz", *pair) for k, pair in enumerate(pairs, 1)]
     return [(name, ours, theirs, ours / theirs - 1.0 if abs(theirs) > least_m else None) for name, ours, theirs in rows]
+
+
+def _largest(displacement_m: FloatArray) -> float:
+    return float(np.linalg.norm(displacement_m, axis=1).max())
 
 
 def apart(result: FemResult, other: Comparison) -> float | None:
