@@ -33,6 +33,8 @@ class DuctScene:
     damped by ``damping_ratio``.
     ``bending`` is a bending triangle, or "auto": `reissner`, with transverse shear, unless the wall is thin
     (`fem.thinness.bending_of_wall`).
+    ``mesh_names`` are the names of a surface file's open ends from the widest on, by default ``end_0``, ``end_1`` and
+    so on; ``mesh_up`` is what is up in the file's axes: z of the scene, as near as the mouth's direction allows.
     ``tissue`` names the preset of `scene.tissue` from which the wall's values were taken, if any.
     """
 
@@ -52,6 +54,8 @@ class DuctScene:
     mesh_mouth: str = "end_1"
     mesh_edge_m: float | None = None
     mesh_lumen_diameter_m: float | None = None
+    mesh_names: tuple[str, ...] = ()
+    mesh_up: Vector3 | None = None
     tissue: str | None = None
     thickness_m: float = 0.5e-3
     youngs_modulus_pa: float = 100e3
