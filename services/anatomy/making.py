@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from trocar.services.anatomy.centring import arc_length_m
 from trocar.services.anatomy.opened_duct import OpenedDuct, open_duct
 from trocar.services.anatomy.patient_surface import PatientSurface, of_label, of_surface
 from trocar.services.anatomy.proposal import (
@@ -21,7 +22,6 @@ from trocar.services.anatomy.proposal import (
 )
 from trocar.services.anatomy.volume import is_volume
 from trocar.services.anatomy.wall import Wall, middle_of_wall, wall_of
-from trocar.services.anatomy.centring import arc_length_m
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.surface.centreline import centrelines
 from trocar.services.mechanics.surface.mesh import TriangleMesh

@@ -26,7 +26,7 @@ def branch(parent: Tube, at_mm: float, angle: float, azimuth: float, made: Tube)
 
 def on(before: Tube, made: Tube, azimuth: float = 0.0) -> Tube:
     """Return a tube that goes on where another ends, bending to the side `azimuth`."""
-    origin_m, axes = branch_of(before, 1e3 * before.length_m, 0.0, azimuth)
+    origin_m, axes = branch_of(before, before.length_m, 0.0, azimuth)
     return Tube(made.name, origin_m, axes, made.length_m, made.radius_m, made.end_radius_m, made.curvature_1_m, "held")
 
 
