@@ -139,7 +139,7 @@ def shown(made: MadeAnatomy) -> dict[str, Any]:
         "mouth": made.choice.mouth, "held": list(made.choice.held), "ports_mm": [np.round(p, 2).tolist() for p in back],
         "goal_mm": made.request.goal_mm,
         "goal": None if made.goal is None else {"end": made.goal.end, "depth_mm": round(1e3 * made.goal.depth_m, 1)},
-        "catheter": made.catheter,
+        "catheter": made.duct.catheter,
     }  # fmt: skip
 
 

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import re
+import zlib
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO, cast
 
 import numpy as np
 import numpy.typing as npt
 import SimpleITK
 
 from trocar.services.anatomy.volume_file import Volume, judge_size, whole_numbers
+from trocar.services.meshes.announced import cut_off
 from trocar.services.meshes.errors import MeshError
 
 _SEGMENT = re.compile(r"Segment(\d+)_(Name|LabelValue|Layer)")
 _HEADER_BYTES = 1 << 20
+_NIFTI_BYTES = 348
 
 
 def read_grid(path: Path, head: bytes) -> Volume:
@@ -81,14 +84,33 @@ def _judge_nrrd(path: Path) -> None:
 
 
 def _judge_nifti(path: Path) -> None:
-    """Refuse voxel sizes that are no numbers: the library takes them for 1."""
+    """Refuse voxel sizes that are no numbers, and a file that is cut off.
+
+    The library takes 1 for such sizes, and 0 for voxels that are not there.
+    """
     import gzip
 
     with gzip.open(path, "rb") if path.name.lower().endswith(".gz") else path.open("rb") as file:
-        header = file.read(348)
-    if len(header) < 348:
-        raise MeshError(f"{path}: the file is cut off: a header has 348 bytes, it holds {len(header)}")
-    order = "<" if header[:4] == (348).to_bytes(4, "little") else ">"
-    sizes = np.frombuffer(header, f"{order}f4", 3, offset=80)
-    if not np.isfinite(sizes).all() or (sizes == 0.0).any():
-        raise MeshError(f"{path}: the header's voxel sizes are {sizes.tolist()} mm")
+        header = file.read(_NIFTI_BYTES)
+        if len(header) < _NIFTI_BYTES:
+            raise cut_off(path, _NIFTI_BYTES, "bytes of a header", len(header))
+        order = "<" if header[:4] == _NIFTI_BYTES.to_bytes(4, "little") else ">"
+        sizes = np.frombuffer(header, f"{order}f4", 3, offset=80)
+        if not np.isfinite(sizes).all() or (sizes == 0.0).any():
+            raise MeshError(f"{path}: the header's voxel sizes are {sizes.tolist()} mm")
+        held = _NIFTI_BYTES + _count_bytes(path, cast(BinaryIO, file))
+    n_axes = int(np.frombuffer(header, f"{order}i2", 1, offset=40)[0])
+    axes = np.frombuffer(header, f"{order}i2", 7, offset=42)[: max(0, min(n_axes, 7))].astype(np.int64)
+    bits = int(np.frombuffer(header, f"{order}i2", 1, offset=72)[0])
+    begins = int(np.frombuffer(header, f"{order}f4", 1, offset=108)[0])
+    announced = begins + int(np.prod(axes)) * bits // 8
+    if held < announced:
+        raise cut_off(path, announced, "bytes", held)
+
+
+def _count_bytes(path: Path, file: BinaryIO) -> int:
+    """Return how many bytes follow."""
+    try:
+        return sum(len(block) for block in iter(lambda: file.read(1 << 20), b""))
+    except (EOFError, OSError, zlib.error) as error:
+        raise MeshError(f"{path}: the file is cut off or broken ({error})") from None

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from trocar.services.meshes.errors import MeshError
-from trocar.services.nearest_word import did_you_mean
+from trocar.services.messages.nearest_word import did_you_mean
 
 MOST_SAID = 12
 

@@ -16,7 +16,6 @@ from trocar.services.anatomy.proposal import (
     Choice,
     choose_ends,
     find_end,
-    fitting_catheter,
     propose_ports,
     refuse_blocked_catheter,
 )
@@ -90,7 +89,6 @@ class MadeAnatomy:
     placed: TriangleMesh
     origin_m: FloatArray
     axes: FloatArray
-    catheter: str
     ports_m: list[list[float]]
     goal: Goal | None = None
     seconds: dict[str, float] = field(default_factory=dict)
@@ -129,7 +127,7 @@ def _made(path: Path, request: Request, surface: PatientSurface, timed: _Timed) 
     wall = wall_of(surface, request.thickness_m)
     closed = surface.mesh if request.is_middle else middle_of_wall(surface.mesh, wall)
     timed("opening the ends")
-    duct = open_duct(surface, closed, request.edge_m)
+    duct = open_duct(surface, closed, wall.thickness_m, request.edge_m)
     timed("proposing the scene")
     made = propose(path, request, surface, wall, duct)
     timed("")
@@ -147,11 +145,10 @@ def propose(path: Path, request: Request, surface: PatientSurface, wall: Wall, d
     origin, axes = placement(named, ANTERIOR)
     placed = place_by_ends(named, ANTERIOR)
     refuse_blocked_catheter(placed)
-    catheter = fitting_catheter(duct, wall.thickness_m)
     ports = [(axes @ (1e-3 * np.array(port) - origin)).round(5).tolist() for port in request.ports_mm]
     goal = None if request.goal_mm is None else _goal(placed, axes @ (1e-3 * np.array(request.goal_mm) - origin))
     return MadeAnatomy(
-        path, request, surface, wall, duct, choice, placed, origin, axes, catheter, ports or propose_ports(placed), goal
+        path, request, surface, wall, duct, choice, placed, origin, axes, ports or propose_ports(placed), goal
     )
 
 

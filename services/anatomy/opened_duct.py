@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
+from trocar.services.anatomy.catheter_choice import fitting_catheter
 from trocar.services.anatomy.centring import Centreline, centred
 from trocar.services.anatomy.cutting import Cut, cut_open, find_cut, judge_tube
 from trocar.services.anatomy.patient_surface import PatientSurface, distances_m
@@ -53,6 +54,7 @@ class OpenedDuct:
         ends: The widest first.
         lines: The centrelines from one end to each other, between the cuts, of the surface before it was remeshed.
         edge_m: Length of an edge of the mesh.
+        catheter: The widest that passes.
         moved_m: (95 %, greatest) distance of the mesh from the smooth surface.
     """
 
@@ -60,10 +62,11 @@ class OpenedDuct:
     ends: list[DuctEnd]
     lines: list[Centreline]
     edge_m: float
+    catheter: str
     moved_m: tuple[float, float]
 
 
-def open_duct(surface: PatientSurface, closed: TriangleMesh, edge_m: float | None) -> OpenedDuct:
+def open_duct(surface: PatientSurface, closed: TriangleMesh, thickness_m: float, edge_m: float | None) -> OpenedDuct:
     """Return the duct inside a closed surface: ``closed``, that of the file moved to the middle of the wall.
 
     Raises MeshError if it is no tree of tubes with two ends or more; the sentence names the place.
@@ -78,11 +81,14 @@ def open_duct(surface: PatientSurface, closed: TriangleMesh, edge_m: float | Non
     _refuse_cut_side(surface, opened, cuts)
     between = [_between(line, cuts[0], cut) for line, cut in zip(lines, cuts[1:], strict=True)]
     _refuse_thin(surface, between)
+    catheter = fitting_catheter(between, thickness_m)
     edge_m = edge_m or shell_edge_m(opened, between)
     mesh = remesh(opened, edge_m)
     moved_m = distances_m(opened, mesh.vertices_m)
     ends = _named_ends(surface, mesh, cuts)
-    return OpenedDuct(mesh, ends, between, edge_m, (float(np.percentile(moved_m, 95.0)), float(moved_m.max())))
+    return OpenedDuct(
+        mesh, ends, between, edge_m, catheter, (float(np.percentile(moved_m, 95.0)), float(moved_m.max()))
+    )
 
 
 def _cuts(ways: list[Way], lines: list[Centreline], sectioner: Sectioner) -> list[Cut]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from trocar.services.anatomy.making import MadeAnatomy
 from trocar.services.anatomy.proposal import BEFORE_MOUTH_M
-from trocar.services.atomic_file import atomic_file
+from trocar.services.files.atomic_file import atomic_file
 from trocar.services.mechanics.surface.opening import mouth_opening
 
 _SIZE = (1400, 700)

@@ -13,13 +13,9 @@ from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.surface.mesh import TriangleMesh
 from trocar.services.mechanics.surface.opening import mouth_opening
 from trocar.services.meshes.errors import MeshError
-from trocar.services.nearest_word import did_you_mean
+from trocar.services.messages.nearest_word import did_you_mean
 
 _WHERE_CATHETERS_ENTER = re.compile(r"gall|chole|vesica|mouth|inlet", re.IGNORECASE)
-CATHETERS_M = {"5 Fr": (1.67e-3, 0.9e-3), "4 Fr": (1.33e-3, 0.7e-3)}
-"""Outer and inner diameter, the wider first."""
-_ROOM = 1.15
-"""A lumen is so much wider than the catheter that slides in it."""
 BEFORE_MOUTH_M, INTRODUCER_TO_TIP_M = 6e-3, 65e-3
 _PORTS_M = ((-23e-3, -60e-3, 120e-3), (-30e-3, 70e-3, 110e-3))
 """Of both tools, as in the default scene: along the way out of the mouth, to its side, and up; the first is counted
@@ -82,23 +78,6 @@ def find_end(duct: OpenedDuct, said: str) -> DuctEnd:
     known = "; ".join(f"{end.name} at {_mm(end.opening.centre_m)} mm" for end in duct.ends)
     near = did_you_mean(said, [end.name for end in duct.ends])
     raise MeshError(f"the duct has no end '{said}'; it has {known}{near}")
-
-
-def fitting_catheter(duct: OpenedDuct, thickness_m: float) -> str:
-    """Return the widest catheter that passes all of the lumen.
-
-    Raises MeshError that names the narrowest place if none does.
-    """
-    lines = [(float(line.diameters_m.min()), line.points_m[int(line.diameters_m.argmin())]) for line in duct.lines]
-    width_m, place = min(lines, key=lambda each: each[0])
-    lumen_m = width_m - thickness_m
-    for name, (outer_m, _) in CATHETERS_M.items():
-        if lumen_m >= _ROOM * outer_m:
-            return name
-    raise MeshError(
-        f"the lumen is {1e3 * lumen_m:.2g} mm wide at {_mm(place)} mm, the thinnest catheter has "
-        f"{1e3 * outer_m:.3g} mm: segment it without the branches that narrow"
-    )
 
 
 def propose_ports(mesh: TriangleMesh) -> list[list[float]]:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from trocar.services.anatomy.making import ANTERIOR, MadeAnatomy, rounded_mm
-from trocar.services.anatomy.proposal import BEFORE_MOUTH_M, CATHETERS_M, INTRODUCER_TO_TIP_M
-from trocar.services.atomic_file import atomic_file
+from trocar.services.anatomy.proposal import BEFORE_MOUTH_M, INTRODUCER_TO_TIP_M
+from trocar.services.files.atomic_file import atomic_file
 
 SURFACE, SCENE, PICTURE, REPORT, FACTS = "surface.vtp", "scene.yaml", "preview.png", "report.md", "report.json"
 SCENARIO = "scenario.yaml"
@@ -47,7 +47,6 @@ def _write_surface(made: MadeAnatomy, path: Path) -> None:
 
 def scene_text(made: MadeAnatomy) -> str:
     """Return the scene file."""
-    outer_m, inner_m = CATHETERS_M[made.catheter]
     down = made.axes @ (-GRAVITY_M_S2 * np.array(ANTERIOR))
     ports = [f"[{', '.join(f'{x:g}' for x in port)}]" for port in made.ports_m]
     return f"""# Made by `trocar anatomy` from {made.path.name}; what was done and measured: {REPORT}.
@@ -63,11 +62,10 @@ duct:
   thickness_m: {made.wall.thickness_m:.3g} # {made.wall.source}
   youngs_modulus_pa: 300.0e+3 # an assumption
   n_modes: 60
-catheter: # {made.catheter}
+catheter:
+  product: {made.duct.catheter} # the widest of those known that passes
   length_m: 0.13
   n_segments: 40
-  outer_diameter_m: {outer_m:g}
-  inner_diameter_m: {inner_m:g}
   before_mouth_m: {BEFORE_MOUTH_M:g}
   introducer_to_tip_m: {INTRODUCER_TO_TIP_M:g}
   introducer_length_m: 40.0e-3
@@ -138,7 +136,7 @@ def facts(made: MadeAnatomy) -> dict[str, Any]:
             "vertices": made.duct.mesh.n_vertices, "triangles": made.duct.mesh.n_triangles,
             "edge_mm": round(1e3 * made.duct.edge_m, 3),
         },
-        "catheter": made.catheter,
+        "catheter": made.duct.catheter,
         "ports_m": made.ports_m,
         "goal": None if made.goal is None else {"end": made.goal.end, "depth_mm": round(1e3 * made.goal.depth_m, 1)},
         "scene_from_patient": {"origin_m": made.origin_m.tolist(), "axes": made.axes.tolist()},

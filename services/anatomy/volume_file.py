@@ -90,14 +90,15 @@ def _read(path: Path) -> Volume:
     except ModuleNotFoundError as error:
         raise MeshError(f"{path}: reading it needs the package '{error.name}', install trocar[scan]") from error
     except Exception as error:  # The readers raise whatever a broken file trips them over.
-        raise MeshError(f"{path}: not a readable volume ({_last_line(error)})") from error
+        raise MeshError(f"{path}: not a readable volume ({_last_line(error, path)})") from error
 
 
-def _last_line(error: Exception) -> str:
+def _last_line(error: Exception, path: Path) -> str:
     """Return what is wrong without the places in the source that the libraries put before it."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()] or [type(error).__name__]
     said = [line for line in lines if ".cxx:" not in line and ".cpp:" not in line] or lines
-    return said[-1].removeprefix("ITK ERROR:").strip().rstrip(".")
+    words = said[-1].replace(f' for "{path}"', "").replace(str(path), "the file").removeprefix("sitk::ERROR:")
+    return words.removeprefix("ITK ERROR:").strip().rstrip(".")
 
 
 def judge_size(path: Path, size: tuple[int, ...]) -> None:

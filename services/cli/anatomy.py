@@ -12,7 +12,7 @@ from rich.markup import escape
 from trocar.services.anatomy.making import MadeAnatomy, Request, make_anatomy
 from trocar.services.anatomy.preview import draw_preview
 from trocar.services.anatomy.scene_folder import PICTURE, SCENE, facts, write_folder
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.meshes.errors import MeshError
 from trocar.services.runtime.errors import ConfigError, MissingPackageError
 from trocar.services.scenes.load import load_scene
@@ -32,6 +32,8 @@ def run_anatomy(
     held: tuple[str, ...],
     names: tuple[str, ...],
     edge_mm: float | None,
+    edit: bool,
+    port: int,
     as_json: bool,
 ) -> None:
     """Make the folder and say what is in it.
@@ -52,13 +54,36 @@ def run_anatomy(
         raise MissingPackageError(f"{file}", error.name) from None
     except MeshError as error:
         raise ConfigError(str(error)) from None
-    write_folder(made, folder)
-    draw_preview(made, folder / PICTURE)
-    check_duct(load_scene(folder / SCENE), cache_directory())
+    _write(made, folder)
     if as_json:
         print(json.dumps({"folder": str(folder), **facts(made)}, indent=1))
     else:
         _tell(made, folder)
+    if edit:
+        _edit(made, folder, port)
+
+
+def _write(made: MadeAnatomy, folder: Path) -> None:
+    """Write the folder, and check that its scene can be run."""
+    write_folder(made, folder)
+    draw_preview(made, folder / PICTURE)
+    check_duct(load_scene(folder / SCENE), cache_directory())
+
+
+def _edit(made: MadeAnatomy, folder: Path, port: int) -> None:
+    """Serve the page until a person ends it."""
+    from trocar.services.anatomy.edit_page import EditPage
+    from trocar.services.supervisor.page.page_place import DIST
+
+    if not (DIST / "anatomy.html").is_file():
+        raise ConfigError(
+            "--edit: the page is not built; `python -m trocar.services.visualization.web.build` builds it"
+        )
+    page = EditPage(made, lambda each: _write(each, folder), DIST)
+    try:
+        page.serve(port, lambda address: print(f"open {address}\nCtrl-C, or End on the page, ends it", flush=True))
+    except OSError as error:
+        raise ConfigError(f"--port {port}: cannot listen: {(error.strerror or str(error)).lower()}") from None
 
 
 def _metres(option: str, millimetres: float | None) -> float | None:
@@ -82,7 +107,9 @@ def _tell(made: MadeAnatomy, folder: Path) -> None:
         console.print(
             f"{escape(end['name'])}: {end['is']}, {end['width_mm']:g} mm wide, at {place} mm ({escape(end['named'])})"
         )
-    console.print(f"wall {told['wall']['thickness_mm']:g} mm ({escape(made.wall.source)}), catheter {made.catheter}")
+    console.print(
+        f"wall {told['wall']['thickness_mm']:g} mm ({escape(made.wall.source)}), catheter {made.duct.catheter}"
+    )
     console.print(
         f"look at {escape(str(folder / PICTURE))}, then: trocar up --scene {escape(str(folder / SCENE))}",
         soft_wrap=True,

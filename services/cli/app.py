@@ -333,9 +333,18 @@ def anatomy(
     edge_mm: Annotated[
         float | None, typer.Option(callback=finite, help="Edge of the shell's mesh; default: by the narrowest lumen.")
     ] = None,
+    edit: Annotated[
+        bool, typer.Option("--edit", help="Serve a page on which mouth, held ends, ports and goal are picked by mouse.")
+    ] = False,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Of that page; 0: a free one.")] = 0,
     as_json: Json = False,
 ) -> None:
     """Make a scene from a segmentation or a surface of a patient: surface, scene file, picture, report."""
+
+
+@_verb("cli.catheters:run_catheters")
+def catheters(as_json: Json = False) -> None:
+    """List the catheters and guide wires that a scene can name as `product`: every value with its range and source."""
 
 
 @_verb("cli.attempt:run_scenarios")

@@ -95,6 +95,11 @@ def cut_off_nrrd(folder: Path) -> Path:
     return _cut(write_volume(KNOWN, folder / "x.nrrd"))
 
 
+def cut_off_mha(folder: Path) -> Path:
+    SimpleITK.WriteImage(image_of(KNOWN), str(folder / "x.mha"))
+    return _cut(folder / "x.mha")
+
+
 def cut_off_nifti(folder: Path) -> Path:
     return _cut(write_volume(KNOWN, folder / "x.nii"))
 
@@ -164,7 +169,7 @@ def whole_volume(folder: Path) -> Path:
 
 
 def too_narrow(folder: Path) -> Path:
-    narrow = scan(curved(), (0.25, 0.25, 0.25))
+    narrow = scan(curved(), (0.5, 0.5, 0.5))
     shrunk = Scan(narrow.tubes, narrow.labels, narrow.origin_mm, 0.2 * narrow.spacing_mm, narrow.directions)
     return write_volume(shrunk, folder / "x.nrrd")
 
@@ -209,8 +214,9 @@ REFUSED: dict[Made, str] = {
     two_dimensions: "has 2 dimensions",
     colours: "each voxel has 3 values",
     cut_off_nrrd: "not a readable volume",
-    cut_off_nifti: "not a readable volume",
-    cut_off_packed_nifti: "not a readable volume",
+    cut_off_mha: "not a readable volume",
+    cut_off_nifti: "the file is cut off, it announces .* bytes",
+    cut_off_packed_nifti: "the file is cut off or broken",
     cut_off_header: "the file is cut off",
     no_spacing_nrrd: "'space directions' holds no number",
     no_spacing_nifti: "voxel sizes are .nan",

@@ -79,7 +79,7 @@ def _slices(scan: Scan) -> list:
         one.file_meta.TransferSyntaxUID = ExplicitVRLittleEndian
         one.SOPClassUID, one.SOPInstanceUID = CTImageStorage, generate_uid()
         one.SeriesInstanceUID, one.StudyInstanceUID, one.FrameOfReferenceUID = series, study, frame
-        one.Modality, one.PatientID, one.PatientName, one.PatientBirthDate, one.PatientSex = "CT", "1", "A", "", "O"
+        one.Modality, one.PatientID, one.PatientName, one.PatientBirthDate, one.PatientSex = "CT", "1", "A^B", "", "O"
         one.StudyID, one.StudyDate, one.StudyTime, one.AccessionNumber = "1", "20260101", "000000", ""
         one.ReferringPhysicianName, one.PositionReferenceIndicator = "", ""
         one.SeriesNumber, one.InstanceNumber = 1, number + 1

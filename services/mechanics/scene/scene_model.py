@@ -80,11 +80,13 @@ class CatheterScene:
     ``guide_wire`` lies in its lumen and reaches beyond the tip.
     ``introducer_friction`` is the Coulomb coefficient of its wall; ``introducer_seal_friction_n`` the friction of the
     seal at its exit, which keeps a released catheter in place.
+    ``product`` names a file of configs/catheters that says what the scene leaves open; once loaded, a scene has none.
     ``spectral_radius`` is the numerical damping of the implicit integrator: the factor, 0 to 1, by which vibrations far
     too fast for the step fall in each step. At 1 they persist, at 0 they vanish at once; vibrations that the step
     resolves are hardly damped. "semi_implicit" is the paper's integrator, without numerical damping.
     """
 
+    product: str | None = None
     n_segments: int = 50
     length_m: float = 0.1
     outer_diameter_m: float = 1.67e-3
