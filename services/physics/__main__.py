@@ -46,9 +46,15 @@ START = {"contact": 0.6, "duct": 0.1, "step": 0.3}
 
 
 class Physics:
-    """A simulation on the bus. A state with a NaN is written to a file and replaced by the scene at rest."""
+    """A simulation on the bus. A state with a NaN is written to a file and replaced by the scene at rest.
 
-    def __init__(self, process: Process, meter: LoopMeter, scene: SceneModel, duct: ReducedDuct) -> None:
+    `in_step` is whether the rig's time is simulated: then every frame is answered, as haptics waits for it.
+    """
+
+    def __init__(
+        self, process: Process, meter: LoopMeter, scene: SceneModel, duct: ReducedDuct, *, in_step: bool = False
+    ) -> None:
+        self._in_step = in_step
         self._process = process
         self._meter = meter
         self._scene, self._duct = scene, duct
@@ -86,6 +92,8 @@ class Physics:
         self._partial_ticks += ticks
         length = self._meter.periods_allowed
         if self._partial_ticks < length and ticks:
+            if self._in_step:
+                self.republish(frame)
             return
         steps, self._partial_ticks = divmod(self._partial_ticks, length)
         if not self._reader.take(frame.body):
@@ -217,7 +225,7 @@ def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
         run_duct_alone(process, LoopMeter(RATE_HZ, DUCT_STAGES), scene, duct)
         return
     meter = LoopMeter(RATE_HZ, STAGES)
-    physics = Physics(process, meter, scene, duct)
+    physics = Physics(process, meter, scene, duct, in_step=process.rig.simulated_time)
     _log_residual_error(process, duct)
     clock = TickClock(meter)
     replay = _replay(process, physics)

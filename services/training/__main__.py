@@ -7,12 +7,16 @@ import trocar.services.entry  # noqa: F401  first: the environment of a process
 # isort: split
 import sys
 import time
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
+from trocar.protocol import Frame
 from trocar.protocol.topics import PROCESSES
+from trocar.services.runtime.bus import Bus
 from trocar.services.runtime.loop import LoopMeter, ticks
 from trocar.services.runtime.process import Process, ProcessConfig, main
+from trocar.services.runtime.tick_grid import GridMoments
 from trocar.services.training.judge import Judge
 from trocar.services.training.rig_observer import TOPICS
 from trocar.services.training.scenario import Scenario, scenario_of
@@ -43,8 +47,12 @@ def run(process: Process, prepared: tuple[Scenario | None, Site | None]) -> None
     scenario, site = prepared
     spared = [name for name in PROCESSES if not rig.process(name).critical]
     ways = TubePaths({name: np.array(way) for name, way in site.ways.items()}) if site is not None else None
-    trainer = Trainer(scenario, rig.training.again_after_s, spared, lambda each: Judge(each, site), load_rules(), ways)
-    topics = tuple(filter(process.requirements.is_published, TOPICS))
+    trainer = Trainer(
+        scenario, rig.training.again_after_s, spared, lambda each: Judge(each, site), load_rules(), ways,
+        simulated=rig.simulated_time,
+    )  # fmt: skip
+    look = _look_at_all if rig.simulated_time else _look_at_newest
+    moments = look(process)
     told, due_ns = None, 0
     meter = LoopMeter(RATE_HZ, STAGES)
     process.ready(meter)
@@ -54,8 +62,11 @@ def run(process: Process, prepared: tuple[Scenario | None, Site | None]) -> None
             trainer.observer.take_rig(frame.body)
             trainer.obey(frame.body.orders)
         ordered_ns = time.monotonic_ns()
-        trainer.observer.take(bus.sample(topics, ordered_ns + _PATIENCE_NS), ordered_ns)
-        trainer.follow(ordered_ns * 1e-9)
+        if (hands := bus.latest("visualization.hands")) is not None:
+            trainer.fitness.take_pictures(ordered_ns * 1e-9, hands.body.pictures_hz)
+        for frames in moments():
+            trainer.observer.take(frames, ordered_ns)
+            trainer.follow(ordered_ns * 1e-9)
         looked_ns = time.monotonic_ns()
         if looked_ns >= due_ns or trainer.gist() != told:
             told, due_ns = trainer.gist(), looked_ns + _TELL_NS
@@ -66,5 +77,34 @@ def run(process: Process, prepared: tuple[Scenario | None, Site | None]) -> None
         )  # fmt: skip
 
 
+def _look_at_newest(process: Process) -> Callable[[], Iterable[dict[str, Frame]]]:
+    """Return what asks for the newest frame of each topic."""
+    topics = tuple(filter(process.requirements.is_published, TOPICS))
+    return lambda: [process.bus.sample(topics, time.monotonic_ns() + _PATIENCE_NS)]
+
+
+def _look_at_all(process: Process) -> Callable[[], Iterable[dict[str, Frame]]]:
+    """Return what asks for all frames of the grid that are new, and last for none, as time may have passed."""
+    moments = GridMoments(whole(process))
+
+    def look() -> Iterator[dict[str, Frame]]:
+        yield from moments.take({name: _drained(process.bus, name) for name in TOPICS})
+        yield {}
+
+    return look
+
+
+def _drained(bus: Bus, topic: str) -> list[Frame]:
+    frames: list[Frame] = []
+    while batch := bus.batch(topic):
+        frames += batch.frames()
+    return frames
+
+
+def whole(process_config: ProcessConfig) -> tuple[str, ...]:
+    """Return the topics of which every frame is read: in simulated time the fast ones, so that no tick is missed."""
+    return TOPICS if process_config.rig.simulated_time else ()
+
+
 if __name__ == "__main__":
-    sys.exit(main("training", run, prepare=prepare))
+    sys.exit(main("training", run, prepare=prepare, whole=whole))

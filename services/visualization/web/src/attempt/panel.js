@@ -4,7 +4,7 @@ import { text } from "../dashboard/rows.js";
 import { clock, headline, holding, mm, notCounted, scoreWords } from "./words.js";
 
 const $ = (id) => document.getElementById(id);
-const MOST_MM = 25, STEP_MM = 5;
+const MOST_MM = 25, STEP_MM = 5, TOLD_SPEED = 0.05;
 
 export class AttemptPanel {
   constructor(orders) {
@@ -37,7 +37,18 @@ export class AttemptPanel {
     text($("attempt-score"), scoreWords(attempt));
     text($("attempt-hint"), attempt.hint);
     text($("attempt-not"), notCounted(attempt));
+    this.showFitness(attempt);
     this.showDepth(attempt);
+  }
+
+  // Before an attempt: whether one can count on this machine. While it runs: how slow the clock goes.
+  showFitness({ state, counts, practice_only: only = "", simulated_time: simulated, speed = 1 }) {
+    const waits = state === "armed", isSlow = simulated && Math.abs(1 - speed) > TOLD_SPEED;
+    $("attempt-fit").hidden = !(waits && counts) && !isSlow;
+    $("attempt-fit").dataset.level = only || isSlow ? "warn" : "good";
+    const fit = only ? `Practise only, because ${only}.` : "This machine can train: an attempt counts.";
+    const pace = isSlow ? `The clock goes at ${Math.round(100 * speed)} % of real time, so that nothing is lost.` : "";
+    text($("attempt-fit"), [waits && counts ? fit : "", pace].filter(Boolean).join(" "));
   }
 
   showDepth({ depth_m: depth, goal_depth_m: goal, depth_max_m: most }) {

@@ -170,7 +170,7 @@ export class Hands {
     if (roll) this.grip.turn(roll);
     this.gamepads.read(seconds, now)?.forEach((hand, i) => this.follow(this.grips[i], hand, inWorld));
     this.tellOfPads();
-    this.link?.send(this.grips, this.begins);
+    this.link?.send(this.grips, this.begins, Math.round(10 * (this.view.painted ?? -1)) / 10);
     this.feel();
   }
 

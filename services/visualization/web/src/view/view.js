@@ -244,6 +244,7 @@ export class View {
   // Once a second: figures, and whether to draw more or less finely.
   look(now) {
     const seconds = (now - this.since) / 1000, painted = this.frames / seconds;
+    this.painted = this.isSeen() ? painted : -1;
     $("picture-hz").textContent = this.last ? `${painted.toFixed(0)} Hz` : "–";
     this.showFigures();
     const offered = (this.stream?.countCame() ?? 0) / seconds;
@@ -254,6 +255,11 @@ export class View {
     if (looked && this.governor.look({ now: now / 1000, cost, offered, painted })) this.takeStep();
     this.scaleBar();
     this.beginAnew();
+  }
+
+  // Whether pictures can come: the page is in front, and the rig has sent some.
+  isSeen() {
+    return document.visibilityState === "visible" && Boolean(this.last);
   }
 
   showFigures() {
