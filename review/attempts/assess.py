@@ -18,6 +18,7 @@ from trocar.review.attempts.faults import FaultLog
 from trocar.review.attempts.metrics import TISSUE_LIMITS, metrics_of
 from trocar.review.attempts.trace import Trace
 from trocar.services.runtime.errors import UserError
+from trocar.services.runtime.tick_grid import EVERY_TICKS
 from trocar.services.training.judge import Judge
 from trocar.services.training.scenario import Scenario
 from trocar.services.training.score import Band, ScoreRules, score_of
@@ -129,8 +130,12 @@ class _Running:
 
     def _judge_frame(self, topic: str, time_ns: int, body: msgspec.Struct) -> None:
         if isinstance(body, GatewayState):
-            self._rig.take_devices(body)
-            self._trace.take_devices(body)
+            if self._told is not None and self._told.simulated_time:  # no tick is lost, and moments tell the motion
+                if body.tick % EVERY_TICKS == 0:
+                    self._trace.take_devices(body)
+            else:
+                self._rig.take_devices(body)
+                self._trace.take_devices(body)
         elif isinstance(body, PhysicsState):
             self._rig.take_physics(body)
         situation = self._judge.take(topic, time_ns, body)

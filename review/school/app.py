@@ -133,7 +133,10 @@ def build_app(bench: Bench) -> Starlette:
             "/attempts/{number:int}/bookmark",
             answering(done(lambda a, r: bench.bookmark(number(r), a.at_s, a.words, a.by)), desk=True), methods=["POST"],
         ),
-        Route("/mark", answering(done(lambda a, _r: bench.mark(a.trainee, a.kind, a.value, a.by)), desk=True), methods=["POST"]),
+        Route(
+            "/mark", answering(done(lambda a, _r: bench.mark(a.trainee, a.kind, a.value, a.by)), desk=True),
+            methods=["POST"],
+        ),
         Route("/message", answering(done(lambda a, _r: bench.say(a.words, a.by)), desk=True), methods=["POST"]),
         Route(
             "/erase", answering(done(lambda a, _r: bench.erase(a.trainee, a.by, recordings=a.recordings)), desk=True),

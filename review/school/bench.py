@@ -1,4 +1,4 @@
-"""A bench of the school: who trains at this rig, in which course; judges and keeps each attempt, and says what is next."""
+"""A bench of the school: who trains at this rig, in which course; keeps each attempt, and says what is next."""
 
 from __future__ import annotations
 

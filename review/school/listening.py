@@ -12,18 +12,17 @@ from mcap.exceptions import McapError
 from mcap.records import Metadata
 from mcap.stream_reader import StreamReader
 
-from trocar.protocol import Frame
 from trocar.review.attempts.assess import Message, Terms, assess
 from trocar.review.attempts.assessment import Assessment
 from trocar.services.runtime.bus import Bus
 from trocar.services.runtime.rig import Rig
-from trocar.services.runtime.tick_grid import GridFilter
+from trocar.services.runtime.tick_grid import MOMENTS, STATES, as_state
 from trocar.services.runtime.zmq_bus import ZmqBus
 
-_FAST = ("gateway.state", "haptics.contacts", "physics.state")
 _TOLD = ("training.attempt", "supervisor.state")
 _TURN_S = 0.08
 _SAMPLE_S = 0.04
+_PATIENCE_NS = 20_000_000
 
 
 class Listener:
@@ -41,32 +40,24 @@ class Listener:
         self._thread.join(5.0)
 
     def _run(self) -> None:
-        whole = _FAST if self._rig.simulated_time else ()
-        sampled = [each for each in _FAST if each not in whole]
-        bus = ZmqBus(self._rig.transport, reads_every=(*_TOLD, *whole), samples=sampled)
+        simulated = self._rig.simulated_time
+        whole, samples = (MOMENTS, ()) if simulated else ((), STATES)
+        bus = ZmqBus(self._rig.transport, reads_every=(*_TOLD, *whole), samples=samples)
         try:
-            for found in assess(_ordered(_frames(bus, whole, sampled, self._ending)), self._terms):
-                recording = newest_recording(self._rig.recorder.directory)
-                self._take(found, recording)
+            for found in assess(_ordered(_frames(bus, self._ending, simulated=simulated)), self._terms):
+                self._take(found, newest_recording(self._rig.recorder.directory))
         finally:
             bus.close()
 
 
-def _frames(bus: Bus, whole: tuple[str, ...], sampled: list[str], ending: threading.Event) -> Iterator[list[Message]]:
-    """Yield what has come since the last turn."""
-    grid = {topic: GridFilter() for topic in whole if topic != "gateway.state"}
-    while not ending.wait(_TURN_S if whole else _SAMPLE_S):
-        found: list[Message] = []
-        for topic in (*_TOLD, *whole):
-            while batch := bus.batch(topic):
-                frames = batch.frames()
-                found += [(each.topic, each.sent_ns, each.body) for each in _on_grid(grid.get(topic), frames)]
-        sample = bus.sample(sampled, time.monotonic_ns() + 20_000_000) if sampled else {}
-        yield [*found, *((topic, frame.sent_ns, frame.body) for topic, frame in sample.items())]
-
-
-def _on_grid(grid: GridFilter | None, frames: list[Frame]) -> list[Frame]:
-    return frames if grid is None else list(grid.chosen(frames))
+def _frames(bus: Bus, ending: threading.Event, *, simulated: bool) -> Iterator[list[Message]]:
+    """Yield what has come since the last turn: all moments in simulated time, else a frame of each state topic."""
+    while not ending.wait(_TURN_S if simulated else _SAMPLE_S):
+        topics = (*_TOLD, *(MOMENTS if simulated else ()))
+        frames = [as_state(frame) for topic in topics for frame in bus.drain(topic)]
+        if not simulated:
+            frames += bus.sample(STATES, time.monotonic_ns() + _PATIENCE_NS).values()
+        yield [(frame.topic, frame.sent_ns, frame.body) for frame in frames]
 
 
 def _ordered(turns: Iterator[list[Message]]) -> Iterator[Message]:

@@ -1,4 +1,4 @@
-"""What a trainee is shown of an attempt and of all of them, as data: the page makes sentences of it, in its language."""
+"""What a trainee is shown of attempts, as data: the page makes sentences of it, in its language."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _cost(event: ErrorEvent, rules: ScoreRules) -> Cost:
 def report(
     found: Assessment, rules: ScoreRules, band: Band, past: Sequence[Past], *, has_replay: bool
 ) -> dict[str, Any]:
-    """Return the report of an attempt: `past` are the trainee's attempts at the scenario up to it, which is the last."""
+    """Return the report of an attempt: the last of `past`, the trainee's attempts at the scenario."""
     told, level = verdict(found, rules, band, past)
     return {
         "attempt_id": found.attempt_id,

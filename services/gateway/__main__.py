@@ -32,6 +32,7 @@ from trocar.services.runtime.loop import LoopMeter, Tick, sleep_until, ticks
 from trocar.services.runtime.process import Process, ProcessConfig, main
 from trocar.services.runtime.rig import ReplaySettings
 from trocar.services.runtime.stop_line import StopLine
+from trocar.services.runtime.tick_grid import EVERY_TICKS
 
 MODEL = "haptics.contact_model"
 ATTEMPT = "training.attempt"
@@ -130,6 +131,8 @@ class Gateway:
             withdrawn=sum(each.is_withdrawn << number for number, each in enumerate(self.instruments)),
         )
         self._bus.publish("gateway.state", state, origin_ns=sampled_ns)
+        if self._time.simulated and not self._time.stands and self._time.index % EVERY_TICKS == 0:
+            self._bus.publish("gateway.moment", state, origin_ns=sampled_ns)
         self.meter.stages_ns = (
             sampled_ns - tick.started_ns, written_ns - sampled_ns, time.monotonic_ns() - written_ns
         )  # fmt: skip

@@ -25,6 +25,7 @@ from trocar.services.runtime.journal import JournalWriter
 from trocar.services.runtime.log import progress
 from trocar.services.runtime.loop import LoopMeter, follow
 from trocar.services.runtime.process import Process, ProcessConfig, main
+from trocar.services.runtime.tick_grid import EVERY_TICKS
 from trocar.services.scenes import load_duct, load_scene
 from trocar.services.start_progress import StartProgress
 
@@ -142,6 +143,8 @@ class Haptics:
             self._contacts = ToolContacts(
                 tick=state.tick, tools=hands, holds=held, begins=state.begins, withdrawn=state.withdrawn
             )
+            if self._in_step and state.tick % EVERY_TICKS == 0:
+                self._bus.publish("haptics.moment", self._contacts, origin_ns=frame.origin_ns, valid=frame.valid)
         detected = time.monotonic_ns()
         self._bus.publish("haptics.contacts", self._contacts, origin_ns=frame.origin_ns, valid=frame.valid)
         return detected - began_ns, time.monotonic_ns() - detected

@@ -29,6 +29,7 @@ from trocar.services.runtime.log import progress
 from trocar.services.runtime.loop import LoopMeter, TickClock, follow
 from trocar.services.runtime.nan_guard import NanGuard
 from trocar.services.runtime.process import Process, ProcessConfig, main
+from trocar.services.runtime.tick_grid import EVERY_TICKS
 from trocar.services.scenes import load_duct, load_scene
 from trocar.services.start_progress import StartProgress
 
@@ -106,6 +107,8 @@ class Physics:
             self._reset()
         stepped_ns = time.monotonic_ns()
         self._outputs.publish(self._process.bus, frame, valid=healthy)
+        if self._in_step and ticks and frame.body.tick % EVERY_TICKS == 0:
+            self._outputs.publish_moment(self._process.bus, frame, valid=healthy)
         self._meter.stages_ns = (read_ns, *costs_ns, time.monotonic_ns() - stepped_ns)
 
     def _follow_begins(self, begins: int) -> None:

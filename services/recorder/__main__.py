@@ -13,7 +13,7 @@ import platform
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -37,7 +37,7 @@ from trocar.services.runtime.errors import UserError
 from trocar.services.runtime.log import progress
 from trocar.services.runtime.loop import LoopMeter, ticks
 from trocar.services.runtime.process import Process, ProcessConfig, main
-from trocar.services.runtime.tick_grid import GridFilter
+from trocar.services.runtime.tick_grid import STATES, as_state
 from trocar.services.scenes import load_duct, load_scene
 
 #: Longer than the period of sampled topics, far shorter than a turn.
@@ -49,8 +49,6 @@ _LOOK_S, _HELD_S, _HELD_AGAIN_S = 0.01, 0.02, 10.0
 _AT_ONCE = 64
 #: How long received frames are still written when the recorder is to end; the supervisor kills it after five seconds.
 _LAST_S = 2.0
-#: What attempts are judged by, with what the rig file records whole.
-_ON_GRID = ("haptics.contacts", "physics.state")
 
 
 def _new_file(process: Process) -> Path:
@@ -70,21 +68,15 @@ def _metadata(process: Process) -> dict[str, str]:
 
 
 def whole(process_config: ProcessConfig) -> tuple[str, ...]:
-    """Return the published topics of which every frame is read: those that the rig file names, and those judged.
-
-    Of the latter only the frames of the grid are kept, in simulated time, which a sample by the clock would miss.
-    """
-    rig = process_config.rig
-    asked = dict.fromkeys((*rig.recorder.whole, *(_ON_GRID if rig.simulated_time else ())))
-    return tuple(filter(process_config.requirements.is_published, asked))
+    """Return the published topics of which the rig file requests every frame."""
+    return tuple(filter(process_config.requirements.is_published, process_config.rig.recorder.whole))
 
 
 class Recording:
-    """A file being written, and its reports; of the topics in `grid` only what they choose."""
+    """A file being written, and its reports."""
 
-    def __init__(self, process: Process, grid: Mapping[str, GridFilter] | None = None) -> None:
+    def __init__(self, process: Process) -> None:
         self._process = process
-        self._grid = grid or {}
         now_ns = time.monotonic_ns()
         self._losses = Losses(now_ns)
         self._held_told_s = float("-inf")
@@ -111,9 +103,7 @@ class Recording:
 
     def take(self, frames: Iterable[Frame]) -> None:
         """Append `frames`."""
-        for frame in frames:
-            if frame.topic in self._grid and not any(self._grid[frame.topic].chosen([frame])):
-                continue
+        for frame in map(as_state, frames):
             self._writer.write(frame)
             self._picture.see(frame)
 
@@ -187,10 +177,9 @@ def run(process: Process) -> None:
     speaks = process.requirements.is_published
     read = dict.fromkeys(filter(speaks, (*settings.whole, *read_by("recorder"))))
     sampled = [topic for topic in filter(speaks, observed_by("recorder")) if topic not in read]
-    read |= dict.fromkeys(whole(process))
-    sampled = [topic for topic in sampled if topic not in read]
-    grid = {topic: GridFilter() for topic in whole(process) if topic not in settings.whole}
-    recording = Recording(process, grid)
+    if process.rig.simulated_time:  # moments are recorded instead
+        sampled = [topic for topic in sampled if topic not in STATES]
+    recording = Recording(process)
     recording.explain()
     meter = LoopMeter(settings.sample_rate_hz, ("take", "sample", "hand over"))
     process.ready(meter)

@@ -321,8 +321,8 @@ class ReplaySettings(Settings):
 class Rig(Settings):
     """A whole rig file.
 
-    In `simulated` time no tick is ever lost: a late loop slows the rig's time down. No hand may feel a force then, as it
-    would feel the same force for too long.
+    In `simulated` time no tick is ever lost: a late loop slows the rig's time down. No hand may feel a force then,
+    as it would feel the same force for too long.
     """
 
     name: Name

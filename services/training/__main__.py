@@ -13,10 +13,9 @@ import numpy as np
 
 from trocar.protocol import Frame
 from trocar.protocol.topics import PROCESSES
-from trocar.services.runtime.bus import Bus
 from trocar.services.runtime.loop import LoopMeter, ticks
 from trocar.services.runtime.process import Process, ProcessConfig, main
-from trocar.services.runtime.tick_grid import GridMoments
+from trocar.services.runtime.tick_grid import MOMENTS, Moments
 from trocar.services.training.judge import Judge
 from trocar.services.training.rig_observer import TOPICS
 from trocar.services.training.scenario import Scenario, scenario_of
@@ -51,7 +50,7 @@ def run(process: Process, prepared: tuple[Scenario | None, Site | None]) -> None
         scenario, rig.training.again_after_s, spared, lambda each: Judge(each, site), load_rules(), ways,
         simulated=rig.simulated_time,
     )  # fmt: skip
-    look = _look_at_all if rig.simulated_time else _look_at_newest
+    look = _look_at_moments if rig.simulated_time else _look_at_newest
     moments = look(process)
     told, due_ns = None, 0
     meter = LoopMeter(RATE_HZ, STAGES)
@@ -83,28 +82,16 @@ def _look_at_newest(process: Process) -> Callable[[], Iterable[dict[str, Frame]]
     return lambda: [process.bus.sample(topics, time.monotonic_ns() + _PATIENCE_NS)]
 
 
-def _look_at_all(process: Process) -> Callable[[], Iterable[dict[str, Frame]]]:
-    """Return what asks for all frames of the grid that are new, and last for none, as time may have passed."""
-    moments = GridMoments(whole(process))
+def _look_at_moments(process: Process) -> Callable[[], Iterable[dict[str, Frame]]]:
+    """Return what asks for all new moments, and last for none, as time may have passed."""
+    moments = Moments()
 
     def look() -> Iterator[dict[str, Frame]]:
-        yield from moments.take({name: _drained(process.bus, name) for name in TOPICS})
+        yield from moments.take(frame for name in MOMENTS for frame in process.bus.drain(name))
         yield {}
 
     return look
 
 
-def _drained(bus: Bus, topic: str) -> list[Frame]:
-    frames: list[Frame] = []
-    while batch := bus.batch(topic):
-        frames += batch.frames()
-    return frames
-
-
-def whole(process_config: ProcessConfig) -> tuple[str, ...]:
-    """Return the topics of which every frame is read: in simulated time the fast ones, so that no tick is missed."""
-    return TOPICS if process_config.rig.simulated_time else ()
-
-
 if __name__ == "__main__":
-    sys.exit(main("training", run, prepare=prepare, whole=whole))
+    sys.exit(main("training", run, prepare=prepare))

@@ -21,10 +21,9 @@ from trocar.services.gateway.scene_hands import SceneHands
 from trocar.services.physics import __main__ as physics_process
 from trocar.services.runtime.config import load_rig
 from trocar.services.runtime.loop import LoopMeter, Tick, TickClock
-from trocar.services.runtime.tick_grid import GridFilter, GridMoments
+from trocar.services.runtime.tick_grid import MOMENTS, Moments, as_state
 from trocar.services.scenes import load_duct, load_scene
 from trocar.services.training.judge import Judge
-from trocar.services.training.rig_observer import TOPICS
 from trocar.services.training.scenario import Goal, Limit, Scenario
 from trocar.services.training.score import load_rules
 from trocar.services.training.trainer import Trainer
@@ -33,8 +32,8 @@ TICK_NS = 1_000_000
 _MOST_MS = 20_000
 HANDS = Path("docs/examples/recordings/insertion-success.mcap").absolute()
 SCENARIO = Scenario(
-    name="short", title="Short", scene="insertion", goal=Goal(depth_m=0.012, time_limit_s=1.5),
-    limits={"bend_radius_m": Limit(value=0.05), "counter_traction_n": Limit(value=0.2)},
+    name="short", title="Short", scene="insertion", goal=Goal(depth_m=0.005, hold_s=0.1, time_limit_s=2.5),
+    limits={"crush_force_n": Limit(value=0.01), "counter_traction_n": Limit(value=0.2)},
 )  # fmt: skip
 
 
@@ -55,10 +54,9 @@ class RigOfLateLoops:
         self.haptics = haptics_process.Haptics(cast(Any, haptics), meters[0], scene, duct, in_step=True)
         self.physics = physics_process.Physics(cast(Any, physics), meters[1], scene, duct, in_step=True)
         self._clock, self._haptics_bus, self._physics_bus = TickClock(meters[1]), haptics.bus, physics.bus
-        self._listener, self._moments = MemoryBus(hub, reads_every=TOPICS), GridMoments(TOPICS)
+        self._listener, self._moments = MemoryBus(hub, reads_every=("gateway.state", *MOMENTS)), Moments()
         self.trainer = Trainer(SCENARIO, None, (), lambda each: Judge(each, None), load_rules(), simulated=True)
         self.recorded: list[tuple[str, int, Any]] = []
-        self._grid = {name: GridFilter() for name in TOPICS[1:]}
         self.gateway.open()
         self._index = -1
 
@@ -85,10 +83,10 @@ class RigOfLateLoops:
             self._look()
 
     def _look(self) -> None:
-        frames = {name: self._listener.drain(name) for name in TOPICS}
-        chosen = [*frames[TOPICS[0]], *(f for name in TOPICS[1:] for f in self._grid[name].chosen(frames[name]))]
-        self.recorded += [(each.topic, each.sent_ns, each.body) for each in sorted(chosen, key=lambda f: f.sent_ns)]
-        for moment in self._moments.take(frames):
+        moments = [frame for name in MOMENTS for frame in self._listener.drain(name)]
+        kept = [*self._listener.drain("gateway.state"), *map(as_state, moments[:])]
+        self.recorded += [(each.topic, each.sent_ns, each.body) for each in sorted(kept, key=lambda f: f.sent_ns)]
+        for moment in self._moments.take(moments):
             self.trainer.observer.take(moment, self.now_ns)
             self.trainer.follow(self.now_ns * 1e-9)
         self.recorded.append(("training.attempt", self.now_ns, self.trainer.body()))
