@@ -206,9 +206,9 @@ def _replay(
 def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
     """Answer each new device frame."""
     meter = LoopMeter(RATE_HZ, STAGES)
-    haptics = _replay(process, meter, prepared)
-    if haptics is None:
-        haptics = Haptics(process, meter, *prepared, in_step=process.rig.simulated_time)
+    haptics = _replay(process, meter, prepared) or Haptics(
+        process, meter, *prepared, in_step=process.rig.simulated_time
+    )
     process.ready(meter)
     for frame in follow(process.bus, "gateway.state", meter, process.stop, haptics.settle):
         if frame is not None:
