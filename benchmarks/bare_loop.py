@@ -18,7 +18,7 @@ import os
 import sys
 import time
 
-from trocar.services.runtime.scheduling import DEADLINE, set_attributes
+from trocar.services.runtime.realtime.scheduling import DEADLINE, set_attributes
 
 PERIOD_NS = 1_000_000
 PRIORITY = 60

@@ -40,7 +40,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the tests' rig i
 from tests.rig.conftest import HERE, SCENE, Rig, running_rig
 from tests.rig.faults import engage, force_rates_n_s, rate_limit_n_s
 from trocar.protocol.bodies import SupervisorState
-from trocar.services.runtime.flight import flight_directory
+from trocar.services.runtime.measures.flight import flight_directory
 
 ROOT = Path(__file__).resolve().parents[1]
 LOOPS = ("gateway", "haptics", "physics")

@@ -32,7 +32,7 @@ from report import RESULTS, Row, end_in_good_order, write_report
 from rig_threads import watch
 from watched_rig import STRESS
 
-from trocar.services.runtime.flight import flight_directory
+from trocar.services.runtime.measures.flight import flight_directory
 
 ROOT = Path(__file__).resolve().parents[1]
 LOADS = ("alone", "observers", "stress")

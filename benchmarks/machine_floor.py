@@ -23,8 +23,8 @@ import sys
 import time
 from pathlib import Path
 
-from trocar.services.supervisor.observers import core_sleepers
-from trocar.services.supervisor.observers.core_sleepers import Phases, pin_above_all
+from trocar.services.supervisor.diagnosis import core_sleepers
+from trocar.services.supervisor.diagnosis.core_sleepers import Phases, pin_above_all
 
 PERIOD_NS, LATE_NS = 5_000_000, 1_000_000
 _COUNTED = range(300)

@@ -19,7 +19,7 @@ import gc
 import os
 import time
 
-from trocar.services.runtime.scheduling import DEADLINE, set_attributes
+from trocar.services.runtime.realtime.scheduling import DEADLINE, set_attributes
 
 PERIOD_NS = 487_000
 PRIORITY = 94

@@ -18,7 +18,7 @@ from trocar.review.attempts.faults import FaultLog
 from trocar.review.attempts.metrics import TISSUE_LIMITS, metrics_of
 from trocar.review.attempts.trace import Trace
 from trocar.services.runtime.errors import UserError
-from trocar.services.runtime.tick_grid import EVERY_TICKS
+from trocar.services.runtime.loop.tick_grid import EVERY_TICKS
 from trocar.services.training.judge import Judge
 from trocar.services.training.scenario import Scenario
 from trocar.services.training.score import Band, ScoreRules, score_of

@@ -18,8 +18,8 @@ from trocar.review.classroom.roll import ClassRig, load_roll
 from trocar.review.classroom.scores import Scores
 from trocar.review.classroom.watch import Watch
 from trocar.services.runtime.errors import UserError
-from trocar.services.runtime.web_headers import SafeHeaders, policy_of_text
-from trocar.services.runtime.web_host import KnownHost, listen
+from trocar.services.runtime.web.web_headers import SafeHeaders, policy_of_text
+from trocar.services.runtime.web.web_host import KnownHost, listen
 
 #: Nobody else reads the class page, and no browser keeps it.
 _ALONE = {

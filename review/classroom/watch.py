@@ -15,7 +15,7 @@ import msgspec
 
 from trocar.review.classroom.roll import ClassRig
 from trocar.services.runtime.errors import UserError
-from trocar.services.runtime.web_client import open_connection
+from trocar.services.runtime.web.web_client import open_connection
 
 PERIOD_S = 1.0
 #: A page that has not answered for so long is shown as silent: what is known of the rig is old.

@@ -17,10 +17,10 @@ import uvicorn
 from trocar.review.school.app import build_app
 from trocar.review.school.bench import Bench
 from trocar.review.school.listening import Listener
+from trocar.services.runtime.config.rig import Rig
 from trocar.services.runtime.errors import ConfigError
-from trocar.services.runtime.rig import Rig
-from trocar.services.supervisor.page_link import Link, PageSetup
-from trocar.services.supervisor.school import socket_path
+from trocar.services.supervisor.page.page_link import Link, PageSetup
+from trocar.services.supervisor.page.school import socket_path
 from trocar.services.training.site import Site, find_site
 
 _LOOK_S = 0.2

@@ -11,9 +11,9 @@ from pydantic import Field
 
 from trocar.review.attempts.curve import cusum
 from trocar.review.attempts.store.attempts import Listed
-from trocar.services.runtime import config
+from trocar.services.runtime.config import config
+from trocar.services.runtime.config.rig import Settings
 from trocar.services.runtime.errors import ConfigError
-from trocar.services.runtime.rig import Settings
 from trocar.services.training.scenario import load_scenario
 from trocar.services.training.score import ScoreRules
 

@@ -14,10 +14,10 @@ from mcap.stream_reader import StreamReader
 
 from trocar.review.attempts.assess import Message, Terms, assess
 from trocar.review.attempts.assessment import Assessment
-from trocar.services.runtime.bus import Bus
-from trocar.services.runtime.rig import Rig
-from trocar.services.runtime.tick_grid import MOMENTS, STATES, as_state
-from trocar.services.runtime.zmq_bus import ZmqBus
+from trocar.services.runtime.bus.bus import Bus
+from trocar.services.runtime.bus.zmq_bus import ZmqBus
+from trocar.services.runtime.config.rig import Rig
+from trocar.services.runtime.loop.tick_grid import MOMENTS, STATES, as_state
 
 _TOLD = ("training.attempt", "supervisor.state")
 _TURN_S = 0.08

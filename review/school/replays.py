@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from trocar.review.attempts.store.database import default_url
-from trocar.services.atomic_file import atomic_file
+from trocar.services.files.atomic_file import atomic_file
 from trocar.services.runtime.errors import UserError
 
 MOST_BYTES = 64 << 20

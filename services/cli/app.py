@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import trocar.services.entry  # noqa: F401  first: the environment of a process
+import trocar.services.start.entry  # noqa: F401  first: the environment of a process
 
 # isort: split
 import functools
@@ -120,7 +120,7 @@ def up(
     overrides: Overrides = None,
 ) -> None:
     """Start the whole rig and stay with it until Ctrl-C."""
-    from trocar.services.supervisor.fork_link import ForkServer
+    from trocar.services.supervisor.crew.fork_link import ForkServer
 
     with closing(ForkServer()) as fork_server:  # first: it imports on another core than all that follows
         from trocar.services.cli.up import Request, run_up
@@ -249,7 +249,7 @@ def replay(
         from trocar.services.cli.replay import run_check
 
         return run_check(file, json)
-    from trocar.services.supervisor.fork_link import ForkServer
+    from trocar.services.supervisor.crew.fork_link import ForkServer
 
     with closing(ForkServer()) as fork_server:
         from trocar.services.cli.replay import ReplayRequest, run_replay

@@ -19,16 +19,16 @@ from pathlib import Path
 
 from packaging.specifiers import SpecifierSet
 
-from trocar.services.cache_directory import cache_directory
 from trocar.services.cli import preemption
-from trocar.services.extras import how_to_get
+from trocar.services.files.cache_directory import cache_directory
+from trocar.services.messages.extras import how_to_get
 from trocar.services.recordings.place import fault_of_folder, nearest_there
-from trocar.services.runtime import endpoints
-from trocar.services.runtime.endpoints import lock_holders
+from trocar.services.runtime.bus import endpoints
+from trocar.services.runtime.bus.endpoints import lock_holders
+from trocar.services.runtime.config.rig import Rig
 from trocar.services.runtime.errors import UserError
-from trocar.services.runtime.realtime import DMA_LATENCY, LOCKED_BYTES, lockable_bytes
-from trocar.services.runtime.rig import Rig
-from trocar.services.supervisor.page_place import DIST
+from trocar.services.runtime.realtime.realtime import DMA_LATENCY, LOCKED_BYTES, lockable_bytes
+from trocar.services.supervisor.page.page_place import DIST
 
 _NEEDED = ("numpy", "scipy", "numba", "zmq", "msgspec", "msgpack", "can", "pydantic", "yaml")
 _SHOWN = ("trocar", "numpy", "scipy", "numba", "pyzmq", "msgspec")
@@ -130,7 +130,7 @@ def _memlock() -> CheckResult:
 def _ladder() -> CheckResult:
     """Say which scheduling classes a loop is granted; it takes the first of them."""
     script = (
-        "import json; from trocar.services.runtime.scheduling import SchedulingRequest, rungs_granted; "
+        "import json; from trocar.services.runtime.realtime.scheduling import SchedulingRequest, rungs_granted; "
         "print(json.dumps(rungs_granted(SchedulingRequest(80, 0.7, 0))))"
     )
     tried = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)

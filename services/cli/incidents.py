@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trocar.services.runtime.flight import COLUMNS
-from trocar.services.runtime.flights import FAST_HZ, Flight, ThreadTime, overrun_ns
-from trocar.services.supervisor.observers.core_sleepers import NAME as FLOOR
+from trocar.services.runtime.measures.flight import COLUMNS
+from trocar.services.runtime.measures.flights import FAST_HZ, Flight, ThreadTime, overrun_ns
+from trocar.services.supervisor.diagnosis.core_sleepers import NAME as FLOOR
 
 #: Later than this the machine did not wake who was due: ten times what a wake-up takes.
 FLOOR_LATE_NS = 300_000

@@ -26,12 +26,13 @@ from trocar.services.cli.incidents import (
     worst_ticks,
 )
 from trocar.services.cli.trace import trace
-from trocar.services.runtime import config, endpoints
+from trocar.services.runtime.bus import endpoints
+from trocar.services.runtime.config import config
 from trocar.services.runtime.errors import BusError, ConfigError
-from trocar.services.runtime.flight import flight_directory
-from trocar.services.runtime.flights import FILE_SUFFIX, Flight, Flights, ThreadTime, read_file, read_rings
-from trocar.services.supervisor.observers.observer import RigSight
-from trocar.services.supervisor.observers.thread_usage import ThreadUsage
+from trocar.services.runtime.measures.flight import flight_directory
+from trocar.services.runtime.measures.flights import FILE_SUFFIX, Flight, Flights, ThreadTime, read_file, read_rings
+from trocar.services.supervisor.diagnosis.observer import RigSight
+from trocar.services.supervisor.diagnosis.thread_usage import ThreadUsage
 
 _LOOK_S = 1.0
 _THREADS = 8

@@ -9,9 +9,9 @@ from collections.abc import Iterator
 from typing import Any
 
 from trocar.services.cli.incidents import is_floor, woken_ns
-from trocar.services.runtime.flight import COLUMNS
-from trocar.services.runtime.flights import Flight, Flights
-from trocar.services.supervisor.observers.core_sleepers import NAME as FLOOR
+from trocar.services.runtime.measures.flight import COLUMNS
+from trocar.services.runtime.measures.flights import Flight, Flights
+from trocar.services.supervisor.diagnosis.core_sleepers import NAME as FLOOR
 
 #: A wake-up of the floor that is earlier than this is left out: there are a hundred a second.
 _WORTH_NS = 100_000

@@ -9,30 +9,30 @@ that are waited for to measure their latency (`TIMED_EVERY`).
 
 from __future__ import annotations
 
-import trocar.services.entry  # noqa: F401  first: the environment of a process
+import trocar.services.start.entry  # noqa: F401  first: the environment of a process
 
 # isort: split
 import sys
 import time
 
 from trocar.protocol.bodies import GatewayState
-from trocar.services.gateway import scene_hands
-from trocar.services.gateway.attempt_orders import AttemptOrders
-from trocar.services.gateway.handle_schedule import HandleSchedule
-from trocar.services.gateway.instrument import Instrument, build_instruments
-from trocar.services.gateway.model_intake import ModelIntake
+from trocar.services.gateway.instruments.handle_schedule import HandleSchedule
+from trocar.services.gateway.instruments.instrument import Instrument, build_instruments
+from trocar.services.gateway.instruments.model_intake import ModelIntake
+from trocar.services.gateway.motions import scene_hands
+from trocar.services.gateway.motions.scene_hands import SceneHands
 from trocar.services.gateway.newest_frames import NewestFrames
-from trocar.services.gateway.rig_time import RigTime
-from trocar.services.gateway.scene_hands import SceneHands
-from trocar.services.gateway.supervisor_commands import SupervisorCommands
-from trocar.services.runtime.bus import Bus
-from trocar.services.runtime.health import LatencyPath
+from trocar.services.gateway.orders.attempt_orders import AttemptOrders
+from trocar.services.gateway.orders.rig_time import RigTime
+from trocar.services.gateway.orders.supervisor_commands import SupervisorCommands
+from trocar.services.runtime.bus.bus import Bus
+from trocar.services.runtime.bus.stop_line import StopLine
+from trocar.services.runtime.config.rig import ReplaySettings
 from trocar.services.runtime.log import progress
-from trocar.services.runtime.loop import LoopMeter, Tick, sleep_until, ticks
-from trocar.services.runtime.process import Process, ProcessConfig, main
-from trocar.services.runtime.rig import ReplaySettings
-from trocar.services.runtime.stop_line import StopLine
-from trocar.services.runtime.tick_grid import EVERY_TICKS
+from trocar.services.runtime.loop.loop import LoopMeter, Tick, sleep_until, ticks
+from trocar.services.runtime.loop.tick_grid import EVERY_TICKS
+from trocar.services.runtime.process.health import LatencyPath
+from trocar.services.runtime.process.process import Process, ProcessConfig, main
 
 MODEL = "haptics.contact_model"
 ATTEMPT = "training.attempt"

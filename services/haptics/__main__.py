@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import trocar.services.entry  # noqa: F401  first: the environment of a process
+import trocar.services.start.entry  # noqa: F401  first: the environment of a process
 
 # isort: split
 import sys
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from trocar.protocol import Frame
 from trocar.protocol.bodies import ContactModel, GatewayState, PhysicsState, ToolContacts
 from trocar.protocol.bodies.haptics import tool_table
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.haptics.grasping import Grasping
 from trocar.services.haptics.instruments import InstrumentTable
 from trocar.services.haptics.local_model import LocalModels
@@ -21,13 +21,13 @@ from trocar.services.haptics.reactions import Reactions
 from trocar.services.haptics.warm_up import warm_up
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
 from trocar.services.mechanics.scene import SceneModel
-from trocar.services.runtime.journal import JournalWriter
+from trocar.services.runtime.bus.journal import JournalWriter
 from trocar.services.runtime.log import progress
-from trocar.services.runtime.loop import LoopMeter, follow
-from trocar.services.runtime.process import Process, ProcessConfig, main
-from trocar.services.runtime.tick_grid import EVERY_TICKS
+from trocar.services.runtime.loop.loop import LoopMeter, follow
+from trocar.services.runtime.loop.tick_grid import EVERY_TICKS
+from trocar.services.runtime.process.process import Process, ProcessConfig, main
 from trocar.services.scenes import load_duct, load_scene
-from trocar.services.start_progress import StartProgress
+from trocar.services.start.start_progress import StartProgress
 
 if TYPE_CHECKING:
     from trocar.services.haptics.replaying import ReplayedHaptics

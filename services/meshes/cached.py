@@ -7,7 +7,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.reduction.cache import Entry, fetch
 from trocar.services.mechanics.reduction.content_hash import hash_content, hash_sources
 from trocar.services.mechanics.surface.mesh import TriangleMesh

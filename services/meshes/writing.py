@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from trocar.services.atomic_file import atomic_file
+from trocar.services.files.atomic_file import atomic_file
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.surface.mesh import TriangleMesh
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import trocar.services.entry  # noqa: F401  first: the environment of a process
+import trocar.services.start.entry  # noqa: F401  first: the environment of a process
 
 # isort: split
 import sys
@@ -12,8 +12,7 @@ from operator import add
 from typing import TYPE_CHECKING
 
 from trocar.protocol import Frame
-from trocar.services import first_start
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
 from trocar.services.mechanics.scene import SceneModel
 from trocar.services.mechanics.simulation import Simulation
@@ -24,14 +23,15 @@ from trocar.services.physics.duct_alone_loop import run_duct_alone
 from trocar.services.physics.inputs import ContactsReader
 from trocar.services.physics.outputs import Outputs
 from trocar.services.physics.warm_up import warm_up, warm_up_contact
-from trocar.services.runtime.journal import JournalWriter
+from trocar.services.runtime.bus.journal import JournalWriter
 from trocar.services.runtime.log import progress
-from trocar.services.runtime.loop import LoopMeter, TickClock, follow
-from trocar.services.runtime.nan_guard import NanGuard
-from trocar.services.runtime.process import Process, ProcessConfig, main
-from trocar.services.runtime.tick_grid import EVERY_TICKS
+from trocar.services.runtime.loop.loop import LoopMeter, TickClock, follow
+from trocar.services.runtime.loop.nan_guard import NanGuard
+from trocar.services.runtime.loop.tick_grid import EVERY_TICKS
+from trocar.services.runtime.process.process import Process, ProcessConfig, main
 from trocar.services.scenes import load_duct, load_scene
-from trocar.services.start_progress import StartProgress
+from trocar.services.start import first_start
+from trocar.services.start.start_progress import StartProgress
 
 if TYPE_CHECKING:
     from trocar.services.physics.replaying import ReplayedPhysics

@@ -34,8 +34,8 @@ from trocar.services.mechanics.contact.identity import TARGET_KIND, part_of
 from trocar.services.mechanics.contact.rows import ContactRows, rows_at
 from trocar.services.mechanics.scene.tools import N_TOOLS
 from trocar.services.mechanics.simulation import Simulation
-from trocar.services.runtime.bus import Bus
-from trocar.services.runtime.flat_view import flat_view
+from trocar.services.runtime.bus.bus import Bus
+from trocar.services.runtime.loop.flat_view import flat_view
 
 #: Ticks between measurements of the inserted length (60 Hz) for picture and score; one costs a third of a tick.
 _INSERTED_EVERY = 16

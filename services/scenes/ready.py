@@ -14,7 +14,7 @@ from trocar.services.mechanics.scene.duct_tubes import duct_tubes
 from trocar.services.mechanics.simulation.scene_duct import build_scene_duct, check_scene_duct, scene_mesh
 from trocar.services.mechanics.surface.mesh import TriangleMesh
 from trocar.services.runtime.errors import ConfigError, MissingPackageError
-from trocar.services.start_progress import StartProgress
+from trocar.services.start.start_progress import StartProgress
 
 
 def check_duct(scene: SceneModel, cache: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import trocar.services.entry  # noqa: F401  first: the environment of a process
+import trocar.services.start.entry  # noqa: F401  first: the environment of a process
 
 # isort: split
 import sys
@@ -13,16 +13,16 @@ import numpy as np
 
 from trocar.protocol import Frame
 from trocar.protocol.topics import PROCESSES
-from trocar.services.runtime.loop import LoopMeter, ticks
-from trocar.services.runtime.process import Process, ProcessConfig, main
-from trocar.services.runtime.tick_grid import MOMENTS, Moments
+from trocar.services.meshes.tube_paths import TubePaths
+from trocar.services.runtime.loop.loop import LoopMeter, ticks
+from trocar.services.runtime.loop.tick_grid import MOMENTS, Moments
+from trocar.services.runtime.process.process import Process, ProcessConfig, main
 from trocar.services.training.judge import Judge
 from trocar.services.training.rig_observer import TOPICS
 from trocar.services.training.scenario import Scenario, scenario_of
 from trocar.services.training.score import load_rules
 from trocar.services.training.site import Site, find_site
 from trocar.services.training.trainer import Trainer
-from trocar.services.tube_paths import TubePaths
 
 RATE_HZ = 12.0
 STAGES = ("orders", "look", "tell")

@@ -7,10 +7,10 @@ from collections.abc import Collection, Mapping
 
 from trocar.protocol import Frame, bodies
 from trocar.protocol.bodies.physics import ToolReaction
+from trocar.services.meshes.tube_paths import TubePaths
 from trocar.services.training.attempt import Observation
 from trocar.services.training.fitness import Fitness
 from trocar.services.training.judge import Judge
-from trocar.services.tube_paths import TubePaths
 
 TOPICS = ("gateway.state", "haptics.contacts", "physics.state")
 _CATHETER = 1

@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable, Collection, Sequence
 
 from trocar.protocol import bodies
+from trocar.services.meshes.tube_paths import TubePaths
 from trocar.services.training.attempt import AttemptState, FollowedAttempt
 from trocar.services.training.fitness import Fitness
 from trocar.services.training.hints import hint
@@ -15,7 +16,6 @@ from trocar.services.training.judge import Judge
 from trocar.services.training.rig_observer import RigObserver
 from trocar.services.training.scenario import Scenario
 from trocar.services.training.score import ScoreRules, score_of
-from trocar.services.tube_paths import TubePaths
 
 #: Age after which an order is not executed, as its sender has given up.
 ORDER_S = 2.0

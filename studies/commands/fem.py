@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from trocar.services.cli import targets
-from trocar.services.runtime import config
+from trocar.services.runtime.config import config
 from trocar.services.runtime.errors import ConfigError, MissingPackageError
 from trocar.studies.commands.progress_bar import progress_line
 from trocar.studies.fem.case import FemCase

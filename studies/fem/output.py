@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from trocar.services.atomic_file import atomic_file
+from trocar.services.files.atomic_file import atomic_file
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.fem import StaticSolution
 from trocar.services.mechanics.fem.boundary_conditions import DOF_NAMES

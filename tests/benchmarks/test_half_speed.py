@@ -15,7 +15,7 @@ from benchmarks import bare_loop
 from deploy import judge_rates
 from deploy.judge_rates import LOOPS, SETTLED_S, Counted, count, faults, main, rates, settled, take
 from tests.monitoring.exporter import whole_rig
-from trocar.services.supervisor.metrics import registry
+from trocar.services.supervisor.page.metrics import registry
 
 ROOT = Path(__file__).resolve().parents[2]
 BARE = {"mean_hz": 999.9, "worst_hz": 999.0}

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from trocar.services.runtime.private_directory import make_private
-from trocar.services.supervisor.observers.core_sleepers import PERIOD_NS, PHASES, Phases
+from trocar.services.supervisor.diagnosis.core_sleepers import PERIOD_NS, PHASES, Phases
 
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
 

@@ -15,9 +15,9 @@ from tests.docs.test_pages import anchors
 from trocar.services.cli import host_checks, probes
 from trocar.services.cli.delay_checks import delay
 from trocar.services.cli.host_checks import CheckResult, Verdict
-from trocar.services.gateway.device_files import ArmFile
+from trocar.services.gateway.devices.device_files import ArmFile
 from trocar.services.gateway.hdapi import host_checks as arms
-from trocar.services.runtime import config
+from trocar.services.runtime.config import config
 
 
 @pytest.fixture

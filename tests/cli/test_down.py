@@ -9,12 +9,12 @@ from typing import Literal
 import pytest
 
 from trocar.services.cli import down
-from trocar.services.runtime import endpoints
+from trocar.services.runtime.bus import endpoints
+from trocar.services.runtime.config.rig import Rig, SupervisorSettings, Transport
 from trocar.services.runtime.errors import UserError
-from trocar.services.runtime.flight import FlightRing, flight_directory
-from trocar.services.runtime.rig import Rig, SupervisorSettings, Transport
-from trocar.services.supervisor.observers.core_sleepers import PHASES
-from trocar.services.supervisor.page_place import page_file, write_page_file
+from trocar.services.runtime.measures.flight import FlightRing, flight_directory
+from trocar.services.supervisor.diagnosis.core_sleepers import PHASES
+from trocar.services.supervisor.page.page_place import page_file, write_page_file
 
 
 @pytest.mark.parametrize("mode", ["launch", "attach"])

@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.patience import PATIENCE_S
-from trocar.services import interrupts
-from trocar.services.exit_codes import ExitCode
+from trocar.services.messages.exit_codes import ExitCode
+from trocar.services.start import interrupts
 
 #: As if a person had pressed it while the N-th module is looked for, counted from when we are asked.
 _PRESSED = """
@@ -26,7 +26,7 @@ class Press:
     counts = False
 
     def find_spec(self, name, path=None, target=None):
-        Press.counts = Press.counts or name == "trocar.services.bytecode"
+        Press.counts = Press.counts or name == "trocar.services.start.bytecode"
         if Press.counts:
             Press.left -= 1
             if Press.left == 0:
@@ -96,7 +96,7 @@ def test_the_code_is_the_one_that_is_documented() -> None:
         (["python3", "-X", "importtime", "-m", "trocar.services.cli.app"], True),
         (["python3", "-m", "pytest", "-m", "trocar"], False),
         (["python3", "notebook.py", "trocar"], False),
-        (["python3", "-c", "import trocar.services.entry"], False),
+        (["python3", "-c", "import trocar.services.start.entry"], False),
         (["python3"], False),
     ],
 )

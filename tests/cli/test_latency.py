@@ -19,8 +19,8 @@ from trocar.services.cli.incidents import incidents, worst_ticks
 from trocar.services.cli.latency import _cells, _show
 from trocar.services.cli.trace import trace
 from trocar.services.runtime.errors import BusError
-from trocar.services.runtime.flight import COLUMNS, FlightRing, flight_directory, remove_rings
-from trocar.services.runtime.flights import Flight, Flights, ThreadTime, to_bytes
+from trocar.services.runtime.measures.flight import COLUMNS, FlightRing, flight_directory, remove_rings
+from trocar.services.runtime.measures.flights import Flight, Flights, ThreadTime, to_bytes
 
 MS = 1_000_000
 START = 5_000 * MS

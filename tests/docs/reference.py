@@ -16,13 +16,13 @@ import trocar.envs
 from trocar import front
 from trocar.protocol.bodies import SupervisorState
 from trocar.services.cli.app import add_installed_verbs, app
-from trocar.services.exit_codes import ExitCode
-from trocar.services.first_sentence import first_sentence
-from trocar.services.gateway.device_files import DeviceFile
-from trocar.services.runtime.rig import Rig
+from trocar.services.gateway.devices.device_files import DeviceFile
+from trocar.services.messages.exit_codes import ExitCode
+from trocar.services.messages.first_sentence import first_sentence
+from trocar.services.runtime.config.rig import Rig
 from trocar.services.scenes import scene_file_type
-from trocar.services.supervisor.metrics import RigCollector, RigSource
-from trocar.services.supervisor.state_machine import RigState
+from trocar.services.supervisor.judge.state_machine import RigState
+from trocar.services.supervisor.page.metrics import RigCollector, RigSource
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "docs" / "reference"

@@ -13,17 +13,17 @@ import yaml
 import trocar.protocol.bodies as bodies
 from tests.supervisor.made_up import health, histogram, loop_report
 from trocar.protocol import PROCESSES
-from trocar.services.runtime.config import load_rig
-from trocar.services.runtime.loop import LoopMeter
-from trocar.services.runtime.rig import PATH_OWNERS
-from trocar.services.runtime.stage_times import StageTimes
-from trocar.services.supervisor.figures import Latencies
-from trocar.services.supervisor.metrics import Level, RigCollector, RigSource
-from trocar.services.supervisor.observers.observer import Row
-from trocar.services.supervisor.observers.registry import Report
-from trocar.services.supervisor.observers.thread_usage import Counts
-from trocar.services.supervisor.state_machine import RigState
-from trocar.services.supervisor.task_metrics import Task
+from trocar.services.runtime.config.config import load_rig
+from trocar.services.runtime.config.rig import PATH_OWNERS
+from trocar.services.runtime.loop.loop import LoopMeter
+from trocar.services.runtime.measures.stage_times import StageTimes
+from trocar.services.supervisor.diagnosis.observer import Row
+from trocar.services.supervisor.diagnosis.thread_usage import Counts
+from trocar.services.supervisor.judge.figures import Latencies
+from trocar.services.supervisor.judge.state_machine import RigState
+from trocar.services.supervisor.page.metrics import Level, RigCollector, RigSource
+from trocar.services.supervisor.page.observer_registry import Report
+from trocar.services.supervisor.page.task_metrics import Task
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "deploy" / "monitoring"

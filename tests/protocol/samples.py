@@ -13,7 +13,7 @@ from trocar.protocol.arrays import pack
 from trocar.protocol.bodies.haptics import tool_table
 from trocar.protocol.bodies.physics import reaction_table
 from trocar.protocol.fields import Field, Form, fields
-from trocar.services.runtime.tick_grid import as_state
+from trocar.services.runtime.loop.tick_grid import as_state
 
 INCARNATION = 0x1234_5678_9ABC
 

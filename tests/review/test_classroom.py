@@ -29,9 +29,9 @@ from trocar.review.classroom import watch
 from trocar.review.classroom.app import Classroom, build_app
 from trocar.review.classroom.roll import ClassRig
 from trocar.review.classroom.watch import Watch
-from trocar.services.runtime import web_certificate
 from trocar.services.runtime.errors import UserError
-from trocar.services.runtime.web_certificate import own_names
+from trocar.services.runtime.web import web_certificate
+from trocar.services.runtime.web.web_certificate import own_names
 from trocar.services.training.score import Score
 
 _WITH = {"X-Trocar-Token": TOKEN}

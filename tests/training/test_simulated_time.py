@@ -16,12 +16,12 @@ from tests.memory_bus import MemoryBus, MemoryHub
 from tests.memory_process import MemoryProcess, in_time_of
 from trocar.protocol import bodies
 from trocar.review.attempts.assess import Terms, assess
-from trocar.services.cache_directory import cache_directory
-from trocar.services.gateway.scene_hands import SceneHands
+from trocar.services.files.cache_directory import cache_directory
+from trocar.services.gateway.motions.scene_hands import SceneHands
 from trocar.services.physics import __main__ as physics_process
-from trocar.services.runtime.config import load_rig
-from trocar.services.runtime.loop import LoopMeter, Tick, TickClock
-from trocar.services.runtime.tick_grid import MOMENTS, Moments, as_state
+from trocar.services.runtime.config.config import load_rig
+from trocar.services.runtime.loop.loop import LoopMeter, Tick, TickClock
+from trocar.services.runtime.loop.tick_grid import MOMENTS, Moments, as_state
 from trocar.services.scenes import load_duct, load_scene
 from trocar.services.training.judge import Judge
 from trocar.services.training.scenario import Goal, Limit, Scenario

@@ -11,7 +11,7 @@ rig. Needs the package gymnasium, which the extra ``envs`` brings.
 
 from __future__ import annotations
 
-from trocar.services.extras import how_to_get
+from trocar.services.messages.extras import how_to_get
 
 try:
     import gymnasium

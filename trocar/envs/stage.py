@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 
 from trocar.envs.grips import Grips
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.reduction import ReducedDuct
 from trocar.services.mechanics.reduction.build import ignore_progress
 from trocar.services.mechanics.scene import SceneModel
 from trocar.services.mechanics.simulation import Simulation
 from trocar.services.mechanics.snapshot import Snapshot
+from trocar.services.meshes.tube_paths import TubePaths
 from trocar.services.runtime.errors import ConfigError
 from trocar.services.scenes import load_duct, load_scene
 from trocar.services.scenes.duct_file import duct_file
 from trocar.services.training.site import Site, read_site
-from trocar.services.tube_paths import TubePaths
 
 
 class Stage:

@@ -24,8 +24,8 @@ from tests.patience import PATIENCE_S
 from tests.rig.conftest import Rig
 from tests.rig.looked_at.conftest import WINDOW_S
 from trocar.protocol.bodies import Health, Stall
-from trocar.services.runtime.rig import Transport
-from trocar.services.supervisor.page_place import page_file
+from trocar.services.runtime.config.rig import Transport
+from trocar.services.supervisor.page.page_place import page_file
 
 pytestmark = [
     pytest.mark.rig,

@@ -1,0 +1,1 @@
+"""Observers of a running rig: data beside the processes' own reports."""
