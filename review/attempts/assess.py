@@ -113,7 +113,7 @@ class _Running:
             self._slowest = min(self._slowest, body.speed)
             self._take_waiting(body.until_tick if body.until_tick >= 0 else None)
         elif isinstance(body, SupervisorState):
-            self._rig.take_word(body)
+            self._rig.take_word(body, is_felt=self._told is None or not self._told.simulated_time)
         elif self._told is not None and self._told.from_tick >= 0:
             self._waiting.append((topic, time_ns, body))
         else:
@@ -225,9 +225,11 @@ class _RigWatch:
         self._level = 0
         self._faults = FaultLog()
 
-    def take_word(self, body: SupervisorState) -> None:
+    def take_word(self, body: SupervisorState, *, is_felt: bool) -> None:
+        """Take what the supervisor says; nobody feels late ticks in simulated time, which loses none."""
         self._level = max(self._level, body.quality_level)
-        is_at_fault = body.state in _LATE or (body.safe_stop and body.state != "off")
+        is_stopped = body.state == "safe_stop" or (body.safe_stop and body.state != "off")
+        is_at_fault = is_stopped or (is_felt and body.state in _LATE)
         self._faults.take((body.reason or body.state) if is_at_fault else "")
 
     def take_devices(self, body: GatewayState) -> None:

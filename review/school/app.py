@@ -19,7 +19,7 @@ from trocar.services.runtime.errors import UserError
 
 #: Set by the page's server: who asks.
 ROLE = "x-trocar-role"
-_WORDS_BYTES = 1 << 16
+_WORDS_BYTES, _PICTURE_BYTES = 1 << 16, 1 << 20
 _KINDS = {"csv": "text/csv", "json": "application/json", "xapi": "application/json"}
 Handler = Callable[[Request], Awaitable[Response]]
 
@@ -94,6 +94,15 @@ def build_app(bench: Bench) -> Starlette:
             return say({"error": str(error)}, 400)
         return Response(data, media_type="application/octet-stream")
 
+    async def picture(request: Request) -> Response:
+        if request.method == "PUT":
+            bench.show(await _body(request, _PICTURE_BYTES))
+            return say({"ok": True})
+        if request.headers.get(ROLE) != "instructor":
+            return say({"error": "only an instructor may look"}, 403)
+        image = bench.picture()
+        return say({"error": "no page is open"}, 404) if image is None else Response(image, media_type="image/jpeg")
+
     def export(request: Request, _ask: Ask) -> Response:
         form = request.path_params["form"]
         if form not in _KINDS:
@@ -112,6 +121,8 @@ def build_app(bench: Bench) -> Starlette:
 
     routes = [
         Route("/state", answering(lambda _r, _a: bench.state())),
+        Route("/pulse", answering(lambda _r, _a: bench.pulse())),
+        Route("/picture", picture, methods=["GET", "PUT"]),
         Route("/name", answering(lambda _r, _a: {"name": bench.new_name()})),
         Route("/enter", answering(enter), methods=["POST"]),
         Route("/leave", answering(leave), methods=["POST"]),

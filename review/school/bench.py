@@ -28,6 +28,8 @@ from trocar.services.training.score import Band, ScoreRules, load_rules
 from trocar.services.training.site import Site
 
 GUEST = "guest"
+#: For so long after a look pictures are sent, and a picture is shown.
+_LOOKED_S = 5.0
 _BIRDS = ("heron", "finch", "crane", "robin", "swift", "heath", "otter", "lynx", "raven", "plover", "tern", "wren")
 _COURSE, _PIN, _EXPERT = "course", "pin", "expert"
 
@@ -59,8 +61,24 @@ class Bench:
         self.last: int | None = None
         self.remark = ""
         self.messages: list[dict[str, Any]] = []
+        self._picture, self._picture_s, self._watched_s = b"", -_LOOKED_S, -_LOOKED_S
         self.replays = Replays(folder_of(database))
         self._journal = journal or folder_of(database).with_suffix(".journal")
+
+    def pulse(self) -> dict[str, Any]:
+        """Return what a page asks for each second: whether somebody looks, the last message, and what has changed."""
+        is_watched = time.monotonic() - self._watched_s < _LOOKED_S
+        message = self.messages[-1] if self.messages else None
+        return {"watched": is_watched, "message": message, "trainee": self.trainee, "last": self.last}
+
+    def show(self, image: bytes) -> None:
+        """Take the picture that the page shows."""
+        self._picture, self._picture_s = image, time.monotonic()
+
+    def picture(self) -> bytes | None:
+        """Return the page's picture if it is young, and ask for the next ones."""
+        self._watched_s = time.monotonic()
+        return self._picture if self._watched_s - self._picture_s < _LOOKED_S else None
 
     def terms(self) -> Terms:
         """Return by what attempts are judged here."""
@@ -226,6 +244,7 @@ class Bench:
     def say(self, words: str, by: str) -> None:
         """Show a message at this bench."""
         self.messages.append({"at_ns": time.time_ns(), "by": by, "words": words[:512], "id": secrets.randbits(40)})
+        del self.messages[:-20]
         self.write("message", by, {"words": words[:512]})
 
     def table(self) -> list[dict[str, Any]]:

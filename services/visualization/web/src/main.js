@@ -86,7 +86,7 @@ new RigStream({
   },
   onState: (state) => {
     hear(state);
-    attempt.update(state.attempt);
+    attempt.update(state.attempt, state.safe_stop || state.state === "safe_stop");
     instructor.update(state.attempt);
     school.update(state.attempt);
     replay.update(state.replay);

@@ -1,6 +1,7 @@
 // The trainee's face: goal and depth with its markers, clock, force with its limit, held bodies, and the next task.
 
 import { text } from "../dashboard/rows.js";
+import { said, t } from "../school/i18n.js";
 import { clock, headline, holding, mm, notCounted, scoreWords } from "./words.js";
 
 const $ = (id) => document.getElementById(id);
@@ -23,19 +24,19 @@ export class AttemptPanel {
     return this.attempt?.force_limit_n || null;
   }
 
-  update(attempt) {
+  update(attempt, isStopped = false) {
     this.attempt = attempt;
     $("attempt").hidden = !attempt;
     if (!attempt) return;
-    const { mark, words, more, kind } = headline(attempt);
+    const { mark, words, more, kind } = headline(attempt, isStopped);
     if ($("attempt").dataset.kind !== kind) $("attempt").dataset.kind = kind;
-    text($("attempt-title"), attempt.title);
+    text($("attempt-title"), said(attempt.title));
     text($("attempt-mark"), mark);
     text($("attempt-state"), more ? `${words}: ${more}` : words);
     text($("attempt-clock"), clock(attempt.time_s));
     text($("attempt-limit"), attempt.time_limit_s ? `of ${clock(attempt.time_limit_s)}` : "");
     text($("attempt-score"), scoreWords(attempt));
-    text($("attempt-hint"), attempt.hint);
+    text($("attempt-hint"), said(attempt.hint));
     text($("attempt-not"), notCounted(attempt));
     this.showFitness(attempt);
     this.showDepth(attempt);
@@ -46,8 +47,8 @@ export class AttemptPanel {
     const waits = state === "armed", isSlow = simulated && Math.abs(1 - speed) > TOLD_SPEED;
     $("attempt-fit").hidden = !(waits && counts) && !isSlow;
     $("attempt-fit").dataset.level = only || isSlow ? "warn" : "good";
-    const fit = only ? `Practise only, because ${only}.` : "This machine can train: an attempt counts.";
-    const pace = isSlow ? `The clock goes at ${Math.round(100 * speed)} % of real time, so that nothing is lost.` : "";
+    const fit = only ? t("Practise only, because {why}.", { why: said(only) }) : t("This machine can train: an attempt counts.");
+    const pace = isSlow ? t("The clock goes at {percent} % of real time, so that nothing is lost.", { percent: Math.round(100 * speed) }) : "";
     text($("attempt-fit"), [waits && counts ? fit : "", pace].filter(Boolean).join(" "));
   }
 

@@ -1,6 +1,6 @@
 // The page's words in the reader's language. An English sentence is its own key, as with gettext; what is missing stays English.
 
-import de from "./words.de.json";
+import de from "./words.de.json" with { type: "json" };
 
 const CATALOGUES = { de };
 const KEY = "trocar-language";

@@ -10,7 +10,7 @@ import { Sheet } from "./sheet.js";
 
 const $ = (id) => document.getElementById(id);
 const NAME = "trocar-trainee", KNOWS = "trocar-knows-controls";
-const ASK_MS = 2000, REPORT_MS = 300, REPORT_TRIES = 40;
+const ASK_MS = 2000, PULSE_MS = 1000, REPORT_MS = 300, REPORT_TRIES = 40;
 
 export class SchoolPage {
   // orders: of the attempt; view(), hands(): as they are now
@@ -60,7 +60,32 @@ export class SchoolPage {
     } catch {
       // it has not started yet
     }
-    this.timer = setTimeout(() => this.listen(), ASK_MS * (this.entered ? 5 : 1));
+    if (this.entered) return this.pulse();
+    this.timer = setTimeout(() => this.listen(), ASK_MS);
+  }
+
+  // Each second: a message of the instructor, another trainee, and a small picture while somebody at a desk looks.
+  async pulse() {
+    try {
+      const { watched, message, trainee, last } = await this.school.ask("pulse");
+      this.tellMessage(message);
+      if (trainee !== this.state?.trainee || last !== this.state?.last) await this.refresh();
+      if (watched) await this.sendPicture();
+    } catch {
+      // the school is started again, or the rig has ended
+    }
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => this.pulse(), PULSE_MS);
+  }
+
+  async sendPicture() {
+    const stage = this.view()?.stage;
+    if (!stage?.layout || this.sheet.open) return;
+    stage.draw();
+    const small = Object.assign(document.createElement("canvas"), { width: 320, height: 200 });
+    small.getContext("2d").drawImage(this.view().canvas, 0, 0, 320, 200);
+    const image = await new Promise((done) => small.toBlob(done, "image/jpeg", 0.7));
+    if (image) await this.school.ask("picture", { method: "PUT", body: image });
   }
 
   async refresh() {
@@ -74,12 +99,10 @@ export class SchoolPage {
     text($("course-now"), state.trainee && next ? `${t(state.course.title)} ${next.number}/${next.of}: ${t(next.title)}` : state.done ? t("Course finished") : "");
     $("course-now").title = next?.told ?? "";
     this.coach.setMode(next && here ? next.coaching : "full", next?.done ?? 0);
-    this.tellMessages(state.messages);
     text($("school-remark"), state.rest || state.remark || "");
   }
 
-  tellMessages(messages) {
-    const newest = messages.at(-1);
+  tellMessage(newest) {
     if (!newest || newest.id === this.read) return;
     this.read = newest.id;
     text($("desk-message"), `${newest.by}: ${newest.words}`);
