@@ -135,7 +135,8 @@ def _place(number: str) -> int:
 def read_scene(scene: str | Path, overrides: Iterable[str] = (), origins: Origins | None = None) -> dict[str, Any]:
     """Return the unchecked content of a scene, by path or by name in configs/scenes, with overrides.
 
-    The path of a surface file is made absolute, so that the content may be saved anywhere.
+    The path of a surface file is made absolute, and products are replaced by their values, so that the content may be
+    saved anywhere.
     Raises ConfigError if there is no such scene, or it is not YAML.
     """
     path = find("scene", scene)
@@ -145,6 +146,9 @@ def read_scene(scene: str | Path, overrides: Iterable[str] = (), origins: Origin
     _anchor_mesh_file(data, path.parent)
     apply_overrides(data, overrides, origins)
     _anchor_mesh_file(data, Path.cwd())
+    from trocar.services.runtime.config.products import take_products  # it is built of what is here
+
+    take_products(data, str(path), origins)
     return data
 
 

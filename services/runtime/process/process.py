@@ -136,8 +136,8 @@ def load_process_config(name: str, options: Options) -> ProcessConfig:
     scene, scene_overrides = options.scene or rig.scene, config.split_overrides(options.overrides)[1]
     wanted = scene_requirements(scene, scene_overrides)
     return ProcessConfig(
-        name=name, rig=wanted.fitted(rig), scene_name=scene, scene_overrides=scene_overrides, log=log.set_up(name),
-        requirements=wanted, prepare_only=options.prepare_only,
+        name=name, rig=wanted.fitted(rig).in_its_time(), scene_name=scene, scene_overrides=scene_overrides,
+        log=log.set_up(name), requirements=wanted, prepare_only=options.prepare_only,
     )  # fmt: skip
 
 

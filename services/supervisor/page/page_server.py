@@ -132,9 +132,18 @@ def _run(page_data: PageData, setup: PageSetup, link: Link, sock: socket.socket)
         healthy=page_data.healthy,
         view_port=page_data.view_port,
         token=setup.token,
+        class_token=_class_token(page_data.rig),
     )
     with closing(listen_as(OURS, page_data.rig)) as bus:
         asyncio.run(_serve(context, page_data, bus, link, sock))
+
+
+def _class_token(rig: Rig) -> str:
+    """Return the token of the class that a rig belongs to, empty for none, or if its file cannot be read."""
+    path = rig.supervisor.web.class_token
+    with contextlib.suppress(OSError, UnicodeDecodeError):
+        return path.read_text(encoding="utf-8").strip() if path is not None else ""
+    return ""
 
 
 async def _serve(context: PageContext, page_data: PageData, bus: Bus, link: Link, sock: socket.socket) -> None:
