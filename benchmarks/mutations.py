@@ -46,7 +46,7 @@ _COMPARED = {
 }  # fmt: skip
 _COMPUTED = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult}
 _BOUNDS = {"min": "max", "max": "min"}
-_LONGEST_S = 300.0
+_LONGEST_S = 90.0
 
 
 @dataclass(frozen=True, slots=True)
