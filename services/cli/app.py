@@ -168,10 +168,10 @@ def up(
     from trocar.services.supervisor.crew.fork_link import ForkServer
 
     with closing(ForkServer()) as fork_server:  # first: it imports on another core than all that follows
-        from trocar.services.cli.up import Request, run_up
+        from trocar.services.cli.up import UpRequest, run_up
 
         shown = viewer and viewer.value
-        run_up(Request(rig, scene, seconds, json_file, shown, tuple(overrides or ()), scenario), fork_server)
+        run_up(UpRequest(rig, scene, seconds, json_file, shown, tuple(overrides or ()), scenario), fork_server)
 
 
 @_verb("cli.down:run_down")
