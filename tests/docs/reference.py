@@ -73,6 +73,8 @@ def _verbs(command: Any, name: str) -> Iterator[tuple[str, Any]]:
         yield name, command
         return
     for word, inner in command.commands.items():
+        if inner.hidden:
+            continue
         yield from _verbs(inner, f"{name} {word}")
 
 

@@ -36,7 +36,7 @@ _OPEN_S, _CLOSE_S, _TURN_S = 2.0, 0.05, 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class ArmAnswer:
     """What was answered; None: not told.
 
     Attributes:
@@ -55,11 +55,11 @@ class Answer:
     prompt: str = ""
 
 
-class Link(ABC):
+class ArmConnection(ABC):
     """The connection to an arm that is open."""
 
     @abstractmethod
-    def answers(self, now_ns: int) -> list[Answer]:
+    def answers(self, now_ns: int) -> list[ArmAnswer]:
         """Return what was answered since the last call. Never waits."""
 
     @abstractmethod
@@ -104,8 +104,8 @@ class AskedArm(Arm):
         self._rate_n_s = place.force_rate_n_s
         self._motion = MeasuredMotion(file.velocity_filter_hz)
         self._force = LimitedForce(place.force_rate_n_s)
-        self._link: Link | None = None
-        self._opening: BackgroundOpen[Link] | None = None
+        self._link: ArmConnection | None = None
+        self._opening: BackgroundOpen[ArmConnection] | None = None
         self._roll_rad = 0.0
         self._enabled = self._as_ordered = self._was_calibrated = False
         self._problem = self._told_prompt = ""
@@ -113,7 +113,7 @@ class AskedArm(Arm):
         self._missed = 0.0  # mean share of ticks in which nothing could be asked
 
     @abstractmethod
-    def connect(self) -> Link:
+    def connect(self) -> ArmConnection:
         """Open the arm and return the connection; may take seconds.
 
         Raises DeviceError: one sentence.
@@ -203,7 +203,7 @@ class AskedArm(Arm):
             link.answers(self._clock.monotonic_ns())
         link.close()
 
-    def _begin(self, link: Link) -> None:
+    def _begin(self, link: ArmConnection) -> None:
         self._link = link
         self._motion.forget()
         self._force = LimitedForce(self._rate_n_s)
@@ -212,11 +212,11 @@ class AskedArm(Arm):
         self._problem = self._told_prompt = ""
         self._silent_ns, self._read_ns = 0, self._clock.monotonic_ns()
 
-    def _open_anew(self, old: Link) -> Link:
+    def _open_anew(self, old: ArmConnection) -> ArmConnection:
         old.close()
         return self.connect()
 
-    def _take_over(self, opening: BackgroundOpen[Link], old: Link) -> Link:
+    def _take_over(self, opening: BackgroundOpen[ArmConnection], old: ArmConnection) -> ArmConnection:
         self._opening = None
         link, problem = opening.take()
         if link is None:
@@ -227,7 +227,7 @@ class AskedArm(Arm):
             link.switch_on()
         return link
 
-    def _exchange(self, link: Link, force_n: Vector3) -> bool:
+    def _exchange(self, link: ArmConnection, force_n: Vector3) -> bool:
         self._as_ordered = False
         if link.lost or link.outstanding:
             return False
@@ -236,7 +236,7 @@ class AskedArm(Arm):
         link.ask(given, now_ns)
         return True
 
-    def _hear(self, link: Link, now_ns: int) -> None:
+    def _hear(self, link: ArmConnection, now_ns: int) -> None:
         """Take the newest of what was answered."""
         answers = link.answers(now_ns)
         if not answers:
@@ -250,7 +250,7 @@ class AskedArm(Arm):
         if newest.place_m is not None and self._motion.take(newest.place_m, newest.asked_ns):
             self._silent_ns = 0
 
-    def _judge(self, link: Link) -> None:
+    def _judge(self, link: ArmConnection) -> None:
         if self._opening is not None:
             self.calibrated = False
             self.prompt = f"{self.shown} is being opened anew"
@@ -262,7 +262,7 @@ class AskedArm(Arm):
         self._was_calibrated = self._was_calibrated or self.calibrated
         self.prompt = self._told_prompt or self._find_prompt()
 
-    def _find_fault(self, link: Link, silent: bool) -> str:
+    def _find_fault(self, link: ArmConnection, silent: bool) -> str:
         if link.lost:
             return link.lost
         if silent:

@@ -15,7 +15,7 @@ from trocar.services.gateway.drivers import load_arm, load_grasp
 from trocar.services.gateway.instruments.servo import Servo, ServoLimits
 from trocar.services.gateway.motions.scene_hands import SceneHand, fitted
 from trocar.services.gateway.servo import pose, servo_arrays
-from trocar.services.gateway.servo.engagement import State
+from trocar.services.gateway.servo.engagement import EngagementState
 from trocar.services.runtime.config.rig import GatewaySettings, InstrumentSettings
 
 #: After so long without force because the tool pulls at something, a person would move, and the tool touches nothing
@@ -151,7 +151,7 @@ class Instrument:
         self.arm.close()
         if self.grasp is not None:
             self.grasp.close()
-        self.servo.engagement.state = State.OFF
+        self.servo.engagement.state = EngagementState.OFF
 
     @property
     def fault(self) -> str:

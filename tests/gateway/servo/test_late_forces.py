@@ -19,7 +19,7 @@ from trocar.services.gateway.devices.driver import HandleLimits
 from trocar.services.gateway.instruments.servo import Servo, ServoLimits
 from trocar.services.gateway.servo import servo_law
 from trocar.services.gateway.servo.energy_bound import ADVANCE_J, FORGIVEN_W
-from trocar.services.gateway.servo.engagement import State
+from trocar.services.gateway.servo.engagement import EngagementState
 from trocar.services.gateway.servo.servo_arrays import (
     FLIGHTS,
     MEMORY_ENERGY,
@@ -205,16 +205,16 @@ def test_an_arm_whose_forces_come_too_late_must_engage_anew() -> None:
             servo.step(now_ns, np.zeros(6), 0.0, calibrated=True)
 
     run(200)
-    assert servo.engagement.state is State.ACTIVE
+    assert servo.engagement.state is EngagementState.ACTIVE
     servo.arm_span.note(2.9e-3, 1e-3)
     run(10)
-    assert servo.engagement.state is State.ACTIVE
+    assert servo.engagement.state is EngagementState.ACTIVE
     servo.arm_span.note(3.1e-3, 1e-3)
     run(10)
-    assert servo.engagement.state is State.STALE
+    assert servo.engagement.state is EngagementState.STALE
     servo.arm_span.note(0.1e-3, 1e-3)
     run(200)
-    assert servo.engagement.state is State.ACTIVE
+    assert servo.engagement.state is EngagementState.ACTIVE
 
 
 def test_what_is_told_of_a_delay_adds_to_what_is_measured_and_the_longest_of_late_counts() -> None:
