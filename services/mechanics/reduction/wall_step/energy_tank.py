@@ -8,6 +8,7 @@ that is near, because the step has been priced. There the energy comes out of th
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
 from trocar.services.mechanics.arrays import FloatArray
@@ -54,15 +55,16 @@ class HeldModes(Protocol):
         """Take energy out of the rates, and return how much they held."""
 
 
-def settle_step(wall: WallStep, force: FloatArray, modes: HeldModes, free_m: float) -> float:
+def settle_step(wall: WallStep, force: FloatArray, modes: HeldModes, clearance_m: Callable[[], float]) -> float:
     """Balance the energy of the step; correct it where it gained more than the tank holds.
 
-    A correction replaces ``force`` (r,), which was held, in place; all of them move the wall by at most ``free_m``.
+    A correction replaces ``force`` (r,), which was held, in place; all of them move the wall by at most what ``clearance_m`` returns.
     Energy that the rates do not hold stays in the tank as a debt. Returned is what the step has lost.
     """
     energy_j, lost_j = energy_and_loss(wall.address, force, modes.q_start, modes.state.q)
     tank_j = wall.books[TANK]
     if tank_j + lost_j < -CREDIT_J:
+        free_m = clearance_m()
         for _ in range(CORRECTIONS):
             moved_m = 0.0 if tank_j + lost_j >= -CREDIT_J else _correct(wall, force, modes, (-lost_j, free_m))
             if moved_m == 0.0:

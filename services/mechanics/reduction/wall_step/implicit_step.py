@@ -144,12 +144,6 @@ class WallStep(Struct):
         self.root[:] = root
         self.scaled[:] = self.rows * root
 
-    @property
-    def rests(self) -> bool:
-        """Whether there is nothing that could push: no term but a pattern, which is not there, and nothing lags."""
-        others = len(self.membrane.energy) + len(self.polynomial.coordinates)
-        return not (others or self.pattern.numbers[GAIN] or self.lagging.any() or self.pull.any())
-
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays of the state."""
         own = self.pull, self.before, self.books, self.known, self.start, self.lag, self.lagging
@@ -159,6 +153,17 @@ class WallStep(Struct):
 
 
 wall_at = reader(WallStep)
+
+
+@kernel
+def pushes(wall: WallStep, held: FloatArray) -> bool:
+    """Whether anything could push: a term but for a pattern that is not there, what lags, or what was ``held`` (r,)."""
+    if wall.membrane.energy.shape[0] + wall.polynomial.coordinates.shape[0] > 0 or wall.pattern.numbers[GAIN] != 0.0:
+        return True
+    for mode in range(held.shape[0]):
+        if held[mode] != 0.0 or wall.lagging[mode] != 0.0 or wall.pull[mode] != 0.0:
+            return True
+    return False
 
 
 @kernel
@@ -392,7 +397,8 @@ def relax_wall(address: Address[WallStep], q_start: FloatArray, q: FloatArray, d
     wall = wall_at(address)
     for mode in range(q.shape[0]):
         wall.books[LAGGED] += wall.lagging[mode] * (q[mode] - q_start[mode])
-    _read(wall, q)
+    _know(wall, q)
+    wall.place[:] = wall.start
     _begin_slope(wall)
     _add_every_slope(wall, (1.0, 0.0))
     slope = wall.lagging
