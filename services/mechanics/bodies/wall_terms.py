@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Literal
 
 import numpy as np
 
@@ -50,7 +51,6 @@ class WallTerms:
     Attributes:
         samples, polynomial, softened: what the terms are made of, None where there is none; taken on before the first
             step.
-        to_fade: dict. Part of a term that is to fade out: of the sampled membrane, and of the pattern.
         is_kept: bool. Whether an effect tells `state_arrays` already.
         lost_j: float. Energy that steps have lost so far, and changes of terms.
     """
@@ -65,7 +65,7 @@ class WallTerms:
         self._scratch, self._acts = np.zeros((2, n_modes)), False
         self._no_lag, self._stiffness = np.zeros((0, n_modes)), duct.reduced.basis.omega_rad_s**2
         self._dt_s, self._stage, self._decay = 0.0, _END, (0.0, np.zeros(0))
-        self.to_fade = {"membrane": 0.0, "pattern": 0.0}
+        self._to_fade, self._is_fading = {"membrane": 0.0, "pattern": 0.0}, False
         self.is_kept, self.lost_j = False, 0.0
 
     @property
@@ -101,7 +101,7 @@ class WallTerms:
         if self._enters(_SETTLE):
             step = self.step
             self.lost_j += settle_step(step, self._held, self._duct, clearance_m) if self._acts else 0.0
-            self.lost_j += self._fade(dt_s)
+            self.lost_j += self._fade(dt_s) if self._is_fading else 0.0
 
     def end_step(self, dt_s: float) -> None:
         """Let the terms relax, if the wall does, and the pattern follow the contact forces."""
@@ -113,14 +113,19 @@ class WallTerms:
                 relax_wall(step.address, duct.q_start, duct.state.q, self._decay[1])
             self.lost_j += self._follow_contacts(dt_s)
 
+    def fade(self, term: Literal["membrane", "pattern"], part: float) -> None:
+        """Begin to fade a term until this part of it is gone."""
+        self._to_fade[term], self._is_fading = part, True
+
     def _fade(self, dt_s: float) -> float:
         """Fade terms out or in; return the energy lost. A pattern that is gone is out of date when it comes back."""
         step, most, has_changed = self.step, dt_s / FADE_S, False
         for name, term in (("membrane", step.membrane), ("pattern", step.pattern)):
-            faded, to = term.faded, self.to_fade[name]
+            faded, to = term.faded, self._to_fade[name]
             if faded[0] != to:
                 faded[0] += min(max(to - faded[0], -most), most)
                 has_changed = True
+        self._is_fading = has_changed
         if not has_changed:
             return 0.0
         if step.pattern.faded[0] == 1.0:
@@ -204,10 +209,8 @@ def hold_terms(
         of_lag[mode] = wall.lagging[mode]
         duct.force[mode] += of_lag[mode]
         begun = free_end_parts[0, mode] * duct.q[mode] + free_end_parts[1, mode] * duct.qdot[mode]
-        pushed = (
-            free_end_parts[2, mode] * (duct.qddot[mode] - of_terms[mode]) + free_end_parts[3, mode] * duct.force[mode]
-        )
-        end[mode] = begun + pushed + loads.gains[0, mode] * loads.impulse[mode]
+        begun += free_end_parts[2, mode] * (duct.qddot[mode] - of_terms[mode])
+        end[mode] = begun + free_end_parts[3, mode] * duct.force[mode] + loads.gains[0, mode] * loads.impulse[mode]
     held_force(address, duct.q, end, force)
     for mode in range(end.shape[0]):
         change = force[mode] - of_terms[mode]

@@ -73,6 +73,9 @@ LEAST_GAIN = 1e-6
 """Least gain over the largest one: an exact oscillator whose half period divides the step would have none."""
 CREDIT_J = 1e-9
 """Debt that the tank may have: the work of 1 mN over 1 um."""
+TANK_SHARE = 0.1
+"""Largest content of the tank over the size of the stored energy, which may be below that of a linear wall; what steps
+lose beyond it is dissipated."""
 ENERGY, TANK, LAGGED = range(3)
 """Places in the books."""
 
@@ -378,6 +381,20 @@ def energy_and_loss(
     for mode in range(q.shape[0]):
         work += force[mode] * (q[mode] - q_start[mode])
     return energy, wall.books[ENERGY] - energy - work
+
+
+@kernel
+def balance_step(
+    address: Address[WallStep], force: FloatArray, q_start: FloatArray, q: FloatArray
+) -> tuple[float, float, float]:
+    """Do as `energy_and_loss`, and enter that where the tank covers it; return what the tank held as well."""
+    wall = wall_at(address)
+    energy, lost = energy_and_loss(address, force, q_start, q)
+    tank = wall.books[TANK]
+    if tank + lost >= -CREDIT_J:
+        wall.books[ENERGY] = energy
+        wall.books[TANK] = min(tank + lost, TANK_SHARE * abs(energy))
+    return energy, lost, tank
 
 
 @kernel
