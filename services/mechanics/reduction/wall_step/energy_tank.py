@@ -58,7 +58,7 @@ def settle_step(wall: WallStep, force: FloatArray, modes: HeldModes, clearance_m
     """Balance the energy of the step; correct it where it gained more than the tank holds.
 
     A correction replaces ``force`` (r,), which was held, in place; all of them move the wall by at most what
-    ``clearance_m`` returns. Energy that the rates do not hold stays in the tank as a debt. Return what the step has lost.
+    ``clearance_m`` returns. What the rates do not hold stays in the tank as a debt. Return what the step has lost.
     """
     energy_j, lost_j, tank_j = balance_step(wall.address, force, modes.q_start, modes.state.q)
     if tank_j + lost_j >= -CREDIT_J:
