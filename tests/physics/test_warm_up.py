@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.kernels.preloaded import Preloaded
 from tests.mechanics.compiled.test_allocation import allocating
 from tests.physics.conftest import SMALL
-from tests.preloaded import Preloaded
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.haptics.warm_up import compile_for_physics
 from trocar.services.mechanics.collision.pairs import DUCT_TRIANGLE
 from trocar.services.mechanics.compiled import KERNELS
@@ -23,7 +23,7 @@ from trocar.services.mechanics.scene.tools import GraspHold, ToolInputs
 from trocar.services.mechanics.simulation import Simulation
 from trocar.services.physics.stand_in import stand_in_scene
 from trocar.services.physics.warm_up import answer_contacts, warm_up, warm_up_contact
-from trocar.services.runtime.config import config_directory
+from trocar.services.runtime.config.config import config_directory
 from trocar.services.scenes import load_duct, load_scene
 
 pytestmark = pytest.mark.timeout(600)  # on a machine that has compiled nothing yet

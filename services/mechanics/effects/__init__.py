@@ -23,7 +23,7 @@ from trocar.services.mechanics.effects.softening import Softening
 from trocar.services.mechanics.effects.twist import Twist
 from trocar.services.mechanics.effects.viscoelasticity import Viscoelasticity
 from trocar.services.mechanics.scene import SceneModel
-from trocar.services.nearest_word import did_you_mean
+from trocar.services.messages.nearest_word import did_you_mean
 
 
 @dataclass(frozen=True, slots=True)

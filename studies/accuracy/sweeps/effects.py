@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.effects import EFFECTS
 from trocar.services.mechanics.scenarios import insertion_scene
 from trocar.services.mechanics.scene import SceneModel
