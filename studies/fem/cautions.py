@@ -103,7 +103,7 @@ def _clamped_cell_m(model: ShellModel) -> float:
     """Return the median length of the edges from clamped vertices to others, zero where there are none."""
     held = np.zeros((model.mesh.n_vertices, 6), bool)
     held.ravel()[model.held_dofs] = True
-    is_clamped, edges = held.all(axis=1), unique_edges(model.mesh)[0]
+    is_clamped, edges = np.asarray(held.all(axis=1)), unique_edges(model.mesh)[0]
     leaves = edges[is_clamped[edges[:, 0]] != is_clamped[edges[:, 1]]]
     if not len(leaves):
         return 0.0
