@@ -14,6 +14,7 @@ import { viewAddress } from "./address.js";
 import { hear } from "./command.js";
 import { ViewStream } from "./view/stream.js";
 import { View } from "./view/view.js";
+import { addStereo } from "./xr/stereo.js";
 
 let view = null, hands = null, running = "";
 const PICTURE_FIRST_MS = 5000;
@@ -52,7 +53,7 @@ const WITHOUT_PICTURE = {
 function makeView() {
   view = new View(() => dashboard.turn(), attempt);
   hands = view.stage ? new Hands(view, controls.token) : null;
-  Object.assign(globalThis.trocar, { view, hands });
+  Object.assign(globalThis.trocar, { view, hands, stereo: addStereo(view, hands) });
 }
 
 // The connection is on its way while the stage is made, which takes a computer that draws on its processor a second or more.
