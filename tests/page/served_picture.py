@@ -29,7 +29,10 @@ view.takeStep(0);
 
 @contextmanager
 def served(folder: Path, layout: PictureLayout, picture: Picture, before: str = "") -> Iterator[Chromium]:
-    """Return a browser on the page that shows the picture; it ends with the block. The page finds what ran ``before``."""
+    """Return a browser on the page that shows the picture; it ends with the block.
+
+    The script ``before`` runs before those of the page.
+    """
     with Show(0.2) as show, Chromium(folder / "profile", SIZE) as browser:
         show.layout, show.picture = layout, picture
         if before:
