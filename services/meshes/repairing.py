@@ -30,15 +30,18 @@ class RepairedMesh:
     actions: list[str]
 
 
-def repair_surface(mesh: TriangleMesh, is_used: bool = True) -> RepairedMesh:
+def repair_surface(mesh: TriangleMesh, is_used: bool = True, may_be_closed: bool = False) -> RepairedMesh:
     """Merge, drop, cut loose, orient and close pinholes until nothing is left to find.
 
-    ``is_used`` says whether the triangles are used as they are; see `check_surface`.
+    ``is_used`` says whether the triangles are used as they are; see `check_surface`. A surface without an open end is
+    refused, unless it ``may_be_closed``.
     Raises MeshError if a defect remains that cannot be mended without guessing; says which and where.
     """
     actions: list[str] = []
-    for step in (merge_and_drop, _keep_largest_piece, _wind_consistently, _close_pinholes):
+    for step in (merge_and_drop, _keep_largest_piece, _wind_consistently):
         mesh = step(mesh, actions)
+    if not may_be_closed or open_rims(mesh):
+        mesh = _close_pinholes(mesh, actions)
     findings = check_surface(mesh, is_used)
     if findings:
         raise MeshError("surface cannot be repaired: " + "; ".join(map(str, findings)))
