@@ -24,14 +24,14 @@ pytestmark = [
     pytest.mark.skipif(not (DIST / "index.html").is_file(), reason="the page is not built"),
     pytest.mark.skipif(not EMULATOR.is_file(), reason="the page's packages for development are not installed"),
 ]
-#: A headset before the page is there, at the origin of its room.
+#: A headset before the page is there, at the height of a person who stands.
 DEVICE = """
 globalThis.device = new IWER.XRDevice(IWER.metaQuest3, {stereoEnabled: true});
-device.installRuntime();
-device.position.set(0, 0, 0);
+device.installRuntime({forceInstall: true});
+device.position.set(0, 1.6, 0);
 for (const side of ["left", "right"]) {
   device.controllers[side].connected = true;
-  device.controllers[side].position.set(side === "left" ? -0.2 : 0.2, -0.2, -0.4);
+  device.controllers[side].position.set(side === "left" ? -0.2 : 0.2, 1.4, -0.4);
 }
 """
 #: The next two frames of the headset have been drawn.
@@ -86,22 +86,22 @@ def test_both_eyes_see_the_duct_before_them_as_far_apart_as_eyes_are(inside: Chr
 
 def test_the_scope_follows_the_head_and_hands_move_and_scale_the_world(inside: Chromium) -> None:
     start = _eyes(inside)
-    inside.evaluate("device.position.set(0.1, 0, 0)")
+    inside.evaluate("device.position.set(0.1, 1.6, 0)")
     inside.evaluate(FRAMES.format(n=3))
     moved = np.linalg.norm(np.subtract(_eyes(inside)["at"], start["at"]), axis=1) / start["place"]["mmPerMetre"]
     np.testing.assert_allclose(moved, 0.1, atol=2e-3)
     inside.evaluate("['left', 'right'].forEach((s) => device.controllers[s].updateButtonValue('squeeze', 1))")
     inside.evaluate(FRAMES.format(n=3))
-    inside.evaluate("device.controllers.left.position.set(-0.4, -0.2, -0.4)")
-    inside.evaluate("device.controllers.right.position.set(0.4, -0.2, -0.4)")
+    inside.evaluate("device.controllers.left.position.set(-0.4, 1.4, -0.4)")
+    inside.evaluate("device.controllers.right.position.set(0.4, 1.4, -0.4)")
     inside.evaluate(FRAMES.format(n=3))
     place = _eyes(inside)["place"]
     assert place["mmPerMetre"] == pytest.approx(0.5 * start["place"]["mmPerMetre"], rel=1e-3)
     inside.evaluate("['left', 'right'].forEach((s) => device.controllers[s].updateButtonValue('squeeze', 0))")
     inside.evaluate(
-        "['left', 'right'].forEach((s) => device.controllers[s].position.set(s === 'left' ? -0.2 : 0.2, -0.2, -0.4))"
+        "['left', 'right'].forEach((s) => device.controllers[s].position.set(s === 'left' ? -0.2 : 0.2, 1.4, -0.4))"
     )
-    inside.evaluate("device.position.set(0, 0, 0)")
+    inside.evaluate("device.position.set(0, 1.6, 0)")
 
 
 def test_controllers_move_the_instruments_that_were_taken_and_triggers_close_their_jaws(inside: Chromium) -> None:
@@ -116,7 +116,7 @@ def test_controllers_move_the_instruments_that_were_taken_and_triggers_close_the
     )
     inside.evaluate(FRAMES.format(n=2))
     before = json.loads(inside.evaluate("JSON.stringify(trocar.hands.grips[0].jaws)"))
-    inside.evaluate("device.controllers.right.position.set(0.2, -0.1, -0.4)")
+    inside.evaluate("device.controllers.right.position.set(0.2, 1.5, -0.4)")
     inside.evaluate("device.controllers.right.updateButtonValue('trigger', 1)")
     inside.evaluate(FRAMES.format(n=3))
     told = json.loads(
