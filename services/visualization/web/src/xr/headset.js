@@ -28,13 +28,12 @@ export class Headset {
 
   async toggle() {
     if (this.session) return this.session.end();
-    this.begin(await navigator.xr.requestSession("immersive-vr", { optionalFeatures: ["local"] }));
+    await this.begin(await navigator.xr.requestSession("immersive-vr", { optionalFeatures: ["local"] }));
   }
 
   async begin(session) {
     const { stage } = this.view, { camera, renderer } = stage;
     this.session = session;
-    session.addEventListener("end", () => this.end());
     this.kept = { near: camera.near, far: camera.far, position: camera.position.clone(), quaternion: camera.quaternion.clone(), lens: stage.lens.object.visible };
     const forward = stage.controls.target.clone().sub(camera.position).toArray();
     this.controllers = new Controllers();
@@ -48,6 +47,7 @@ export class Headset {
     renderer.xr.enabled = true;
     renderer.xr.setReferenceSpaceType("local");
     await renderer.xr.setSession(session);
+    session.addEventListener("end", () => this.end()); // after three's own, which gives the canvas its size back
     renderer.setAnimationLoop((now, frame) => this.turn(frame));
     this.takeInstruments();
     this.onChange();
