@@ -329,7 +329,8 @@ def anatomy(
     file: Annotated[
         Path,
         typer.Argument(
-            help="A labelled volume (.seg.nrrd, NRRD, NIfTI, MetaImage, DICOM-SEG) or a surface (STL, OBJ, PLY, VTP)."
+            help="A labelled volume (.seg.nrrd, NRRD, NIfTI, MetaImage, DICOM-SEG) or a surface "
+            "(STL, OBJ, PLY, VTP, VTU, MSH, INP)."
         ),
     ],
     out: Annotated[Path | None, typer.Option(help="Folder to write; default: NAME-scene in this one.")] = None,
