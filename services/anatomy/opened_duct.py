@@ -10,7 +10,7 @@ import scipy
 
 from trocar.services.anatomy.catheter_choice import fitting_catheter
 from trocar.services.anatomy.centring import Centreline, centred
-from trocar.services.anatomy.cutting import Cut, cut_open, find_cut, judge_tube
+from trocar.services.anatomy.cutting import Cut, cut_open, find_cut, is_long, judge_tube
 from trocar.services.anatomy.patient_surface import PatientSurface, distances_m
 from trocar.services.anatomy.sections import Sectioner
 from trocar.services.anatomy.tips import Way, ways_between_tips
@@ -75,6 +75,8 @@ def open_duct(surface: PatientSurface, closed: TriangleMesh, thickness_m: float,
     ways = ways_between_tips(remesh(closed, _ROUGH_EDGE * radius_m))
     sectioner = Sectioner(closed)
     lines = [centred(way.points_m, sectioner, _STEP * radius_m) for way in ways]
+    kept = [k for k, line in enumerate(lines) if k == 0 or is_long(line)]  # not from one corner of an end to another
+    ways, lines = [ways[k] for k in kept], [lines[k] for k in kept]
     cuts = _cuts(ways, lines, sectioner)
     judge_tube(lines[0], cuts[0], cuts[1])
     opened = cut_open(closed, cuts)

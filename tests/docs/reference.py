@@ -218,8 +218,8 @@ def catheters() -> str:
         "A scene names one as `catheter.product`, and a wire in it as `catheter.guide_wire.product`: what the scene",
         "does not say itself is then taken from the product. Another one is a file of `configs/catheters`, or one",
         "beside the scene (`product: mine.yaml`). `trocar catheters` lists them. Values that are neither a norm nor",
-        "measured are marked as assumptions. A wire is modelled as round and full: its modulus is the one that gives its",
-        "measured bending stiffness; it stretches more than the real one.",
+        "measured are marked as assumptions. A wire is modelled as round and full: its modulus is the one that gives",
+        "its measured bending stiffness; it stretches more than the real one.",
         "",
     ]
     for name in product_names():
