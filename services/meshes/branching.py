@@ -34,8 +34,7 @@ def load_branching(tubes: list[Tube], edge_m: float | None, cache_dir: Path | No
     rim; a blind one has its furthest vertices.
     Raises MeshError if the tubes touch each other where they do not join, or the edge is too long for them.
     """
-    narrowest_m = min(min(tube.radius_m, tube.end_radius_m) for tube in tubes)
-    edge_m = edge_m or EDGE_OF_RADIUS * narrowest_m
+    edge_m = edge_m or EDGE_OF_RADIUS * min(tube.detail_m() for tube in tubes)
     libraries = [f"{name} {version(name)}" for name in MESH_LIBRARIES]
     code = hash_sources(Path(__file__).parent), hash_sources(Path(union_distance_m.__code__.co_filename).parent)
     told = [{key: _plain(value) for key, value in dataclasses.asdict(tube).items()} for tube in tubes]

@@ -42,7 +42,7 @@ class CysticDuctScene:
 RANGES: dict[str, Quantity] = {
     "length_m": Quantity(30e-3, 20e-3, 40e-3, f"20 to 40 mm, up to 100: {COMMON_VEIN}", assumed=False),
     "width_m": Quantity(
-        3.5e-3, 2.4e-3, 5e-3, f"1 to 5 mm: {COMMON_VEIN}; below 2.4 mm, left out here, no catheter passes with its wall"
+        3.5e-3, 2.4e-3, 5e-3, f"1 to 5 mm: {COMMON_VEIN}; below 2.4 mm, left out here, a 5 Fr catheter has no play"
     ),
     "end_width_m": Quantity(3.5e-3, 2.4e-3, 5e-3, f"as width_m: {COMMON_VEIN}"),
     "turn_rad": Quantity(1.0, 0.6, 1.3, "assumption; no figure found"),

@@ -11,6 +11,8 @@ import scipy
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.surface.branched_tubes import Tube
 
+_DETAIL_OF_PITCH = 0.6
+"""A fold is meshed as a tube of that radius is: with four edges from one turn to the next."""
 _NEAREST = 4
 """Stations of the axis whose balls are asked for the distance of a point: the radius varies slowly along it."""
 
@@ -63,6 +65,11 @@ class CurvedTube(Tube):
     sides: FloatArray
     folds: Folds | None = None
     opening: str = ""
+
+    def detail_m(self) -> float:
+        """Return the smallest radius of its surface; a fold counts by its pitch."""
+        narrowest_m = float(self.radii_m.min())
+        return narrowest_m if self.folds is None else min(narrowest_m, _DETAIL_OF_PITCH * self.folds.pitch_m)
 
     def near_opening(self) -> str:
         """Return the name of the opening at its near end."""
