@@ -19,7 +19,7 @@ from starlette.requests import Request as HttpRequest
 from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Route
 
-from trocar.services.anatomy.making import MadeAnatomy, propose, rounded_mm
+from trocar.services.anatomy.making import MadeAnatomy, Request, propose, rounded_mm
 from trocar.services.meshes.errors import MeshError
 
 HOST = "127.0.0.1"
@@ -143,20 +143,23 @@ def shown(made: MadeAnatomy) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def picked_request(made: MadeAnatomy, picked: dict[str, Any]) -> Any:
+def picked_request(made: MadeAnatomy, picked: dict[str, Any]) -> Request:
     """Return the request with what a person picked: mouth, held, ports_mm, goal_mm, and names by the old ones.
 
     Raises ValueError or MeshError if a value cannot be.
     """
     names = {str(old): str(new) for old, new in dict(picked.get("names", {})).items() if old != new}
-    renamed = lambda name: names.get(name, name)  # noqa: E731
     ports = tuple(_place(port) for port in picked.get("ports_mm") or ())
     goal = picked.get("goal_mm")
     return replace(
-        made.request, mouth=renamed(str(picked["mouth"])), held=tuple(renamed(str(each)) for each in picked["held"]),
+        made.request, mouth=_renamed(picked["mouth"], names), held=tuple(_renamed(each, names) for each in picked["held"]),
         names=tuple(f"{old}={new}" for old, new in names.items()), ports_mm=ports,
         goal_mm=None if goal is None else _place(goal),
     )  # fmt: skip
+
+
+def _renamed(name: Any, names: dict[str, str]) -> str:
+    return names.get(str(name), str(name))
 
 
 def _place(values: Any) -> tuple[float, float, float]:

@@ -272,8 +272,8 @@ def cystic_duct() -> str:
         "- `folds` are turns of one fold that winds round the half towards the gallbladder (pars spiralis, from 5",
         "  mm behind the mouth on), the rest is smooth (pars glabra). The fold is thrown into the wall itself: it",
         "  is meshed with the wall's elements, touches and gives as the wall does, and the duct stretches along as",
-        "  a bellows. `fold_height` is its share of the lumen's radius. By default an edge (`duct.mesh_edge_m`) of a quarter",
-        "  of the pitch shows it.",
+        "  a bellows. `fold_height` is its share of the lumen's radius. By default four edges of the mesh go from one",
+        "  turn to the next.",
         "",
     ]
     return "\n".join(lines)

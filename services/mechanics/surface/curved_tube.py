@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 import scipy
 
 from trocar.services.mechanics.arrays import FloatArray
@@ -95,14 +96,14 @@ class CurvedTube(Tube):
 
         Where it has folds the value is right in sign, and near the surface to a part of their slope.
         """
-        away, nearest = scipy.spatial.KDTree(self.points_m).query(points_m, k=_NEAREST)
+        away, nearest = map(np.asarray, scipy.spatial.KDTree(self.points_m).query(points_m, k=_NEAREST))
         distance: FloatArray = (away - self.radii_m[nearest]).min(axis=1)
         return distance if self.folds is None else distance + self._inward_m(points_m, nearest[:, 0], self.folds)
 
-    def _inward_m(self, points_m: FloatArray, nearest: FloatArray, folds: Folds) -> FloatArray:
+    def _inward_m(self, points_m: FloatArray, nearest: npt.NDArray[np.int64], folds: Folds) -> FloatArray:
         tangents = np.gradient(self.points_m, axis=0)
         tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
-        k = nearest.astype(np.int64)
+        k = nearest
         out = points_m - self.points_m[k]
         tangent, side = tangents[k], self.sides[k]
         along = np.einsum("ij,ij->i", out, tangent)
