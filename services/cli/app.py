@@ -172,11 +172,12 @@ def top(
 @_verb("cli.latency:run_latency")
 def latency(
     files: Annotated[
-        list[Path] | None, typer.Argument(help="Files that a rig wrote after missed ticks; default: the running rig.")
+        list[Path] | None, typer.Argument(help="Files written with `--save`; default: the running rig.")
     ] = None,
     rig: Rig = "stub",
     worst: Annotated[int, typer.Option(min=1, help="How many ticks to show.")] = 12,
     trace_file: Annotated[Path | None, typer.Option("--trace", help="Write a trace for ui.perfetto.dev.")] = None,
+    save: Annotated[Path | None, typer.Option("--save", help="Write the ticks into a file, to look at later.")] = None,
     as_json: Json = False,
     overrides: Overrides = None,
 ) -> None:

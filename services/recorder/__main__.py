@@ -35,6 +35,7 @@ from trocar.services.runtime.bus.bus import Bus
 from trocar.services.runtime.errors import UserError
 from trocar.services.runtime.log import progress
 from trocar.services.runtime.loop.loop import LoopMeter, ticks
+from trocar.services.runtime.loop.tick_grid import STATES, as_state
 from trocar.services.runtime.process.process import Process, ProcessConfig, main
 from trocar.services.runtime.realtime import realtime
 from trocar.services.scenes import load_duct, load_scene
@@ -102,7 +103,7 @@ class Recording:
 
     def take(self, frames: Iterable[Frame]) -> None:
         """Append `frames`."""
-        for frame in frames:
+        for frame in map(as_state, frames):
             self._writer.write(frame)
             self._picture.see(frame)
 
@@ -176,6 +177,8 @@ def run(process: Process) -> None:
     speaks = process.requirements.is_published
     read = dict.fromkeys(filter(speaks, (*settings.whole, *read_by("recorder"))))
     sampled = [topic for topic in filter(speaks, observed_by("recorder")) if topic not in read]
+    if process.rig.simulated_time:  # moments are recorded instead
+        sampled = [topic for topic in sampled if topic not in STATES]
     recording = Recording(process)
     recording.explain()
     meter = LoopMeter(settings.sample_rate_hz, ("take", "sample", "hand over"))

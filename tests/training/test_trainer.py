@@ -253,8 +253,8 @@ def test_the_process_does_as_its_rig_says(monkeypatch: pytest.MonkeyPatch) -> No
     made: list[float | None] = []
 
     class Kept(Trainer):
-        def __init__(self, scenario: Scenario | None, again_after_s: float | None, *more: Any) -> None:
-            super().__init__(scenario, again_after_s, *more)
+        def __init__(self, scenario: Scenario | None, again_after_s: float | None, *more: Any, **named: Any) -> None:
+            super().__init__(scenario, again_after_s, *more, **named)
             made.append(self._again_after_s)
 
     monkeypatch.setattr(training_process, "Trainer", Kept)

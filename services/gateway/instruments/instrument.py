@@ -103,19 +103,19 @@ class Instrument:
         """Whether the tool is to touch nothing, as what it touches has prevented force for `PATIENCE_S`."""
         return self.servo.engagement.refused_s > PATIENCE_S
 
-    def exchange_handle(self) -> None:
-        """Read the handle and write its torque."""
+    def exchange_handle(self, time_ns: int | None = None) -> None:
+        """Read the handle and write its torque, at a time of the rig where that is simulated."""
         grasp = self.grasp
         if grasp is None:
             return
-        now_ns = time.monotonic_ns()
+        now_ns = time.monotonic_ns() if time_ns is None else time_ns
         grasp.read(now_ns, self._handle)
         servo = self.servo
         servo.grasp_on = grasp.ready
         servo.step_grasp(now_ns, self._handle)
         self._torque_nm = servo.torque_nm
         grasp.write(self._torque_nm)
-        wrote_ns = time.monotonic_ns()
+        wrote_ns = time.monotonic_ns() if time_ns is None else time_ns
         servo.handle_span.note(1e-9 * (wrote_ns - now_ns), 1e-9 * (wrote_ns - self._turned_ns))
         self._turned_ns = wrote_ns
 

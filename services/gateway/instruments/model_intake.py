@@ -38,8 +38,9 @@ class ModelIntake:
         self._arrival = arrival
         self._force = force
         self._sampled_ns = [0] * _REMEMBERED
+        self._posed_ns = [0] * _REMEMBERED
         self._asked = [-1] * _REMEMBERED
-        self._newest_answered = -1
+        self._newest_answered = self._heard = -1
         self._last_asked = -1
         self._timed = -1
         self._unapplied_ns = 0
@@ -53,9 +54,13 @@ class ModelIntake:
         self._invalid_looks = self._invalid_looks + 1 if mostly else 0
         return self._invalid_looks
 
-    def ask(self, index: int, sampled_ns: int, *, timed: bool) -> None:
-        """Store that the device sample of tick `index` was published, and whether its answer will be waited for."""
+    def ask(self, index: int, sampled_ns: int, *, timed: bool, posed_ns: int | None = None) -> None:
+        """Store that the device sample of tick `index` was published, and whether its answer will be waited for.
+
+        `posed_ns` is the time of the sample for the servos, if that is not `sampled_ns`.
+        """
         self._sampled_ns[index % _REMEMBERED] = sampled_ns
+        self._posed_ns[index % _REMEMBERED] = sampled_ns if posed_ns is None else posed_ns
         self._asked[index % _REMEMBERED] = index
         self._last_asked = index
         if timed:
@@ -71,10 +76,17 @@ class ModelIntake:
         """Whether the newest sample still waits for its model."""
         return self._newest_answered < self._last_asked
 
+    @property
+    def is_unheard(self) -> bool:
+        """Whether haptics has not said anything about the newest sample, not even that there is no force."""
+        return self._heard < self._last_asked
+
     def accept(self, frame: Frame, now_ns: int) -> None:
         """Pass the models of a frame to the servos, if it answers a known sample."""
         body = frame.body
         slot = body.tick % _REMEMBERED
+        if self._asked[slot] == body.tick:
+            self._heard = max(self._heard, body.tick)
         if not frame.valid:
             self.refused["invalid"] += 1
         elif self._asked[slot] != body.tick:
@@ -92,7 +104,7 @@ class ModelIntake:
                 if body.tick == self._timed:
                     self._arrival.latency.record(now_ns - sampled_ns)
             for instrument, model in zip(self._instruments, self._rows, strict=True):
-                instrument.servo.accept(model, body.ttl_s, sampled_ns, frame.incarnation)
+                instrument.servo.accept(model, body.ttl_s, self._posed_ns[slot], frame.incarnation)
                 instrument.model_sequence = frame.sequence
 
     def _take(self, rows: bytes) -> bool:

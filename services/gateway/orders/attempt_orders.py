@@ -5,6 +5,7 @@ from __future__ import annotations
 from trocar.protocol import Frame
 from trocar.services.gateway.instruments.instrument import Instrument
 from trocar.services.gateway.orders.rig_time import RigTime
+from trocar.services.runtime.loop.tick_grid import EVERY_TICKS
 
 
 class AttemptOrders:
@@ -63,7 +64,10 @@ class AttemptOrders:
 
     def _begin(self) -> None:
         if self._time.stands:  # physics has made its step of this tick
-            self._time.step(1)
+            self._time.step_soon()
+            return
+        if self._time.simulated and self._time.index % EVERY_TICKS:  # so that every attempt is seen at the same ticks
+            self._time.step_soon()
             return
         self._begins_owed = False
         self.begins += 1

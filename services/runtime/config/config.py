@@ -15,6 +15,7 @@ from pydantic_core import ErrorDetails
 
 from trocar.services.messages.nearest_word import did_you_mean
 from trocar.services.runtime.config import yaml_text
+from trocar.services.runtime.config.removed_keys import REMOVED_RIG_KEYS, drop_removed_keys
 from trocar.services.runtime.config.rig import Rig
 from trocar.services.runtime.errors import ConfigError
 
@@ -300,6 +301,8 @@ def _load(kind: type[T], path: Path, overrides: Sequence[str]) -> tuple[T, Origi
     data, origins = _read_on_base(path) if kind is Rig else _read_alone(path)
     apply_overrides(data, overrides, origins)
     where = f"{path} on {data['base']}" if kind is Rig and "base" in data else str(path)
+    if kind is Rig:
+        drop_removed_keys(data, where)
     if kind is Rig and isinstance(gateway := data.get("gateway"), dict) and gateway.get("instruments") == []:
         raise ConfigError(f"{where}: gateway.instruments: is empty: there is no hand to feel anything; name one")
     return build(kind, data, where), origins
@@ -357,7 +360,8 @@ def split_overrides(overrides: Iterable[str]) -> tuple[tuple[str, ...], tuple[st
     rig: list[str] = []
     scene: list[str] = []
     for override in overrides:
-        (rig if override.split("=")[0].split(".")[0] in Rig.model_fields else scene).append(override)
+        first = override.split("=")[0].split(".")[0]
+        (rig if first in Rig.model_fields or first in REMOVED_RIG_KEYS else scene).append(override)
     return tuple(rig), tuple(scene)
 
 

@@ -15,6 +15,10 @@ from trocar.services.runtime.config.bounds import Core, Metres, Port, Priority, 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 #: Viewers for which the picture's process serves browsers.
 _SERVED = ("web", "auto")
+#: Drivers of arms without force feedback: the hand that moves one feels no late tick.
+FORCELESS = ("web", "gamepad", "spacemouse", "replay")
+#: Ending of the names of drivers of simulated devices, which no hand holds.
+_SIMULATED = "_simulated"
 
 
 class Settings(BaseModel):
@@ -116,6 +120,8 @@ PATH_OWNERS = {
 
 
 PathName = Annotated[str, _one_of("path", PATH_OWNERS)]
+#: The loops that take each tick of the rig's time together.
+_IN_STEP = ("gateway", "haptics", "physics")
 
 
 class ProcessSettings(Settings):
@@ -126,7 +132,7 @@ class ProcessSettings(Settings):
     priority: Priority | None = Field(None, description="of SCHED_FIFO; none: ordinary class")
     nice: Annotated[int, between(-20, 19, "", "Linux has no other")] | None = None
     share: Annotated[float, between(1e-3, 0.95, "", "the kernel keeps 5 % of a core, and no loop runs with less")] = (
-        Field(0.3, description="of a core; SCHED_DEADLINE reserves it first, a real-time budget must cover it")
+        Field(0.3, description="of a core, that a real-time budget of its group must cover")
     )
     restart: bool = Field(True, description="whether the supervisor restarts it when it dies or hangs")
     critical: bool = Field(True, description="whether the rig cannot run without it")
@@ -207,6 +213,9 @@ class WebSettings(Settings):
         None, description="directory of `trocar keys`: page and picture are encrypted (https) by its certificate"
     )
     insecure: bool = Field(False, description="allow page and picture beyond loopback without encryption")
+    class_token: NamedPath | None = Field(
+        None, description="file with the token of a class, by which an instructor's desk commands this rig, too"
+    )
 
 
 class LoopContract(Settings):
@@ -249,7 +258,6 @@ class SupervisorSettings(Settings):
     )  # fmt: skip
     max_restarts_per_minute: Annotated[int, between(0, 600, "", "no process starts and ends ten times a second")] = 5
     web: WebSettings = WebSettings()
-    watch_floor: bool = Field(True, description="whether a thread per core measures how late the machine wakes")
 
 
 class Contracts(Settings):
@@ -310,7 +318,11 @@ class ReplaySettings(Settings):
 
 
 class Rig(Settings):
-    """A whole rig file."""
+    """A whole rig file.
+
+    In `simulated` time no tick is ever lost: a late loop slows the rig's time down. No hand may feel a force then,
+    as it would feel the same force for too long.
+    """
 
     name: Name
     base: str | None = Field(
@@ -319,8 +331,8 @@ class Rig(Settings):
     scene: str = "default"
     transport: Transport = Transport()
     processes: dict[ProcessName, ProcessSettings] = {}
-    rungs: tuple[Literal["fifo", "deadline", "nice"], ...] = Field(
-        ("fifo", "deadline", "nice"), description="scheduling classes that loops with a priority try, best first"
+    time: Literal["auto", "clock", "simulated"] = Field(
+        "auto", description="whether late ticks are lost, or slow the rig's time; auto: `clock` if an arm gives force"
     )
     spare_power: bool = Field(False, description="let the cores sleep between ticks, so that the loops wake later")
     gateway: GatewaySettings = GatewaySettings()
@@ -337,6 +349,13 @@ class Rig(Settings):
         beside = self._serves_picture() and self.supervisor.mode == "launch"  # otherwise each may have its own host
         if beside and port == page != 0:
             raise ValueError(f"visualization.port: {port} is the page's already (supervisor.web.port)")
+        return self
+
+    @model_validator(mode="after")
+    def _makes_no_hand_wait(self) -> Self:
+        felt = [each for each in self.gateway.instruments if not _may_wait(each.arm.driver)]
+        if self.time == "simulated" and felt:
+            raise ValueError(f"time: the arm of {felt[0].name!r} gives force to a hand, which cannot wait: say `clock`")
         return self
 
     @model_validator(mode="after")
@@ -360,6 +379,27 @@ class Rig(Settings):
         """Return the settings of a process, by default those of the model."""
         return self.processes.get(name, ProcessSettings())
 
+    @property
+    def simulated_time(self) -> bool:
+        """Whether the rig's time waits for late ticks. A replay has a time of its own."""
+        arms = [each.arm.driver for each in self.gateway.instruments]
+        waits = self.time == "simulated" or (self.time == "auto" and bool(arms) and set(arms) <= set(FORCELESS))
+        return waits and self.replay is None
+
+    def in_its_time(self) -> Self:
+        """Return the rig without contracts on ticks and latencies that nobody feels, if its time is simulated."""
+        if not self.simulated_time:
+            return self
+        loops = {name: loop for name, loop in self.contracts.loops.items() if name not in _IN_STEP}
+        paths = {name: path for name, path in self.contracts.paths.items() if PATH_OWNERS[name] not in _IN_STEP}
+        contracts = self.contracts.model_copy(update={"loops": loops, "paths": paths})
+        return self.model_copy(update={"contracts": contracts})
+
     def page_hands(self) -> tuple[str, ...]:
         """Return the names of the instruments that are controlled at the page."""
         return tuple(each.name for each in self.gateway.instruments if each.arm.driver == "web")
+
+
+def _may_wait(driver: str) -> bool:
+    """Return whether no hand feels the force of an arm with this driver."""
+    return driver in FORCELESS or driver.endswith(_SIMULATED)

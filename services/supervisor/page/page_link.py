@@ -22,7 +22,7 @@ class PageSetup(msgspec.Struct, frozen=True):
     """The first message to the page. `rig` is the rig as JSON, with defaults and overrides.
 
     `switches` tells whether the session can switch to another scenario; `fingerprint` is that of the certificate by
-    which the page is encrypted, empty without one.
+    which the page is encrypted, empty without one; `scene_overrides` are those of the command line.
     """
 
     rig: str
@@ -30,6 +30,7 @@ class PageSetup(msgspec.Struct, frozen=True):
     token: str
     switches: bool = False
     fingerprint: str = ""
+    scene_overrides: tuple[str, ...] = ()
 
 
 class RigStatus(msgspec.Struct, frozen=True):
@@ -66,9 +67,7 @@ class RigStatus(msgspec.Struct, frozen=True):
 
 
 class Heartbeat(msgspec.Struct, frozen=True):
-    """Sign of life of the page's process; `fault` is a fault of its own child processes."""
-
-    fault: str = ""
+    """Sign of life of the page's process."""
 
 
 _T = TypeVar("_T", bound=msgspec.Struct)

@@ -29,6 +29,7 @@ from trocar.services.runtime.web.web_headers import SafeHeaders, policy_of_files
 from trocar.services.runtime.web.web_host import KnownHost, host_of
 from trocar.services.supervisor.control.commands import Command, What
 from trocar.services.supervisor.page.page_place import DIST
+from trocar.services.supervisor.page.school import pass_on, socket_path
 from trocar.services.training.scenario import scenario_names, scenario_of
 
 EVENT_PERIOD_S = 0.2
@@ -52,7 +53,7 @@ class PageContext:
 
     `registries` are the metrics by level; `healthy` tells whether the rig works, with a description; `view_port` the
     port of the picture; `replays` whether a recording is shown that can be controlled; `switches` whether scenarios can
-    be switched; `ask` sends a command and waits for its outcome.
+    be switched; `ask` sends a command and waits for its outcome; `class_token` is that of an instructor, if any.
     """
 
     rig: Rig
@@ -65,6 +66,7 @@ class PageContext:
     switches: bool = False
     dist: Path = DIST
     token: str = field(default_factory=lambda: secrets.token_urlsafe(16))
+    class_token: str = ""
     latest: bytes = b"{}"
     closing: bool = False
 
@@ -95,6 +97,7 @@ def build_app(context: PageContext) -> Starlette:
         Route("/api/attempt", page.attempt, methods=["POST"]),
         Route("/api/replay", page.replay, methods=["POST"]),
         Route("/api/scenario", page.scenario, methods=["POST"]),
+        Route("/school/{path:path}", page.school, methods=["GET", "POST", "PUT"]),
         Route("/metrics", page.metrics),
         Route("/healthz", page.healthz),
         # The page is looked up at each request, as it may be built while the rig runs.
@@ -251,9 +254,27 @@ class _Endpoints:
             return JSONResponse({"ok": True, "text": answer.text})
         return JSONResponse({"error": answer.text}, 409)
 
+    async def school(self, request: Request) -> Response:
+        """Pass a request on to the school's process, with the role that its token gives."""
+        role = self._role(request)
+        if not role:
+            return JSONResponse({"error": "the header X-Trocar-Token must carry the token that the rig printed"}, 403)
+        return await pass_on(request, socket_path(self._context.rig.transport), role)
+
+    def _role(self, request: Request) -> str:
+        """Return who asks by the token: an instructor, a trainee, or nobody.
+
+        Where there is no class, who has the rig's token is alone with it, and an instructor, too.
+        """
+        given, context = request.headers.get("X-Trocar-Token", "").encode(), self._context
+        if context.class_token and secrets.compare_digest(given, context.class_token.encode()):
+            return "instructor"
+        if not secrets.compare_digest(given, context.token.encode()):
+            return ""
+        return "trainee" if context.class_token else "instructor"
+
     def _refusal(self, request: Request) -> Response | None:
-        given = request.headers.get("X-Trocar-Token", "")
-        if not secrets.compare_digest(given.encode(), self._context.token.encode()):
+        if not self._role(request):
             return JSONResponse({"error": "the header X-Trocar-Token must carry the token that the rig printed"}, 403)
         return None
 
