@@ -30,15 +30,15 @@ class Way:
     points_m: FloatArray
 
 
-def ways_between_tips(mesh: TriangleMesh) -> list[Way]:
+def ways_between_tips(mesh: TriangleMesh, band_m: float) -> list[Way]:
     """Return the way from one of the two tips that are furthest apart to each other tip, the longest first.
 
-    ``mesh`` is closed, with edges of about equal length.
+    ``mesh`` is closed, with edges that are short beside ``band_m``, the step along the ways.
     Raises MeshError if the surface has a handle: then it is no tree of tubes.
     """
-    first = _furthest(surface_tree(mesh, np.array([0], np.int32)))
-    first = _furthest(surface_tree(mesh, np.array([first], np.int32)))
-    tree = surface_tree(mesh, np.array([first], np.int32))
+    first = _furthest(surface_tree(mesh, np.array([0], np.int32), band_m))
+    first = _furthest(surface_tree(mesh, np.array([first], np.int32), band_m))
+    tree = surface_tree(mesh, np.array([first], np.int32), band_m)
     _refuse_handle(mesh, tree)
     taken = {int(tree.node[first])}
     ways: list[Way] = []
