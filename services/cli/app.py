@@ -370,6 +370,16 @@ def catheters(as_json: Json = False) -> None:
     """List the catheters and guide wires that a scene can name as `product`: every value with its range and source."""
 
 
+@_verb("cli.cystic_duct:run_cystic_duct", "cystic-duct")
+def cystic_duct(
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Draw a duct by this seed; default: the usual values.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Show the anatomy that a scene's `duct.cystic` draws: every range with its source, and what a seed draws."""
+
+
 @_verb("cli.attempt:run_scenarios")
 def scenarios(as_json: Json = False) -> None:
     """List the scenarios that `trocar up --scenario` runs, each with its goal."""
