@@ -48,22 +48,6 @@ def _of_user() -> str:
     return os.path.join(named if os.path.isabs(named) else os.path.expanduser("~/.cache"), "trocar")
 
 
-def own_folder(path: Path, root: Path) -> Path:
-    """Return a folder in `root`, which is made for this user alone where it is missing.
-
-    What others can change on the way from `root`, or what is no folder, is removed first; a line says why.
-    Raises OSError where that cannot be done.
-    """
-    make_folders(root)
-    if path.is_dir() and not fault_in(root, path):  # nearly always, and an import asks for each folder of source
-        return path
-    for step in reversed([each for each in (path, *path.parents) if each.is_relative_to(root) and each != root]):
-        if fault := fault_in(root, step):
-            discard(step, f"is not used: {fault}")
-        step.mkdir(mode=0o700, exist_ok=True)
-    return path
-
-
 def fault_in(root: Path, path: Path) -> str:
     """Return why a folder in `root` is not used, empty if it may be or is not there; `root` itself is not judged."""
     return fault_of_place(path, below=root) or (

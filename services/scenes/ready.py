@@ -106,6 +106,8 @@ def _file_mesh(duct: DuctScene, cache: Path, progress: Progress) -> TriangleMesh
             duct.mesh_lumen_diameter_m,
             cache / "meshes",
             lambda step: progress(f"surface file: {step}", 0.0),
+            duct.mesh_names,
+            duct.mesh_up,
         )
     except MeshError as error:
         raise ValueError(f"duct.mesh_file: {error}") from error

@@ -13,7 +13,7 @@ interrupts.begin()  # before all that takes time
 import os  # noqa: E402
 
 from trocar.services.kernels.processor import numba_target  # noqa: E402
-from trocar.services.start import bytecode, start_up  # noqa: E402
+from trocar.services.start import start_up  # noqa: E402
 
 #: One thread for every numerics library, as a second one would leave the loop's core and priority.
 _THREADS = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"
@@ -23,4 +23,3 @@ for _variable in _THREADS:
 for _variable, _value in numba_target().items():
     os.environ.setdefault(_variable, _value)
 start_up.begin()
-bytecode.keep()

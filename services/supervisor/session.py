@@ -35,8 +35,7 @@ from trocar.services.supervisor.crew.fork_link import ForkServer
 from trocar.services.supervisor.crew.loop_progress import LoopProgress
 from trocar.services.supervisor.crew.member import Fault, MemberState
 from trocar.services.supervisor.crew.processes import TABLE, ProcessSpec
-from trocar.services.supervisor.diagnosis.machine_floor import MachineFloor
-from trocar.services.supervisor.diagnosis.runqueue_waits import OwnIoThreads
+from trocar.services.supervisor.crew.runqueue_waits import OwnIoThreads
 from trocar.services.supervisor.frozen_configuration import ChangedFiles
 from trocar.services.supervisor.judge.governor import Level
 from trocar.services.supervisor.judge.state_machine import RigState
@@ -166,7 +165,6 @@ def run_session(process: Process, session: SessionOptions) -> None:
         rig, process.scene_name, session.token, session.switches, fingerprint, process.scene_overrides
     )
     loop_progress = supervisor.crew.loop_progress = LoopProgress(rings)
-    supervisor.floor = MachineFloor(rings)
     with (
         closing(threads),
         closing(loop_progress),

@@ -26,7 +26,7 @@ class Press:
     counts = False
 
     def find_spec(self, name, path=None, target=None):
-        Press.counts = Press.counts or name == "trocar.services.start.bytecode"
+        Press.counts = Press.counts or name == "trocar.services.start.start_up"
         if Press.counts:
             Press.left -= 1
             if Press.left == 0:
@@ -78,7 +78,9 @@ def test_the_first_second_of_up_ends_with_the_code_for_it(folder: Path, at: int)
     assert _pressed(folder, ["-m", "trocar.services.cli.app", "up", "--seconds", "1"], at) == (130, "")
 
 
-@pytest.mark.parametrize("module", ["supervisor", "gateway", "visualization.render_worker", "supervisor.fork_server"])
+@pytest.mark.parametrize(
+    "module", ["supervisor", "gateway", "visualization.render_worker", "supervisor.crew.fork_server"]
+)
 @pytest.mark.parametrize("at", [3, 60])
 def test_the_processes_of_a_rig_end_as_quietly(folder: Path, module: str, at: int) -> None:
     assert _pressed(folder, ["-m", f"trocar.services.{module}", "0"], at) == (130, "")

@@ -89,18 +89,6 @@ def test_in_a_trusted_cache_a_folder_that_others_can_change_is_removed_with_one_
     assert capsys.readouterr().err == f"{place / 'shared'} {why}\n"
 
 
-def test_a_folder_in_the_cache_is_made_in_place_of_what_is_not_ours(
-    place: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (place / "one").touch()
-    assert cache_directory.own_folder(place / "one" / "two", place).is_dir()
-    assert capsys.readouterr().err == f"{place / 'one'} is not used: it is no folder; it is made anew\n"
-    place.chmod(0o777)
-    assert cache_directory.own_folder(place / "one", place).joinpath("two").is_dir(), (
-        "the way there is judged elsewhere"
-    )
-
-
 def test_folders_that_a_process_makes_in_the_cache_are_for_this_user_whatever_the_umask(
     place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -26,8 +26,7 @@ from trocar.services.runtime.realtime import realtime
 _MOTION_HZ = 1000
 _PERIOD_NS = round(ESTIMATE_S * 1e9)
 _LISTEN_EVERY = 5
-#: Share of a core to reserve by SCHED_DEADLINE: 1.25 times the mean, as for any loop, at half of the machine's speed;
-#: two drives take 2.0 % on average. Adjusting the reservation at run time would take another 1 %.
+#: Share of a core that a real-time budget has to cover: two drives take 2.0 % on average, three times that in a tick.
 SHARE = 0.06
 #: Bytes read in a tick. The gateway sends a frame every 2 ms; the backlog of a stall is read in a few ticks.
 _READ = 64 * can_frame.SIZE
@@ -141,10 +140,9 @@ def main(core: int | None, priority: int | None) -> None:
     _release_scheduling()
     _facts, scheduling = realtime.set_up(core, priority, share=SHARE)
     drives = Drives(socket.socket(fileno=sys.stdin.fileno()))
-    realtime.keep_pages()
     realtime.freeze_garbage_collector()
     if scheduling is not None:
-        scheduling.resume(period_ns=_PERIOD_NS)
+        scheduling.resume()
     due_ns, turn = time.monotonic_ns(), 0
     while turn % _LISTEN_EVERY or drives.obey():
         drives.tick(time.monotonic_ns() * 1e-9)

@@ -109,7 +109,9 @@ class Gallstones(Effect):
     def after_solve(self, world: World, dt_s: float) -> None:
         """Apply the contact forces."""
         system = world.system
-        self.dissipated_j += push_stones(self._stones.address, (system.rows.address, self._first), system.force_n, dt_s)
+        self._dissipated_j += push_stones(
+            self._stones.address, (system.rows.address, self._first), system.force_n, dt_s
+        )
 
     def state_arrays(self) -> tuple[FloatArray, ...]:
         """Return positions and velocities of the stones."""

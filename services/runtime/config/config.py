@@ -15,6 +15,7 @@ from pydantic_core import ErrorDetails
 
 from trocar.services.messages.nearest_word import did_you_mean
 from trocar.services.runtime.config import yaml_text
+from trocar.services.runtime.config.removed_keys import REMOVED_RIG_KEYS, drop_removed_keys
 from trocar.services.runtime.config.rig import Rig
 from trocar.services.runtime.errors import ConfigError
 
@@ -134,7 +135,8 @@ def _place(number: str) -> int:
 def read_scene(scene: str | Path, overrides: Iterable[str] = (), origins: Origins | None = None) -> dict[str, Any]:
     """Return the unchecked content of a scene, by path or by name in configs/scenes, with overrides.
 
-    The path of a surface file is made absolute, so that the content may be saved anywhere.
+    The path of a surface file is made absolute, and products are replaced by their values, so that the content may be
+    saved anywhere.
     Raises ConfigError if there is no such scene, or it is not YAML.
     """
     path = find("scene", scene)
@@ -144,6 +146,9 @@ def read_scene(scene: str | Path, overrides: Iterable[str] = (), origins: Origin
     _anchor_mesh_file(data, path.parent)
     apply_overrides(data, overrides, origins)
     _anchor_mesh_file(data, Path.cwd())
+    from trocar.services.runtime.config.products import take_products  # it is built of what is here
+
+    take_products(data, str(path), origins)
     return data
 
 
@@ -296,6 +301,8 @@ def _load(kind: type[T], path: Path, overrides: Sequence[str]) -> tuple[T, Origi
     data, origins = _read_on_base(path) if kind is Rig else _read_alone(path)
     apply_overrides(data, overrides, origins)
     where = f"{path} on {data['base']}" if kind is Rig and "base" in data else str(path)
+    if kind is Rig:
+        drop_removed_keys(data, where)
     if kind is Rig and isinstance(gateway := data.get("gateway"), dict) and gateway.get("instruments") == []:
         raise ConfigError(f"{where}: gateway.instruments: is empty: there is no hand to feel anything; name one")
     return build(kind, data, where), origins
@@ -353,7 +360,8 @@ def split_overrides(overrides: Iterable[str]) -> tuple[tuple[str, ...], tuple[st
     rig: list[str] = []
     scene: list[str] = []
     for override in overrides:
-        (rig if override.split("=")[0].split(".")[0] in Rig.model_fields else scene).append(override)
+        first = override.split("=")[0].split(".")[0]
+        (rig if first in Rig.model_fields or first in REMOVED_RIG_KEYS else scene).append(override)
     return tuple(rig), tuple(scene)
 
 

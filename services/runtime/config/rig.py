@@ -132,7 +132,7 @@ class ProcessSettings(Settings):
     priority: Priority | None = Field(None, description="of SCHED_FIFO; none: ordinary class")
     nice: Annotated[int, between(-20, 19, "", "Linux has no other")] | None = None
     share: Annotated[float, between(1e-3, 0.95, "", "the kernel keeps 5 % of a core, and no loop runs with less")] = (
-        Field(0.3, description="of a core; SCHED_DEADLINE reserves it first, a real-time budget must cover it")
+        Field(0.3, description="of a core, that a real-time budget of its group must cover")
     )
     restart: bool = Field(True, description="whether the supervisor restarts it when it dies or hangs")
     critical: bool = Field(True, description="whether the rig cannot run without it")
@@ -258,7 +258,6 @@ class SupervisorSettings(Settings):
     )  # fmt: skip
     max_restarts_per_minute: Annotated[int, between(0, 600, "", "no process starts and ends ten times a second")] = 5
     web: WebSettings = WebSettings()
-    watch_floor: bool = Field(True, description="whether a thread per core measures how late the machine wakes")
 
 
 class Contracts(Settings):
@@ -332,9 +331,6 @@ class Rig(Settings):
     scene: str = "default"
     transport: Transport = Transport()
     processes: dict[ProcessName, ProcessSettings] = {}
-    rungs: tuple[Literal["fifo", "deadline", "nice"], ...] = Field(
-        ("fifo", "deadline", "nice"), description="scheduling classes that loops with a priority try, best first"
-    )
     time: Literal["auto", "clock", "simulated"] = Field(
         "auto", description="whether late ticks are lost, or slow the rig's time; auto: `clock` if an arm gives force"
     )

@@ -126,7 +126,7 @@ def is_memory(directory: Path) -> bool:
 def remove_rings(run_directory: Path) -> None:
     """Remove the rings of a rig that has ended, and what else its processes share there."""
     directory = flight_directory(run_directory)
-    for path in (file for kind in (SUFFIX, ".phases", ".pause") for file in directory.glob(f"*{kind}")):
+    for path in directory.glob(f"*{SUFFIX}"):
         path.unlink(missing_ok=True)
     if directory != run_directory:
         with suppress(OSError):  # not empty: a process is still writing

@@ -39,7 +39,6 @@ class HealthReporter:
     Attributes:
         gauges: Figures that the process writes on changes.
         counts: Returns further ones, called once per report.
-        before: Called before each report, as a part of its own.
     """
 
     def __init__(self, process: str, bus: Bus, meter: LoopMeter | None = None) -> None:
@@ -52,7 +51,6 @@ class HealthReporter:
         self._pieces: Iterator[None] | None = None  # parts of the report in progress
         self.gauges: dict[str, float] = {}
         self.counts: Callable[[], Mapping[str, float]] = dict
-        self.before: Callable[[], None] | None = None
         self.realtime: list[Fact] = []
         self.quality_level = 0
         self._bus = bus
@@ -87,8 +85,7 @@ class HealthReporter:
         """Do the next part of a due report; return whether there was one. The last part sends it.
 
         This is for loops without time for a whole report between two ticks: it takes a third of a millisecond with cold
-        caches, a part a fifth of that. SCHED_DEADLINE grants a budget for each tick: a loop that spends it on a report
-        is not run until the next one is due, and is then late.
+        caches, a part a fifth of that.
         """
         if self._pieces is None:
             if not self.is_due():
@@ -109,9 +106,6 @@ class HealthReporter:
     def _make(self) -> Iterator[None]:
         """Make and send a report in parts of about equal duration."""
         began_ns = time.monotonic_ns()
-        if self.before is not None:
-            self.before()
-            yield
         health = yield from self._compose()
         step_aside()
         self._due_ns = began_ns + _PERIOD_NS

@@ -22,11 +22,10 @@ from trocar.services.runtime.config.rig import Rig
 from trocar.services.runtime.config.scene_requirements import EVERYTHING, SceneRequirements, scene_requirements
 from trocar.services.runtime.errors import BusError, UserError
 from trocar.services.runtime.loop.loop import LoopMeter
-from trocar.services.runtime.loop.reservation_keeper import ReservationKeeper, ReservationPause
 from trocar.services.runtime.measures.flight import SUFFIX, FlightRing, flight_directory
 from trocar.services.runtime.process.health import HealthReporter
 from trocar.services.runtime.realtime import realtime
-from trocar.services.runtime.realtime.scheduling import OFTEN_NS, SELDOM_NS, Scheduling
+from trocar.services.runtime.realtime.scheduling import Scheduling
 from trocar.services.start import start_up
 
 
@@ -76,36 +75,16 @@ class Process(ProcessConfig):
         if meter is not None:
             self._share(meter.flight)
         if self._scheduling is not None:
-            self._scheduling.resume(alone=starts_others, period_ns=meter.period_ns if meter is not None else 0)
+            self._scheduling.resume(alone=starts_others)
             had = realtime.scheduling_fact(self._scheduling)
-            if had not in self.facts:  # others have used up the granted reservation
+            if had not in self.facts:
                 _warn_of(had, self.log)
             self._tell(had)
-            if meter is not None and self._scheduling.may_reserve:
-                self._keep_reservation(self._scheduling, meter)
-        if not starts_others:
-            self.facts.append(realtime.keep_pages())
         self.facts.extend((realtime.freeze_garbage_collector(), realtime.read_back()))
         self.health.realtime = self.facts
         self.health.change("ready")
         if not starts_others:  # a supervisor reports for them
             self.log.info("ready")
-
-    def _keep_reservation(self, scheduling: Scheduling, meter: LoopMeter) -> None:
-        """Follow the loop's needs from now on, unless its rig has nowhere to agree on pauses."""
-        try:
-            pause = ReservationPause(flight_directory(endpoints.run_directory(self.rig.transport)))
-        except (BusError, OSError) as error:
-            self.log.warning("what it reserves is not adapted: %s", error)
-            return
-        keeper = ReservationKeeper(scheduling, meter, pause, self.log)
-
-        def keep() -> None:
-            if keeper.keep():
-                self._tell(realtime.scheduling_fact(scheduling))
-                self._tell(realtime.read_back())
-
-        self.health.before = keep
 
     def _tell(self, had: realtime.Fact) -> None:
         self.facts[:] = [had if fact.name == had.name else fact for fact in self.facts]
@@ -174,9 +153,8 @@ def open_process(process_config: ProcessConfig, whole: Collection[str] = ()) -> 
     name, rig, logger = process_config.name, process_config.rig, process_config.log
     settings = rig.process(name)
     facts, scheduling = realtime.set_up(
-        settings.core, settings.priority, settings.nice, settings.share, rig.rungs, awake=not rig.spare_power,
-        beside_ns=SELDOM_NS if rig.transport.kind == "ipc" else OFTEN_NS,
-    )  # fmt: skip
+        settings.core, settings.priority, settings.nice, settings.share, awake=not rig.spare_power
+    )
     for fact in facts:
         _warn_of(fact, logger)
     requirements = process_config.requirements

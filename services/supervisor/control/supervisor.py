@@ -21,7 +21,6 @@ from trocar.services.supervisor.crew import hang_detection
 from trocar.services.supervisor.crew.crew import Crew, Launch
 from trocar.services.supervisor.crew.member import build_members
 from trocar.services.supervisor.crew.processes import ProcessSpec
-from trocar.services.supervisor.diagnosis.machine_floor import MachineFloor, below_sleepers
 from trocar.services.supervisor.judge import contracts
 from trocar.services.supervisor.judge.enforcement import Action, ActionKind, Enforcement, Ladder
 from trocar.services.supervisor.judge.governor import Governor, Level
@@ -73,7 +72,6 @@ class Supervisor:
         self.start_notice = ""  # what a person should know while it starts
         self.shown: ShownRecording | None = None
         self.meter: LoopMeter | None = None  # measures its own turns
-        self.floor = MachineFloor()
         self.events: deque[Event] = deque(maxlen=200)
         limits = hang_detection.Limits(heartbeat_s=settings.heartbeat_timeout_s, ready_s=settings.ready_timeout_s)
         self.crew = Crew(build_members(setup.rig, setup.table), bus, limits, setup.launch, self.say)
@@ -210,23 +208,15 @@ class Supervisor:
             self._restart_judgement()
         seen = []
         windows = {name: member.window for name, member in self.crew.members.items() if member.up}
-        floor = self._floor_shares()
         if self.state in (RigState.RUNNING, RigState.DEGRADED):
-            seen = contracts.judge(windows, self.rig.contracts, floor)
+            seen = contracts.judge(windows, self.rig.contracts)
         self._stalled = self._stalls()
         self.breaches = [*self._standing.update(self._now_s, seen), *self._stalled]
         standing = [breach for breach in self.breaches if self._is_critical(breach.process)]
-        spent_s = contracts.spent_s(windows, self.rig.contracts, standing, floor) if standing else 0.0
+        spent_s = contracts.spent_s(windows, self.rig.contracts, standing) if standing else 0.0
         action = self.enforcement.decide(self._now_s, standing, spent_s)
         if action is not None:
             self._act(action)
-
-    def _floor_shares(self) -> dict[str, float]:
-        """Return the share of ticks that the machine loses on the core of each loop of this host."""
-        self.floor.look(self._now_s)
-        heard = {name: member.health for name, member in self.crew.members.items() if member.health is not None}
-        near = (name for name in below_sleepers(heard) if self._bus.is_near(f"{name}.health"))
-        return {name: self.floor.share(self.rig.process(name).core) for name in near}
 
     def path_limits_us(self) -> dict[str, float]:
         """Return the present limit of each path."""

@@ -1,7 +1,7 @@
 """A process that imports the modules of the rig's processes once, and forks each process on request.
 
 ``python -m trocar.services.supervisor.crew.fork_server LINK ROOM``, started by the supervisor only (`fork_link`), whose
-end of the link decides its life. It runs no thread and opens nothing. ROOM pads its command line for those of its forks.
+end of the link decides its life. It runs no thread and opens nothing. ROOM pads its command line for its forks.
 A fork becomes a child of the supervisor, because the process between them ends at once.
 """
 

@@ -11,7 +11,7 @@ import os
 import signal
 from typing import NamedTuple
 
-from trocar.services.supervisor.diagnosis.runqueue_waits import BusWaits, ThreadWait, read
+from trocar.services.supervisor.crew.runqueue_waits import BusWaits, ThreadWait, read
 
 _STOPPING = sum(1 << (number - 1) for number in (signal.SIGSTOP, signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU))
 _PENDING = (b"SigPnd:", b"ShdPnd:")

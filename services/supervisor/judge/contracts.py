@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 from trocar.services.runtime.config.rig import PATH_OWNERS, Contracts, LoopContract, PathContract
 from trocar.services.runtime.measures.histogram import quantile_ns
@@ -41,20 +40,13 @@ class Breach:
     by_work: bool = True
 
 
-def judge(
-    windows: Mapping[str, Window], contracts: Contracts, floor: Mapping[str, float] = MappingProxyType({})
-) -> list[Breach]:
+def judge(windows: Mapping[str, Window], contracts: Contracts) -> list[Breach]:
     """Return the contracts violated by the counts in `windows` (by process).
 
-    ``floor`` is the share of ticks that the machine itself loses on the core of a process, see `MachineFloor`.
     The contracts are error budgets with burn rates over a long and a short window (Site Reliability Workbook, chapter
     5). A budget allows for occasional lost ticks; an overdrawn one is reported while it still is overdrawn.
     """
-    found = [
-        _judge_loop(name, windows[name], loop, floor.get(name, 0.0))
-        for name, loop in contracts.loops.items()
-        if name in windows
-    ]
+    found = [_judge_loop(name, windows[name], loop) for name, loop in contracts.loops.items() if name in windows]
     found += [_judge_path(name, windows, path, contracts) for name, path in contracts.paths.items()]
     return [breach for breach in found if breach is not None]
 
@@ -63,16 +55,15 @@ def spent_s(
     windows: Mapping[str, Window],
     contracts: Contracts,
     of: Iterable[Breach],
-    floor: Mapping[str, float] = MappingProxyType({}),
 ) -> float:
-    """Return the largest recent loss by work of loops in breach, in seconds of the loop's budget; ``floor`` as above.
+    """Return the largest recent loss by work of loops in breach, in seconds of the loop's budget.
 
     The losses are those of the last minute, or since the windows were cleared.
     """
     most_s = 0.0
     for name in {breach.process for breach in of} & contracts.loops.keys() & windows.keys():
         contract = contracts.loops[name]
-        loss = _loss(windows[name], BUDGET_S, contract, floor.get(name, 0.0))
+        loss = _loss(windows[name], BUDGET_S, contract)
         if loss is not None and contract.miss_ratio > 0.0:
             most_s = max(most_s, loss.by_work.ratio * loss.seconds / contract.miss_ratio)
     return most_s
@@ -97,7 +88,7 @@ class _Loss:
         return self.lost / self.due if self.due > 0 else 0.0
 
 
-def _loss(window: Window, seconds: float, contract: LoopContract, floor: float) -> _Loss | None:
+def _loss(window: Window, seconds: float, contract: LoopContract) -> _Loss | None:
     counted = window.loop(seconds)
     if counted is None or counted[1] <= 0:
         return None
@@ -110,12 +101,12 @@ def _loss(window: Window, seconds: float, contract: LoopContract, floor: float) 
     missed = min(due, loop.misses * share)
     # A count over a window has an uncertainty of one tick. Ticks not reported yet are not attributed to work.
     lost = max(missed, due - loop.ticks - 1.0)
-    return _Loss(lost, due, counted_s, loop.beyond_work * share + lost - missed + floor * due)
+    return _Loss(lost, due, counted_s, loop.beyond_work * share + lost - missed)
 
 
-def _judge_loop(name: str, window: Window, contract: LoopContract, floor: float) -> Breach | None:
+def _judge_loop(name: str, window: Window, contract: LoopContract) -> Breach | None:
     spans = (_BREAKDOWN_S, _BREAKDOWN_STILL_S, BUDGET_S, STILL_S)
-    losses = [loss for seconds in spans if (loss := _loss(window, seconds, contract, floor)) is not None]
+    losses = [loss for seconds in spans if (loss := _loss(window, seconds, contract)) is not None]
     if len(losses) < len(spans):
         return None
     breach = _breach(name, contract, *losses)

@@ -10,19 +10,19 @@ import math
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import msgspec
 
 import trocar.protocol.bodies as bodies
 from trocar.protocol.topics import TOPICS
+from trocar.services.diagnosis.thread_usage import Usage, UsageRow
 from trocar.services.runtime.config.rig import Rig
 from trocar.services.runtime.measures.histogram import Quantiles
 from trocar.services.supervisor.control.supervisor import Event
-from trocar.services.supervisor.diagnosis.thread_usage import Usage
 from trocar.services.supervisor.judge.figures import Figures, Latencies, Loop, Path, Traffic
 from trocar.services.supervisor.judge.figures import of as figures_of
 from trocar.services.supervisor.judge.window import Window
-from trocar.services.supervisor.page.observer_registry import Report
 from trocar.services.supervisor.page.page_link import RigStatus
 
 EVENTS_SHOWN = 50
@@ -50,16 +50,6 @@ class StageRow(msgspec.Struct, frozen=True):
     p50_us: float
     p99_us: float
     max_us: float
-
-
-class FloorRow(msgspec.Struct, frozen=True):
-    """The machine on one core: wake-ups, late by more than a millisecond, of a thread above all others, in a minute."""
-
-    core: int
-    wakeups: int
-    late: int
-    late_ratio: float
-    lateness_us: Quantiles
 
 
 class JudgeRow(msgspec.Struct, frozen=True):
@@ -139,9 +129,7 @@ class Snapshot(msgspec.Struct, frozen=True):
     paths: tuple[PathRow, ...]
     answered_next_tick: float
     heat: Mapping[str, Heat]
-    floor: tuple[FloorRow, ...]
     judge: JudgeRow | None
-    flight: str
     events: tuple[Event, ...]
     attempt: Mapping[str, object] | None
     replay: Mapping[str, object] | None
@@ -189,18 +177,18 @@ def snapshot(
     heard: Mapping[str, Heard],
     rig: Rig,
     scene: str,
-    observed: Report | None = None,
+    threads: Mapping[str, UsageRow] = MappingProxyType({}),
     attempt: bodies.Attempt | None = None,
 ) -> Snapshot:
     """Return the rig's state for the page, from the supervisor's judgement and the processes' reports."""
-    state, observed = status.state, observed or Report()
+    state = status.state
     windows = {name: one.figures for name, one in heard.items()}
     broken = set(status.broken)
     paths = {name: path for window in windows.values() for name, path in window.paths.items()}
     model = paths.get("device_model")
     nothing = Heard.nothing(rig.supervisor.window_s)
     starts = status.starts
-    usage = {name: row.lately for name, row in observed.threads.items()}
+    usage = {name: row.lately for name, row in threads.items()}
     return Snapshot(
         t=round(status.said_s - status.started_s, 3),
         incarnation=status.incarnation,
@@ -226,19 +214,11 @@ def snapshot(
         paths=tuple(_path_row(name, path, status.path_limits_us.get(name), broken) for name, path in paths.items()),
         answered_next_tick=model.answered / model.asked if model and model.asked else UNKNOWN,
         heat={name: _heat(window.loop.lateness) for name, window in windows.items() if window.loop},
-        floor=tuple(_floor_row(core, row.lately) for core, row in observed.floor.items()),
         judge=_judge_row(heard.get("supervisor", nothing)),
-        flight=next((row.lately for row in observed.incidents.values()), ""),
         events=status.events[-EVENTS_SHOWN:],
         attempt=None if attempt is None else {**msgspec.structs.asdict(attempt), "answers": ()},
         replay=None if status.replay is None else {**msgspec.structs.asdict(status.replay), "attempt": None},
     )
-
-
-def _floor_row(core: int, latencies: Latencies) -> FloorRow:
-    total = latencies.total
-    ratio = latencies.late / total if total else UNKNOWN
-    return FloorRow(core, total, latencies.late, ratio, latencies.quantiles())
 
 
 def _judge_row(heard: Heard) -> JudgeRow | None:

@@ -14,14 +14,12 @@ import prometheus_client
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
 
 import trocar.protocol.bodies as bodies
+from trocar.services.diagnosis.thread_usage import UsageRow
 from trocar.services.runtime.config.rig import Contracts
 from trocar.services.runtime.measures import stage_times
-from trocar.services.supervisor.diagnosis.observer import Row
-from trocar.services.supervisor.diagnosis.thread_usage import Counts, Usage
 from trocar.services.supervisor.judge.figures import Latencies, Stage
 from trocar.services.supervisor.judge.state_machine import RigState
 from trocar.services.supervisor.page import task_metrics
-from trocar.services.supervisor.page.observer_registry import Report
 
 Level = Literal["summary", "full"]
 _Family = TypeVar("_Family", CounterMetricFamily, GaugeMetricFamily)
@@ -42,14 +40,14 @@ _PARTS = (0.25, 0.5, 0.71, 1.0, 1.42, 2.0, 4.0)
 
 @dataclass(frozen=True, slots=True)
 class RigSource:
-    """The exported rig: its judgement, the newest report of each process, and the observers' rows.
+    """The exported rig: its judgement, the newest report of each process, and the kernel's counts of its threads.
 
     `is_judged` tells whether the supervisor itself is up; `task` has the metrics of attempts.
     """
 
     state: bodies.SupervisorState
     heard: Mapping[str, bodies.Health] = field(default_factory=dict)
-    observed: Report = field(default_factory=Report)
+    threads: Mapping[str, UsageRow] = field(default_factory=dict)
     is_judged: bool = False
     contracts: Contracts = field(default_factory=Contracts)
     task: task_metrics.Task = field(default_factory=task_metrics.Task)
@@ -74,8 +72,7 @@ class RigCollector:
         yield from _links(heard)
         yield from _recorder(heard)
         yield from task_metrics.families(rig.task)
-        yield from _threads(rig.observed.threads, full)
-        yield from _floor(rig.observed.floor, full)
+        yield from _threads(rig.threads, full)
         if full:
             yield from _topics(heard)
             yield _gauges(heard)
@@ -225,7 +222,7 @@ def _stages(heard: Iterable[bodies.Health]) -> Iterator[Metric]:
     yield from (family, longest)
 
 
-def _threads(threads: Mapping[str, Row[Counts, Usage | None]], full: bool) -> Iterator[Metric]:
+def _threads(threads: Mapping[str, UsageRow], full: bool) -> Iterator[Metric]:
     counts = {name: row.since_start for name, row in threads.items()}
     ran = {name: each.ran_ns / 1e9 for name, each in counts.items()}
     waited = {name: each.waited_ns / 1e9 for name, each in counts.items()}
@@ -238,18 +235,6 @@ def _threads(threads: Mapping[str, Row[Counts, Usage | None]], full: bool) -> It
             switches.add_metric([name, "wanted"], each.woken)
             switches.add_metric([name, "preempted"], each.preempted)
         yield switches
-
-
-def _floor(floor: Mapping[int, Row[Latencies, Latencies]], full: bool) -> Iterator[Metric]:
-    text = "Late wake-ups of a thread with a higher priority than all loops"
-    family = _histogram("trocar_machine_lateness_seconds", text, "core")
-    longest = _longest("trocar_machine_lateness", "core")
-    for core, row in floor.items():
-        _add(family, str(core), row.since_start)
-        longest.add_metric([str(core)], row.since_start.max_ns / 1e9)
-    yield longest
-    if full:
-        yield family
 
 
 def _by(label: str, kind: type[_Family], name: str, text: str, values: Mapping[str, float]) -> _Family:

@@ -69,10 +69,8 @@ class Page:
                 self._start(now_s)
             return
         try:
-            while (beat := self._link.receive(Heartbeat)) is not None:
+            while self._link.receive(Heartbeat) is not None:
                 self._silence.begin(_SILENT_S)
-                if beat.fault:
-                    self._supervisor.say("warning", f"supervisor: {beat.fault}")
         except ConnectionError:
             self._lost(self._link, self._child, now_s)
             return

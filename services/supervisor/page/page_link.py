@@ -67,9 +67,7 @@ class RigStatus(msgspec.Struct, frozen=True):
 
 
 class Heartbeat(msgspec.Struct, frozen=True):
-    """Sign of life of the page's process; `fault` is a fault of its own child processes."""
-
-    fault: str = ""
+    """Sign of life of the page's process."""
 
 
 _T = TypeVar("_T", bound=msgspec.Struct)

@@ -23,6 +23,7 @@ import msgspec
 import uvicorn
 
 import trocar.protocol.bodies as bodies
+from trocar.services.diagnosis.thread_usage import ThreadUsage
 from trocar.services.runtime.bus.bus import Bus
 from trocar.services.runtime.config.rig import Rig
 from trocar.services.runtime.process.process import listen_as
@@ -32,7 +33,6 @@ from trocar.services.supervisor.judge.state_machine import RigState
 from trocar.services.supervisor.page import command_socket as control
 from trocar.services.supervisor.page import dashboard
 from trocar.services.supervisor.page.metrics import Level, RigSource, registry
-from trocar.services.supervisor.page.observer_registry import Observers
 from trocar.services.supervisor.page.page_link import Heartbeat, Link, PageSetup, RigStatus
 from trocar.services.supervisor.page.task_metrics import Task
 from trocar.services.supervisor.page.web import EVENT_PERIOD_S, PageContext, build_app
@@ -52,7 +52,7 @@ class PageData:
     """The page's data on the rig."""
 
     rig: Rig
-    observers: Observers
+    threads: ThreadUsage = field(default_factory=ThreadUsage)
     status: RigStatus | None = None
     task: Task = field(default_factory=Task)
     heard: dict[str, dashboard.Heard] = field(default_factory=dict)
@@ -71,6 +71,11 @@ class PageData:
             if frame is not None:
                 heard.take(frame.body)
 
+    def sample_threads(self, status: RigStatus) -> None:
+        """Look at the threads of the rig's processes, if that is due."""
+        pids = {process.name: process.pid for process in status.state.processes}
+        self.threads.sample(time.monotonic(), pids | {OURS: os.getppid()})
+
     def healthy(self) -> tuple[bool, str]:
         """Return whether the rig works, with a description."""
         if self.status is None:
@@ -87,7 +92,7 @@ class PageData:
             return RigSource(bodies.SupervisorState(state=RigState.OFF))
         is_judged = time.monotonic() - self.status.said_s < SILENT_S
         contracts = self.rig.contracts
-        return RigSource(self.status.state, self.reports(), self.observers.report(), is_judged, contracts, self.task)
+        return RigSource(self.status.state, self.reports(), self.threads.report(), is_judged, contracts, self.task)
 
     def reports(self) -> dict[str, bodies.Health]:
         """Return the newest report of every process."""
@@ -111,8 +116,7 @@ def main(link_descriptor: int, socket_descriptor: int) -> int:
     if setup is None:
         return 1
     rig = Rig.model_validate_json(setup.rig)
-    with closing(Observers(rig)) as observers:
-        _run(PageData(rig, observers), setup, link, sock)
+    _run(PageData(rig), setup, link, sock)
     return 0
 
 
@@ -165,13 +169,16 @@ async def _follow(context: PageContext, page_data: PageData, bus: Bus, link: Lin
         page_data.hear(bus)
         status = page_data.status
         if status is not None:
-            observers = page_data.observers
-            observers.sample(status, page_data.reports())
-            link.send(Heartbeat(observers.said()))
-            report = observers.report()
+            page_data.sample_threads(status)
+            link.send(Heartbeat())
             context.latest = _encoder.encode(
                 dashboard.snapshot(
-                    status, page_data.heard, page_data.rig, context.scene, report, page_data.task.attempt
+                    status,
+                    page_data.heard,
+                    page_data.rig,
+                    context.scene,
+                    page_data.threads.report(),
+                    page_data.task.attempt,
                 )
             )
         await asyncio.sleep(EVENT_PERIOD_S)

@@ -35,7 +35,9 @@ def test_a_process_with_a_session_of_its_own_is_as_nice_to_others_as_to_its_own(
 
 
 _CLIMB = """from trocar.services.runtime.realtime.scheduling import Scheduling, SchedulingRequest
-s = Scheduling.request(SchedulingRequest(5, 0.1, None, ("nice",)))"""
+def refused(*_): raise PermissionError
+Scheduling._take_fifo = refused
+s = Scheduling.request(SchedulingRequest(5, 0.1))"""
 
 
 @needs_groups

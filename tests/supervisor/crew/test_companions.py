@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
-import subprocess
-import time
-from collections.abc import Iterator
-from contextlib import closing
-from pathlib import Path
+import urllib.error
+import urllib.request
 
 import pytest
 
 from tests.by_day import by_day
-from tests.patience import PATIENCE_S
 from tests.supervisor.fakes import Fakes, Scenario, page_servers, until, until_running
 from trocar.services.supervisor.control.supervisor import Supervisor
-from trocar.services.supervisor.diagnosis import lateness_floor
-from trocar.services.supervisor.diagnosis.lateness_floor import LatenessFloor
-from trocar.services.supervisor.diagnosis.observer import RigSight
+from trocar.services.supervisor.page.page_place import page_file
 
 pytestmark = pytest.mark.usefixtures("soon")
 
@@ -39,7 +34,7 @@ def test_a_page_that_hangs_or_ends_is_started_again(
     def scenario(supervisor: Supervisor) -> Scenario:
         yield from until_running(supervisor)
         (first,) = page_servers()
-        yield from until(lambda: _has_beaten(first))
+        yield from until(lambda: _serves(supervisor))
         os.kill(first, number)
         yield from until(lambda: any(f"the page's process {said}" in event.text for event in supervisor.events))
         yield from until(lambda: page_servers() not in ([], [first]))
@@ -48,36 +43,13 @@ def test_a_page_that_hangs_or_ends_is_started_again(
     fakes.play(scenario)
 
 
-def _has_beaten(pid: int) -> bool:
-    """Return whether a page serves by now: it has started the floor's watcher."""
-    return Path(f"/proc/{pid}/task/{pid}/children").read_text() != ""
-
-
-@pytest.fixture
-def floor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[LatenessFloor]:
-    tmp_path.chmod(0o700)
-    monkeypatch.setattr(lateness_floor, "_SILENT_S", 0.5)
-    with closing(LatenessFloor(tmp_path)) as made:
-        yield made
-
-
-@pytest.mark.parametrize(("number", "said"), [(signal.SIGKILL, "ended"), (signal.SIGSTOP, "hangs")])
-def test_a_watcher_of_the_floor_that_hangs_or_ends_is_started_again(
-    floor: LatenessFloor, number: signal.Signals, said: str
-) -> None:
-    def watch(done: str) -> None:
-        end_s = time.monotonic() + PATIENCE_S
-        while floor.said != done or not floor.report():
-            assert time.monotonic() < end_s
-            floor.sample(RigSight(time.monotonic()))
-            time.sleep(0.05)
-
-    monotonic = time.monotonic() + PATIENCE_S
-    while not floor.report() and time.monotonic() < monotonic:
-        floor.sample(RigSight(0.0))
-        time.sleep(0.05)
-    first: subprocess.Popen[bytes] = floor._process
-    first.send_signal(number)
-    watch(f"the floor's watcher {said}: started again")
-    assert floor._process.pid != first.pid
-    assert first.poll() is not None
+def _serves(supervisor: Supervisor) -> bool:
+    """Return whether the page answers by now: then it has also beaten."""
+    address = json.loads(page_file(supervisor.rig.transport).read_text())["address"]
+    try:
+        with urllib.request.urlopen(f"{address.rstrip('/')}/healthz", timeout=0.5):
+            return True
+    except urllib.error.HTTPError:  # it answers that the rig is not well
+        return True
+    except OSError:
+        return False

@@ -16,9 +16,9 @@ import pytest
 
 from tests.patience import PATIENCE_S
 from tests.real_time import fifo_is_granted
+from trocar.services.supervisor.crew import runqueue_waits
+from trocar.services.supervisor.crew.runqueue_waits import BusWaits, ThreadWait
 from trocar.services.supervisor.crew.scheduler_state import SchedulerState
-from trocar.services.supervisor.diagnosis import runqueue_waits
-from trocar.services.supervisor.diagnosis.runqueue_waits import BusWaits, ThreadWait
 
 SPIN = "print(1, flush=True)\nwhile True: pass"
 #: Takes its core from everybody of the ordinary class until its file is there, or somebody has forgotten it.

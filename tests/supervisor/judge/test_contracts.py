@@ -75,19 +75,6 @@ def test_a_breach_says_whether_less_work_would_have_kept_the_contract(beyond: in
     assert spent == pytest.approx(10 * (30 - beyond), rel=0.02), "of the budget of a tick in a thousand"
 
 
-@pytest.mark.parametrize(("floor", "by_work"), [(0.0001, True), (0.0008, False)])
-def test_what_the_machine_takes_from_a_working_thread_is_not_lost_by_its_work(floor: float, *, by_work: bool) -> None:
-    """The thread's clock goes on while its core stands still, so no loop can tell."""
-    watched = Watched()
-    watched.run(55.0)
-    watched.run(4.5, late=2)  # 90 of 60 s, 60 are allowed
-    windows = {"physics": watched.window}
-    (breach,) = judge(windows, BUDGET, {"physics": floor})
-    assert breach.by_work is by_work
-    lost = 90 - floor * 60_000
-    assert spent_s(windows, BUDGET, [breach], {"physics": floor}) == pytest.approx(lost / 60 * 60, rel=0.02)
-
-
 def test_a_stall_makes_nothing_sudden_of_what_work_has_lost_before() -> None:
     """Six ticks that work lost beside each stall overdrew the minute; the next stall of 50 ms made that a breakdown."""
     watched = Watched()

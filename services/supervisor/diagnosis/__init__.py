@@ -1,1 +1,0 @@
-"""Observers of a running rig: data beside the processes' own reports."""
