@@ -22,7 +22,7 @@ export class SchoolPage {
     this.practice = new Practice(hands, view, () => this.practised());
     this.sheet = new Sheet(this.school, view, { onNext: (step) => this.begin(step), onAgain: () => this.again() });
     this.state = null;
-    this.handled = "";
+    this.handled = null;
     $("who").onclick = () => this.welcome();
     $("my-attempts").onclick = () => this.guard(() => this.sheet.library(this.state?.trainee || "guest"));
     $("keys-open").onclick = () => $("keys").showModal();
@@ -191,6 +191,7 @@ export class SchoolPage {
     this.attempt = this.coach.attempt = attempt;
     if (!this.practice.runs) this.coach.update(attempt);
     if (!attempt) return;
+    this.handled ??= attempt.state === "done" ? attempt.attempt_id : ""; // what ended before the page was there
     this.keeper.follow(attempt).catch((error) => text($("school-remark"), error.message));
     const examines = this.coach.mode === "none";
     if (this.state?.trainee && attempt.examined !== examines && attempt.state === "armed" && !this.asked) {
