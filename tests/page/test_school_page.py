@@ -127,7 +127,7 @@ def test_a_finished_attempt_is_reported_with_a_jump_into_its_replay(page: School
     page.until("Boolean(trocar.player?.tracks?.length)", "the replay is loaded")
     shown = page.browser.text("#sheet-body")
     assert "220 points" in shown
-    assert "You crushed or kinked the catheter (3.4 N, limit 3 N): 20 points." in shown
+    assert "You crushed or kinked the catheter (3.4 N, at most 3 N): 20 points." in shown
     assert "Close the jaws on the catheter only so far" in shown
     page.press(".jump")
     page.until("Math.abs(trocar.player.second - 7) < 0.2", "the replay is a little before the mistake")

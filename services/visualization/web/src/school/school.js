@@ -81,11 +81,21 @@ export class SchoolPage {
   async sendPicture() {
     const stage = this.view()?.stage;
     if (!stage?.layout || this.sheet.open) return;
-    stage.draw();
+    const image = await this.smallPicture();
+    if (image) await this.school.ask("picture", { method: "PUT", body: image });
+  }
+
+  smallPicture() {
+    this.view().stage.draw();
     const small = Object.assign(document.createElement("canvas"), { width: 320, height: 200 });
     small.getContext("2d").drawImage(this.view().canvas, 0, 0, 320, 200);
-    const image = await new Promise((done) => small.toBlob(done, "image/jpeg", 0.7));
-    if (image) await this.school.ask("picture", { method: "PUT", body: image });
+    return new Promise((done) => small.toBlob(done, "image/jpeg", 0.7));
+  }
+
+  // The last picture of an attempt, by which it is found in the list.
+  async keepPicture(attemptId) {
+    const image = this.view()?.stage?.layout && (await this.smallPicture());
+    if (image) await this.school.ask(`last-picture/${attemptId}`, { method: "PUT", body: image });
   }
 
   async refresh() {
@@ -201,7 +211,9 @@ export class SchoolPage {
     if (attempt.state !== "done") this.handled = this.handled === attempt.attempt_id ? this.handled : "";
     else if (this.handled !== attempt.attempt_id) {
       this.handled = attempt.attempt_id;
-      if (!this.practice.runs) this.tellResult(attempt.attempt_id);
+      if (this.practice.runs) return;
+      this.guard(() => this.keepPicture(attempt.attempt_id));
+      this.tellResult(attempt.attempt_id);
     }
   }
 
