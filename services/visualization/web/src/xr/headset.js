@@ -1,7 +1,7 @@
 // The view in a headset, by WebXR: the scene stands before the person, larger than it is; controllers hold it or the instruments.
 
 import * as THREE from "three";
-import { colourOfForce } from "../view/view.js";
+import { colourOfForce } from "../view/colours.js";
 import { Controllers, look } from "./controllers.js";
 import { placeBefore, toWorld } from "./placement.js";
 
