@@ -13,6 +13,7 @@ from pydantic import TypeAdapter
 
 import trocar
 import trocar.envs
+from benchmarks import ideas
 from trocar import front
 from trocar.protocol.bodies import SupervisorState
 from trocar.services.cli.app import add_installed_verbs, app
@@ -220,8 +221,8 @@ def catheters() -> str:
         "A scene names one as `catheter.product`, and a wire in it as `catheter.guide_wire.product`: what the scene",
         "does not say itself is then taken from the product. Another one is a file of `configs/catheters`, or one",
         "beside the scene (`product: mine.yaml`). `trocar catheters` lists them. Values that are neither a norm nor",
-        "measured are marked as assumptions. A wire is modelled as round and full: its modulus is the one that gives its",
-        "measured bending stiffness; it stretches more than the real one.",
+        "measured are marked as assumptions. A wire is modelled as round and full: its modulus is the one that gives",
+        "its measured bending stiffness; it stretches more than the real one.",
         "",
     ]
     for name in product_names():
@@ -237,6 +238,7 @@ def catheters() -> str:
 
 
 PAGES: dict[str, Callable[[], str]] = {
+    "ideas.md": ideas.page,
     "catheters.md": catheters,
     "exit-codes.md": exit_codes,
     "names.md": names,
