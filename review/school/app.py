@@ -94,6 +94,18 @@ def build_app(bench: Bench) -> Starlette:
             return say({"error": str(error)}, 400)
         return Response(data, media_type="application/octet-stream")
 
+    async def last_picture(request: Request) -> Response:
+        attempt_id = request.path_params["attempt_id"]
+        try:
+            if request.method == "PUT":
+                bench.replays.keep_picture(attempt_id, await _body(request, _PICTURE_BYTES))
+                return say({"ok": True})
+            return Response(bench.replays.picture(attempt_id).read_bytes(), media_type="image/jpeg")
+        except FileNotFoundError:
+            return say({"error": "this attempt has no picture"}, 404)
+        except UserError as error:
+            return say({"error": str(error)}, 400)
+
     async def picture(request: Request) -> Response:
         if request.method == "PUT":
             bench.show(await _body(request, _PICTURE_BYTES))
@@ -123,6 +135,7 @@ def build_app(bench: Bench) -> Starlette:
         Route("/state", answering(lambda _r, _a: bench.state())),
         Route("/pulse", answering(lambda _r, _a: bench.pulse())),
         Route("/picture", picture, methods=["GET", "PUT"]),
+        Route("/last-picture/{attempt_id}", last_picture, methods=["GET", "PUT"]),
         Route("/name", answering(lambda _r, _a: {"name": bench.new_name()})),
         Route("/enter", answering(enter), methods=["POST"]),
         Route("/leave", answering(leave), methods=["POST"]),

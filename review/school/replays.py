@@ -38,6 +38,18 @@ class Replays:
             raise UserError(f"{attempt_id!r} is no attempt")
         return self._folder / f"{attempt_id}.view"
 
+    def picture(self, attempt_id: str) -> Path:
+        """Return the file of an attempt's last picture."""
+        return self.path(attempt_id).with_suffix(".jpg")
+
+    def keep_picture(self, attempt_id: str, data: bytes) -> None:
+        """Keep the last picture of an attempt; the first one counts."""
+        path = self.picture(attempt_id)
+        if not path.exists():
+            self._folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+            with atomic_file(path) as half:
+                half.write_bytes(data)
+
     def has(self, attempt_id: str) -> bool:
         """Return whether an attempt has a replay."""
         return bool(attempt_id) and self.path(attempt_id).is_file()
@@ -56,3 +68,4 @@ class Replays:
         for each in attempt_ids:
             if each:
                 self.path(each).unlink(missing_ok=True)
+                self.picture(each).unlink(missing_ok=True)

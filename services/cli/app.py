@@ -329,7 +329,8 @@ def anatomy(
     file: Annotated[
         Path,
         typer.Argument(
-            help="A labelled volume (.seg.nrrd, NRRD, NIfTI, MetaImage, DICOM-SEG) or a surface (STL, OBJ, PLY, VTP)."
+            help="A labelled volume (.seg.nrrd, NRRD, NIfTI, MetaImage, DICOM-SEG) or a surface "
+            "(STL, OBJ, PLY, VTP, VTU, MSH, INP)."
         ),
     ],
     out: Annotated[Path | None, typer.Option(help="Folder to write; default: NAME-scene in this one.")] = None,
@@ -367,6 +368,16 @@ def anatomy(
 @_verb("cli.catheters:run_catheters")
 def catheters(as_json: Json = False) -> None:
     """List the catheters and guide wires that a scene can name as `product`: every value with its range and source."""
+
+
+@_verb("cli.cystic_duct:run_cystic_duct", "cystic-duct")
+def cystic_duct(
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Draw a duct by this seed; default: the usual values.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Show the anatomy that a scene's `duct.cystic` draws: every range with its source, and what a seed draws."""
 
 
 @_verb("cli.attempt:run_scenarios")

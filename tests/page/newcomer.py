@@ -69,6 +69,21 @@ class Mouse:
         self.browser.open(f"{page['address']}#token={page['token']}")
         is_ready = "document.querySelector('#view.ready') !== null"
         self.browser.until(lambda: self.browser.evaluate(is_ready), PATIENCE_S, "the page loaded")
+        self.say_who()
+
+    def say_who(self) -> None:
+        """Take the name and the course that the page offers, unless the browser knows who trains."""
+        known = "Boolean(trocar.school.state)"
+        self.browser.until(lambda: self.browser.evaluate(known), PATIENCE_S, "the school answers")
+        if self.browser.text("#who") != "Who are you?":
+            return
+        for selector in ("#new-name", "#first-course", "#know-controls"):
+            self.browser.until(lambda at=selector: self.sees(at), PATIENCE_S, f"{selector} is seen")
+            self.press(selector)
+        self.browser.until(lambda: not self.sees("#know-controls"), PATIENCE_S, "the picture is free")
+
+    def sees(self, selector: str) -> bool:
+        return bool(self.browser.evaluate(f"document.querySelector({selector!r})?.getClientRects().length > 0"))
 
     def _event(self, kind: str, **more: object) -> None:
         x, y = self.at
@@ -244,8 +259,10 @@ def attempt(mouse: Mouse, most_s: float = 300.0) -> Course:
 
 
 def begin_again(mouse: Mouse) -> None:
-    """Put everything back to its start, from the page."""
+    """Put everything back to its start, from the page, and leave the report that has opened."""
     browser = mouse.browser
+    browser.until(lambda: mouse.sees("#sheet-close"), PATIENCE_S, "the report is there")
+    mouse.press("#sheet-close")
     assert order(browser, lambda: mouse.press("#attempt-again")) == "a new attempt begins"
     browser.until(
         lambda: browser.text("#attempt-state").startswith("Begin") and browser.text("#depth-value") == "0.0 mm",

@@ -146,6 +146,7 @@ def running_rig(
     process = subprocess.Popen(
         with_us([sys.executable, *program, "--rig", rig, "--scene", scene, *options]),
         stdout=log, stderr=subprocess.STDOUT, start_new_session=True,
+        env={**os.environ, "TROCAR_ATTEMPTS": str(directory / "attempts.sqlite")},
     )  # fmt: skip
     read = ["gateway.state", "supervisor.state", *topics, *(["physics.state"] if keeps_solved else [])]
     observer = Observer(ZmqBus(Transport(directory=bus), reads_every=read))

@@ -20,7 +20,7 @@ from trocar.services.gateway.devices.device_files import ArmFile
 from trocar.services.gateway.devices.driver import Arm, Place
 from trocar.services.gateway.devices.limited_force import NO_FORCE, LimitedForce
 from trocar.services.gateway.devices.measured_motion import MeasuredMotion
-from trocar.services.gateway.servo.servo_arrays import READ_ROLL, READ_TEMPERATURE
+from trocar.services.gateway.servo.servo_arrays import FLIGHTS, READ_ROLL, READ_TEMPERATURE
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.runtime.config.rig import Vector3
 from trocar.services.runtime.errors import DeviceError
@@ -28,10 +28,11 @@ from trocar.services.runtime.errors import DeviceError
 #: Time without a believed place after which the arm is not used; and after which its velocity is not known. A program
 #: without real-time priority may stand still for some 10 ms on a busy host: meanwhile forces fade, as they are late.
 SILENT_NS, RESTING_NS = 200_000_000, 5_000_000
-#: A force that was not given as it was ordered is told to have come this late, which no books cover.
-_LATE_NS = 4_000_000
+#: A force that was given otherwise than it was ordered is told to have come this late, which no books cover.
+_LATE_NS = (FLIGHTS + 1) * 1_000_000
 #: Share of a newest tick in a mean, and mean share of ticks without an answer from which on forces come too late.
 _NEWEST, _SLOW = 0.02, 0.3
+_TICK_NS = 1_000_000
 _OPEN_S, _CLOSE_S, _TURN_S = 2.0, 0.05, 1e-3
 
 
@@ -109,6 +110,7 @@ class AskedArm(Arm):
         self._roll_rad = 0.0
         self._enabled = self._as_ordered = self._was_calibrated = False
         self._problem = self._told_prompt = ""
+        self._wrote_ns = self._between_ns = 0  # the last write, and the time from the one before to it
         self._silent_ns = self._read_ns = 0  # how long reads have told nothing that was believed, and the last read
         self._missed = 0.0  # mean share of ticks in which nothing could be asked
 
@@ -168,16 +170,24 @@ class AskedArm(Arm):
         """Ask with this force, unless the last question has no answer yet."""
         link = self._link
         if link is None or self._opening is not None:
-            self._as_ordered = False
+            self._as_ordered, self.skipped = False, 0
             return
+        now_ns = self._clock.monotonic_ns()
+        self._between_ns, self._wrote_ns = now_ns - self._wrote_ns, now_ns
         x, y, z = force_n.tolist()
         asked = self._exchange(link, (x, y, z) if self._enabled and self.calibrated else NO_FORCE)
+        self.skipped = 0 if asked else self.skipped + 1
         self._missed += _NEWEST * (float(not asked) - self._missed)
 
     def write_span_ns(self, read_ns: int, written_ns: int) -> int:
-        """Return how old the place was that the newest force answers; never less than what the tick took."""
+        """Return how old the place was that the newest force answers; never less than what the tick took.
+
+        One that was not asked comes with the next, a tick later at least; the law is told how many there are in a row.
+        """
         age_ns = self._clock.monotonic_ns() - self._motion.sampled_ns
-        return max(written_ns - read_ns, min(age_ns if self._as_ordered else _LATE_NS, _LATE_NS))
+        if self.skipped:
+            age_ns += max(_TICK_NS, self._between_ns)
+        return max(written_ns - read_ns, min(age_ns if self._as_ordered or self.skipped else _LATE_NS, _LATE_NS))
 
     def gauges(self) -> dict[str, float]:
         """Return the rate of answers in Hz, how many places were not believed, and the connection's own figures."""

@@ -95,7 +95,7 @@ class Instrument:
             arm.write(self._arm_force)
             wrote_ns = time.monotonic_ns()
             span_ns = arm.write_span_ns(self._read_ns, wrote_ns)
-            servo.arm_span.note(1e-9 * span_ns, 1e-9 * (wrote_ns - self._wrote_ns))
+            servo.arm_span.note(1e-9 * span_ns, 1e-9 * (wrote_ns - self._wrote_ns), arm.skipped)
             self._wrote_ns = wrote_ns
 
     @property

@@ -177,6 +177,7 @@ class Servo:
         span = self.arm_span
         now[servo_arrays.NOW_LAST_LATE_S] = self.limits.delay_s + span.newest_s
         now[servo_arrays.NOW_LATE_S] = self.limits.delay_s + span.longest_s
+        now[servo_arrays.NOW_SKIPPED] = span.skipped
         law(self._model, motion, self._limits, now, self._memory)
         return begins
 
@@ -198,6 +199,7 @@ class Servo:
         span = self.handle_span
         now[servo_arrays.NOW_LAST_LATE_S] = self.limits.handle.delay_s + span.newest_s
         now[servo_arrays.NOW_LATE_S] = self.limits.handle.delay_s + span.longest_s
+        now[servo_arrays.NOW_SKIPPED] = span.skipped
         servo_law.servo_torque(self._model, handle, self._limits, now, self._memory)
 
     def reset_clock(self) -> None:

@@ -66,7 +66,8 @@ export class Hands {
   admit(token) {
     this.token = token;
     if (this.link) return;
-    $("take-hands").disabled = !token;
+    $("take-hands").disabled = !token || !this.view.last; // while the rig starts there is nothing to take
+    if (!this.view.last) setTimeout(() => this.link || this.admit(this.token), 500);
     $("hand-hint").textContent = t(token ? HOW : NEEDS_TOKEN);
   }
 

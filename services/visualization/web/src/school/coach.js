@@ -34,7 +34,8 @@ export class Coach {
 
   update(attempt) {
     if (!attempt) return;
-    const before = attempt.attempt_id === this.seen.id ? this.seen.errors : {};
+    const isKnown = this.seen.id !== ""; // what went wrong before the page was there is no news
+    const before = !isKnown ? attempt.errors : attempt.attempt_id === this.seen.id ? this.seen.errors : {};
     for (const [code, count] of Object.entries(attempt.errors ?? {})) {
       if (attempt.state === "running" && count > (before[code] ?? 0)) this.tell(code);
     }

@@ -47,6 +47,7 @@ export class Player {
     const drawnOn = canvasFor(canvas), stage = new Stage(drawnOn, this.step);
     drawnOn.canvas.setAttribute("aria-label", t("Replay of the attempt of {name}", { name }));
     stage.lens.object.visible = false;
+    stage.controls.enableDamping = false;
     stage.setLayout(track.layout);
     const screen = { stage, track, canvas: drawnOn.canvas, box };
     stage.controls.addEventListener("change", () => this.draw(screen));
@@ -65,10 +66,11 @@ export class Player {
 
   draw(screen) {
     const frame = screen.track.at(this.second);
-    if (!frame) return;
+    if (!frame || screen.draws) return;
+    screen.draws = true; // the eye may be moved by what is drawn, which asks for it to be drawn
     screen.stage.update(frame, colourOfForce);
-    screen.stage.controls.update();
     screen.stage.draw();
+    screen.draws = false;
   }
 
   go(second) {

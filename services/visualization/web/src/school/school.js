@@ -22,7 +22,7 @@ export class SchoolPage {
     this.practice = new Practice(hands, view, () => this.practised());
     this.sheet = new Sheet(this.school, view, { onNext: (step) => this.begin(step), onAgain: () => this.again() });
     this.state = null;
-    this.handled = "";
+    this.handled = null;
     $("who").onclick = () => this.welcome();
     $("my-attempts").onclick = () => this.guard(() => this.sheet.library(this.state?.trainee || "guest"));
     $("keys-open").onclick = () => $("keys").showModal();
@@ -81,11 +81,21 @@ export class SchoolPage {
   async sendPicture() {
     const stage = this.view()?.stage;
     if (!stage?.layout || this.sheet.open) return;
-    stage.draw();
+    const image = await this.smallPicture();
+    if (image) await this.school.ask("picture", { method: "PUT", body: image });
+  }
+
+  smallPicture() {
+    this.view().stage.draw();
     const small = Object.assign(document.createElement("canvas"), { width: 320, height: 200 });
     small.getContext("2d").drawImage(this.view().canvas, 0, 0, 320, 200);
-    const image = await new Promise((done) => small.toBlob(done, "image/jpeg", 0.7));
-    if (image) await this.school.ask("picture", { method: "PUT", body: image });
+    return new Promise((done) => small.toBlob(done, "image/jpeg", 0.7));
+  }
+
+  // The last picture of an attempt, by which it is found in the list.
+  async keepPicture(attemptId) {
+    const image = this.view()?.stage?.layout && (await this.smallPicture());
+    if (image) await this.school.ask(`last-picture/${attemptId}`, { method: "PUT", body: image });
   }
 
   async refresh() {
@@ -191,6 +201,7 @@ export class SchoolPage {
     this.attempt = this.coach.attempt = attempt;
     if (!this.practice.runs) this.coach.update(attempt);
     if (!attempt) return;
+    this.handled ??= attempt.state === "done" ? attempt.attempt_id : ""; // what ended before the page was there
     this.keeper.follow(attempt).catch((error) => text($("school-remark"), error.message));
     const examines = this.coach.mode === "none";
     if (this.state?.trainee && attempt.examined !== examines && attempt.state === "armed" && !this.asked) {
@@ -200,7 +211,9 @@ export class SchoolPage {
     if (attempt.state !== "done") this.handled = this.handled === attempt.attempt_id ? this.handled : "";
     else if (this.handled !== attempt.attempt_id) {
       this.handled = attempt.attempt_id;
-      if (!this.practice.runs) this.tellResult(attempt.attempt_id);
+      if (this.practice.runs) return;
+      this.guard(() => this.keepPicture(attempt.attempt_id));
+      this.tellResult(attempt.attempt_id);
     }
   }
 

@@ -33,7 +33,8 @@ export function measured(value, unit) {
 
 // What an error cost, in a sentence.
 export function cost({ code, worst, limit, unit, points }) {
-  const by = unit === "" && Math.abs(limit) < 1e-9 ? "" : t(" ({worst}, limit {limit})", { worst: measured(worst, unit), limit: measured(limit, unit) });
+  const bounds = worst < limit ? " ({worst}, at least {limit})" : " ({worst}, at most {limit})";
+  const by = unit === "" ? "" : t(bounds, { worst: measured(worst, unit), limit: measured(limit, unit) });
   const price = points >= 0.5 ? t("{points} points", { points: Math.round(points) }) : t("no points");
   return `${what(code)}${by}: ${price}.`;
 }

@@ -123,7 +123,7 @@ export class Sheet {
       compare.disabled = chosen.size !== 2;
       example.disabled = chosen.size !== 1;
     };
-    const table = element("table", { className: "attempts" }, element("thead", {}, element("tr", {}, ...["", "when", "task", "outcome", "time", "score", "errors", "", ""].map((each) => element("th", { textContent: t(each) })))),
+    const table = element("table", { className: "attempts" }, element("thead", {}, element("tr", {}, ...["", "", "when", "task", "outcome", "time", "score", "errors", "", ""].map((each) => element("th", { textContent: t(each) })))),
       element("tbody", {}, ...rows.map((row) => this.row(row, choose))));
     const none = rows.length ? "" : element("p", { textContent: t("None yet.") });
     $("sheet-body").replaceChildren(element("div", { className: "wide" }, element("div", { className: "controls" }, compare, example), element("div", { className: "scroll" }, table), none));
@@ -135,8 +135,20 @@ export class Sheet {
     const outcome = `${t(row.outcome)}${row.counts ? "" : ` (${t("does not count")})`}${row.examined ? ` · ${t("examination")}` : ""}`;
     const save = row.has_replay ? element("button", { textContent: t("Download"), onclick: () => this.download(row) }) : "";
     const open = element("button", { className: "action", textContent: t("Open"), onclick: () => this.report(row.id) });
-    const cells = [tick, new Date(row.began_ns / 1e6).toLocaleString(), said(row.title), outcome, clock(row.time_s), row.total === null ? "–" : row.total.toFixed(0), String(row.errors), open, save];
+    const seen = element("img", { className: "seen", alt: t("the last picture of the attempt") });
+    this.fill(seen, row.attempt_id);
+    const cells = [tick, seen, new Date(row.began_ns / 1e6).toLocaleString(), said(row.title), outcome, clock(row.time_s), row.total === null ? "–" : row.total.toFixed(0), String(row.errors), open, save];
     return element("tr", {}, ...cells.map((cell) => element("td", {}, cell)));
+  }
+
+  async fill(image, attemptId) {
+    try {
+      const answer = await this.school.ask(`last-picture/${attemptId}`, { raw: true }), reader = new FileReader();
+      reader.onload = () => (image.src = reader.result);
+      reader.readAsDataURL(await answer.blob());
+    } catch {
+      image.hidden = true; // no page saw its end
+    }
   }
 
   async download(row) {

@@ -1,0 +1,57 @@
+// The school's words: each sentence can be said in German, numbers stay, mistakes have no codes.
+
+import assert from "node:assert/strict";
+import { readdirSync, readFileSync } from "node:fs";
+import { test } from "node:test";
+import { setLanguage, said, t } from "../src/school/i18n.js";
+import { packed, unpacked } from "../src/school/keeper.js";
+import { cost, measured, MISTAKES, what } from "../src/school/sentences.js";
+import { Track } from "../src/school/track.js";
+
+const folder = new URL("../src/school/", import.meta.url);
+const german = JSON.parse(readFileSync(new URL("words.de.json", folder), "utf8"));
+
+test("every sentence of the school has a German one, with the same values", () => {
+  for (const name of readdirSync(folder).filter((each) => each.endsWith(".js"))) {
+    const source = readFileSync(new URL(name, folder), "utf8");
+    const keys = [...source.matchAll(/\bt\("((?:[^"\\]|\\.)*)"/g), ...source.matchAll(/(?:ask|what|how): "((?:[^"\\]|\\.)*)"/g)];
+    for (const [, key] of keys) {
+      assert.ok(german[key], `${name}: ${key}`);
+      const values = (text) => [...text.matchAll(/\{\w+\}/g)].map(String).sort().join();
+      assert.equal(values(german[key]), values(key), key);
+    }
+  }
+});
+
+test("what the rig says keeps its numbers in another language", () => {
+  setLanguage("de");
+  assert.equal(said("Push on: 6 mm to go."), "Weiter: noch 6 mm.");
+  assert.equal(said("10.2 mm deep after 23.8 s"), "10.2 mm tief nach 23.8 s");
+  assert.equal(said("nobody has translated this 3"), "nobody has translated this 3");
+  assert.equal(t("{n} tasks", { n: 4 }), "4 Aufgaben");
+  setLanguage("en");
+  assert.equal(said("Push on: 6 mm to go."), "Push on: 6 mm to go.");
+});
+
+test("a mistake is a sentence without a code, with its price", () => {
+  for (const code of Object.keys(MISTAKES)) assert.ok(!/E\d/.test(what(code)), code);
+  assert.equal(cost({ code: "E8", worst: 3.4, limit: 3, unit: "N", points: 20 }), "You crushed or kinked the catheter (3.4 N, at most 3 N): 20 points.");
+  assert.equal(cost({ code: "E14", worst: 0, limit: 0.01, unit: "N", points: 0.2 }), "Nobody steadies the duct (0 N, at least 0.010 N): no points.");
+  assert.equal(measured(0.004, "m"), "4 mm");
+});
+
+test("a replay comes back as it was kept", async () => {
+  const frames = [1, 2, 3].map((n) => new Uint8Array([n, n, n]).buffer);
+  const found = await unpacked(await packed('{"type":"hello"}', frames));
+  assert.deepEqual(found.hello, { type: "hello" });
+  assert.deepEqual(found.frames.map((each) => [...new Uint8Array(each)]), [[1, 1, 1], [2, 2, 2], [3, 3, 3]]);
+});
+
+test("a second of an attempt is found by the rig's ticks, and what came before it is before zero", () => {
+  const track = new Track(null, [900, 1000, 1500, 2000].map((tick) => ({ tick })), 1000);
+  assert.deepEqual(track.times.map((each) => Math.round(10 * each) / 10), [-0.1, 0, 0.5, 1]);
+  assert.equal(track.at(0.49).tick, 1000);
+  assert.equal(track.at(0.5).tick, 1500);
+  assert.equal(track.at(99).tick, 2000);
+  assert.equal(track.at(-5).tick, 900);
+});

@@ -1,0 +1,233 @@
+"""The school at the page, by mouse alone: a name, the controls, mistakes as they happen, the report, the next task."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests import chromium
+from tests.page.school_page import TOKEN, SchoolPage, assessed, replay, school_page
+from trocar.services.supervisor.page.page_place import DIST
+from trocar.services.training.errors import ERRORS, ErrorEvent
+
+pytestmark = [
+    pytest.mark.timeout(900),
+    pytest.mark.skipif(chromium.find() is None, reason="no Chromium on this machine"),
+    pytest.mark.skipif(not (DIST / "index.html").is_file(), reason="the page is not built"),
+]
+AXE = DIST.parent / "node_modules" / "axe-core" / "axe.min.js"
+CRUSHED = ErrorEvent(
+    code="E8", evidence="squeeze of the catheter", severity="consequential", phase="P4", begin_s=9.0, end_s=10.0,
+    worst=3.4, limit=3.0, unit="N",
+)  # fmt: skip
+ID = "20261130T0-a"
+_COVERED = """
+[...document.querySelectorAll('header button, #sheet button, dialog[open] button')].filter((button) => {
+  const { x, y, width, height } = button.getBoundingClientRect();
+  if (!width || y < 0 || y + height > innerHeight) return false;
+  if (document.querySelector('dialog[open]') && !button.closest('dialog')) return false;
+  if (!document.querySelector('#sheet[hidden]') && !button.closest('#sheet, header')) return false;
+  const at = document.elementFromPoint(x + 0.5 * width, y + 0.5 * height);
+  return !button.contains(at);
+}).map(({ id, textContent }) => id || textContent)
+"""
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SchoolPage]:
+    with school_page(tmp_path_factory.mktemp("school")) as page:
+        yield page
+
+
+def arrive(page: SchoolPage, face: str = "trainee") -> None:
+    page.browser.open("about:blank")
+    page.browser.open(f"{page.address}/#token={TOKEN}&face={face}")
+    page.until("Boolean(globalThis.trocar?.view?.last)", "a picture")
+
+
+def enter(page: SchoolPage) -> None:
+    """Say who one is, as a newcomer does, or be known from the last time."""
+    arrive(page)
+    page.until("Boolean(trocar.school.state)", "the school answers")
+    if page.browser.text("#who") == "Who are you?":
+        page.press("#new-name")
+        page.press("#first-course")
+        page.press("#know-controls")
+
+
+def test_a_newcomer_gets_a_name_a_course_and_a_practice_by_mouse_alone(page: SchoolPage) -> None:
+    arrive(page)
+    page.press("#new-name")
+    page.press("#first-course")
+    page.press("#show-controls")
+    name = page.browser.text("#who")
+    assert page.bench.trainee == name
+    assert page.browser.text("#course-now").startswith("Basics by mouse 1/")
+    assert page.browser.text("#practice-count") == "1 of 7"
+    assert "Take the instruments" in page.browser.text("#practice-ask")
+    for k in range(7):
+        page.until(f"document.getElementById('practice-count').textContent === '{k + 1} of 7'", f"step {k + 1}")
+        page.press("#practice-skip")
+    page.until("document.getElementById('practice').hidden", "the practice ends")
+    page.browser.until(lambda: page.asked, 20.0, "everything is put back to its start")
+    assert page.asked[-1].order.what == "new"
+    arrive(page)
+    page.until(f"document.getElementById('who').textContent === '{name}'", "the browser remembers the name")
+    assert not page.sees("#welcome")
+
+
+@pytest.mark.parametrize("code", ERRORS)
+def test_each_mistake_is_told_at_the_page_within_half_a_second_and_once(page: SchoolPage, code: str) -> None:
+    enter(page)
+    attempt_id = f"20261130T0-{code}"
+    page.tell(attempt_id=attempt_id, state="running", errors={})
+    page.until(f"trocar.attempt.attempt?.attempt_id === '{attempt_id}'", "the attempt runs")
+    page.browser.evaluate(
+        "globalThis.seenMs = 0; new MutationObserver(() => (globalThis.seenMs ||= Date.now()))"
+        ".observe(document.getElementById('mistakes'), {childList: true})"
+    )
+    told_ms = time.time() * 1e3
+    page.tell(attempt_id=attempt_id, state="running", errors={code: 1}, time_s=3.0)
+    page.until(f"document.querySelectorAll('[data-code={code}]').length === 1", "the mistake is told", 20.0)
+    late_ms = page.browser.evaluate("globalThis.seenMs") - told_ms
+    print(f"{code}: told after {late_ms:.0f} ms")
+    words = page.browser.text(f"[data-code={code}]")
+    assert len(words) > 20
+    assert code not in words, "a code is the engineer's"
+    for _ in range(3):
+        page.tell(attempt_id=attempt_id, state="running", errors={code: 1}, time_s=4.0)
+        time.sleep(0.25)
+    assert page.browser.evaluate(f"document.querySelectorAll('[data-code={code}]').length") <= 1, "told once"
+
+
+def test_what_is_no_error_is_not_told_and_an_examination_tells_nothing(page: SchoolPage) -> None:
+    enter(page)
+    page.tell(attempt_id="20261130T0-none", state="running", errors={}, time_s=3.0)
+    time.sleep(1.0)
+    assert page.browser.evaluate("document.querySelectorAll('.mistake-box').length") == 0
+    page.browser.evaluate("trocar.school.coach.setMode('none')")
+    page.tell(attempt_id="20261130T0-none", state="running", errors={"E8": 1}, hint="", time_s=4.0, examined=True)
+    time.sleep(1.0)
+    assert page.browser.evaluate("document.querySelectorAll('.mistake-box').length") == 0
+    assert page.browser.evaluate("document.getElementById('ghost').disabled")
+    assert page.browser.text("#attempt-hint") == ""
+
+
+def test_a_finished_attempt_is_reported_with_a_jump_into_its_replay(page: SchoolPage) -> None:
+    enter(page)
+    page.tell(attempt_id=ID, state="running", errors={}, from_tick=0)
+    page.until(f"trocar.school.keeper.id === '{ID}'", "its pictures are kept")
+    page.bench.replays.keep(ID, replay())
+    page.bench.take(assessed(ID, CRUSHED), None)
+    page.tell(attempt_id=ID, state="done", outcome="success", reason="10.0 mm deep after 20.0 s", score=220.0)
+    page.until("!document.getElementById('sheet').hidden", "the report opens by itself")
+    page.until("Boolean(trocar.player?.tracks?.length)", "the replay is loaded")
+    shown = page.browser.text("#sheet-body")
+    assert "220 points" in shown
+    assert "You crushed or kinked the catheter (3.4 N, at most 3 N): 20 points." in shown
+    assert "Close the jaws on the catheter only so far" in shown
+    page.press(".jump")
+    page.until("Math.abs(trocar.player.second - 7) < 0.2", "the replay is a little before the mistake")
+    assert page.sees("#report-next")
+    page.press("#report-next")
+    page.until("document.getElementById('sheet').hidden", "the report is left for the next task")
+    assert page.asked[-1].what in ("attempt", "switch")
+
+
+def test_own_attempts_are_listed_and_two_are_seen_side_by_side(page: SchoolPage) -> None:
+    enter(page)
+    trainee = page.browser.text("#who")
+    page.bench.trainee = trainee
+    for name in ("20261130T1-a", "20261130T1-b"):
+        page.bench.replays.keep(name, replay())
+        page.bench.take(assessed(name), None)
+    page.press("#my-attempts")
+    page.until("document.querySelectorAll('table.attempts tbody tr').length >= 2", "the list")
+    for k in (1, 2):
+        page.press(f"table.attempts tbody tr:nth-child({k}) input")
+    page.press("#sheet-body .controls button")
+    page.until("trocar.player?.screens?.length === 2", "two replays")
+    page.browser.evaluate("trocar.player.go(3)")
+    ticks = page.browser.evaluate("trocar.player.screens.map(({ track }) => track.at(trocar.player.second).tick)")
+    assert ticks[0] == ticks[1]
+    page.press("#sheet-close")
+
+
+@pytest.mark.parametrize(("scheme", "width", "height"), [
+    (scheme, *size) for scheme in ("dark", "light") for size in ((390, 844), (1280, 800), (1920, 1080))
+])  # fmt: skip
+def test_nothing_is_covered_or_cut_at_any_size(page: SchoolPage, scheme: str, width: int, height: int) -> None:
+    browser = page.browser
+    browser.set_size(width, height)
+    browser.command("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+    try:
+        enter(page)
+        for open_face in ("trocar.school.welcome()", "document.getElementById('keys').showModal()"):
+            browser.evaluate(f"document.querySelectorAll('dialog').forEach((each) => each.close()); {open_face}")
+            time.sleep(0.5)
+            _look(page, f"{open_face}-{width}-{scheme}")
+        browser.evaluate("document.querySelectorAll('dialog').forEach((each) => each.close())")
+        number = page.bench.state()["last"]
+        browser.evaluate(f"trocar.school.sheet.report({number}, trocar.school.state.next)")
+        page.until("document.querySelectorAll('.track').length >= 3", "the report")
+        _look(page, f"report-{width}-{scheme}")
+        browser.evaluate("trocar.school.sheet.close()")
+    finally:
+        browser.set_size(1280, 800)
+        browser.command("Emulation.setEmulatedMedia", features=[])
+
+
+def _look(page: SchoolPage, what: str) -> None:
+    assert page.browser.evaluate(_COVERED) == [], what
+    assert page.browser.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0, what
+    if AXE.is_file():
+        assert serious(page) == [], what
+
+
+def serious(page: SchoolPage) -> list[str]:
+    """Return what axe finds that is serious or critical."""
+    page.browser.evaluate(f"{AXE.read_text(encoding='utf-8')}; true")
+    found = page.browser.evaluate(
+        "axe.run(document, {resultTypes: ['violations'], iframes: false}).then(({violations}) => violations"
+        ".filter(({impact}) => ['serious', 'critical'].includes(impact))"
+        ".map(({id, nodes}) => [id, ...nodes.slice(0, 3).map((n) => n.target + n.any?.[0]?.message)].join(' ')))"
+    )
+    return list(found)
+
+
+def test_the_page_speaks_german_and_loses_no_sentence(page: SchoolPage) -> None:
+    browser = page.browser
+    browser.evaluate("localStorage.setItem('trocar-language', 'de')")
+    try:
+        enter_known(page)
+        page.tell(hint="Push on: 6 mm to go.", state="running")
+        page.until("document.getElementById('attempt-hint').textContent === 'Weiter: noch 6 mm.'", "a hint in German")
+        assert browser.text("#take-hands") == "Instrumente nehmen"
+        assert browser.text("#my-attempts") == "Meine Versuche"
+        assert browser.evaluate("document.documentElement.lang") == "de"
+    finally:
+        browser.evaluate("localStorage.setItem('trocar-language', 'en')")
+
+
+def enter_known(page: SchoolPage) -> None:
+    arrive(page)
+    page.until("Boolean(trocar.school.state?.trainee)", "the browser knows who trains")
+
+
+def test_a_message_of_the_desk_is_shown(page: SchoolPage) -> None:
+    enter(page)
+    page.bench.say("Come over, please.", "dr-b")
+    page.until("document.getElementById('desk-message').textContent === 'dr-b: Come over, please.'", "the message")
+
+
+def test_the_address_of_a_replay_is_no_way_out_of_its_folder(page: SchoolPage, tmp_path: Path) -> None:
+    enter(page)
+    status = page.browser.evaluate(
+        f"fetch('school/replay/..%2f..%2fa.sqlite', {{headers: {{'X-Trocar-Token': '{TOKEN}'}}}}).then((a) => a.status)"
+    )
+    assert status in (400, 404)
+    status = page.browser.evaluate("fetch('school/state').then((answer) => answer.status)")
+    assert status == 403, "without a token nobody is told anything"
