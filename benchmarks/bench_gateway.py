@@ -41,7 +41,7 @@ class Tick:
         for instrument in self.instruments:
             instrument.read(now_ns)
         for instrument in self.instruments:
-            instrument.answer(now_ns)
+            instrument.answer_pose(now_ns)
 
     def accept(self) -> None:
         for instrument in self.instruments:

@@ -47,7 +47,7 @@ def tick(instruments: list[Instrument]) -> float:
     for instrument in instruments:
         instrument.read(sampled_ns)
     for instrument in instruments:
-        instrument.answer(time.monotonic_ns())
+        instrument.answer_pose(time.monotonic_ns())
     return time.perf_counter() - began
 
 

@@ -1,7 +1,7 @@
 """The ideas of the house, counted: what each module is for, constants by whether a reason stands beside them, homonyms.
 
-The page `docs/reference/ideas.md` is written from this (``python -m tests.docs.reference``), so that a change that adds a
-mechanism, a constant or a second meaning of a name shows it.
+The page `docs/reference/ideas.md` is written from this (``python -m tests.docs.reference``), so that a change that
+adds a mechanism, a constant or a second meaning of a name shows it.
 """
 
 from __future__ import annotations
@@ -19,10 +19,9 @@ ROOT = Path(__file__).resolve().parents[1]
 FOLDERS = ("services", "protocol")
 #: Words by which a comment gives a reason, not only a name: a proxy, which a person may judge otherwise.
 _REASON = re.compile(
-    r"\b(because|since|so that|as|otherwise|else|or|for|than|without|until|measured|took|takes|seen|needs?|twice|half|times"
-    r"|least|most|longest|shortest|beyond|below|above|by|RFC|ISO|IEC|datasheet|Linux|kernel|firmware|et al)\b"
+    r"\b(because|since|so that|as|otherwise|else|or|for|than|without|until|measured|took|takes|seen|needs?|twice|half"
+    r"|times|least|most|longest|shortest|beyond|below|above|by|RFC|ISO|IEC|datasheet|Linux|kernel|firmware|et al)\b"
 )
-_NUMBER = re.compile(r"\d")
 
 
 @dataclass(slots=True)
@@ -46,9 +45,8 @@ def packages() -> dict[str, Package]:
         comments = _comments(text)
         for names, node, after in _constants(tree):
             words = " ".join([*_beside(node, comments), after])
-            (package.reasoned if _REASON.search(words) else package.bare).extend(
-                f"{path.stem}.{name}" for name in names
-            )
+            kept = package.reasoned if _REASON.search(words) else package.bare
+            kept += [f"{path.stem}.{name}" for name in names]
     return dict(sorted(found.items()))
 
 
@@ -69,20 +67,19 @@ def page() -> str:
     lines = [
         "# Ideas by package",
         "",
-        "Written by `python -m tests.docs.reference`. A module is one mechanism; its line says what it is for. A numeric",
-        "constant counts as one with a reason if the comment beside it says why, as far as a program can tell. A name that",
-        "stands for several things is listed at the end.",
+        "Made by `python -m tests.docs.reference`; do not edit by hand.",
         "",
-        f"Modules: {sum(len(each.modules) for each in found.values())}. Constants: {reasoned} with a reason, {bare} without.",
+        "A module is one mechanism; its line says what it is for. A numeric constant counts as one with a reason if",
+        "the comment beside it says why, as far as a program can tell. Names that stand for several things are listed",
+        "at the end.",
+        "",
+        f"Modules: {sum(len(each.modules) for each in found.values())}.",
+        f"Constants: {reasoned} with a reason, {bare} without.",
         "",
     ]
     for folder, package in found.items():
-        lines += [
-            f"## {folder}",
-            "",
-            f"Constants: {len(package.reasoned)} with a reason, {len(package.bare)} without.",
-            "",
-        ]
+        counts = f"{len(package.reasoned)} with a reason, {len(package.bare)} without"
+        lines += [f"## {folder}", "", f"Constants: {counts}.", ""]
         lines += [f"- `{module}`: {what}" for module, what in sorted(package.modules.items())]
         if package.bare:
             lines += ["", f"Without a reason: {', '.join(f'`{name}`' for name in package.bare)}."]
@@ -106,22 +103,28 @@ def _first_sentence(text: str) -> str:
 def _constants(tree: ast.Module) -> Iterator[tuple[list[str], ast.stmt, str]]:
     """Yield the names of each assignment of numbers to names in capitals, its node, and the text that follows it."""
     for node, following in zip(tree.body, [*tree.body[1:], None], strict=True):
-        targets = (
-            node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
-        )
+        if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None:
+            continue
+        targets = node.targets if isinstance(node, ast.Assign) else [node.target]
         names = [each.id for target in targets for each in ast.walk(target) if isinstance(each, ast.Name)]
         names = [name for name in names if name.isupper()]
-        value = getattr(node, "value", None)
-        if names and value is not None and _NUMBER.search(ast.unparse(value)) and not _is_enumeration(value):
+        if names and _is_tuned(names, node.value):
             is_text = isinstance(following, ast.Expr) and isinstance(following.value, ast.Constant)
             yield names, node, str(following.value.value) if is_text else ""  # type: ignore[union-attr]
 
 
-def _is_enumeration(value: ast.expr) -> bool:
-    """Return whether the numbers are only places in an array: ``A, B, C = range(3)``, or a text with digits."""
-    return (isinstance(value, ast.Call) and ast.unparse(value.func) in ("range", "re.compile")) or (
-        isinstance(value, ast.Constant) and isinstance(value.value, str)
-    )
+def _is_tuned(names: list[str], value: ast.expr) -> bool:
+    """Return whether somebody chose the numbers, which are no places in an array and no codes of a format."""
+    numbers = [each.value for each in ast.walk(value) if isinstance(each, ast.Constant)]
+    if any(isinstance(each, bool) or not isinstance(each, int | float) for each in numbers):
+        return False
+    is_counted = len(names) > 1 and numbers == list(range(len(numbers)))
+    return bool(numbers) and all(map(_is_arithmetic, ast.walk(value))) and not is_counted
+
+
+def _is_arithmetic(node: ast.AST) -> bool:
+    kinds = (ast.Constant, ast.UnaryOp, ast.BinOp, ast.Tuple, ast.Name, ast.Attribute)
+    return isinstance(node, (*kinds, ast.operator, ast.unaryop, ast.expr_context))
 
 
 def _comments(text: str) -> dict[int, str]:

@@ -117,7 +117,7 @@ class Gateway:
             if self._unanswered % _AGAIN_EVERY:
                 self._take_orders(tick.index)
                 return
-        self._attempt.turn()
+        self._attempt.execute_orders()
         self.meter.tick = self._time.index
         sampled_ns = time.monotonic_ns()
         posed_ns = self._time.time_ns if self._time.simulated else sampled_ns
@@ -148,7 +148,7 @@ class Gateway:
         if turn is not None:
             self.instruments[turn].exchange_handle(now_ns)
         for instrument, others in self._others:
-            instrument.answer(now_ns, others)
+            instrument.answer_pose(now_ns, others)
 
     def _settle(self) -> None:
         """Account for the last tick and poll for orders, once, before its answer is used."""
@@ -158,19 +158,19 @@ class Gateway:
         self._unsettled = None
         self._servo.latency.record(written_ns - sampled_ns)
         self._answers.applied(written_ns)
-        self._answers.ask(self._time.index, sampled_ns, timed=self._timed, posed_ns=posed_ns)
+        self._answers.expect_answer(self._time.index, sampled_ns, timed=self._timed, posed_ns=posed_ns)
         self._take_orders(index)
 
     def _take_orders(self, index: int) -> None:
         """Poll for orders of the supervisor, and for those of the attempt."""
         if index % _ORDERS_EVERY == 0:
             said = self._bus.drain("supervisor.state")
-            self.orders.obey(said, time.monotonic_ns())
+            self.orders.obey_frames(said, time.monotonic_ns())
             if said:
                 self._attempt.starting = said[-1].body.state == "starting"
                 self.meter.change_rate(self._rate_hz())
         if index % _ATTEMPT_EVERY == 0:
-            self._attempt.obey(self._bus.latest(ATTEMPT), self._bus.is_fresh(ATTEMPT))
+            self._attempt.obey_frame(self._bus.latest(ATTEMPT), self._bus.is_fresh(ATTEMPT))
 
     def serve(self, deadline_ns: int) -> None:
         """Serve the handles until `deadline_ns`, from the model that answers the last tick."""

@@ -90,11 +90,11 @@ class RunCounts:
         """Duration of counting."""
         return self._intervals[-1].end_s - self._intervals[0].start_s if self._intervals else 0.0
 
-    def begin(self, reports: Iterable[bodies.Health]) -> None:
+    def begin_counting(self, reports: Iterable[bodies.Health]) -> None:
         """Start counting after these reports; call `turn` next."""
         self._newest = {health.process: health for health in reports}
 
-    def turn(self, now_s: float, level: int, name: str) -> None:
+    def record_level(self, now_s: float, level: int, name: str) -> None:
         """Record the present quality level."""
         if self._intervals:
             self._intervals[-1].end_s = now_s

@@ -56,10 +56,12 @@ class RunReport:
         if has_settled and not self._counts.has_begun:
             self._restarts = self._restart_counts()
             self._own_before = self._own_lateness()
-            self._counts.begin(m.health for m in self._supervisor.crew.members.values() if m.health is not None)
+            self._counts.begin_counting(
+                m.health for m in self._supervisor.crew.members.values() if m.health is not None
+            )
         if has_settled:
             governor = self._supervisor.enforcement.governor
-            self._counts.turn(now_s, governor.level, governor.rung.name)
+            self._counts.record_level(now_s, governor.level, governor.rung.name)
         self._state = self._supervisor.state
         for name, member in self._supervisor.crew.members.items():
             if member.health is not None:

@@ -87,7 +87,7 @@ def _look_at_moments(process: Process) -> Callable[[], Iterable[dict[str, Frame]
     moments = Moments()
 
     def look() -> Iterator[dict[str, Frame]]:
-        yield from moments.take(frame for name in MOMENTS for frame in process.bus.drain(name))
+        yield from moments.take_frames(frame for name in MOMENTS for frame in process.bus.drain(name))
         yield {}
 
     return look

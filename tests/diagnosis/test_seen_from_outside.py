@@ -210,8 +210,8 @@ def test_metrics_and_dashboard_tell_the_same_of_stages_and_threads() -> None:
         for k in range(100):
             meter.flight.write(k, 0, 0, 0, 0, (200_000 if k else 700_000, 20_000))
         body = health("physics", uptime_s=1.0 + report / 10, loop=loop_report(100 * report))
-        body = bodies.Health(**{f: getattr(body, f) for f in body.__struct_fields__} | {"stages": times.take()})
-        heard.take(body)
+        body = bodies.Health(**{f: getattr(body, f) for f in body.__struct_fields__} | {"stages": times.take_costs()})
+        heard.take_report(body)
     solve, send = heard.stage_rows()
     assert (solve.name, send.name) == ("solve", "send")
     assert (solve.p50_us, send.p50_us) == (pytest.approx(200, rel=0.15), pytest.approx(20, rel=0.15))

@@ -13,6 +13,7 @@ from pydantic import TypeAdapter
 
 import trocar
 import trocar.envs
+from benchmarks import ideas
 from trocar import front
 from trocar.protocol.bodies import SupervisorState
 from trocar.services.cli.app import add_installed_verbs, app
@@ -282,6 +283,7 @@ def cystic_duct() -> str:
 
 
 PAGES: dict[str, Callable[[], str]] = {
+    "ideas.md": ideas.page,
     "catheters.md": catheters,
     "cystic-duct.md": cystic_duct,
     "exit-codes.md": exit_codes,

@@ -44,7 +44,7 @@ def _stage() -> bodies.StageCost:
     times = StageTimes(meter.flight)
     for k in range(100):
         meter.flight.write(k, 0, 0, 0, 0, (200_000,))
-    [stage] = times.take()
+    [stage] = times.take_costs()
     return stage
 
 
@@ -72,7 +72,7 @@ def whole_rig() -> RigSource:
     state = bodies.SupervisorState(state=RigState.RUNNING, processes=reports, quality=quality)
     threads = {name: UsageRow(Counts(name, "", 5, 2, 10**9, 10**8), None) for name in PROCESSES}
     task = Task()
-    task.see(attempt())
+    task.see_attempt(attempt())
     return RigSource(state, heard, threads, True, load_rig("stub").contracts, task)
 
 

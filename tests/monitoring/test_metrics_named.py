@@ -87,7 +87,7 @@ def test_a_scrape_is_of_the_summary_unless_it_asks_for_more() -> None:
 def test_attempts_are_counted_as_they_end(reports: list[bodies.Attempt], ended: dict[str, int]) -> None:
     task = Task()
     for report in reports:
-        task.see(report)
+        task.see_attempt(report)
     assert +task.ended == ended
 
 
@@ -97,7 +97,7 @@ def test_errors_are_counted_over_attempts_and_never_fall() -> None:
         attempt(errors={"E1": 1}), attempt(errors={"E1": 3, "E4": 1}), attempt(errors={"E1": 3, "E4": 1}),
         attempt(attempt_id="b", errors={"E1": 2, "unheard of": 5}),
     ):  # fmt: skip
-        task.see(report)
+        task.see_attempt(report)
         seen.append(task.errors["E1"])
     assert seen == [1, 3, 3, 5]
     assert task.errors["E4"] == 1

@@ -156,7 +156,7 @@ class Bench:
         setup = Setup(self.rig, TABLE, None, levels, self.memory)
         self.supervisor = Supervisor(setup, bus, self.now_s)
         self.heard = {name: Heard.nothing(2.0) for name in self.peers}
-        self.supervisor.crew.on_report = lambda name, body: self.heard[name].take(body)
+        self.supervisor.crew.on_report = lambda name, body: self.heard[name].take_report(body)
 
     def run(self, seconds: float, until: Callable[[], bool] = lambda: False, turn_s: float = 0.02) -> float:
         """Let time pass in turns of a session; return how much passed before `until`."""

@@ -14,13 +14,13 @@ def report(name, uptime_s, ticks, misses, pid=7):
 
 def test_each_rung_has_what_was_lost_while_it_was_in_force():
     counts = RunCounts()
-    counts.begin([report("physics", 1.0, 1000, 500), report("gateway", 1.0, 1000, 0)])
-    counts.turn(10.0, 0, "full")
+    counts.begin_counting([report("physics", 1.0, 1000, 500), report("gateway", 1.0, 1000, 0)])
+    counts.record_level(10.0, 0, "full")
     counts.add(report("physics", 2.0, 2000, 700))
     counts.add(report("gateway", 2.0, 2000, 1))
-    counts.turn(11.0, 1, "coarse")
+    counts.record_level(11.0, 1, "coarse")
     counts.add(report("physics", 5.0, 5000, 703))
-    counts.turn(14.0, 1, "coarse")
+    counts.record_level(14.0, 1, "coarse")
     first, second = counts.rungs()
     assert (first["level"], first["name"], first["start_s"], first["seconds"]) == (0, "full", 0.0, 1.0)
     assert first["loops"]["physics"] == {"ticks": 1000, "misses": 200, "skipped": 0}
@@ -32,9 +32,9 @@ def test_each_rung_has_what_was_lost_while_it_was_in_force():
 
 def test_a_rung_taken_again_is_another_interval_and_a_process_born_anew_goes_on_counting():
     counts = RunCounts()
-    counts.begin([report("physics", 9.0, 9000, 40)])
+    counts.begin_counting([report("physics", 9.0, 9000, 40)])
     for level, uptime_s, pid in ((0, 10.0, 7), (1, 1.0, 8), (0, 2.0, 8)):
-        counts.turn(float(len(counts.rungs())), level, f"rung {level}")
+        counts.record_level(float(len(counts.rungs())), level, f"rung {level}")
         counts.add(report("physics", uptime_s, round(1000 * uptime_s), 4 * round(uptime_s), pid))
     assert [(each["level"], each["loops"]["physics"]["ticks"]) for each in counts.rungs()] == [
         (0, 1000),
@@ -49,10 +49,10 @@ def test_a_run_that_never_settled_has_no_intervals():
 
 def test_a_rung_that_is_over_keeps_no_histograms():
     counts = RunCounts()
-    counts.begin([report("physics", 1.0, 1000, 500)])
+    counts.begin_counting([report("physics", 1.0, 1000, 500)])
     sizes = []
     for k in range(40):
-        counts.turn(float(k), k % 2, "coarse" if k % 2 else "full")
+        counts.record_level(float(k), k % 2, "coarse" if k % 2 else "full")
         counts.add(report("physics", 2.0 + k, 2000 + 1000 * k, 500))
         sizes.append(len(pickle.dumps(counts)))
     assert (sizes[-1] - sizes[9]) / 30 < 200

@@ -86,7 +86,7 @@ class RigOfLateLoops:
         moments = [frame for name in MOMENTS for frame in self._listener.drain(name)]
         kept = [*self._listener.drain("gateway.state"), *map(as_state, moments[:])]
         self.recorded += [(each.topic, each.sent_ns, each.body) for each in sorted(kept, key=lambda f: f.sent_ns)]
-        for moment in self._moments.take(moments):
+        for moment in self._moments.take_frames(moments):
             self.trainer.observer.take(moment, self.now_ns)
             self.trainer.follow(self.now_ns * 1e-9)
         self.recorded.append(("training.attempt", self.now_ns, self.trainer.body()))

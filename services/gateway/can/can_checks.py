@@ -193,7 +193,7 @@ class _Heard:
                 self._frames += 1
                 if not message.is_extended_id and not message.is_remote_frame:
                     with contextlib.suppress(struct.error):  # a wrong length: not from a drive
-                        self._take(message.arbitration_id, bytes(message.data))
+                        self._take_frame(message.arbitration_id, bytes(message.data))
             time.sleep(0.01)
 
     def _ask(self) -> None:
@@ -203,7 +203,7 @@ class _Heard:
                 with contextlib.suppress(can.CanError):  # a bus that cannot send is told of by its silence
                     self._bus.send(can.Message(arbitration_id=identifier, is_remote_frame=True, is_extended_id=False))
 
-    def _take(self, identifier: int, data: bytes) -> None:
+    def _take_frame(self, identifier: int, data: bytes) -> None:
         node = identifier >> 5
         if cansimple.command(identifier) == cansimple.HEARTBEAT:
             errors, state = cansimple.unpack_heartbeat(data)

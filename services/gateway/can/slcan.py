@@ -55,10 +55,10 @@ class SlcanBus(slcanBus):  # type: ignore[misc]  # python-can is not read by myp
 
     def _read(self, timeout: float | None) -> str | None:
         if not self._frames:
-            self._take()
+            self._take_input()
         return self._frames.popleft() if self._frames else None
 
-    def _take(self) -> None:
+    def _take_input(self) -> None:
         """Read all available input, and keep an incomplete line for later."""
         try:
             data = os.read(self.fileno(), _READ)

@@ -202,7 +202,7 @@ class AskedArm(Arm):
         self._opening = self._link = None
         self._enabled = self.calibrated = self._as_ordered = False
         if opening is not None:
-            link = opening.take()[0] or link
+            link = opening.take_opened()[0] or link
         if link is None:
             return
         until_ns = self._clock.monotonic_ns() + round(1e9 * _CLOSE_S)
@@ -215,7 +215,7 @@ class AskedArm(Arm):
 
     def _begin(self, link: ArmConnection) -> None:
         self._link = link
-        self._motion.forget()
+        self._motion.forget_motion()
         self._force = LimitedForce(self._rate_n_s)
         self._was_calibrated = False
         self._missed = 0.0
@@ -228,7 +228,7 @@ class AskedArm(Arm):
 
     def _take_over(self, opening: BackgroundOpen[ArmConnection], old: ArmConnection) -> ArmConnection:
         self._opening = None
-        link, problem = opening.take()
+        link, problem = opening.take_opened()
         if link is None:
             self.fault = problem.removeprefix(f"{self.where}: ")
             return old
@@ -257,7 +257,7 @@ class AskedArm(Arm):
             self.calibrated = newest.calibrated
         if newest.roll_rad is not None:
             self._roll_rad = newest.roll_rad
-        if newest.place_m is not None and self._motion.take(newest.place_m, newest.asked_ns):
+        if newest.place_m is not None and self._motion.take_place(newest.place_m, newest.asked_ns):
             self._silent_ns = 0
 
     def _judge(self, link: ArmConnection) -> None:

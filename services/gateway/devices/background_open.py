@@ -30,7 +30,7 @@ class BackgroundOpen(Generic[T]):
         """Whether opening has succeeded or failed."""
         return not self._thread.is_alive()
 
-    def take(self) -> tuple[T | None, str]:
+    def take_opened(self) -> tuple[T | None, str]:
         """Wait until it is done; return the opened object, or the reason of the failure."""
         self._thread.join()
         opened, self._opened = self._opened, None

@@ -17,7 +17,7 @@ class GripRoll:
         self.roll_rad = 0.0
         self._told_ns = 0
 
-    def take(self, turn_rad: float, told_ns: int) -> None:
+    def take_turn(self, turn_rad: float, told_ns: int) -> None:
         """Take a turn, known but for full turns."""
         passed_s = min(max(0.0, 1e-9 * (told_ns - self._told_ns)), 1.0)
         self._told_ns = told_ns

@@ -38,7 +38,7 @@ class MeasuredMotion:
         self._place: Vector3 = (0.0, 0.0, 0.0)
         self._velocity = [0.0, 0.0, 0.0]
 
-    def forget(self) -> None:
+    def forget_motion(self) -> None:
         """Believe the next place wherever it is, as the arm was opened anew."""
         self.sampled_ns = 0
         self.rest()
@@ -48,7 +48,7 @@ class MeasuredMotion:
         self._filter[:] = 0.0
         self._velocity[:] = 0.0, 0.0, 0.0
 
-    def take(self, place: Vector3, sampled_ns: int) -> bool:
+    def take_place(self, place: Vector3, sampled_ns: int) -> bool:
         """Take a place (m, from the middle of the workspace); return whether it is believed."""
         passed_s = 1e-9 * (sampled_ns - self.sampled_ns)
         if not all(map(_is_near, place)) or (self.sampled_ns and not self._is_within_reach(place, passed_s)):

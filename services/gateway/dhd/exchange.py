@@ -64,7 +64,7 @@ class DhdDevice:
         self._motors = on
         return ""
 
-    def look(self) -> DhdSample:
+    def read_sample(self) -> DhdSample:
         """Read the device."""
         c, handle = self.library.c, self.handle
         if self._turns % _LOOK_EVERY == 0:

@@ -101,7 +101,7 @@ class DeviceServer:
         now_ns = self._clock.monotonic_ns()
         trusted = force_n if now_ns - asked_ns <= STALE_NS else _NONE
         problem = self._push(trusted, grip_n if now_ns - grip_ns <= STALE_NS else 0.0)
-        sample = self.device.look()
+        sample = self.device.read_sample()
         if problem and not sample.problem:
             sample = DhdSample(None, None, None, sample.buttons, sample.calibrated, problem, sample.prompt)
         self.newest, self.newest_ns = sample, now_ns

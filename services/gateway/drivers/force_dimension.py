@@ -53,7 +53,7 @@ class DeviceLink(ArmConnection):
         while self._server.answers:
             asked_ns, sample = self._server.answers.popleft()
             if sample.turn_rad is not None:
-                self._roll.take(sample.turn_rad, asked_ns)
+                self._roll.take_turn(sample.turn_rad, asked_ns)
             found.append(as_answer(asked_ns, sample, self._roll.roll_rad, self._shown, self._centre_m))
         return found
 

@@ -47,7 +47,7 @@ class Driver(GraspHandle):
         """Open the device, unless its arm has it open, and wait for its opening."""
         self._server = server = self._join()
         until_ns = self._clock.monotonic_ns() + round(1e9 * _OPEN_S)
-        while not self._take(server) and self._clock.monotonic_ns() < until_ns:
+        while not self._take_sample(server) and self._clock.monotonic_ns() < until_ns:
             server.grip(0.0, self._clock.monotonic_ns())
             self._clock.sleep(_TURN_S)
         if not self._told_ns:
@@ -74,7 +74,7 @@ class Driver(GraspHandle):
         self._go_on()
         server = self._server = current_server(self._own.library, self._own.serial, self._server)
         now_ns = self._clock.monotonic_ns()
-        self._silent_ns = 0 if self._take(server) else self._silent_ns + min(now_ns - self._read_ns, _TURN_NS)
+        self._silent_ns = 0 if self._take_sample(server) else self._silent_ns + min(now_ns - self._read_ns, _TURN_NS)
         self._read_ns = now_ns
         handle[HANDLE_ANGLE], handle[HANDLE_RATE] = self._angle_rad, self._rate
         self._judge(server)
@@ -92,7 +92,7 @@ class Driver(GraspHandle):
         server, self._server = self._server, None
         self.ready = self._enabled = False
         if self._opening is not None:
-            self._opening.take()
+            self._opening.take_opened()
             self._opening = None
         if server is not None:
             server.grip(0.0, self._clock.monotonic_ns())
@@ -116,7 +116,7 @@ class Driver(GraspHandle):
     def _go_on(self) -> None:
         if self._opening is None or not self._opening.done:
             return
-        server, problem = self._opening.take()
+        server, problem = self._opening.take_opened()
         self._opening = None
         if server is not None:
             self._server, self._silent_ns = server, 0
@@ -125,7 +125,7 @@ class Driver(GraspHandle):
         else:
             self.fault = problem.removeprefix(f"{self.where}: ")
 
-    def _take(self, server: DeviceServer) -> bool:
+    def _take_sample(self, server: DeviceServer) -> bool:
         sample, now_ns = server.newest, server.newest_ns
         angle = None if sample is None or sample.problem else sample.angle_rad
         if angle is None or angle > _BEYOND * self._file.widest_rad or now_ns == self._told_ns:

@@ -190,7 +190,7 @@ class OdriveGrasp(GraspHandle, ABC):
     def _go_on(self, opening: BackgroundOpen[can.BusABC]) -> OdriveLink | None:
         """Return a link by the reopened bus, if there is one; the handle keeps its angle until the drive answers."""
         self._opening = None
-        bus, problem = opening.take()
+        bus, problem = opening.take_opened()
         self._not_opened = problem.removeprefix(f"{self.where}: ")
         old = self._link
         if bus is None or old is None:

@@ -182,7 +182,7 @@ class Driver(Arm):
         arm, opened = self._arm, self._session
         if self._reopening is not None:
             self._reopening.give_up()
-            arm = self._reopening.take()[0] or arm
+            arm = self._reopening.take_arm()[0] or arm
         self._arm = self._session = self._reopening = None
         self._wants_reopening = False
         self._enabled = self.calibrated = False
@@ -245,7 +245,7 @@ class Driver(Arm):
         self._reopening.go_on()
         if not self._reopening.ended:
             return
-        opened, problem = self._reopening.take()
+        opened, problem = self._reopening.take_arm()
         self._reopening, self._wants_reopening = None, False
         self._silent, self._was_calibrated = 0, False
         if opened is not None:

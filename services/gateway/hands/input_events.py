@@ -212,10 +212,10 @@ class Inputs:
             event = self.source.read_one()
             if event is None:
                 return True
-            self._take(event, time_ns)
+            self._take_event(event, time_ns)
         return False
 
-    def _take(self, event: Any, time_ns: int) -> None:
+    def _take_event(self, event: Any, time_ns: int) -> None:
         if event.type == ecodes.EV_SYN and event.code == ecodes.SYN_DROPPED:
             self._dropped = True  # the kernel's queue overflowed; events up to the next report are incomplete
         elif self._dropped:

@@ -109,7 +109,7 @@ class ArmLink(ArmConnection):
         if self._grip is None:
             return ""
         identity, grip = self._grip
-        grip.take(told.grip(identity), asked_ns)
+        grip.take_entry(told.grip(identity), asked_ns)
         asleep = f"the grip {identity} sleeps or is away, so its tool does not turn: press one of its buttons"
         return "" if grip.awake else asleep
 

@@ -31,7 +31,7 @@ class Grip:
         """The tool's roll."""
         return self._roll.roll_rad
 
-    def take(self, entry: GripEntry | None, told_ns: int) -> None:
+    def take_entry(self, entry: GripEntry | None, told_ns: int) -> None:
         """Take what was told of the grip, None if nothing was; a grip that sleeps keeps its roll."""
         asleep = entry is None or False in (entry.status.awake, entry.status.connected)
         turn = None if entry is None or asleep else twist_rad(entry.state.orientation, self._axis)
@@ -39,7 +39,7 @@ class Grip:
         self.buttons = 0
         if entry is None or turn is None:
             return
-        self._roll.take(turn, told_ns)
+        self._roll.take_turn(turn, told_ns)
         pressed = entry.state.buttons
         self.buttons = (pressed.a or entry.state.button) | pressed.b << 1 | pressed.c << 2
 

@@ -39,7 +39,7 @@ class Reopening:
             return
         if self._opening is not None:
             if self._opening.done:
-                self._end(*self._opening.take())
+                self._end(*self._opening.take_opened())
         elif not any(cell.motors_on for cell in self._cells):
             self._opening = BackgroundOpen(self._open_it)
         elif self._lasts_ns() > _LET_GO_NS:
@@ -50,14 +50,14 @@ class Reopening:
         """Whether the scheduler is silent because of this reopening."""
         return not self.ended and self._lasts_ns() < _PATIENCE_NS
 
-    def take(self) -> tuple[OpenArm | None, str]:
+    def take_arm(self) -> tuple[OpenArm | None, str]:
         """Return the arm, or the reason of the failure, after the end."""
         return self._arm, self._problem
 
     def give_up(self) -> None:
         """Cancel it before its thread has started, or wait for its end."""
         if self._opening is not None:
-            self._end(*self._opening.take())
+            self._end(*self._opening.take_opened())
         elif not self.ended:
             self._end(None, "it was given up")
 

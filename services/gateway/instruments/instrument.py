@@ -69,7 +69,7 @@ class Instrument:
         self.arm.read(time_ns, self._reading)
         pose.place_tool(self._reading, self._mount, self._port, self._motion, self._orientation)
 
-    def answer(self, now_ns: int, others: Sequence[Servo] = ()) -> None:
+    def answer_pose(self, now_ns: int, others: Sequence[Servo] = ()) -> None:
         """Compute and write the force for the pose read at `now_ns`; switch the motors on when force begins.
 
         `others` are the servos of all other instruments, which account for energy together.

@@ -54,7 +54,7 @@ class ModelIntake:
         self._invalid_looks = self._invalid_looks + 1 if mostly else 0
         return self._invalid_looks
 
-    def ask(self, index: int, sampled_ns: int, *, timed: bool, posed_ns: int | None = None) -> None:
+    def expect_answer(self, index: int, sampled_ns: int, *, timed: bool, posed_ns: int | None = None) -> None:
         """Store that the device sample of tick `index` was published, and whether its answer will be waited for.
 
         `posed_ns` is the time of the sample for the servos, if that is not `sampled_ns`.
@@ -93,7 +93,7 @@ class ModelIntake:
             self.refused["not_asked"] += 1
         elif len(body.models.data) != len(self._bytes):
             self.refused["instruments"] += 1
-        elif not self._take(body.models.data):
+        elif not self._take_models(body.models.data):
             self.refused["numbers"] += 1
         else:
             self._accepted += 1
@@ -107,7 +107,7 @@ class ModelIntake:
                 instrument.servo.accept(model, body.ttl_s, self._posed_ns[slot], frame.incarnation)
                 instrument.model_sequence = frame.sequence
 
-    def _take(self, rows: bytes) -> bool:
+    def _take_models(self, rows: bytes) -> bool:
         """Copy the table's bytes into an array; return False if they are no models."""
         self._bytes[:] = rows
         return bool(are_models(self._models))

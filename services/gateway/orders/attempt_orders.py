@@ -28,7 +28,7 @@ class AttemptOrders:
         self._pace = 1.0
         self._begins_owed = self._acts = False
 
-    def obey(self, frame: Frame | None, fresh: bool) -> None:
+    def obey_frame(self, frame: Frame | None, fresh: bool) -> None:
         """Follow the newest frame, if any; `fresh` tells whether the last one is young enough."""
         if frame is not None:
             body = frame.body
@@ -45,7 +45,7 @@ class AttemptOrders:
             self._pace = 0.0
         self._acts |= self._begins_owed or self._pace != self._time.pace
 
-    def turn(self) -> None:
+    def execute_orders(self) -> None:
         """Execute orders as soon as no hand bears a force; call this in each tick of the loop."""
         if not self._acts:
             return

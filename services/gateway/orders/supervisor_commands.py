@@ -33,7 +33,7 @@ class SupervisorCommands:
         self._stopped_by = -1
         self._armed = -1, 0  # incarnation of the supervisor, and how often it has armed the rig
 
-    def obey(self, frames: list[Frame], now_ns: int) -> None:
+    def obey_frames(self, frames: list[Frame], now_ns: int) -> None:
         """Process the frames since the last call, oldest first."""
         if self.line is not None and self.line.is_asked() and not self.stopped:
             self._stop(-1)

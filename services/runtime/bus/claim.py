@@ -44,7 +44,7 @@ class Claim:
             os.close(each)
         return data, cls(descriptors[0]) if descriptors else None, sender
 
-    def take(self) -> bool:
+    def take_claim(self) -> bool:
         """Return whether the claim is this end's from now on. Never waits."""
         try:
             return os.eventfd_read(self._descriptor) > 0

@@ -41,7 +41,7 @@ class ClockOffset:
         self._low_ns = self._high_ns = self._at_ns = 0
         self.known = self.ours = False
 
-    def take(self, asked_ns: int, told_ns: int, heard_ns: int) -> None:
+    def take_answer(self, asked_ns: int, told_ns: int, heard_ns: int) -> None:
         """Process an answer: their clock was at `told_ns` between our `asked_ns` and `heard_ns`."""
         low_ns, high_ns = told_ns - heard_ns, told_ns - asked_ns + round(DRIFT * (heard_ns - asked_ns))
         if self.known:
@@ -51,13 +51,13 @@ class ClockOffset:
                 low_ns, high_ns = best
         self._low_ns, self._high_ns, self._at_ns, self.known = low_ns, high_ns, heard_ns, True
 
-    def hear(self, answer: bytes, heard_ns: int) -> None:
+    def hear_answer(self, answer: bytes, heard_ns: int) -> None:
         """Process a received answer; invalid ones are ignored."""
         if len(answer) == _ANSWER.size:
             asked_ns, told_ns, whose = _ANSWER.unpack(answer)
             self.ours = whose == _WHOSE
             if 0 < asked_ns <= heard_ns:
-                self.take(asked_ns, told_ns, heard_ns)
+                self.take_answer(asked_ns, told_ns, heard_ns)
 
     @property
     def ahead_ns(self) -> int:
@@ -115,7 +115,7 @@ class Clocks:
         for name, socket in self._asking.items():
             offset = self.offsets[name]
             if is_readable(socket):
-                offset.hear(socket.recv(), time.monotonic_ns())
+                offset.hear_answer(socket.recv(), time.monotonic_ns())
             if asks and not offset.ours:
                 with suppress(zmq.Again):
                     socket.send(time.monotonic_ns().to_bytes(8, "little"), zmq.NOBLOCK)

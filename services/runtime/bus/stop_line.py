@@ -39,7 +39,7 @@ class StopLine:
                 return False
             if claim is not None:
                 with closing(claim):
-                    if not claim.take():
+                    if not claim.take_claim():
                         continue
             with suppress(OSError, TypeError):  # a sender in another container, or without an address
                 self._line.sendto(b"done", sender)
@@ -63,7 +63,7 @@ def stop_gateway(transport: Transport) -> bool | None:
             claim.send_with(line, b"")
             return bool(line.recv(4))
         except TimeoutError:
-            if claim.take():
+            if claim.take_claim():
                 return False
         except OSError:
             return False

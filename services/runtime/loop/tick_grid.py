@@ -38,7 +38,7 @@ class Moments:
     def __init__(self) -> None:
         self._open: dict[int, dict[str, Frame]] = {}
 
-    def take(self, frames: Iterable[Frame]) -> Iterator[dict[str, Frame]]:
+    def take_frames(self, frames: Iterable[Frame]) -> Iterator[dict[str, Frame]]:
         """Take new frames; yield the moments of which all frames have come, by the names of the state topics."""
         for frame in frames:
             state = as_state(frame)

@@ -46,7 +46,7 @@ class StageTimes:
         self._sum_ns = np.zeros(len(ring.stages), np.int64)
         self._first = BUCKETS * np.arange(len(ring.stages))  # index of each stage's first bucket
 
-    def take(self) -> tuple[bodies.StageCost, ...]:
+    def take_costs(self) -> tuple[bodies.StageCost, ...]:
         """Count the ticks since the last call; return the figures for the wire.
 
         Ticks that the ring has overwritten do not count. A stage that took no time did not run.

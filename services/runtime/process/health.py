@@ -150,4 +150,4 @@ class HealthReporter:
             return ()
         if self._stages is None:
             self._stages = StageTimes(self.meter.flight)
-        return self._stages.take()
+        return self._stages.take_costs()

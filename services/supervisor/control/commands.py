@@ -46,7 +46,9 @@ class Commands:
         self._rig = supervisor
         self._open: list[tuple[Command, float, Reply]] = []
 
-    def take(self, command: Command, now_s: float, reply: Reply, may_begin: Callable[[], bool] = lambda: True) -> None:
+    def take_command(
+        self, command: Command, now_s: float, reply: Reply, may_begin: Callable[[], bool] = lambda: True
+    ) -> None:
         """Execute a command, unless it is for another run of the rig or its outcome would be known too late.
 
         `may_begin` is asked last: it settles with the sender, for good, that the command is carried out.
@@ -65,9 +67,9 @@ class Commands:
         else:
             self._carry_out(command)
             self._open.append((command, now_s, reply))
-            self.turn(now_s)
+            self.answer_finished(now_s)
 
-    def turn(self, now_s: float) -> None:
+    def answer_finished(self, now_s: float) -> None:
         """Answer commands that are done."""
         for each in tuple(self._open):
             command, asked_s, reply = each

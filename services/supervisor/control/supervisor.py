@@ -136,7 +136,7 @@ class Supervisor:
             self._judge()
         self._move()
         self._tell()
-        self.commands.turn(now_s)
+        self.commands.answer_finished(now_s)
 
     def stop_step(self, now_s: float) -> bool:
         """Take one turn of ending the rig; return whether all child processes have ended."""
@@ -198,7 +198,7 @@ class Supervisor:
 
     def _restart_judgement(self) -> None:
         for member in self.crew.members.values():
-            member.window.forget()
+            member.window.forget_reports()
         self._standing.clear()
 
     def _judge(self) -> None:

@@ -203,9 +203,9 @@ class Crew:
         frame = self.bus.latest(f"{member.name}.health")
         if frame is not None:
             health: bodies.Health = frame.body
-            if member.hear(health, now_s):
-                member.stalls.hear(health.loop.stalls if health.loop else (), starts=not member.came_up)
-                if stalls := member.stalls.turn(now_s):
+            if member.hear_heartbeat(health, now_s):
+                member.stalls.hear_stalls(health.loop.stalls if health.loop else (), starts=not member.came_up)
+                if stalls := member.stalls.due_message(now_s):
                     self.say("info", f"{member.name}: {stalls}, by its own measure")
                 self._warn(self._floods.messages_from(health, now_s))
                 if member.child is None or member.name == "gateway":  # their log is not read here, or not written
@@ -275,7 +275,7 @@ class Crew:
             member.kill()
         else:
             member.enter(MemberState.LOST, now_s, member.reason)
-            member.forget()
+            member.forget_reports()
 
     def _start_if_due(self, member: Member, now_s: float) -> None:
         if member.state not in (MemberState.WAITING, MemberState.LOST) or self.fatal is not None:
@@ -299,7 +299,7 @@ class Crew:
             if pid is None:
                 return
             forked = pid
-        member.forget()
+        member.forget_reports()
         member.child = Child(spec, launch.arguments, log_file, forked=forked)
         member.enter(MemberState.STARTING, now_s)
         member.progress = ("loading", 0.0)  # until its own report
@@ -318,7 +318,7 @@ class Crew:
             member.fault = Fault(reason, status)
         elif status < 0 and member.name == "recorder" and member.came_up and not self.stopping:
             member.fault = Fault(f"{reason}; the recording has a hole", HoleError.exit_code)
-        member.forget()
+        member.forget_reports()
         if self.stopping:
             member.enter(MemberState.WAITING, now_s)
             return

@@ -97,7 +97,7 @@ class Member:
         """Change the state."""
         self.state, self.since_s, self.reason = state, now_s, reason
 
-    def hear(self, health: bodies.Health, now_s: float) -> bool:
+    def hear_heartbeat(self, health: bodies.Health, now_s: float) -> bool:
         """Process a heartbeat; return whether it is from our process."""
         if self.child is not None and health.pid != self.child.pid:
             return False
@@ -139,7 +139,7 @@ class Member:
             self.progress, self.advanced_s = progress, now_s
             self.waited_before_s = self.child.waits().total_s if self.child is not None else 0.0
 
-    def forget(self) -> None:
+    def forget_reports(self) -> None:
         """Clear the reports of the ended process."""
         self.health = None
         self.stream_s = None

@@ -99,10 +99,10 @@ class BusWaits:
             thread = self._threads.pop(ended)
             self._ended_s += thread.waited_s()
             thread.close()
-        named = [self._take(thread) for thread in found - self._threads.keys()]  # a list, so that all are added
+        named = [self._take_thread(thread) for thread in found - self._threads.keys()]  # a list, so that all are added
         return all(named)
 
-    def _take(self, thread: int) -> bool:
+    def _take_thread(self, thread: int) -> bool:
         try:
             name = _read_once(self._tasks, f"{thread}/comm")
             if name.startswith(_SENDS):

@@ -17,14 +17,14 @@ class StallMessages:
         self._untold_ms: list[float] = []
         self._said_s = float("-inf")
 
-    def hear(self, stalls: Iterable[bodies.Stall], *, starts: bool) -> None:
+    def hear_stalls(self, stalls: Iterable[bodies.Stall], *, starts: bool) -> None:
         """Take the stalls of a report; those of a loop that ``starts`` are not told."""
         new = [stall for stall in stalls if stall.index > self._index]
         self._index = max((stall.index for stall in new), default=self._index)
         if not starts:
             self._untold_ms += [stall.length_ns * 1e-6 for stall in new]
 
-    def turn(self, now_s: float) -> str:
+    def due_message(self, now_s: float) -> str:
         """Return the lengths of the stalls that are due, empty if there are none."""
         if not self._untold_ms or now_s - self._said_s < _SAY_EVERY_S:
             return ""

@@ -69,7 +69,7 @@ class Severity:
     def __init__(self) -> None:
         self._spans: dict[str, tuple[float, float]] = {}
 
-    def see(self, now_s: float, standing: Sequence[Breach]) -> None:
+    def see_breaches(self, now_s: float, standing: Sequence[Breach]) -> None:
         """Record the severe breaches of now."""
         self._spans = {key: span for key, span in self._spans.items() if now_s - span[1] < self.LAPSE_S}
         for breach in standing:
@@ -105,7 +105,7 @@ class Enforcement:
 
         ``spent_s`` is the loss since the present level was taken, see `Governor.burns`.
         """
-        self._severity.see(now_s, standing)
+        self._severity.see_breaches(now_s, standing)
         if not standing:
             self._standing_since_s = None
             return self._recover(now_s)

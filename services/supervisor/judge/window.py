@@ -52,7 +52,7 @@ class Window:
         """Return the number of stored reports."""
         return len(self._coarse) + len(self._fine)
 
-    def forget(self) -> None:
+    def forget_reports(self) -> None:
         """Discard all but the newest report."""
         self._coarse.clear()
         while len(self._fine) > 1:

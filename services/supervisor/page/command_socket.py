@@ -80,7 +80,7 @@ class CommandSocket:
             caller.send(bodies.Answer(order=0, ok=False, text="it came without a claim: nothing was done"))
             return
         with closing(claim):
-            self._rig.commands.take(command, now_s, caller.send, claim.take)
+            self._rig.commands.take_command(command, now_s, caller.send, claim.take_claim)
 
     def _drop(self, caller: Link) -> None:
         caller.close()
@@ -133,7 +133,7 @@ def _await(link: Link, claim: Claim, patience_s: float) -> bodies.Answer | None:
     with suppress(ConnectionError):
         if (answer := link.wait(bodies.Answer, patience_s)) is not None:
             return answer
-    if claim.take():
+    if claim.take_claim():
         return None
     with suppress(ConnectionError):  # it is at it
         if (answer := link.wait(bodies.Answer, _BEGUN_S)) is not None:

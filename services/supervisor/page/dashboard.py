@@ -149,7 +149,7 @@ class Heard:
         """Return an empty object, with figures over the last `window_s`."""
         return cls(None, Window(window_s), window_s)
 
-    def take(self, health: bodies.Health) -> None:
+    def take_report(self, health: bodies.Health) -> None:
         """Add a report."""
         self.health = health
         self.window.add(health.pid, figures_of(health, stages=True))

@@ -57,19 +57,19 @@ class PageData:
     task: Task = field(default_factory=Task)
     heard: dict[str, dashboard.Heard] = field(default_factory=dict)
 
-    def hear(self, bus: Bus) -> None:
+    def hear_reports(self, bus: Bus) -> None:
         """Receive the newest report of every process."""
         if self.status is None:
             return
         if self.status.replay is not None and self.status.replay.attempt is not None:
             self.task.attempt = self.status.replay.attempt
         elif self.rig.process("training").enabled and (frame := bus.latest("training.attempt")) is not None:
-            self.task.see(frame.body)
+            self.task.see_attempt(frame.body)
         for name in (*(process.name for process in self.status.state.processes), OURS):
             heard = self.heard.setdefault(name, dashboard.Heard.nothing(self.rig.supervisor.window_s))
             frame = bus.latest(f"{name}.health")
             if frame is not None:
-                heard.take(frame.body)
+                heard.take_report(frame.body)
 
     def sample_threads(self, status: RigStatus) -> None:
         """Look at the threads of the rig's processes, if that is due."""
@@ -166,7 +166,7 @@ async def _follow(context: PageContext, page_data: PageData, bus: Bus, link: Lin
             context.closing = True
             server.should_exit = True
             return
-        page_data.hear(bus)
+        page_data.hear_reports(bus)
         status = page_data.status
         if status is not None:
             page_data.sample_threads(status)

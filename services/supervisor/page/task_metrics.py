@@ -38,7 +38,7 @@ class Task:
     ended: Counter[str] = field(default_factory=Counter)
     errors: Counter[str] = field(default_factory=Counter)
 
-    def see(self, attempt: bodies.Attempt) -> None:
+    def see_attempt(self, attempt: bodies.Attempt) -> None:
         """Add a report. Some may be missed, so an attempt that ran and has vanished counts as abandoned."""
         last, self.attempt = self.attempt, attempt
         is_same = last is not None and last.attempt_id == attempt.attempt_id

@@ -37,7 +37,7 @@ def test_why_there_is_no_bus_is_told_whatever_is_raised(error: Exception, why: s
     def fail() -> can.BusABC:
         raise error
 
-    assert BackgroundOpen(fail).take() == (None, why)
+    assert BackgroundOpen(fail).take_opened() == (None, why)
 
 
 class _Line:

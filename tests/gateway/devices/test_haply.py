@@ -275,7 +275,7 @@ def test_of_several_grips_one_is_to_be_named() -> None:
 )
 def test_an_orientation_that_is_none_does_not_turn_the_tool(wrong: Wxyz) -> None:
     held = Grip("z")
-    held.take(GripEntry("G", GripState(wrong)), 1_000_000)
+    held.take_entry(GripEntry("G", GripState(wrong)), 1_000_000)
     assert (held.roll_rad, held.awake) == (0.0, False)
 
 

@@ -83,7 +83,7 @@ def play(angles: np.ndarray, channel: str, monkeypatch: pytest.MonkeyPatch) -> C
         node.advance()
         now_ns = node.clock.monotonic_ns()
         tool.read(now_ns)
-        tool.answer(now_ns)
+        tool.answer_pose(now_ns)
         heard = over_the_wire(GatewayState(tick=k, instruments=(tool.state(),)), "gateway.state").instruments[0]
         # Force begins where little is asked for: the thing is there once the servo is engaged.
         model = render(heard) if k >= SETTLING_TICKS else _model(ToolReaction(), heard, touching=False)

@@ -89,7 +89,7 @@ class Bench:
             self.servo.accept(np.array(model.row()), 0.02, self.now_ns, 1)
             self.now_ns += TICK_NS
             self.instrument.read(self.now_ns)
-            self.instrument.answer(self.now_ns)
+            self.instrument.answer_pose(self.now_ns)
             self.instrument.exchange_handle()
 
 

@@ -45,7 +45,7 @@ class Chain:
 
 def test_a_model_is_dated_by_the_sample_that_it_answers() -> None:
     chain = Chain()
-    chain.answers.ask(4, 1_000, timed=True)
+    chain.answers.expect_answer(4, 1_000, timed=True)
     chain.come(4, 301_000, model=PUSH)
     assert [stub.model for stub in chain.instruments] == [PUSH, PUSH]
     assert [stub.accepted for stub in chain.instruments] == [[(0.02, 1_000, 7)]] * 2
@@ -68,7 +68,7 @@ def test_a_model_is_dated_by_the_sample_that_it_answers() -> None:
 )
 def test_what_answers_nothing_that_was_asked_is_not_used(frame: dict[str, Any], reason: str) -> None:
     chain = Chain()
-    chain.answers.ask(4, 1_000, timed=True)
+    chain.answers.expect_answer(4, 1_000, timed=True)
     chain.come(**frame)
     assert chain.answers.refused[reason] == 1
     assert chain.instruments[0].accepted == []
@@ -77,7 +77,7 @@ def test_what_answers_nothing_that_was_asked_is_not_used(frame: dict[str, Any], 
 
 def test_only_the_first_answer_to_a_sample_counts() -> None:
     chain = Chain()
-    chain.answers.ask(4, 1_000, timed=True)
+    chain.answers.expect_answer(4, 1_000, timed=True)
     for _ in range(3):
         chain.come(4, 300_000)
     assert chain.arrival.latency.total == 1
@@ -87,7 +87,7 @@ def test_the_share_answered_in_the_next_tick() -> None:
     chain = Chain()
     chain.answers.applied(0)
     for tick in range(10):
-        chain.answers.ask(tick, 1_000 + tick, timed=False)
+        chain.answers.expect_answer(tick, 1_000 + tick, timed=False)
         if tick % 5 != 4:
             chain.come(tick, 2_000 + tick)
         chain.answers.applied(3_000 + tick)
@@ -97,7 +97,7 @@ def test_the_share_answered_in_the_next_tick() -> None:
 def test_the_way_of_a_model_is_measured_where_it_was_waited_for_and_nowhere_else() -> None:
     chain = Chain()
     for tick in range(8):
-        chain.answers.ask(tick, 1_000 * tick, timed=tick % 4 == 0)
+        chain.answers.expect_answer(tick, 1_000 * tick, timed=tick % 4 == 0)
         assert chain.answers.timed == (tick % 4 == 0)
         chain.come(tick, 1_000 * tick + 300)
         assert not chain.answers.timed
@@ -106,8 +106,8 @@ def test_the_way_of_a_model_is_measured_where_it_was_waited_for_and_nowhere_else
 
 def test_a_model_that_comes_ticks_after_it_was_waited_for_still_counts() -> None:
     chain = Chain()
-    chain.answers.ask(0, 1_000, timed=True)
-    chain.answers.ask(1, 2_000, timed=False)
+    chain.answers.expect_answer(0, 1_000, timed=True)
+    chain.answers.expect_answer(1, 2_000, timed=False)
     chain.come(0, 5_000)
     assert (chain.arrival.latency.total, chain.arrival.latency.max_ns) == (1, 4_000)
 
@@ -118,7 +118,7 @@ def test_looks_that_find_most_models_invalid_are_counted_until_most_are_not() ->
 
     def look(valid: str) -> int:
         for tick, good in enumerate(valid):
-            chain.answers.ask(tick, 1_000, timed=False)
+            chain.answers.expect_answer(tick, 1_000, timed=False)
             chain.come(tick, valid=good == "v")
         return chain.answers.invalid_looks()
 

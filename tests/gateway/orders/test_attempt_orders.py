@@ -52,7 +52,7 @@ class Bench:
 
     def tell(self, incarnation: int = 1, fresh: bool = True, **said: float) -> None:
         body = Attempt(**{"begins": 0, **said})  # type: ignore[arg-type]
-        self.orders.obey(Frame(1, "training.attempt", 1, incarnation, 0, 0, 0, True, body), fresh)
+        self.orders.obey_frame(Frame(1, "training.attempt", 1, incarnation, 0, 0, 0, True, body), fresh)
 
     def run(self, ticks: int) -> None:
         motion, stub = np.zeros(6), self.stub
@@ -60,7 +60,7 @@ class Bench:
             self.now += 1
             before = self.time.index
             self.time.advance(self.now, self.now * MS)
-            self.orders.turn()
+            self.orders.execute_orders()
             if self.time.index > before:
                 push = LocalModel(force_n=(0.0, 0.0, stub.demand_n), in_contact=True)
                 stub.servo.accept(np.array(push.row()), 0.02, self.now * MS, 1)
@@ -188,7 +188,7 @@ def test_a_scene_begins_again_while_time_stands_with_a_tick_of_its_own(pressed: 
 def test_a_training_process_that_dies_leaves_no_rig_that_stands(pressed: Bench) -> None:
     pressed.tell(pace=0.0)
     pressed.run(100)
-    pressed.orders.obey(None, fresh=False)
+    pressed.orders.obey_frame(None, fresh=False)
     pressed.run(10)
     assert pressed.time.pace == 1.0
 

@@ -100,7 +100,7 @@ def shaken_j(late_s: float, *, measures: bool) -> float:
         inside = bool(tool._motion[2] < 0.0)
         model = LocalModel(stiffness_n_m=(0.0,) * 8 + (1500.0 * inside,), in_contact=inside)
         servo.accept(np.array(model.row()), 0.02, tick * TICK_NS, 1)
-        tool.answer(tick * TICK_NS + 1)
+        tool.answer_pose(tick * TICK_NS + 1)
         most_j = max(most_j, float(arm.arm.given[0]) - rubbed_j)
     return most_j
 
@@ -112,11 +112,11 @@ def test_an_instrument_measures_how_long_a_write_takes(monkeypatch: pytest.Monke
     row = InstrumentSettings(name="left", port_m=(0.0, 0.0, 0.1), arm=DriverSettings(driver="fake"))
     tool = Instrument(row, FakeArm(), None, servo)
     tool.read(0)
-    tool.answer(1)
+    tool.answer_pose(1)
     assert servo.arm_span.newest_s == pytest.approx(70e-6)
     assert tool.links()[f"{WRITE_SPAN}.left.arm"] == servo.arm_span.longest_s
     tool.read(0)
-    tool.answer(2)
+    tool.answer_pose(2)
     now = servo._now
     assert now[servo_arrays.NOW_LATE_S] == pytest.approx(0.1e-3 + 70e-6), "the interface's, and what was measured"
 

@@ -41,7 +41,7 @@ def test_the_true_offset_is_never_further_off_than_said(
         asked_ns = now_ns + 1000 * apart_us
         told_ns = theirs(asked_ns + 1000 * there_us)
         now_ns = asked_ns + 1000 * (there_us + back_us)
-        clock.take(asked_ns, told_ns, now_ns)
+        clock.take_answer(asked_ns, told_ns, now_ns)
     now_ns += 1000 * later_us
     if theirs(now_ns) > 10**7:  # ours would be before it began
         assert abs(clock.here_ns(theirs(now_ns)) - max(1, now_ns)) <= clock.uncertainty_ns(now_ns) + 2 + len(trips)
@@ -49,19 +49,21 @@ def test_the_true_offset_is_never_further_off_than_said(
 
 def test_a_short_trip_tightens_and_time_widens() -> None:
     clock = ClockOffset()
-    clock.take(NOW_NS, NOW_NS + HOUR_NS + 50 * MS, NOW_NS + 100 * MS)
+    clock.take_answer(NOW_NS, NOW_NS + HOUR_NS + 50 * MS, NOW_NS + 100 * MS)
     wide_ns = clock.uncertainty_ns(NOW_NS + 100 * MS)
-    clock.take(NOW_NS + 200 * MS, NOW_NS + HOUR_NS + 200 * MS, NOW_NS + 201 * MS)
+    clock.take_answer(NOW_NS + 200 * MS, NOW_NS + HOUR_NS + 200 * MS, NOW_NS + 201 * MS)
     tight_ns = clock.uncertainty_ns(NOW_NS + 201 * MS)
-    clock.take(NOW_NS + 300 * MS, NOW_NS + HOUR_NS + 350 * MS, NOW_NS + 400 * MS)  # a long one takes nothing away
+    clock.take_answer(
+        NOW_NS + 300 * MS, NOW_NS + HOUR_NS + 350 * MS, NOW_NS + 400 * MS
+    )  # a long one takes nothing away
     assert wide_ns == pytest.approx(50 * MS, rel=0.01)
     assert tight_ns <= 1.3 * MS < clock.uncertainty_ns(NOW_NS + 1400 * MS) < 3 * MS
 
 
 def test_a_host_that_has_booted_has_another_clock() -> None:
     clock = ClockOffset()
-    clock.take(NOW_NS, NOW_NS + HOUR_NS, NOW_NS + MS)
-    clock.take(NOW_NS + 10 * MS, 5 * MS, NOW_NS + 11 * MS)
+    clock.take_answer(NOW_NS, NOW_NS + HOUR_NS, NOW_NS + MS)
+    clock.take_answer(NOW_NS + 10 * MS, 5 * MS, NOW_NS + 11 * MS)
     assert clock.here_ns(5 * MS) == pytest.approx(NOW_NS + 10.5 * MS, abs=MS)
 
 
@@ -77,7 +79,7 @@ def test_a_frame_of_another_host_is_as_old_as_it_may_be(
     clock = ClockOffset()
     if age_ms is not None:
         asked_ns, heard_ns = NOW_NS - round(round_trip_ms * MS), NOW_NS
-        clock.take(asked_ns, (asked_ns + heard_ns) // 2 + HOUR_NS, heard_ns)
+        clock.take_answer(asked_ns, (asked_ns + heard_ns) // 2 + HOUR_NS, heard_ns)
     inbox = Inbox(topic(STATE))
     inbox.clock = clock
     sent_ns = NOW_NS + HOUR_NS - round((age_ms or 0) * MS)

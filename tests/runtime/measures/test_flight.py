@@ -209,7 +209,7 @@ def test_quantiles_of_stages_are_within_a_bucket() -> None:
     for k, row in enumerate(durations.tolist()):
         meter.flight.write(k, 0, 0, 0, 0, row)
         if k % 100 == 99:
-            counts = [stage.counts.view() for stage in times.take()]
+            counts = [stage.counts.view() for stage in times.take_costs()]
     for stage in range(2):
         assert counts[stage].sum() == 6000
         for q in (0.5, 0.99):
@@ -222,12 +222,12 @@ def test_sums_maxima_and_means_of_stages() -> None:
     times = stage_times.StageTimes(meter.flight)
     for k in range(4):
         meter.flight.write(k, 0, 0, 0, 0, (1000 * (k + 1), 0))
-    a, b = times.take()
+    a, b = times.take_costs()
     assert (a.mean_us, a.max_us, a.sum_us) == (2.5, 4.0, 10.0)
     assert (b.mean_us, b.max_us, b.sum_us) == (0.0, 0.0, 0.0)
     assert b.counts.view().sum() == 0  # it did not run
     meter.flight.write(4, 0, 0, 0, 0, (1000, 2000))
-    a, b = times.take()
+    a, b = times.take_costs()
     assert (a.mean_us, a.max_us, a.sum_us, a.counts.view().sum()) == (1.0, 1.0, 11.0, 5)
     assert (b.max_us, b.counts.view().sum()) == (2.0, 1)
 
@@ -237,5 +237,5 @@ def test_ticks_that_the_ring_lost_are_not_counted_twice() -> None:
     times = stage_times.StageTimes(meter.flight)
     for k in range(meter.flight.capacity + 10):
         meter.flight.write(k, 0, 0, 0, 0, (1000,))
-    (a,) = times.take()
+    (a,) = times.take_costs()
     assert a.counts.view().sum() == meter.flight.capacity

@@ -33,7 +33,7 @@ def ask(bench: Bench, what: What, before_s: float = 2.5, incarnation: int | None
     order = bodies.Order(id=5, what="new") if what == "attempt" else None
     command = Command(what=what, who="a test", incarnation=rig_asked, before_s=before, order=order)
     answers: Answers = []
-    supervisor.commands.take(command, bench.now_s, answers.append)
+    supervisor.commands.take_command(command, bench.now_s, answers.append)
     return answers
 
 

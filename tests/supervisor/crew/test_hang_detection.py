@@ -33,7 +33,7 @@ def member(name: str, state: MemberState = MemberState.READY, *, heard_s: float 
     spec = next(spec for spec in TABLE if spec.name == name)
     made = Member(spec, True, True, RestartPolicy((0.1,), 5), Window(60.0), state)
     made.child = Child()  # type: ignore[assignment]
-    made.hear(health(name), heard_s)
+    made.hear_heartbeat(health(name), heard_s)
     made.since_s = 90.0
     made.stream_s = heard_s if spec.stream else None
     return made
@@ -142,11 +142,11 @@ def test_ready_is_said_and_heard() -> None:
     assert not hang_detection.says_ready(member("physics"), 100.07, LIMITS)  # its stream is not heard
     assert hang_detection.says_ready(member("recorder"), 100.4, LIMITS)
     building = member("recorder")
-    building.hear(health("recorder", state="starting"), 100.0)
+    building.hear_heartbeat(health("recorder", state="starting"), 100.0)
     assert not hang_detection.says_ready(building, 100.0, LIMITS)
 
 
 def test_health_of_another_process_under_this_name_is_not_heard() -> None:
     owned = member("recorder")
-    assert owned.hear(health("recorder", pid=8), 200.0) is False
+    assert owned.hear_heartbeat(health("recorder", pid=8), 200.0) is False
     assert owned.heard_s == 100.0

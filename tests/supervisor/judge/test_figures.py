@@ -84,7 +84,7 @@ def test_forgetting_begins_at_the_newest_report() -> None:
     for k, misses in enumerate((0, 500, 500, 500)):
         window.add(7, figures.of(health("physics", uptime_s=float(k), loop=loop_report(1000 * (k + 1), misses))))
         if k == 1:
-            window.forget()
+            window.forget_reports()
     seen = window.figures(5.0)
     assert seen is not None
     assert seen.loop is not None

@@ -105,15 +105,15 @@ def test_where_the_supervisor_stands_still_the_gateway_itself_is_asked(
     orders = SupervisorCommands([hand], None)  # type: ignore[list-item]
     orders.line = StopLine(Transport(directory=folder))
     hand.engagement.state = EngagementState.ACTIVE
-    code, said = trocar(folder, "safe-stop", lambda: orders.obey([], 1))
+    code, said = trocar(folder, "safe-stop", lambda: orders.obey_frames([], 1))
     assert (code, said) == (0, "the supervisor does not answer: the gateway itself has let every hand go\n")
     assert (orders.stopped, orders.stop_report, hand.engagement.gain) == (True, 2.0, 0.0)
-    orders.obey([_frame(False, armed=1), _frame(False, armed=2)], 1)
+    orders.obey_frames([_frame(False, armed=1), _frame(False, armed=2)], 1)
     assert orders.stopped, "nobody has ended it"
     bench.peers["gateway"].gauges["safe_stop"] = orders.stop_report
     bench.run(0.3)
     assert bench.supervisor.reason == "asked of the gateway itself", "the supervisor that goes on makes it its own"
-    orders.obey([_frame(True), _frame(False)], 1)
+    orders.obey_frames([_frame(True), _frame(False)], 1)
     assert (orders.stop_report, hand.armed) == (0.0, 1)
     orders.line.close()
 
@@ -129,7 +129,7 @@ def test_the_page_has_the_same_way_to_the_gateway(bench: Bench, control: Command
             _posted, context, "/api/safe_stop", {"X-Trocar-Before": f"{bench.supervisor.incarnation} 60"}
         )
         while not asked.done():
-            orders.obey([], 1)
+            orders.obey_frames([], 1)
             time.sleep(0.001)
     assert asked.result() == "the supervisor does not answer: the gateway itself has let every hand go"
     assert orders.stopped

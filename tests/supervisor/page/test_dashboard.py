@@ -57,7 +57,7 @@ def test_how_late_the_supervisor_judged_is_shown() -> None:
     late, now = bench.heard.setdefault("supervisor", Heard.nothing(2.0)), loop_report(50)
     for k, lateness_ns in enumerate([[30_000_000], [30_000_000, 400_000, 500_000]]):
         body = msgspec.structs.replace(now, ticks=50 + 50 * k, lateness=histogram(lateness_ns))
-        late.take(health("supervisor", uptime_s=50.0 + k, loop=body))
+        late.take_report(health("supervisor", uptime_s=50.0 + k, loop=body))
     judge = _shown(bench)["judge"]
     assert judge["rate_hz"] == pytest.approx(50.0)
     assert 480 < judge["lateness_us"]["max"] < 525
@@ -76,7 +76,7 @@ def test_the_agreed_keys() -> None:
         body = health(
             "gateway", uptime_s=50.0 + k, loop=loop_report(1000 * k), paths=(path,), topics=(topic,), pid=gateway.pid
         )
-        bench.heard["gateway"].take(body)
+        bench.heard["gateway"].take_report(body)
     shown = _shown(bench)
     assert {"t", "state", "reason", "quality_level", "safe_stop", "rig", "scene", "heat", "events"} <= shown.keys()
     assert len(shown["processes"]) == 6

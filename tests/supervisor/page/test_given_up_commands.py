@@ -101,7 +101,7 @@ def test_a_claim_is_taken_by_exactly_one(pauses_us: list[int]) -> None:
 
         def take(pause_us: int) -> None:
             time.sleep(1e-6 * pause_us)
-            taken.append(claim.take())
+            taken.append(claim.take_claim())
 
         threads = [threading.Thread(target=take, args=(pause_us,)) for pause_us in pauses_us]
         for each in threads:
