@@ -66,7 +66,7 @@ def make_set(
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ConfigError(f"{folder}: is there already")
-    given = {"noise": TREMBLE, "randomise": dict(RANGES)} | settings
+    given: dict[str, Any] = {"noise": TREMBLE, "randomise": dict(RANGES)} | settings
     successes = 0
     seeds = range(first_seed, first_seed + episodes)
     for outcome in rollouts(None, seeds, record=str(folder / "recordings"), **given):

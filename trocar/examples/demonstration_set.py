@@ -13,7 +13,7 @@ from trocar.envs.cloning import clone, read_demonstrations
 from trocar.envs.demonstration_set import EPISODES, make_set
 from trocar.envs.lerobot import read_dataset
 
-folder, n = Path(sys.argv[1]), int((*sys.argv[2:], EPISODES)[0])
+folder, n = Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else EPISODES
 wall = ("duct.n_around=20", "duct.n_along=26", "duct.n_modes=40")
 made = make_set(folder, n, overrides=wall, on_outcome=lambda each: print(f"seed {each.seed}: {each.steps} steps"))
 print(f"{made.said}; {made.successes} succeeded")
