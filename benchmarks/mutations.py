@@ -37,7 +37,7 @@ SUBJECTS = {
     ),
     "attempt": (
         [f"services/training/{name}.py" for name in ("attempt", "errors", "procedure", "score")],
-        ["tests/training"],
+        [f"tests/training/test_{name}.py" for name in ("attempt", "errors", "trainer")],
     ),
 }
 _COMPARED = {

@@ -140,6 +140,7 @@ def main(core: int | None, priority: int | None) -> None:
     _release_scheduling()
     _facts, scheduling = realtime.set_up(core, priority, share=SHARE)
     drives = Drives(socket.socket(fileno=sys.stdin.fileno()))
+    realtime.keep_pages()
     realtime.freeze_garbage_collector()
     if scheduling is not None:
         scheduling.resume()

@@ -80,6 +80,8 @@ class Process(ProcessConfig):
             if had not in self.facts:
                 _warn_of(had, self.log)
             self._tell(had)
+        if not starts_others:
+            self.facts.append(realtime.keep_pages())
         self.facts.extend((realtime.freeze_garbage_collector(), realtime.read_back()))
         self.health.realtime = self.facts
         self.health.change("ready")

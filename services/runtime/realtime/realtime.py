@@ -13,6 +13,8 @@ import mmap
 import os
 import resource
 import struct
+import sys
+import threading
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,15 +23,24 @@ from trocar.services.runtime.realtime.autogroup import set_group_niceness
 from trocar.services.runtime.realtime.scheduling import Scheduling, SchedulingRequest, own_threads
 from trocar.services.start import start_up
 
-_PR_SET_TIMERSLACK = 29
+_PR_SET_TIMERSLACK, _PR_SET_THP_DISABLE = 29, 41
 _MCL_CURRENT, _MCL_FUTURE = 1, 2
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
 _LARGEST_MMAP_THRESHOLD = 32 << 20
+#: Python maps memory for small objects, of up to 512 bytes, in arenas of 1 MiB, and unmaps an arena without objects. A
+#: loop was seen to map one in three seconds; there is room for four. Larger objects lie in the heap, which was seen to
+#: grow by 2 MiB in a minute; it gets room for four as well.
+_ROOM_BYTES, _ARENA_BYTES, _OBJECT_BYTES = 4 << 20, 1 << 20, 448
+#: ZeroMQ starts two threads, of which one was seen to use 360 kB.
+_ZMQ_THREADS, _THREAD_ROOM_BYTES = 2, 1 << 20
 #: Memory that a process must be allowed to lock: twice that of the largest, physics with 983 MB in the default scene.
 LOCKED_BYTES = 2 << 30
 #: File that limits the wake-up latency of cores, in us, while a process holds it open.
 DMA_LATENCY = Path("/dev/cpu_dma_latency")
 _libc = ctypes.CDLL(None, use_errno=True)
+_libc.malloc.argtypes, _libc.malloc.restype = (ctypes.c_size_t,), ctypes.c_void_p
+_libc.free.argtypes, _libc.free.restype = (ctypes.c_void_p,), None
+_kept: list[bytes] = []
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +84,7 @@ def set_up(
     ]
     if priority is not None:
         facts += [keep_heap(), _lock_memory()]
+        keep_thread_room()
         if awake:
             facts.append(keep_awake())
     return facts, scheduling
@@ -94,6 +106,35 @@ def keep_heap() -> Fact:
     return Fact("heap", "never trimmed", "never trimmed" if ok else "trimmed: mallopt refused", bool(ok))
 
 
+def keep_object_room() -> list[bytes]:
+    """Map room for small objects; it stays mapped for as long as the returned objects, two or more an arena, live."""
+    objects = [bytes(_OBJECT_BYTES - sys.getsizeof(b"")) for _ in range(_ROOM_BYTES // _OBJECT_BYTES)]
+    return objects[:: _ARENA_BYTES // (2 * _OBJECT_BYTES)]
+
+
+def _keep_heap_room(n_bytes: int) -> None:
+    """Let the heap of the calling thread, which is never trimmed, grow by what is not free yet of so many bytes."""
+    _libc.free(_libc.malloc(n_bytes))
+
+
+def keep_thread_room() -> None:
+    """Map room for the threads that ZeroMQ starts next: a thread that ends leaves its heap to the next one.
+
+    Without it their heaps grow by a page where another process connects (glibc malloc, `arena_get2`).
+    """
+    all_live = threading.Barrier(_ZMQ_THREADS)  # or a later one would take the heap of an earlier
+
+    def grow() -> None:
+        _keep_heap_room(_THREAD_ROOM_BYTES)
+        all_live.wait()
+
+    threads = [threading.Thread(target=grow, daemon=True) for _ in range(_ZMQ_THREADS)]
+    for each in threads:
+        each.start()
+    for each in threads:
+        each.join()
+
+
 def keep_awake(path: Path = DMA_LATENCY) -> Fact:
     """Request that no core sleeps while this process lives; idle cores then poll for work.
 
@@ -113,13 +154,26 @@ def keep_awake(path: Path = DMA_LATENCY) -> Fact:
 def freeze_garbage_collector() -> Fact:
     """Freeze present objects and switch the collector off; call this when a loop is compiled and about to run.
 
-    Enabling the collector again uses Python's thresholds, not those of a start.
+    The loop gets room for its own objects. Enabling the collector again uses Python's thresholds, not those of a start.
     """
     gc.collect()
+    _kept.extend(keep_object_room())
+    _keep_heap_room(_ROOM_BYTES)
     gc.freeze()
     start_up.over()
     gc.disable()
     return Fact("garbage collector", asked := "off, start-up objects frozen", asked, True)  # to count them takes 50 ms
+
+
+def keep_pages() -> Fact:
+    """Have the kernel make no more pages of this process huge; call this when a loop is about to run.
+
+    Pages that are huge stay so. The kernel looks for others every ten seconds and copies each 2 MiB without being
+    preempted (`khugepaged`), for half a millisecond in which no loop of that core runs. Processes that are forked later
+    inherit this.
+    """
+    ok = _libc.prctl(_PR_SET_THP_DISABLE, 1, 0, 0, 0) == 0
+    return Fact("huge pages", "as at start", "as at start" if ok else os.strerror(ctypes.get_errno()), ok)
 
 
 def read_back() -> Fact:

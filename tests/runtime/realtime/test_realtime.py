@@ -146,3 +146,52 @@ def test_memory_that_a_tick_frees_stays_with_the_process(monkeypatch: pytest.Mon
         pytest.skip("this C library does not trim its heap here, so there is nothing to keep")
     kept = int(_in_child(_FAULTS.format(prepare="assert realtime.keep_heap().ok")))
     assert kept == 0, f"at {kept} of 128 places every call has the kernel give it its memory anew"
+
+
+_OBJECTS = """
+from pathlib import Path
+from trocar.services.runtime.realtime import realtime
+{prepare}
+pages = lambda: int(Path("/proc/self/statm").read_text().split()[0])
+places, sizes = [None] * 6000, {{pages()}}
+for most in (1000, 6000, 1000, 6000):
+    for k in range(most):
+        places[k] = bytes(400)
+    sizes.add(pages())
+    for k in range(most):  # one by one: the interpreter copies the list to empty all of it at once
+        places[k] = None
+    sizes.add(pages())
+print(len(sizes))
+"""
+
+
+def test_small_objects_that_come_and_go_neither_map_nor_unmap_memory() -> None:
+    """Two MB of them, of which a loop needs a part at a time."""
+    if int(_in_child(_OBJECTS.format(prepare="realtime.keep_heap()"))) == 1:
+        pytest.skip("this Python maps no memory for them here, so there is nothing to keep")
+    assert int(_in_child(_OBJECTS.format(prepare="realtime.keep_heap(); realtime.freeze_garbage_collector()"))) == 1
+
+
+def test_larger_objects_have_room_in_the_heap_once_a_loop_runs() -> None:
+    code = (
+        "import ctypes; from trocar.services.runtime.realtime import realtime\n"
+        "sbrk = ctypes.CDLL(None).sbrk; sbrk.argtypes, sbrk.restype = (ctypes.c_ssize_t,), ctypes.c_void_p\n"
+        "realtime.keep_heap(); realtime.freeze_garbage_collector(); kept, end = [None] * 1000, sbrk(0)\n"
+        "for k in range(1000): kept[k] = bytes(3000)\n"
+        "print(end == sbrk(0))"
+    )
+    assert _in_child(code) == "True"
+
+
+def test_threads_of_zeromq_have_room_before_another_process_connects() -> None:
+    """A thread's heap lies at a multiple of 64 MiB and has reserved the rest of these (glibc, `HEAP_MAX_SIZE`)."""
+    code = (
+        "import re; from trocar.services.runtime.realtime import realtime; import zmq\n"
+        "def heaps(): return [(start, int(end, 16) - int(start, 16)) for start, end, last in re.findall(\n"
+        "    r'^(\\w+)-(\\w+) rw.*\\n\\2-(\\w+) ---p', open('/proc/self/maps').read(), re.M)\n"
+        "    if int(start, 16) % (64 << 20) == 0 and int(last, 16) - int(start, 16) == 64 << 20]\n"
+        "realtime.keep_heap(); realtime.keep_thread_room(); before = heaps()\n"
+        "context = zmq.Context(); socket = context.socket(zmq.PUB); socket.bind('inproc://x')\n"
+        "print(len(before), min(size for _, size in before) >= 1 << 20, heaps() == before)"
+    )
+    assert _in_child(code) == "2 True True"
